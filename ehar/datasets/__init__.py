@@ -1,0 +1,1 @@
+"""Where motion comes from: ExPI, AIST++ and BVH files, and two synthetic sets."""

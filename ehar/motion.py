@@ -1,0 +1,65 @@
+"""How far a camera gets in one frame. GridMotion: the paper's 7 moves."""
+
+from typing import Protocol
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.viewpoint import (
+    AZIMUTH,
+    AZIMUTH_CELLS,
+    HOVER,
+    START_DISTANCE,
+    STEP,
+    Workspace,
+    apply_moves,
+    to_cells,
+)
+
+
+class Motion(Protocol):
+    """The body that carries the camera: it is told where to go and says where it got to."""
+
+    workspace: Workspace
+
+    def reset(self, viewpoint: FloatArray, frame_time: float) -> None:
+        """Begin at rest at viewpoints (B, 3); a frame lasts `frame_time` [s]."""
+
+    def advance(self, target: FloatArray) -> FloatArray:
+        """Move for one frame towards targets (B, 3) and return the viewpoints reached, (B, 3)."""
+        ...
+
+
+def move_towards(viewpoint: FloatArray, target: FloatArray, workspace: Workspace) -> IntArray:
+    """Return the moves (...,) that lower the largest remaining axis error, counted in cells.
+
+    Targets are first brought into the workspace. Hover when every error is at most half a cell. Of two equal
+    errors the first axis wins: distance, azimuth, polar angle.
+    """
+    wanted = workspace.clip(target)
+    wanted[..., 0] -= START_DISTANCE
+    error = wanted / STEP - to_cells(viewpoint)
+    error[..., AZIMUTH] = (error[..., AZIMUTH] + AZIMUTH_CELLS / 2) % AZIMUTH_CELLS - AZIMUTH_CELLS / 2
+    axis = np.argmax(np.abs(error), axis=-1)
+    largest = np.take_along_axis(error, axis[..., None], axis=-1)[..., 0]
+    moves: IntArray = np.where(np.abs(largest) <= 0.5 + 1e-9, HOVER, 2 * axis + (largest < 0))
+    return moves
+
+
+class GridMotion:
+    """The paper's ideal camera: one of 7 moves a frame, whatever the frame rate (Sec. 3)."""
+
+    def __init__(self, *, workspace: Workspace | None = None) -> None:
+        """Create the motion; `workspace` defaults to the paper's."""
+        self.workspace = workspace or Workspace()
+        self._viewpoint: FloatArray = np.empty((0, 3))
+
+    def reset(self, viewpoint: FloatArray, frame_time: float) -> None:
+        """Begin at viewpoints (B, 3); the frame time does not matter to the grid."""
+        self._viewpoint = np.array(viewpoint)
+
+    def advance(self, target: FloatArray) -> FloatArray:
+        """Make the move that `move_towards` picks and return the viewpoints reached, (B, 3)."""
+        moves = move_towards(self._viewpoint, target, self.workspace)
+        self._viewpoint = apply_moves(self._viewpoint, moves, self.workspace)
+        return self._viewpoint

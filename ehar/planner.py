@@ -1,0 +1,74 @@
+"""The contract of a planner: it sees an observation and says where it wants the camera to be."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.recogniser import Recogniser
+from ehar.sensor import Sensed
+from ehar.skeleton import Skeleton
+from ehar.viewpoint import Workspace
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a planner is told before a batch of B episodes begins."""
+
+    episodes: int  # B
+    length: int  # L, frames in an episode
+    frame_time: float  # [s]
+    class_names: tuple[str, ...]
+    skeleton: Skeleton
+    workspace: Workspace
+    track: str  # "ideal": grid moves, or a vehicle's name
+    rng: np.random.Generator  # the planner's own, the same for the same episodes
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What only a privileged planner is handed: the label, the future, and a recogniser to imagine with."""
+
+    labels: IntArray  # (B,)
+    recogniser: Recogniser
+    state: Any  # the recogniser's state after the present frame
+    sense: Callable[[int, FloatArray], Sensed]  # (frame, viewpoints (B, F, 3)) -> what would be sensed, (B, F, ...)
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What a planner may know at one frame. All arrays start with B."""
+
+    frame: int  # 0 to L - 1
+    length: int  # L
+    joints_2d: FloatArray  # (B, P, J, 2) [px]
+    confidence: FloatArray  # (B, P, J) in [0, 1]
+    viewpoint: FloatArray  # (B, 3): distance [m], azimuth [rad], polar angle [rad]
+    log_probs: FloatArray  # (B, K), the recogniser's, after this frame
+    embedding: FloatArray  # (B, D), the recogniser's, after this frame
+    truth: Truth | None = field(default=None, repr=False)  # privileged planners only
+
+    @property
+    def ratio(self) -> float:
+        """The share of the episode that has been observed, in (0, 1]."""
+        return (self.frame + 1) / self.length
+
+
+class Planner(Protocol):
+    """Decides where to look from. Subclass it (or match it) and hand an instance to `eval.benchmark`.
+
+    A planner never holds the environment, the 3D joints or the label. Only one that declares
+    `privileged = True` is handed `Observation.truth`, and every report marks it.
+    """
+
+    name: str
+    privileged: bool = False
+
+    def reset(self, context: Context) -> None:
+        """Prepare for a new batch of episodes."""
+
+    def act(self, observation: Observation) -> FloatArray:
+        """Return target viewpoints (B, 3); the motion decides how far the camera gets in one frame."""
+        ...

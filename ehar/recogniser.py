@@ -1,0 +1,49 @@
+"""The contract of a streaming recogniser: one frame in, class probabilities and an embedding out."""
+
+from typing import Any, NamedTuple, Protocol
+
+from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.sensor import Sensed
+
+
+class Recognition(NamedTuple):
+    """What is recognised after the frames seen so far."""
+
+    log_probs: FloatArray  # (B, K), calibrated; (B, F, K) from a forked state
+    embedding: FloatArray  # (B, D); (B, F, D) from a forked state
+
+
+class RecogniserState(Protocol):
+    """All that a recogniser remembers of B episodes. Never changed in place, so forks share what is the same."""
+
+    def fork(self, forks: int) -> Any:
+        """Return a state of F alternatives an episode: `step` then takes and gives arrays (B, F, ...)."""
+
+    def select(self, choice: IntArray) -> Any:
+        """Return the unforked state of alternative `choice` (B,) of each episode."""
+
+    def reset(self, mask: BoolArray) -> Any:
+        """Return a state in which the episodes of `mask` (B,) have seen nothing yet."""
+
+
+class Recogniser(Protocol):
+    """Recognises activities frame by frame; `step` costs the same at every frame."""
+
+    class_names: tuple[str, ...]
+    embedding_size: int
+
+    def start(self, episodes: int) -> Any:
+        """Return the state of B episodes that have seen nothing."""
+
+    def step(self, state: Any, sensed: Sensed, viewpoint: FloatArray) -> tuple[Recognition, Any]:
+        """See one more frame.
+
+        Args:
+            state: the state before the frame; it stays valid.
+            sensed: joints_2d (B, P, J, 2) [px] and confidence (B, P, J); (B, F, ...) for a forked state.
+            viewpoint: (B, 3), where the camera was; (B, F, 3) for a forked state.
+
+        Returns:
+            the recognition after this frame, and the state after it.
+        """
+        ...

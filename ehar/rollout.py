@@ -1,0 +1,112 @@
+"""The only loop: every frame of a batch of episodes is sensed, recognised, planned upon and moved, in lockstep."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.errors import EpisodeError
+from ehar.motion import Motion
+from ehar.planner import Context, Observation, Planner, Truth
+from ehar.recogniser import Recogniser
+from ehar.sensor import Sensed, Sensor, SensorNoise
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """B episodes that are run together.
+
+    Args:
+        positions: (B, L, P, J, 3) [m], relative to each scenario's centre.
+        labels: (B,).
+        starts: (B, 3) start viewpoints.
+        noise: the sensor's draws, (B, L, ...).
+        names: what errors call each episode.
+    """
+
+    positions: FloatArray
+    labels: IntArray
+    starts: FloatArray
+    noise: SensorNoise
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """What happened in each frame of B episodes."""
+
+    viewpoints: FloatArray  # (B, L, 3), where the camera was
+    log_probs: FloatArray  # (B, L, K), after each frame
+    plan_seconds: float  # spent in the planner, over all episodes and frames
+
+
+def rollout(
+    planner: Planner, batch: Batch, recogniser: Recogniser, sensor: Sensor, motion: Motion, context: Context
+) -> Record:
+    """Run B episodes of L frames.
+
+    Frame 0 is seen from the start viewpoint; after each frame but the last the planner moves the camera.
+
+    Raises:
+        EpisodeError: the planner returned something else than finite targets (B, 3).
+    """
+    episodes, length = batch.positions.shape[:2]
+    viewpoint = batch.starts
+    viewpoints = np.empty((episodes, length, 3))
+    log_probs = np.empty((episodes, length, len(context.class_names)), dtype=np.float32)
+    plan_seconds = 0.0
+
+    def imagine(frame: int, candidates: FloatArray) -> Sensed:
+        return sensor.sense(batch.positions[:, None, frame], candidates, batch.noise.frame(frame).forked())
+
+    motion.reset(viewpoint, context.frame_time)
+    planner.reset(context)
+    state = recogniser.start(episodes)
+    for frame in range(length):
+        sensed = sensor.sense(batch.positions[:, frame], viewpoint, batch.noise.frame(frame))
+        recognition, state = recogniser.step(state, sensed, viewpoint)
+        viewpoints[:, frame] = viewpoint
+        log_probs[:, frame] = recognition.log_probs
+        if frame == length - 1:
+            break
+        observation = Observation(
+            frame=frame,
+            length=length,
+            joints_2d=sensed.joints_2d,
+            confidence=sensed.confidence,
+            viewpoint=viewpoint,
+            log_probs=recognition.log_probs,
+            embedding=recognition.embedding,
+            truth=Truth(batch.labels, recogniser, state, imagine) if planner.privileged else None,
+        )
+        begin = time.perf_counter()
+        target = planner.act(observation)
+        plan_seconds += time.perf_counter() - begin
+        viewpoint = motion.advance(_checked(target, planner, batch, frame))
+    return Record(viewpoints, log_probs, plan_seconds)
+
+
+def _checked(target: FloatArray, planner: Planner, batch: Batch, frame: int) -> FloatArray:
+    """Return the targets as float64, or raise an error that names planner, episode and frame."""
+    expected = (len(batch.labels), 3)
+    try:
+        targets = np.asarray(target, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise EpisodeError(
+            f"planner {planner.name!r}, frame {frame}: "
+            f"expected target viewpoints of shape {expected}, got {type(target).__name__}"
+        ) from error
+    if targets.shape != expected:
+        raise EpisodeError(
+            f"planner {planner.name!r}, episode {batch.names[0]!r} and those beside it, frame {frame}: "
+            f"expected target viewpoints of shape {expected}, got {targets.shape}"
+        )
+    finite = np.isfinite(targets).all(axis=1)
+    if not finite.all():
+        bad = int(np.argmin(finite))
+        raise EpisodeError(
+            f"planner {planner.name!r}, episode {batch.names[bad]!r}, frame {frame}: "
+            f"expected a finite target viewpoint, got {targets[bad].tolist()}"
+        )
+    return targets

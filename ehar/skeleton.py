@@ -1,0 +1,50 @@
+"""The skeleton of one person: joint names, bones, and which joints are each other's mirror image."""
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ehar.arrays import IntArray
+
+_LEFT_TO_RIGHT = (
+    (r"^(.*[_\-. ])?left([_\-. ]?.*)$", "right"),
+    (r"^(.*[_\-. ])l$()", "r"),
+    (r"^()l([_\-. ]?.+)$", "r"),
+)
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """Joints and bones of one person.
+
+    Args:
+        joint_names: J names.
+        bones: pairs of joint indices.
+    """
+
+    joint_names: tuple[str, ...]
+    bones: tuple[tuple[int, int], ...]
+
+    @cached_property
+    def bone_indices(self) -> IntArray:
+        """The bones as an array (bones, 2)."""
+        return np.array(self.bones, dtype=np.int64).reshape(-1, 2)
+
+    @cached_property
+    def mirror(self) -> IntArray:
+        """The joint on the other side of the body for every joint, (J,); itself for those in the middle.
+
+        Read from the names: `left_hip`/`right_hip`, `lhip`/`rhip`, `Hand_L`/`Hand_R`, whatever their case.
+        """
+        index = {name.lower(): i for i, name in enumerate(self.joint_names)}
+        mirror = np.arange(len(self.joint_names))
+        for name, left in index.items():
+            for pattern, right_word in _LEFT_TO_RIGHT:
+                match = re.match(pattern, name)
+                right = index.get(f"{match[1] or ''}{right_word}{match[2]}") if match else None
+                if right is not None:
+                    mirror[left], mirror[right] = right, left
+                    break
+        return mirror

@@ -1,0 +1,1 @@
+"""How well it went: the benchmark, its metrics, statistics and figures, and the command line."""
