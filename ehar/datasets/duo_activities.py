@@ -1,0 +1,94 @@
+"""The 7 activities of `duo`: figures of a couple's dance, each told apart by three things that few views show at once.
+
+In the first half of a figure the couple steps along the line between them (seen from the side, hidden along the
+line); in the second half across it (seen along the line, hidden from the side); all the while their joined hands
+beat above or below the shoulders (hidden from above).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.datasets.skeleton_model import Gesture, add_gestures
+
+SAGITTAL_CONTRAST = 0.30  # [leg lengths]: the step along the couple's line
+LATERAL_CONTRAST = 0.24  # [leg lengths]: the step across it
+VERTICAL_CONTRAST = 0.55  # [rad]: the hands above or below level
+
+ADVANCE, PART = 1.0, -1.0  # the leader follows the partner, or both step back
+SAME_SIDE, OPPOSITE_SIDES = 1.0, -1.0
+HIGH, LOW = 1.0, -1.0
+
+
+class Figure(NamedTuple):
+    """What tells an activity from the others."""
+
+    sagittal: float
+    lateral: float
+    vertical: float
+
+
+ACTIVITIES = {
+    "promenade": Figure(ADVANCE, SAME_SIDE, HIGH),
+    "cradle": Figure(ADVANCE, SAME_SIDE, LOW),
+    "arch": Figure(ADVANCE, OPPOSITE_SIDES, HIGH),
+    "cross": Figure(ADVANCE, OPPOSITE_SIDES, LOW),
+    "breakaway": Figure(PART, SAME_SIDE, HIGH),
+    "rock": Figure(PART, SAME_SIDE, LOW),
+    "windmill": Figure(PART, OPPOSITE_SIDES, HIGH),
+}
+
+
+def perform(figure: Figure, phase: FloatArray) -> tuple[Gesture, Gesture]:
+    """Return the leader's and the follower's gestures at phases (T,), in cycles; they face each other."""
+    sagittal = SAGITTAL_CONTRAST * pulse(phase, 0.0, 0.5)
+    lateral = LATERAL_CONTRAST * pulse(phase, 0.5, 1.0)
+    first, second = lift(phase, 0.0, 0.5), lift(phase, 0.5, 1.0)
+    beat = VERTICAL_CONTRAST * figure.vertical * (pulse(phase, 0.1, 0.6) + pulse(phase, 0.6, 1.1))
+    leader = add_gestures(
+        _step_along("right", figure.sagittal * sagittal, first), _step_across("left", lateral, second), _hands(beat)
+    )
+    # The partners face each other, so the same side of the room is the other side of the body.
+    follower = add_gestures(
+        _step_along("left", -sagittal, first),
+        _step_across("right" if figure.lateral == SAME_SIDE else "left", lateral, second),
+        _hands(beat),
+    )
+    return leader, follower
+
+
+def pulse(phase: FloatArray, begin: float, end: float) -> FloatArray:
+    """Return 0 outside (begin, end) of every cycle and a smooth rise to 1 and back inside, (T,)."""
+    inside = np.mod(phase - begin, 1.0) / (end - begin)
+    return np.where(inside < 1, np.sin(np.pi * inside) ** 2, 0.0)
+
+
+def lift(phase: FloatArray, begin: float, end: float) -> FloatArray:
+    """Return how far a foot is off the floor [leg lengths] while it steps out and back within a pulse, (T,)."""
+    inside = np.mod(phase - begin, 1.0) / (end - begin)
+    return np.where(inside < 1, 0.08 * np.sin(2 * np.pi * inside) ** 2, 0.0)
+
+
+def _step_along(side: str, distance: FloatArray, height: FloatArray) -> Gesture:
+    return {
+        f"{side}_step_forward": distance,
+        f"{side}_step_up": height,
+        "sway_forward": 0.6 * distance,
+        "bend": 0.15 * distance,
+    }
+
+
+def _step_across(side: str, distance: FloatArray, height: FloatArray) -> Gesture:
+    sign = 1.0 if side == "left" else -1.0
+    return {
+        f"{side}_step_out": distance,
+        f"{side}_step_up": height,
+        "sway_left": sign * 0.6 * distance,
+        "lean": sign * 0.2 * distance,
+    }
+
+
+def _hands(beat: FloatArray) -> Gesture:
+    level = np.pi / 2 - 0.25
+    return {f"{side}_flexion": level + beat for side in ("left", "right")}
