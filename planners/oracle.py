@@ -1,0 +1,142 @@
+"""Upper bounds: planners that know the label and the future, and try their moves before they make them."""
+
+from typing import Any
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.errors import EpisodeError, UsageError
+from ehar.planner import Context, Observation, Planner, Truth
+from ehar.viewpoint import MOVES, Workspace, apply_moves, neighbours
+
+
+class Oracle(Planner):
+    """The paper's oracle (Sec. 3): the move whose next frame gives the lowest cross-entropy of the true label."""
+
+    name = "oracle"
+    privileged = True
+
+    def reset(self, context: Context) -> None:
+        """Take the workspace."""
+        self._workspace = context.workspace
+
+    def act(self, observation: Observation) -> FloatArray:
+        """Return the best of the 7 neighbouring viewpoints of each episode."""
+        truth = _truth(self, observation)
+        frame = observation.frame + 1
+        candidates, _, best, _ = _try_moves(truth, truth.state, frame, observation.viewpoint, self._workspace)
+        return candidates[np.arange(len(best)), best]
+
+
+class OracleLookahead(Planner):
+    r"""The best of 8 paths over several frames: each of the 7 moves repeated, and the greedy oracle's path.
+
+    A path of H frames is worth the mean over its frames of :math:`[\hat{y}_h = y] + p_h(y)`: how often the
+    true label y is on top, and how probable it is, so that a path is worth something that only comes near.
+    The greedy path is among the candidates, so the choice is never worse than greedy over the planned frames;
+    a repeated move crosses the viewpoints that get worse before they get better, where greed turns round.
+
+    Args:
+        horizon: frames that are imagined, H; fewer at the end of the episode.
+        commit: frames of the best path that are flown before planning anew. A step costs 14 `horizon` /
+            `commit` recognised frames.
+    """
+
+    name = "oracle-lookahead"
+    privileged = True
+
+    def __init__(self, *, horizon: int = 12, commit: int = 8) -> None:
+        """Create the planner."""
+        if not 1 <= commit <= horizon:
+            raise UsageError(f"oracle-lookahead: expected 1 <= commit <= horizon, got {commit} and {horizon}")
+        self.horizon = horizon
+        self.commit = commit
+
+    def reset(self, context: Context) -> None:
+        """Forget the path."""
+        self._workspace = context.workspace
+        self._path: FloatArray = np.empty((context.episodes, 0, 3))
+        self._planned_at = 0
+
+    def act(self, observation: Observation) -> FloatArray:
+        """Return the next viewpoints of the best paths, planned anew every `commit` frames."""
+        done = observation.frame - self._planned_at
+        if done >= min(self.commit, self._path.shape[1]):
+            self._path = self._plan(observation)
+            self._planned_at, done = observation.frame, 0
+        return self._path[:, done]
+
+    def _plan(self, observation: Observation) -> FloatArray:
+        """Return the best path of each episode, (B, H, 3)."""
+        truth = _truth(self, observation)
+        horizon = min(self.horizon, observation.length - 1 - observation.frame)
+        straight, straight_worth = self._repeat_moves(truth, observation, horizon)
+        greedy, greedy_worth = self._follow_greedy(truth, observation, horizon)
+        paths = np.concatenate([straight, greedy[:, None]], axis=1)
+        best = np.argmax(np.concatenate([straight_worth, greedy_worth[:, None]], axis=1), axis=1)
+        chosen: FloatArray = paths[np.arange(len(best)), best]
+        return chosen
+
+    def _repeat_moves(self, truth: Truth, observation: Observation, horizon: int) -> tuple[FloatArray, FloatArray]:
+        """Return the paths of the 7 repeated moves, (B, 7, H, 3), and their worth, (B, 7)."""
+        episodes = len(truth.labels)
+        moves = np.broadcast_to(np.arange(len(MOVES)), (episodes, len(MOVES)))
+        viewpoint = np.repeat(observation.viewpoint[:, None], len(MOVES), axis=1)
+        state = truth.state.fork(len(MOVES))
+        path = np.empty((episodes, len(MOVES), horizon, 3))
+        worth = np.zeros((episodes, len(MOVES)))
+        for step in range(horizon):
+            frame = observation.frame + 1 + step
+            viewpoint = apply_moves(viewpoint, moves, self._workspace)
+            recognition, state = truth.recogniser.step(state, truth.sense(frame, viewpoint), viewpoint)
+            path[:, :, step] = viewpoint
+            worth += _worth(recognition.log_probs, truth)
+        return path, worth / horizon
+
+    def _follow_greedy(self, truth: Truth, observation: Observation, horizon: int) -> tuple[FloatArray, FloatArray]:
+        """Return the greedy oracle's path, (B, H, 3), and its worth, (B,)."""
+        episodes = np.arange(len(truth.labels))
+        viewpoint, state = observation.viewpoint, truth.state
+        path = np.empty((len(episodes), horizon, 3))
+        worth = np.zeros(len(episodes))
+        for step in range(horizon):
+            frame = observation.frame + 1 + step
+            candidates, log_probs, best, forked = _try_moves(truth, state, frame, viewpoint, self._workspace)
+            viewpoint, state = candidates[episodes, best], forked.select(best)
+            path[:, step] = viewpoint
+            worth += _worth(log_probs, truth)[episodes, best]
+        return path, worth / horizon
+
+
+def _truth(planner: Planner, observation: Observation) -> Truth:
+    """Return what only a privileged planner is handed, or say that it was not."""
+    if observation.truth is None:
+        raise EpisodeError(f"planner {planner.name!r}, frame {observation.frame}: expected the truth, got None")
+    return observation.truth
+
+
+def _try_moves(
+    truth: Truth, state: Any, frame: int, viewpoint: FloatArray, workspace: Workspace
+) -> tuple[FloatArray, FloatArray, IntArray, Any]:
+    """Try all moves from viewpoints (B, 3).
+
+    Returns:
+        the candidates (B, 7, 3), the log-probabilities after `frame` from there (B, 7, K), the candidate with
+        the lowest cross-entropy (B,), and the forked state.
+    """
+    candidates = neighbours(viewpoint, workspace)
+    recognition, forked = truth.recogniser.step(state.fork(len(MOVES)), truth.sense(frame, candidates), candidates)
+    best = np.argmax(_true_log_probs(recognition.log_probs, truth), axis=1)
+    return candidates, recognition.log_probs, best, forked
+
+
+def _true_log_probs(log_probs: FloatArray, truth: Truth) -> FloatArray:
+    """Return the log-probabilities of the true labels, (B, F), from those of all, (B, F, K)."""
+    return np.take_along_axis(log_probs, truth.labels[:, None, None], axis=2)[..., 0]
+
+
+def _worth(log_probs: FloatArray, truth: Truth) -> FloatArray:
+    """Return what one frame is worth, (B, F), in [0, 2]: correct or not, plus the true label's probability."""
+    correct = np.argmax(log_probs, axis=2) == truth.labels[:, None]
+    worth: FloatArray = correct + np.exp(_true_log_probs(log_probs, truth))
+    return worth
