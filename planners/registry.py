@@ -55,12 +55,14 @@ def _load_planner(path: Path, class_name: str) -> Planner:
         module_spec.loader.exec_module(module)
     except Exception as error:
         raise UsageError(f"planner file {path}: {type(error).__name__} while it was loaded: {error}") from error
-    planner_class: Any = getattr(module, class_name, None)
-    if not inspect.isclass(planner_class):
-        defined = [name for name, value in vars(module).items() if getattr(value, "__module__", "") == path.stem]
-        raise UsageError(f"planner file {path}: expected a class {class_name!r}, it defines: {', '.join(defined)}")
+    classes: dict[str, Any] = {name: value for name, value in vars(module).items() if inspect.isclass(value)}
+    if class_name not in classes:
+        own = [name for name, value in classes.items() if value.__module__ == path.stem]
+        raise UsageError(
+            f"planner file {path}: expected a class {class_name!r}, it defines: {', '.join(own) or 'no class'}"
+        )
     try:
-        planner: Planner = planner_class()
+        planner: Planner = classes[class_name]()
     except Exception as error:
         raise UsageError(
             f"planner {class_name} of {path}: {type(error).__name__} when made without arguments: {error}"
