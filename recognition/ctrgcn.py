@@ -6,9 +6,10 @@ Axis letters of this module are the paper's: N samples, C channels, T frames, V 
 
 import math
 import pickle
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import reduce
 from pathlib import Path
+from typing import cast
 
 import torch
 from safetensors.torch import load_file
@@ -43,14 +44,16 @@ class CTRGC(nn.Module):
         self.conv3 = nn.Conv2d(in_channels, out_channels, 1)
         self.conv4 = nn.Conv2d(relation, out_channels, 1)
 
-    def forward(self, x: Tensor, mean: Tensor, adjacency: Tensor, alpha: Tensor) -> Tensor:
-        """Convolve x (N, C, T, V), whose mean over time is `mean` (N, C, 1, V), to (N, C', T, V).
+    def correlation(self, mean: Tensor) -> Tensor:
+        """Return xi(M), (N, C', V, V), of features with `mean` (N, C, 1, V) over time.
 
         The published code averages psi(x) and phi(x) over time; they are affine, so their value at the mean is that.
         """
-        psi = self.conv1(mean).transpose(2, 3)
-        phi = self.conv2(mean)
-        topology = torch.addcmul(adjacency, self.conv4(torch.tanh(psi - phi)), alpha)
+        correlation: Tensor = self.conv4(torch.tanh(self.conv1(mean).transpose(2, 3) - self.conv2(mean)))
+        return correlation
+
+    def forward(self, x: Tensor, topology: Tensor) -> Tensor:
+        """Transform x (N, C, T, V) and gather it over joints by the `topology` (N, C', V, V), to (N, C', T, V)."""
         return torch.matmul(self.conv3(x), topology.transpose(2, 3))
 
 
@@ -74,7 +77,9 @@ class SpatialUnit(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """Convolve x (N, C, T, V) over joints, to (N, C', T, V)."""
         mean = x.mean(dim=2, keepdim=True)
-        parts = [conv(x, mean, shared, self.alpha) for conv, shared in zip(self.convs, self.PA, strict=True)]
+        parts = []
+        for conv, shared in zip(cast("Iterable[CTRGC]", self.convs), self.PA, strict=True):
+            parts.append(conv(x, torch.addcmul(shared, conv.correlation(mean), self.alpha)))
         return torch.relu(self.bn(reduce(torch.add, parts)) + self.down(x))
 
 

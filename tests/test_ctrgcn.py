@@ -74,9 +74,9 @@ def test_unit_is_the_papers_formula():
     """z_ctu = sum over v of (A + alpha * xi(tanh(psi(x_u) - phi(x_v))))_cuv T(x)_ctv, joint by joint."""
     unit = randomised(CTRGC(in_channels=3, out_channels=4)).double()
     x = noise(2, 3, 6, 5).double()
-    shared, alpha = noise(5, 5, seed=2).double(), torch.tensor([0.75]).double()
+    shared = noise(5, 5, seed=2).double()
     with torch.no_grad():
-        z = unit(x, x.mean(dim=2, keepdim=True), shared, alpha).numpy()
+        z = unit(x, shared + 0.75 * unit.correlation(x.mean(dim=2, keepdim=True))).numpy()
 
     def affine(layer, features):
         return layer.weight.detach().numpy()[:, :, 0, 0] @ features + layer.bias.detach().numpy()
