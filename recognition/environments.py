@@ -1,0 +1,89 @@
+"""`ehar/Grid-v0` for Gymnasium: the task on real or built-in motion, with a trained recogniser.
+
+Importing this module registers the id: `gymnasium.make("recognition.environments:ehar/Grid-v0")` does both.
+"""
+
+from pathlib import Path
+
+import gymnasium as gym
+
+from ehar.datasets.source import load_data
+from ehar.env import GridEnv, GridVectorEnv
+from ehar.errors import UsageError
+from ehar.estimator import make_sensor
+from ehar.recogniser import Recogniser
+from ehar.scenario import Scenarios, split_parts, windows
+from ehar.sensor import Sensor
+from recognition.weights import load_recogniser
+
+GRID_ID = "ehar/Grid-v0"
+PARTS = ("recogniser", "policy", "validation", "test")
+
+
+def register() -> None:
+    """Make `ehar/Grid-v0` known to Gymnasium."""
+    if GRID_ID not in gym.registry:
+        gym.register(
+            id=GRID_ID,
+            entry_point="recognition.environments:grid_env",
+            vector_entry_point="recognition.environments:grid_vector_env",
+        )
+
+
+def grid_env(
+    *,
+    data: str | Path = "duo",
+    fps: float | None = None,
+    sensor: str = "perfect",
+    views: str = "moving",
+    models: str | Path | None = None,
+    part: str = "policy",
+    length: int = 60,
+) -> GridEnv:
+    """Return one environment.
+
+    Args:
+        data: a built-in name or the path of an .npz.
+        fps: the frame rate to resample to [1/s]; None keeps the data's own.
+        sensor: `perfect` or `estimator`.
+        views: how the recogniser was trained, `paper` or `moving`.
+        models: a folder of trained weights; None takes those that come with the package.
+        part: which scenarios: `recogniser`, `policy`, `validation` or `test`.
+        length: L, frames in an episode.
+
+    Raises:
+        EharError: anything of it is unknown, missing or malformed.
+    """
+    scenarios, recogniser, made_sensor = _load(data, fps, sensor, views, models, part, length)
+    return GridEnv(scenarios=scenarios, recogniser=recogniser, sensor=made_sensor)
+
+
+def grid_vector_env(
+    num_envs: int = 1,
+    *,
+    data: str | Path = "duo",
+    fps: float | None = None,
+    sensor: str = "perfect",
+    views: str = "moving",
+    models: str | Path | None = None,
+    part: str = "policy",
+    length: int = 60,
+) -> GridVectorEnv:
+    """Return `num_envs` environments in lockstep; the other arguments are those of `grid_env`."""
+    scenarios, recogniser, made_sensor = _load(data, fps, sensor, views, models, part, length)
+    return GridVectorEnv(num_envs=num_envs, scenarios=scenarios, recogniser=recogniser, sensor=made_sensor)
+
+
+def _load(
+    data: str | Path, fps: float | None, sensor: str, views: str, models: str | Path | None, part: str, length: int
+) -> tuple[Scenarios, Recogniser, Sensor]:
+    if part not in PARTS:
+        raise UsageError(f"unknown part {part!r}; expected one of: {', '.join(PARTS)}")
+    motion = load_data(data, fps=fps)
+    scenarios = windows(motion, getattr(split_parts(motion), part), length, 1)
+    directory = None if models is None else Path(models)
+    recogniser = load_recogniser(directory, motion, sensor=sensor, views=views)
+    return scenarios, recogniser, make_sensor(sensor, motion.skeleton)
+
+
+register()
