@@ -1,0 +1,153 @@
+"""Viewpoints: the start grid, the 7 moves at every bound and at the pole, wrapping."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ehar.viewpoint import (
+    ANGLE_STEP,
+    AZIMUTH,
+    DISTANCE_STEP,
+    HOVER,
+    MOVE_NAMES,
+    MOVES,
+    START_CELLS,
+    Workspace,
+    apply_moves,
+    cartesian,
+    from_cells,
+    neighbours,
+    sample_starts,
+    to_cells,
+    wrap_azimuth,
+    wrap_difference,
+)
+
+PAPER = Workspace()
+FARTHEST, LEVEL = 100, 25  # cells of 15 m and of pi/2
+
+cells_inside = st.tuples(st.integers(0, FARTHEST), st.integers(0, 99), st.integers(0, LEVEL)).map(np.array)
+
+
+def move(cell: tuple[int, int, int], name: str) -> list[int]:
+    """Return the cell that a move leads to."""
+    there = apply_moves(from_cells(np.array(cell)), np.array(MOVE_NAMES.index(name)), PAPER)
+    return to_cells(there).tolist()
+
+
+def test_the_start_grid_is_the_paper_s_250_000_viewpoints() -> None:
+    cells = np.stack(np.meshgrid(*map(np.arange, START_CELLS), indexing="ij"), axis=-1).reshape(-1, 3)
+    viewpoints = from_cells(cells)
+    assert len(np.unique(viewpoints.round(6), axis=0)) == 250_000
+    assert PAPER.contains(viewpoints).all()
+    np.testing.assert_array_equal(to_cells(viewpoints), cells)
+    np.testing.assert_allclose(viewpoints[0], [5.0, 0.0, 0.0])
+    np.testing.assert_allclose(viewpoints[-1], [14.9, 99 * np.radians(3.6), 24 * np.radians(3.6)])
+
+
+def test_sampled_starts_are_on_the_grid_and_reach_all_of_it() -> None:
+    starts = sample_starts(np.random.default_rng(0), 20_000)
+    cells = to_cells(starts)
+    np.testing.assert_allclose(from_cells(cells), starts, atol=1e-12)
+    assert cells.min(axis=0).tolist() == [0, 0, 0]
+    assert cells.max(axis=0).tolist() == [99, 99, 24]
+    np.testing.assert_allclose(cells.mean(axis=0), (START_CELLS - 1) / 2, rtol=0.02)
+    np.testing.assert_array_equal(starts, sample_starts(np.random.default_rng(0), 20_000))
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("distance+", [51, 10, 12]),
+        ("distance-", [49, 10, 12]),
+        ("azimuth+", [50, 11, 12]),
+        ("azimuth-", [50, 9, 12]),
+        ("polar+", [50, 10, 13]),
+        ("polar-", [50, 10, 11]),
+        ("hover", [50, 10, 12]),
+    ],
+)
+def test_each_move_changes_one_coordinate_by_one_step(name: str, expected: list[int]) -> None:
+    assert move((50, 10, 12), name) == expected
+
+
+def test_steps_are_a_tenth_of_a_metre_and_3_6_degrees() -> None:
+    there = neighbours(from_cells(np.array([50, 10, 12])), PAPER)
+    np.testing.assert_allclose(
+        there - there[HOVER], MOVES * [DISTANCE_STEP, ANGLE_STEP, ANGLE_STEP], rtol=0, atol=1e-12
+    )
+    assert pytest.approx(0.1) == DISTANCE_STEP
+    assert np.degrees(ANGLE_STEP) == pytest.approx(3.6)
+
+
+@pytest.mark.parametrize(
+    ("cell", "name"),
+    [
+        ((0, 10, 12), "distance-"),
+        ((FARTHEST, 10, 12), "distance+"),
+        ((50, 10, 0), "polar-"),
+        ((50, 10, LEVEL), "polar+"),
+    ],
+)
+def test_a_move_out_of_the_workspace_hovers(cell: tuple[int, int, int], name: str) -> None:
+    assert move(cell, name) == list(cell)
+
+
+@pytest.mark.parametrize(
+    ("cell", "name", "expected"),
+    [
+        ((99, 10, 12), "distance+", [FARTHEST, 10, 12]),
+        ((50, 10, 24), "polar+", [50, 10, LEVEL]),
+        ((50, 99, 12), "azimuth+", [50, 0, 12]),
+        ((50, 0, 12), "azimuth-", [50, 99, 12]),
+    ],
+)
+def test_bounds_can_be_reached_and_the_azimuth_wraps(
+    cell: tuple[int, int, int], name: str, expected: list[int]
+) -> None:
+    assert move(cell, name) == expected
+
+
+def test_at_the_pole_an_azimuth_move_turns_the_camera_and_leaves_it_in_place() -> None:
+    pole = from_cells(np.array([50, 10, 0]))
+    turned = apply_moves(pole, np.array(MOVE_NAMES.index("azimuth+")), PAPER)
+    assert turned[AZIMUTH] - pole[AZIMUTH] == pytest.approx(ANGLE_STEP)
+    np.testing.assert_allclose(cartesian(turned), [0, 0, 10], atol=1e-12)
+
+
+@given(cells_inside, st.integers(0, 6))
+def test_moves_stay_inside_and_are_undone_by_their_opposites(cell: np.ndarray, index: int) -> None:
+    here = from_cells(cell)
+    there = apply_moves(here, np.array(index), PAPER)
+    assert PAPER.contains(there)
+    assert 0 <= there[AZIMUTH] < 2 * np.pi
+    opposite = {0: 1, 1: 0, 2: 3, 3: 2, 4: 5, 5: 4, 6: 6}[index]
+    if not np.array_equal(there, here):
+        np.testing.assert_array_equal(to_cells(apply_moves(there, np.array(opposite), PAPER)), cell)
+
+
+@given(st.floats(-100, 100))
+def test_wrapping(angle: float) -> None:
+    wrapped, difference = wrap_azimuth(np.array(angle)), wrap_difference(np.array(angle))
+    assert 0 <= wrapped < 2 * np.pi
+    assert -np.pi <= difference < np.pi
+    for same in (wrapped, difference):
+        assert np.cos(same - angle) == pytest.approx(1)
+
+
+def test_wrapping_just_below_zero_gives_less_than_a_full_turn() -> None:
+    assert wrap_azimuth(np.array(-1e-20)) == 0.0
+
+
+def test_cartesian_reads_the_polar_angle_from_straight_above() -> None:
+    np.testing.assert_allclose(cartesian(np.array([5.0, 1.0, 0.0])), [0, 0, 5], atol=1e-12)
+    np.testing.assert_allclose(cartesian(np.array([5.0, 0.0, np.pi / 2])), [5, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(cartesian(np.array([5.0, np.pi / 2, np.pi / 2])), [0, 5, 0], atol=1e-12)
+
+
+@given(st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-50, 50)).map(np.array))
+def test_clip_gives_viewpoints_inside_and_leaves_those_inside(viewpoint: np.ndarray) -> None:
+    clipped = PAPER.clip(viewpoint)
+    assert PAPER.contains(clipped)
+    np.testing.assert_allclose(PAPER.clip(clipped), clipped)
