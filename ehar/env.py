@@ -113,12 +113,12 @@ class GridEpisodes:
         self._batch = Batch(
             positions=self.scenarios.positions(indices),
             labels=self.scenarios.labels[indices],
-            starts=sample_starts(rng, episodes),
+            starts=self.workspace.clip(sample_starts(rng, episodes)),
             noise=draw_noise(rng, leading, data.persons, len(data.skeleton.joint_names)),
             names=tuple(data.sequence_names[sequence] for sequence in self.scenarios.sequence[indices]),
         )
         self.frame = 0
-        self._viewpoint = self._batch.starts
+        self.viewpoint = self._batch.starts
         self._state = self.recogniser.start(episodes)
         return self._see()
 
@@ -136,7 +136,7 @@ class GridEpisodes:
                 f"got {moves.tolist()}"
             )
         before, length = self.correct, self.scenarios.length
-        self._viewpoint = apply_moves(self._viewpoint, moves, self.workspace)
+        self.viewpoint = apply_moves(self.viewpoint, moves, self.workspace)
         self.frame += 1
         observations = self._see()
         rewards = reward(self.correct, before, length, first=False)
@@ -152,8 +152,8 @@ class GridEpisodes:
     def _see(self) -> Observations:
         """Sense and recognise the present frame."""
         noise = self._batch.noise.frame(self.frame)
-        sensed = self.sensor.sense(self._batch.positions[:, self.frame], self._viewpoint, noise)
-        recognition, self._state = self.recogniser.step(self._state, sensed, self._viewpoint)
+        sensed = self.sensor.sense(self._batch.positions[:, self.frame], self.viewpoint, noise)
+        recognition, self._state = self.recogniser.step(self._state, sensed, self.viewpoint)
         self.correct = np.argmax(recognition.log_probs, axis=1) == self._batch.labels
         return {
             "joints": self._scaled_joints(sensed),
@@ -171,11 +171,11 @@ class GridEpisodes:
         return scaled.astype(np.float32)
 
     def _scaled_viewpoint(self) -> FloatArray:
-        workspace, azimuth = self.workspace, self._viewpoint[:, AZIMUTH]
-        distance = (self._viewpoint[:, DISTANCE] - workspace.distance_min) / max(
+        workspace, azimuth = self.workspace, self.viewpoint[:, AZIMUTH]
+        distance = (self.viewpoint[:, DISTANCE] - workspace.distance_min) / max(
             workspace.distance_max - workspace.distance_min, 1e-9
         )
-        polar = (self._viewpoint[:, POLAR] - workspace.polar_min) / max(workspace.polar_max - workspace.polar_min, 1e-9)
+        polar = (self.viewpoint[:, POLAR] - workspace.polar_min) / max(workspace.polar_max - workspace.polar_min, 1e-9)
         scaled = np.stack([np.clip(distance, 0, 1), np.sin(azimuth), np.cos(azimuth), np.clip(polar, 0, 1)], axis=1)
         return scaled.astype(np.float32)
 

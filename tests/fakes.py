@@ -56,7 +56,7 @@ def tiny_data(*, sequences: int = 12, frames: int = 20, persons: int = 1, fps: f
 
 def tiny_scenarios(*, length: int = 10, persons: int = 1) -> Scenarios:
     """Return all windows of the tiny data."""
-    data = tiny_data(persons=persons)
+    data = tiny_data(frames=max(20, length), persons=persons)
     return windows(data, np.arange(len(data.labels)), length, 1)
 
 

@@ -7,8 +7,6 @@ from hypothesis import strategies as st
 
 from ehar.motion import GridMotion, move_towards
 from ehar.viewpoint import (
-    ANGLE_STEP,
-    DISTANCE_STEP,
     HOVER,
     MOVE_NAMES,
     STEP,
@@ -59,13 +57,13 @@ def test_the_azimuth_turns_the_short_way_round() -> None:
     here = from_cells(np.array([50, 2, 12]))
     assert named_move(here, from_cells(np.array([50, 95, 12]))) == "azimuth-"
     assert named_move(here, from_cells(np.array([50, 45, 12]))) == "azimuth+"
-    assert named_move(here, here + [0, 2 * np.pi * 3 - 0.3, 0]) == "azimuth-"
+    assert named_move(here, here + np.array([0, 2 * np.pi * 3 - 0.3, 0])) == "azimuth-"
 
 
 def test_the_largest_error_in_cells_goes_first_and_the_first_axis_of_equal_ones() -> None:
     here = from_cells(np.array([50, 2, 12]))
-    assert named_move(here, here + [3 * DISTANCE_STEP, 0, -4 * ANGLE_STEP]) == "polar-"
-    assert named_move(here, here + [3 * DISTANCE_STEP, 3 * ANGLE_STEP, -3 * ANGLE_STEP]) == "distance+"
+    assert named_move(here, here + np.array([3, 0, -4]) * STEP) == "polar-"
+    assert named_move(here, here + np.array([3, 3, -3]) * STEP) == "distance+"
 
 
 @pytest.mark.parametrize("target", [[100.0, 0.0, 0.0], [-100.0, 0.0, 3.0]])
@@ -83,6 +81,6 @@ def test_episodes_move_each_by_themselves() -> None:
     motion = GridMotion()
     starts = from_cells(np.array([[50, 0, 12], [20, 99, 0]]))
     motion.reset(starts, frame_time=0.04)
-    reached = motion.advance(starts + [[1.0, 0, 0], [0, 1.0, 0]])
+    reached = motion.advance(starts + np.array([[1.0, 0, 0], [0, 1.0, 0]]))
     np.testing.assert_array_equal(to_cells(reached), [[51, 0, 12], [20, 0, 0]])
     np.testing.assert_array_equal(to_cells(starts), [[50, 0, 12], [20, 99, 0]])

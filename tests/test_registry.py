@@ -1,0 +1,85 @@
+"""Planners by name, and from a user's file."""
+
+from pathlib import Path
+
+import pytest
+
+from ehar.errors import UsageError
+from planners.oracle import OracleLookahead
+from planners.registry import make_planner, planner_names
+
+OWN = """
+from ehar.planner import Planner
+
+class Mine(Planner):
+    name = "mine"
+
+    def reset(self, context):
+        self.length = context.length
+
+    def act(self, observation):
+        return observation.viewpoint
+
+class Needy(Mine):
+    def __init__(self, gain):
+        self.gain = gain
+
+class Incomplete:
+    name = "incomplete"
+
+NUMBER = 3
+"""
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Path:
+    path = tmp_path / "own.py"
+    path.write_text(OWN)
+    return path
+
+
+def test_names_come_in_the_order_of_display_and_make_their_planners() -> None:
+    assert planner_names() == ("no-act", "random", "towards", "h-rotate", "v-rotate", "oracle", "oracle-lookahead")
+    assert [make_planner(name).name for name in planner_names()] == list(planner_names())
+    assert make_planner("oracle") is not make_planner("oracle")
+
+
+def test_a_planner_from_a_file(own: Path) -> None:
+    planner = make_planner(f"{own}:Mine")
+    assert planner.name == "mine"
+    assert not planner.privileged
+
+
+def test_an_unknown_name_lists_the_known_ones_and_the_file_form(tmp_path: Path) -> None:
+    for spec in ("towers", str(tmp_path / "own.py"), "oracle:Mine"):
+        with pytest.raises(UsageError, match=r"no-act, .*, oracle-lookahead, or path/to/file.py:ClassName") as error:
+            make_planner(spec)
+        assert repr(spec) in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("Missing", r"own.py: expected a class 'Missing', it defines: Mine, Needy, Incomplete$"),
+        ("NUMBER", r"expected a class 'NUMBER'"),
+        ("Needy", r"planner Needy of .*own.py: TypeError when made without arguments: .*gain"),
+        ("Incomplete", r"expected what ehar.planner.Planner has, missing: privileged, reset, act"),
+    ],
+)
+def test_a_file_that_does_not_define_the_planner(own: Path, name: str, message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        make_planner(f"{own}:{name}")
+
+
+def test_a_file_that_is_absent_or_does_not_run(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"absent.py: no such file"):
+        make_planner(f"{tmp_path}/absent.py:Mine")
+    (tmp_path / "broken.py").write_text("def (")
+    with pytest.raises(UsageError, match=r"broken.py: SyntaxError while it was loaded"):
+        make_planner(f"{tmp_path}/broken.py:Mine")
+
+
+@pytest.mark.parametrize(("horizon", "commit"), [(0, 0), (4, 5), (4, 0)])
+def test_the_lookahead_cannot_commit_to_more_than_it_has_seen(horizon: int, commit: int) -> None:
+    with pytest.raises(UsageError, match=f"got {commit} and {horizon}"):
+        OracleLookahead(horizon=horizon, commit=commit)
