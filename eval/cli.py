@@ -1,0 +1,80 @@
+"""The command line: `ehar benchmark`, `headroom`, `data`, `train`, `bench`."""
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Annotated, cast
+
+import tyro
+from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, arg, subcommand
+
+from ehar.errors import EharError
+from eval.commands import Bench, Benchmark, HeadroomCommand, TrainRecogniser
+from eval.data_commands import Describe, PrepareAistpp, PrepareBvh, PrepareExpi
+from eval.results import package_version
+
+Prepare = (
+    Annotated[PrepareExpi, subcommand("expi")]
+    | Annotated[PrepareAistpp, subcommand("aistpp")]
+    | Annotated[PrepareBvh, subcommand("bvh")]
+)
+
+
+@dataclass(frozen=True)
+class PrepareCommand:
+    """Read original files and write a prepared .npz."""
+
+    source_format: Annotated[Prepare, arg(name="")]
+
+    def __call__(self) -> None:
+        """Run the format's command."""
+        self.source_format()
+
+
+@dataclass(frozen=True)
+class DataCommand:
+    """Prepare motion data, and describe it."""
+
+    action: Annotated[
+        Annotated[PrepareCommand, subcommand("prepare")] | Annotated[Describe, subcommand("describe")], arg(name="")
+    ]
+
+    def __call__(self) -> None:
+        """Run the action."""
+        self.action()
+
+
+Command = (
+    Annotated[Benchmark, subcommand("benchmark")]
+    | Annotated[HeadroomCommand, subcommand("headroom")]
+    | Annotated[DataCommand, subcommand("data")]
+    | Annotated[TrainRecogniser, subcommand("train")]
+    | Annotated[Bench, subcommand("bench")]
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command that the arguments name; errors that a user can mend exit with code 2, Ctrl-C with 130."""
+    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    if arguments == ["--version"]:
+        print(f"ehar {package_version('ehar')}")
+        return
+    command = tyro.cli(
+        cast(type[Callable[[], None]], Command),
+        prog="ehar",
+        description="Embodied human activity recognition: compare camera controllers on early activity recognition.",
+        args=arguments,
+        config=(OmitArgPrefixes, OmitSubcommandPrefixes),
+    )
+    try:
+        command()
+    except EharError as error:
+        print(f"ehar: error: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt as interrupt:
+        print(f"ehar: interrupted: {interrupt or 'nothing was written'}", file=sys.stderr)
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

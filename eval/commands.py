@@ -1,0 +1,184 @@
+"""The commands of `ehar`, one class each: its fields are the options, calling it runs the command.
+
+What a command needs is imported when it runs, so that `ehar --help` waits for none of it.
+"""
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from rich.console import Console
+
+from ehar.errors import UsageError
+from eval.tables import Rendered, render_summary
+
+PIPED_WIDTH = 160  # columns where standard output is no terminal
+
+
+def _cores() -> int:
+    return os.cpu_count() or 1
+
+
+def output_console() -> Console:
+    """Return where results are printed: standard output, wide where it is no terminal."""
+    console = Console(highlight=False)
+    return console if console.is_terminal else Console(highlight=False, width=PIPED_WIDTH)
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """Run planners on the test scenarios of some data, and say how well each did.
+
+    Args:
+        planners: names, or path/to/file.py:ClassName; none runs every planner that can run.
+        data: duo, solo, or the path of a prepared .npz.
+        models: folder of recogniser weights; by default those that ship, for duo and solo.
+        sensor: perfect (exact 2D joints) or estimator (noise, occlusion, dropout, swaps).
+        views: the cameras the recogniser was trained on, moving or paper.
+        track: how cameras move; ideal is the paper's grid.
+        starts: start viewpoints for each test scenario.
+        seed: of start viewpoints, noise and random planners.
+        length: frames in an episode.
+        fps: frame rate to resample to.
+        out: folder for config.json, episodes.jsonl, summary.json, table.md and the accuracy curve.
+        workers: processes; the numbers are the same with any number.
+    """
+
+    planners: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="[PLANNER ...]")] = ()
+    data: str = "duo"
+    models: Path | None = None
+    sensor: str = "perfect"
+    views: str = "moving"
+    track: str = "ideal"
+    starts: int = 1
+    seed: int = 0
+    length: int = 60
+    fps: float | None = None
+    out: Path | None = None
+    workers: int = field(default_factory=_cores)
+
+    def __call__(self) -> None:
+        """Run the benchmark and print its table."""
+        from eval.run import benchmark
+
+        summary = benchmark(
+            self.planners or None,
+            data=self.data,
+            models=self.models,
+            sensor=self.sensor,
+            views=self.views,
+            track=self.track,
+            starts=self.starts,
+            seed=self.seed,
+            length=self.length,
+            fps=self.fps,
+            out=self.out,
+            workers=self.workers,
+        )
+        output_console().print(render_summary(summary))
+
+
+@dataclass(frozen=True)
+class HeadroomCommand:
+    """Say what there is to win: accuracy over a map of fixed cameras, beside no-act and the oracles.
+
+    Args:
+        data: duo, solo, or the path of a prepared .npz.
+        models: folder of recogniser weights; by default those that ship, for duo and solo.
+        sensor: perfect or estimator.
+        views: the cameras the recogniser was trained on, moving or paper.
+        seed: of start viewpoints and noise.
+        length: frames in an episode.
+        fps: frame rate to resample to.
+        distance: of the fixed cameras [m].
+        azimuths: how many azimuths the map has.
+        polars: how many polar angles the map has, from straight above to level.
+        out: folder for config.json, headroom.json, table.md and the figure.
+        workers: processes.
+    """
+
+    data: str = "duo"
+    models: Path | None = None
+    sensor: str = "perfect"
+    views: str = "moving"
+    seed: int = 0
+    length: int = 60
+    fps: float | None = None
+    distance: float = 10.0
+    azimuths: int = 12
+    polars: int = 6
+    out: Path | None = None
+    workers: int = field(default_factory=_cores)
+
+    def __call__(self) -> None:
+        """Run the map and print its tables."""
+        from eval.fixed_views import headroom
+        from eval.headroom_report import headroom_tables
+
+        result = headroom(
+            data=self.data,
+            models=self.models,
+            sensor=self.sensor,
+            views=self.views,
+            seed=self.seed,
+            length=self.length,
+            fps=self.fps,
+            distance=self.distance,
+            azimuths=self.azimuths,
+            polars=self.polars,
+            out=self.out,
+            workers=self.workers,
+        )
+        output_console().print(Rendered(*headroom_tables(result)))
+
+
+@dataclass(frozen=True)
+class TrainRecogniser:
+    """Train a streaming recogniser on the recogniser part of some data.
+
+    Args:
+        what: to train.
+        data: duo, solo, or the path of a prepared .npz.
+        out: folder for the weights and the checkpoint that training resumes from.
+        sensor: perfect or estimator.
+        views: the cameras to train on, moving or paper.
+        size: small, or the published widths.
+        length: frames in an episode.
+        fps: frame rate to resample to.
+        seed: of weights, batches and cameras.
+        device: cpu or cuda.
+    """
+
+    what: tyro.conf.Positional[Literal["recogniser"]]
+    data: str
+    out: Path
+    sensor: str = "perfect"
+    views: str = "moving"
+    size: Literal["small", "published"] = "small"
+    length: int = 60
+    fps: float | None = None
+    seed: int = 0
+    device: str = "cpu"
+
+    def __call__(self) -> None:
+        """Train, resuming where a checkpoint lies in `out`."""
+        raise UsageError("ehar train recogniser: not there yet")
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Measure the speed of the recogniser and of the world.
+
+    Args:
+        out: the .json to write.
+    """
+
+    out: Path
+
+    def __call__(self) -> None:
+        """Measure and write."""
+        from eval.bench import bench
+
+        bench(self.out)

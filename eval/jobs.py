@@ -1,0 +1,200 @@
+"""Running planners over episodes, one (planner, chunk) after another, here or in worker processes.
+
+Whatever the number of workers, a job computes the same numbers: its chunk, its seeds and its single torch thread
+do not depend on where it runs.
+"""
+
+import multiprocessing
+import signal
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import cloudpickle
+
+from ehar.motion import GridMotion, Motion
+from ehar.planner import Context, Planner
+from ehar.recogniser import Recogniser
+from ehar.rollout import rollout
+from ehar.sensor import Sensor
+from eval.episodes import Episodes
+from eval.progress import Reporter
+from eval.records import EpisodeRecords, join_records, record_episodes
+
+TRACKS = ("ideal",)
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """All that a job needs beside its planner and its chunk's index.
+
+    Args:
+        episodes: which all planners run.
+        recogniser: which all planners see with.
+        sensor: which all planners see through.
+        track: how cameras move, one of `TRACKS`.
+    """
+
+    episodes: Episodes
+    recogniser: Recogniser
+    sensor: Sensor
+    track: str
+
+
+class PlannerRun(NamedTuple):
+    """What one planner did in all chunks, or in those that were finished when the run was interrupted."""
+
+    records: EpisodeRecords
+    plan_seconds: float
+    chunks: int
+
+    @property
+    def step_ms(self) -> float:
+        """Planning time of one frame of one episode [ms]; the last frame is not planned upon."""
+        steps = len(self.records) * max(self.records.predicted.shape[1] - 1, 1)
+        return float(1000 * self.plan_seconds / steps)
+
+
+class _Job(NamedTuple):
+    planner: int
+    chunk: int
+
+
+class _Done(NamedTuple):
+    records: EpisodeRecords
+    plan_seconds: float
+
+
+class Interrupted(Exception):
+    """The user stopped the run; `runs` is what each planner had finished by then."""
+
+    def __init__(self, runs: dict[str, PlannerRun]) -> None:
+        """Keep what was finished."""
+        super().__init__("interrupted")
+        self.runs = runs
+
+
+def run_planners(
+    world: World, planners: Sequence[Planner], *, workers: int, reporter: Reporter
+) -> dict[str, PlannerRun]:
+    """Run every planner over all episodes.
+
+    Raises:
+        EpisodeError: a planner broke its contract.
+        Interrupted: Ctrl-C; it carries what was finished.
+    """
+    jobs = [_Job(planner, chunk) for planner in range(len(planners)) for chunk in range(world.episodes.chunks)]
+    done: dict[_Job, _Done] = {}
+    reporter.begin(len(jobs))
+    try:
+        run = _run_here(world, planners, jobs) if workers == 1 else _run_in_workers(world, planners, jobs, workers)
+        for job, result in run:
+            done[job] = result
+            reporter.advance(planners[job.planner].name)
+    except KeyboardInterrupt:
+        raise Interrupted(_join(planners, done)) from None
+    finally:
+        reporter.end()
+    return _join(planners, done)
+
+
+def _join(planners: Sequence[Planner], done: dict[_Job, _Done]) -> dict[str, PlannerRun]:
+    """Return the finished chunks of each planner that has any, in order."""
+    runs = {}
+    for index, planner in enumerate(planners):
+        pieces = [done[job] for job in sorted(done) if job.planner == index]
+        if pieces:
+            records = join_records([piece.records for piece in pieces])
+            runs[planner.name] = PlannerRun(records, sum(piece.plan_seconds for piece in pieces), len(pieces))
+    return runs
+
+
+def _run_chunk(world: World, planner: Planner, chunk: int) -> _Done:
+    """Run one planner over one chunk."""
+    episodes = world.episodes.chunk(chunk)
+    batch = world.episodes.batch(chunk)
+    data = world.episodes.scenarios.data
+    motion: Motion = GridMotion()
+    context = Context(
+        episodes=len(episodes),
+        length=world.episodes.scenarios.length,
+        frame_time=1 / data.fps,
+        class_names=data.class_names,
+        skeleton=data.skeleton,
+        workspace=motion.workspace,
+        track=world.track,
+        rng=world.episodes.planner_rng(planner.name, chunk),
+    )
+    record = rollout(planner, batch, world.recogniser, world.sensor, motion, context)
+    records = record_episodes(
+        record, sequence=episodes.sequence_names, first=episodes.first, start=episodes.starts, label=episodes.labels
+    )
+    return _Done(records, record.plan_seconds)
+
+
+def _run_here(world: World, planners: Sequence[Planner], jobs: Sequence[_Job]) -> Iterator[tuple[_Job, _Done]]:
+    """Run the jobs in this process."""
+    for job in jobs:
+        with _one_torch_thread():
+            result = _run_chunk(world, planners[job.planner], job.chunk)
+        yield job, result
+
+
+@contextmanager
+def _one_torch_thread() -> Iterator[None]:
+    """Let torch use one thread, as in a worker: sums in another order would change the last digits."""
+    import torch  # here, as it takes seconds and nothing else in this folder needs it
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _run_in_workers(
+    world: World, planners: Sequence[Planner], jobs: Sequence[_Job], workers: int
+) -> Iterator[tuple[_Job, _Done]]:
+    """Run the jobs in processes of their own, each of which is handed the world once."""
+    # cloudpickle, so that planners and recognisers defined in a notebook or a script arrive too.
+    payloads = [cloudpickle.dumps(planner) for planner in planners]
+    others = set(multiprocessing.active_children())
+    executor = ProcessPoolExecutor(
+        min(workers, len(jobs)),
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=_start_worker,
+        initargs=(cloudpickle.dumps(world),),
+    )
+    futures: dict[Future[_Done], _Job] = {}
+    try:
+        for job in jobs:
+            futures[executor.submit(_run_in_worker, payloads[job.planner], job.chunk)] = job
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+        executor.shutdown()
+    finally:
+        # Interrupted, or a planner failed: what has not finished is not waited for.
+        executor.shutdown(wait=False, cancel_futures=True)
+        for process in set(multiprocessing.active_children()) - others:
+            process.terminate()
+
+
+_worker_world: World
+
+
+def _start_worker(payload: bytes) -> None:
+    """Receive the world, once a process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears Ctrl-C too, and ends its workers
+    import torch
+
+    global _worker_world
+    torch.set_num_threads(1)
+    _worker_world = cloudpickle.loads(payload)
+
+
+def _run_in_worker(payload: bytes, chunk: int) -> _Done:
+    """Run one planner, as pickled, over one chunk."""
+    return _run_chunk(_worker_world, cloudpickle.loads(payload), chunk)

@@ -1,0 +1,61 @@
+"""How well a batch of episodes went: pure functions of arrays. Axes: N episodes, L frames."""
+
+import numpy as np
+
+from ehar.arrays import BoolArray, FloatArray
+from ehar.viewpoint import cartesian
+
+ACC_AT = (10, 30, 50, 70, 90, 100)  # Sec. 5.1: the observation ratios that the paper reports [%]
+PROBABILITY_FLOOR = 1e-6  # what records resolve; a smaller probability of the true class counts as this
+CALIBRATION_BINS = 15  # as in Guo et al., On Calibration of Modern Neural Networks, ICML 2017
+
+
+def acc_at(correct: BoolArray, percent: int) -> float:
+    """Return the share of episodes recognised after `percent` of the frames: the first frame not before it.
+
+    Args:
+        correct: (N, L), whether the predicted class is the true one.
+        percent: the observation ratio [%], 1 to 100.
+    """
+    length = correct.shape[1]
+    frame = max(-(-percent * length // 100), 1) - 1
+    return float(correct[:, frame].mean())
+
+
+def mean_acc(correct: BoolArray) -> FloatArray:
+    """Return the accuracy of each episode, averaged over its frames, (N,) from (N, L)."""
+    accuracy: FloatArray = correct.mean(axis=1)
+    return accuracy
+
+
+def gap_closed(acc: FloatArray, acc_noact: FloatArray, acc_oracle: FloatArray) -> FloatArray:
+    """Return (acc - acc_noact) / (acc_oracle - acc_noact); NaN where the oracle is no better than no-act."""
+    gap = np.asarray(acc_oracle, dtype=np.float64) - acc_noact
+    positive = gap > 0
+    closed: FloatArray = np.where(positive, (acc - acc_noact) / np.where(positive, gap, 1.0), np.nan)
+    return closed
+
+
+def nll(true_probability: FloatArray) -> float:
+    """Return the mean negative log-likelihood [nat] of the true class, over all episodes and frames (N, L)."""
+    return float(-np.log(np.maximum(true_probability, PROBABILITY_FLOOR)).mean())
+
+
+def ece(top_probability: FloatArray, correct: BoolArray) -> float:
+    """Return the expected calibration error: the mean |accuracy - confidence| of equal-width bins (Guo et al., Eq. 3).
+
+    Args:
+        top_probability: (N, L), the probability of the predicted class.
+        correct: (N, L), whether the predicted class is the true one.
+    """
+    confidence = top_probability.ravel()
+    bins = np.minimum((confidence * CALIBRATION_BINS).astype(np.int64), CALIBRATION_BINS - 1)
+    excess = np.bincount(bins, weights=correct.ravel() - confidence, minlength=CALIBRATION_BINS)
+    return float(np.abs(excess).sum() / len(confidence))
+
+
+def path_length(viewpoints: FloatArray) -> FloatArray:
+    """Return how far cameras travelled [m], (...,) from viewpoints (..., L, 3): the sum of straight steps."""
+    steps = np.diff(cartesian(viewpoints), axis=-2)
+    length: FloatArray = np.linalg.norm(steps, axis=-1).sum(axis=-1)
+    return length

@@ -1,0 +1,195 @@
+"""The benchmark: planners on the same episodes, with the same recogniser, sensor and seeds."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from ehar.errors import UsageError
+from ehar.motion_data import MotionData
+from ehar.planner import Planner
+from ehar.recogniser import Recogniser
+from ehar.scenario import split_parts
+from ehar.sensor import Sensor
+from eval.episodes import cut_scenarios, random_starts
+from eval.jobs import TRACKS, Interrupted, PlannerRun, World, run_planners
+from eval.progress import ConsoleReporter, Reporter
+from eval.results import RunConfig, check_out, installed_versions, planner_config, write_run, write_text
+from eval.summary import Summary, summarise
+
+VIEWS = ("moving", "paper")  # the recogniser's training regimes
+
+
+def benchmark(
+    planners: Sequence[str | Planner] | None = None,
+    *,
+    data: str | Path | MotionData = "duo",
+    models: Path | None = None,
+    sensor: str = "perfect",
+    views: str = "moving",
+    track: str = "ideal",
+    starts: int = 1,
+    seed: int = 0,
+    length: int = 60,
+    fps: float | None = None,
+    out: Path | None = None,
+    workers: int = 1,
+    reporter: Reporter | None = None,
+) -> Summary:
+    """Run planners on the test scenarios of some data, and say how well each did.
+
+    Args:
+        planners: names, or planners of your own; None runs every planner that can run.
+        data: `duo`, `solo`, the path of a prepared .npz, or data in memory.
+        models: folder of recogniser weights; None takes those that ship with ehar, for `duo` and `solo`.
+        sensor: `perfect` or `estimator`.
+        views: the cameras that the recogniser was trained on, `moving` or `paper`.
+        track: how cameras move; `ideal` is the paper's grid.
+        starts: start viewpoints for each test scenario.
+        seed: of start viewpoints, the sensor's noise and the planners' own draws.
+        length: L, frames in an episode.
+        fps: frame rate to resample to [1/s]; None keeps the data's.
+        out: folder for config.json, episodes.jsonl, summary.json, table.md and the accuracy curve.
+        workers: processes; the numbers are the same with any number.
+        reporter: hears of progress; None reports on standard error.
+
+    Raises:
+        EharError: one line that says what was got and what was expected.
+        KeyboardInterrupt: after what was finished has been written to `out`.
+    """
+    reporter = reporter or ConsoleReporter()
+    check_options(track=track, starts=starts, seed=seed, workers=workers)
+    chosen = resolve_planners(planners)
+    setting = load_setting(data=data, models=models, sensor=sensor, views=views, fps=fps)
+    scenarios = cut_scenarios(setting.data, split_parts(setting.data).test, length, reporter.note)
+    config = RunConfig(
+        source=setting.source,
+        data=setting.data.title,
+        data_sha256=setting.data.sha256,
+        models=None if models is None else str(models),
+        recogniser_sha256=setting.recogniser_sha256,
+        sensor=sensor,
+        views=views,
+        track=track,
+        starts=starts,
+        seed=seed,
+        length=length,
+        fps=fps,
+        planners=tuple(planner_config(planner) for planner in chosen),
+        versions=installed_versions(),
+    )
+    if out is not None:
+        check_out(Path(out), asdict(config))
+    world = World(random_starts(scenarios, starts, seed), setting.recogniser, setting.sensor, track)
+    try:
+        runs = run_planners(world, chosen, workers=workers, reporter=reporter)
+    except Interrupted as interrupted:
+        kept = _keep_finished(interrupted.runs, world, config, out)
+        raise KeyboardInterrupt(kept) from None
+    summary = _summarise_runs(runs, config)
+    if out is not None:
+        _write_all(Path(out), config, runs, summary, classes=len(setting.data.class_names))
+    return summary
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What planners are compared in: motion, and the recogniser and sensor that fit it."""
+
+    source: str
+    data: MotionData
+    recogniser: Recogniser
+    recogniser_sha256: str
+    sensor: Sensor
+
+
+def load_setting(
+    *, data: str | Path | MotionData, models: Path | None, sensor: str, views: str, fps: float | None
+) -> Setting:
+    """Load data, recogniser and sensor; the arguments are those of `benchmark`."""
+    # Here, as they bring torch, which `ehar --help` does not wait for.
+    from ehar.datasets.source import load_data
+    from ehar.estimator import make_sensor
+    from recognition.weights import load_recogniser
+
+    if views not in VIEWS:
+        raise UsageError(f"unknown views {views!r}; expected {' or '.join(VIEWS)}")
+    if isinstance(data, MotionData):
+        motion = data if fps is None else data.resampled(fps)
+    else:
+        motion = load_data(data, fps=fps)
+    source = data.name if isinstance(data, MotionData) else str(data)
+    eye = make_sensor(sensor, motion.skeleton)
+    directory = None if models is None else Path(models)
+    recogniser = load_recogniser(directory, motion, sensor=sensor, views=views)
+    return Setting(source, motion, recogniser, recogniser.sha256, eye)
+
+
+def resolve_planners(planners: Sequence[str | Planner] | None) -> list[Planner]:
+    """Return planners, made where they were named; None names them all.
+
+    Raises:
+        UsageError: a name is unknown, or two planners share one.
+    """
+    from planners.registry import make_planner, planner_names
+
+    chosen = [
+        make_planner(planner) if isinstance(planner, str) else planner
+        for planner in (planner_names() if planners is None else planners)
+    ]
+    for planner in chosen:
+        missing = [name for name in ("name", "privileged", "reset", "act") if not hasattr(planner, name)]
+        if missing:
+            raise UsageError(
+                f"planners: expected names or instances of ehar.planner.Planner, "
+                f"got {planner!r} without {', '.join(missing)}"
+            )
+    names = [planner.name for planner in chosen]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if not names or twice:
+        raise UsageError(f"planners: expected each once, got {names[0]!r} twice" if twice else "planners: got none")
+    return chosen
+
+
+def check_options(*, track: str = "ideal", starts: int = 1, seed: int, workers: int) -> None:
+    """Raise a UsageError if the track is unknown or a number is too small."""
+    if track not in TRACKS:
+        raise UsageError(f"unknown track {track!r}; known: {', '.join(TRACKS)}")
+    for name, value, least in (("starts", starts, 1), ("seed", seed, 0), ("workers", workers, 1)):
+        if value < least:
+            raise UsageError(f"{name}: expected at least {least}, got {value}")
+
+
+def _summarise_runs(runs: dict[str, PlannerRun], config: RunConfig) -> Summary:
+    return summarise(
+        {name: run.records for name, run in runs.items()},
+        config.conditions,
+        privileged={planner.name: planner.privileged for planner in config.planners},
+        step_ms={name: run.step_ms for name, run in runs.items()},
+    )
+
+
+def _keep_finished(runs: dict[str, PlannerRun], world: World, config: RunConfig, out: Path | None) -> str:
+    """Write what was finished when the user stopped the run, and return a line that says what was kept."""
+    finished = {name: run for name, run in runs.items() if run.chunks == world.episodes.chunks}
+    if out is None or not runs:
+        return "nothing was written"
+    summary = _summarise_runs(finished, config) if finished else None
+    write_run(Path(out), config, {name: run.records for name, run in runs.items()}, summary)
+    episodes = sum(len(run.records) for run in runs.values())
+    return (
+        f"{episodes} finished episodes are in {out}; "
+        f"its summary covers the {len(finished)} of {len(config.planners)} planners that ran all of theirs"
+    )
+
+
+def _write_all(out: Path, config: RunConfig, runs: dict[str, PlannerRun], summary: Summary, *, classes: int) -> None:
+    """Write records, summary, table and figure."""
+    from eval.figures import draw_accuracy  # matplotlib takes a second to import
+    from eval.tables import markdown_summary
+
+    records = {name: run.records for name, run in runs.items()}
+    write_run(out, config, records, summary)
+    write_text(out / "table.md", [markdown_summary(summary)])
+    draw_accuracy(
+        {name: episodes.correct.mean(axis=0) for name, episodes in records.items()}, summary, classes, out / "accuracy"
+    )

@@ -1,0 +1,127 @@
+import json
+import subprocess
+import sys
+import types
+from pathlib import Path
+
+import pytest
+from fakes import tiny_data
+from test_benchmark import HashedRecogniser
+
+from ehar.motion_file import save_motion
+from eval.cli import main
+
+
+@pytest.fixture
+def tiny(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    module = types.ModuleType("recognition.weights")
+    module.load_recogniser = lambda *_, **__: HashedRecogniser()  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "recognition.weights", module)
+    path = tmp_path / "tiny.npz"
+    save_motion(path, tiny_data(sequences=20))
+    return path
+
+
+def fails_with(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """Return the one line that a command ends in, on standard error, with exit code 2."""
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 2
+    out, line = capsys.readouterr()
+    assert out == ""
+    assert line.startswith("ehar: error: ")
+    assert line.count("\n") == 1
+    return line
+
+
+def test_benchmark_prints_a_table_and_writes_a_run(
+    tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    options = ["--data", str(tiny), "--length", "10", "--workers", "1", "--out", str(out)]
+    main(["benchmark", "no-act", "oracle", *options])
+    printed = capsys.readouterr().out
+    assert "tiny (synthetic)" in printed
+    assert "oracle*" in printed
+    assert "gap closed" in printed
+    summary = json.loads((out / "summary.json").read_text())
+    assert [planner["name"] for planner in summary["planners"]] == ["no-act", "oracle"]
+    assert "another run" in fails_with(["benchmark", "no-act", *options], capsys)
+
+
+def test_headroom_prints_its_tables(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["headroom", "--data", str(tiny), "--length", "10", "--azimuths", "2", "--polars", "2", "--workers", "1"])
+    assert "best fixed per sample" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["no-act", "teleport"], "unknown planner 'teleport'"),
+        (["--data", "trio"], "unknown data 'trio'"),
+        (["--data", "absent.npz"], "absent.npz: no such file"),
+        (["--track", "rail"], "unknown track 'rail'"),
+        (["--length", "1000"], "at least 1000 frames"),
+        (["absent.py:Mine"], "planner file absent.py"),
+    ],
+)
+def test_bad_input_ends_in_one_line(
+    tiny: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert message in fails_with(["benchmark", "--data", str(tiny), "--workers", "1", *arguments], capsys)
+
+
+def test_a_planner_file_that_returns_nan_is_named(
+    tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = """
+        from ehar.planner import Planner
+        class Lost(Planner):
+            name = "lost"
+            def reset(self, context): pass
+            def act(self, observation): return observation.viewpoint * float("nan")
+    """
+    (tmp_path / "lost.py").write_text("\n".join(line[8:] for line in source.splitlines()))
+    arguments = ["benchmark", f"{tmp_path}/lost.py:Lost", "--data", str(tiny), "--length", "10", "--workers", "1"]
+    assert "planner 'lost', episode 'sequence-10 from frame 0', frame 0" in fails_with(arguments, capsys)
+
+
+def test_ctrl_c_exits_with_130_and_says_what_was_kept(
+    tiny: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("eval.jobs.rollout", interrupt)
+    with pytest.raises(SystemExit) as ended:
+        main(["benchmark", "no-act", "--data", str(tiny), "--length", "10", "--workers", "1"])
+    assert ended.value.code == 130
+    assert capsys.readouterr().err == "ehar: interrupted: nothing was written\n"
+
+
+def test_data_describe_prints_classes(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["data", "describe", str(tiny)])
+    printed = capsys.readouterr().out
+    assert "nod" in printed
+
+
+def test_data_prepare_bvh_reads_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = Path(__file__).parents[2] / "shared" / "data" / "bvh_sample"
+    if not source.is_dir():
+        pytest.skip("the BVH samples of shared/data are not here")
+    main(["data", "prepare", "bvh", str(source), str(tmp_path / "bvh.npz")])
+    assert "6 sequences of 3 classes" in capsys.readouterr().out
+    assert "ends in .npz" in fails_with(["data", "prepare", "bvh", str(source), str(tmp_path / "bvh")], capsys)
+
+
+def test_version_and_help_answer_without_torch() -> None:
+    code = "import sys; from eval.cli import main; main(['--version']); sys.exit('torch' in sys.modules)"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout.split()[0]) == (0, "ehar")
+
+
+def test_an_unknown_command_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["bnchmark"])
+    assert ended.value.code == 2
+    assert "bnchmark" in capsys.readouterr().err

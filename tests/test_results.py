@@ -1,0 +1,215 @@
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ehar.errors import DataError, UsageError
+from ehar.rollout import Record
+from eval.records import DIGITS, EpisodeRecords, episode_lines, join_records, read_episodes, record_episodes
+from eval.results import CONFIG, EPISODES, SUMMARY, RunConfig, check_out, write_run, write_text
+from eval.summary import Conditions, Summary, summarise
+from eval.tables import benchmark_table, markdown_summary, paper_table
+
+CONDITIONS = Conditions(data="tiny (synthetic)", sensor="perfect", views="moving", track="ideal")
+CONFIG_OF_RUN = RunConfig(
+    source="tiny",
+    data="tiny (synthetic)",
+    data_sha256="0",
+    models=None,
+    recogniser_sha256="1",
+    sensor="perfect",
+    views="moving",
+    track="ideal",
+    starts=1,
+    seed=0,
+    length=4,
+    fps=None,
+    planners=(),
+    versions={},
+)
+
+
+def make_records(seed: int, *, skill: float = 0.0, episodes: int = 9, length: int = 4) -> EpisodeRecords:
+    rng = np.random.default_rng(seed)
+    fixed = np.random.default_rng(0)
+    label = fixed.integers(0, 3, episodes)
+    logits = rng.normal(size=(episodes, length, 3)) + skill * np.eye(3)[label][:, None]
+    log_probs = logits - np.log(np.exp(logits).sum(axis=-1, keepdims=True))
+    record = Record(fixed.uniform([5, 0, 0], [15, 6, 1.5], (episodes, length, 3)), log_probs.astype(np.float32), 0.1)
+    return record_episodes(
+        record,
+        sequence=[f"séquence {index // 2}" for index in range(episodes)],
+        first=np.arange(episodes),
+        start=record.viewpoints[:, 0],
+        label=label,
+    )
+
+
+def three_planners() -> dict[str, EpisodeRecords]:
+    return {"no-act": make_records(1), "mine": make_records(2, skill=1.0), "oracle": make_records(3, skill=2.0)}
+
+
+def summary_of(records: dict[str, EpisodeRecords]) -> Summary:
+    return summarise(
+        records,
+        CONDITIONS,
+        privileged={name: name == "oracle" for name in records},
+        step_ms=dict.fromkeys(records, 0.25),
+    )
+
+
+def test_records_keep_what_metrics_need() -> None:
+    log_probs = np.log(np.array([[[0.7, 0.2, 0.1], [0.2, 0.5, 0.3]]], dtype=np.float32))
+    record = Record(np.full((1, 2, 3), 1.23456789), log_probs, 0.0)
+    kept = record_episodes(record, sequence=["a"], first=np.array([3]), start=np.zeros((1, 3)), label=np.array([1]))
+    assert kept.predicted.tolist() == [[0, 1]]
+    assert kept.correct.tolist() == [[False, True]]
+    assert kept.true_probability.tolist() == [[0.2, 0.5]]
+    assert kept.top_probability.tolist() == [[0.7, 0.5]]
+    assert kept.viewpoint[0, 0, 0] == round(1.23456789, DIGITS)
+
+
+def test_records_read_back_are_the_records_written(tmp_path: Path) -> None:
+    records = three_planners()
+    write_text(tmp_path / EPISODES, episode_lines(records))
+    back = read_episodes(tmp_path / EPISODES)
+    assert list(back) == list(records)
+    for name, episodes in records.items():
+        assert back[name].sequence == episodes.sequence
+        for field in ("first", "start", "label", "viewpoint", "predicted", "true_probability", "top_probability"):
+            np.testing.assert_array_equal(getattr(back[name], field), getattr(episodes, field))
+
+
+def test_batches_join_in_order() -> None:
+    whole = join_records([make_records(1), make_records(2)])
+    assert len(whole) == 18
+    np.testing.assert_array_equal(whole.predicted[9:], make_records(2).predicted)
+
+
+def test_every_number_of_the_summary_can_be_recomputed_from_the_file(tmp_path: Path) -> None:
+    records = three_planners()
+    summary = summary_of(records)
+    write_run(tmp_path, CONFIG_OF_RUN, records, summary)
+    written = json.loads((tmp_path / SUMMARY).read_text())
+    assert summary_of(read_episodes(tmp_path / EPISODES)).to_json() == summary.to_json()
+    # And by hand, from the lines alone.
+    rows = [json.loads(line) for line in (tmp_path / EPISODES).read_text().splitlines()]
+    acc = {
+        name: 100 * np.mean([np.equal(row["predicted"], row["label"]) for row in rows if row["planner"] == name])
+        for name in records
+    }
+    mine = written["planners"][1]
+    assert mine["acc_mean"] == pytest.approx(acc["mine"])
+    assert mine["gap_closed"] == pytest.approx((acc["mine"] - acc["no-act"]) / (acc["oracle"] - acc["no-act"]))
+    true = [probability for row in rows if row["planner"] == "mine" for probability in row["true_probability"]]
+    assert mine["nll"] == pytest.approx(-np.mean(np.log(true)))
+    assert mine["acc_mean_ci95"][0] < mine["acc_mean"] < mine["acc_mean_ci95"][1]
+
+
+def test_summary_json_has_the_fields_of_the_schema(tmp_path: Path) -> None:
+    written = summary_of(three_planners()).to_json()
+    assert list(written) == ["data", "sensor", "views", "track", "episodes", "planners"]
+    assert list(written["planners"][0]) == [
+        "name",
+        "privileged",
+        "acc",
+        "acc_mean",
+        "acc_mean_ci95",
+        "gap_closed",
+        "gap_closed_ci95",
+        "nll",
+        "ece",
+        "path_length_m",
+        "step_ms",
+    ]
+    assert list(written["planners"][0]["acc"]) == ["10", "30", "50", "70", "90", "100"]
+    assert written["episodes"] == 9
+    assert [planner["privileged"] for planner in written["planners"]] == [False, False, True]
+
+
+def test_both_ends_of_the_gap_are_certain() -> None:
+    summary = summary_of(three_planners())
+    assert (summary.planner("no-act").gap_closed, summary.planner("no-act").gap_closed_ci95) == (0, (0, 0))
+    assert (summary.planner("oracle").gap_closed, summary.planner("oracle").gap_closed_ci95) == (1, (1, 1))
+
+
+def test_without_an_oracle_no_gap_is_closed_and_the_table_says_why() -> None:
+    records = three_planners()
+    del records["oracle"]
+    summary = summary_of(records)
+    assert summary.planner("mine").gap_closed is None
+    table = benchmark_table(summary)
+    assert table.rows[1][8] == "-"
+    assert table.footnotes == ("Gap closed needs both no-act and oracle among the planners.",)
+
+
+def test_planners_that_ran_other_episodes_are_not_compared() -> None:
+    records = three_planners()
+    records["mine"] = replace(records["mine"], first=records["mine"].first + 1)
+    with pytest.raises(DataError, match="'mine': expected the same 9 episodes"):
+        summary_of(records)
+
+
+def test_a_malformed_line_is_named(tmp_path: Path) -> None:
+    lines = list(episode_lines({"mine": make_records(0)}))
+    (tmp_path / EPISODES).write_text(lines[0] + '{"planner": "mine"}\n')
+    with pytest.raises(DataError, match="line 2"):
+        read_episodes(tmp_path / EPISODES)
+    with pytest.raises(DataError, match="No such file"):
+        read_episodes(tmp_path / "absent.jsonl")
+
+
+def test_the_table_marks_who_is_privileged_and_prints_percent() -> None:
+    table = benchmark_table(summary_of(three_planners()))
+    assert "tiny (synthetic)" in table.title
+    assert "9 episodes of 4 frames from 5 sequences" in table.title
+    assert [row[0] for row in table.rows] == ["no-act", "mine", "oracle*"]
+    assert table.rows[2][8] == "100.0 [100.0, 100.0]"
+    assert "| oracle\\* |" in markdown_summary(summary_of(three_planners()))
+
+
+def test_the_papers_rows_stand_beside_its_data_only() -> None:
+    summary = summary_of(three_planners())
+    assert paper_table(summary) is None
+    table = paper_table(replace(summary, data="expi"))
+    assert table is not None
+    gaps = {row[0]: row[-1] for row in table.rows}
+    # The paper's agent closes 46.4 % on ExPI, its best heuristic 7.0 %.
+    assert (gaps["il-ppo"], gaps["v-rotate"], gaps["oracle*"]) == ("46.4", "7.0", "100.0")
+
+
+def test_a_folder_that_holds_another_run_is_refused(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    check_out(out, asdict(CONFIG_OF_RUN))
+    write_run(out, CONFIG_OF_RUN, three_planners(), None)
+    check_out(out, asdict(CONFIG_OF_RUN))
+    with pytest.raises(UsageError, match=r"another run, which differs in seed \(seed was 0, now 1\)"):
+        check_out(out, asdict(replace(CONFIG_OF_RUN, seed=1)))
+    (out / CONFIG).write_text("{")
+    with pytest.raises(UsageError, match="expected the JSON of a run"):
+        check_out(out, asdict(CONFIG_OF_RUN))
+    (out / CONFIG).unlink()
+    with pytest.raises(UsageError, match=r"without config\.json"):
+        check_out(out, asdict(CONFIG_OF_RUN))
+
+
+def test_a_file_where_a_folder_is_expected_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="expected a folder"):
+        check_out(tmp_path / "file" / "run", asdict(CONFIG_OF_RUN))
+
+
+def test_a_file_that_fails_halfway_leaves_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "file.json"
+    write_text(path, ["old"])
+
+    def broken():  # type: ignore[no-untyped-def]
+        yield "ne"
+        raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        write_text(path, broken())
+    assert path.read_text() == "old"
+    assert [file.name for file in tmp_path.iterdir()] == ["file.json"]
