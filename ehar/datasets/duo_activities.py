@@ -2,32 +2,24 @@
 
 In the first half of a figure the couple steps along the line between them (seen from the side, hidden along the
 line); in the second half across it (seen along the line, hidden from the side); all the while their joined hands
-beat above or below the shoulders (hidden from above).
+beat above or below the shoulders (hidden from above). Only the names are borrowed from real dances.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 
 from ehar.arrays import FloatArray
+from ehar.datasets.figure import Figure, lift, pulse
 from ehar.datasets.skeleton_model import Gesture, add_gestures
 
-SAGITTAL_CONTRAST = 0.30  # [leg lengths]: the step along the couple's line
-LATERAL_CONTRAST = 0.24  # [leg lengths]: the step across it
-VERTICAL_CONTRAST = 0.55  # [rad]: the hands above or below level
+SAGITTAL_CONTRAST = 0.44  # [leg lengths]: the step along the couple's line
+LATERAL_CONTRAST = 0.40  # [leg lengths]: the step across it
+VERTICAL_CONTRAST = 0.75  # [rad]: the hands above or below level
+
+CYCLE = 1.8  # [s], once through, on average
 
 ADVANCE, PART = 1.0, -1.0  # the leader follows the partner, or both step back
 SAME_SIDE, OPPOSITE_SIDES = 1.0, -1.0
 HIGH, LOW = 1.0, -1.0
-
-
-class Figure(NamedTuple):
-    """What tells an activity from the others."""
-
-    sagittal: float
-    lateral: float
-    vertical: float
-
 
 ACTIVITIES = {
     "promenade": Figure(ADVANCE, SAME_SIDE, HIGH),
@@ -58,18 +50,6 @@ def perform(figure: Figure, phase: FloatArray) -> tuple[Gesture, Gesture]:
     return leader, follower
 
 
-def pulse(phase: FloatArray, begin: float, end: float) -> FloatArray:
-    """Return 0 outside (begin, end) of every cycle and a smooth rise to 1 and back inside, (T,)."""
-    inside = np.mod(phase - begin, 1.0) / (end - begin)
-    return np.where(inside < 1, np.sin(np.pi * inside) ** 2, 0.0)
-
-
-def lift(phase: FloatArray, begin: float, end: float) -> FloatArray:
-    """Return how far a foot is off the floor [leg lengths] while it steps out and back within a pulse, (T,)."""
-    inside = np.mod(phase - begin, 1.0) / (end - begin)
-    return np.where(inside < 1, 0.08 * np.sin(2 * np.pi * inside) ** 2, 0.0)
-
-
 def _step_along(side: str, distance: FloatArray, height: FloatArray) -> Gesture:
     return {
         f"{side}_step_forward": distance,
@@ -90,5 +70,5 @@ def _step_across(side: str, distance: FloatArray, height: FloatArray) -> Gesture
 
 
 def _hands(beat: FloatArray) -> Gesture:
-    level = np.pi / 2 - 0.25
-    return {f"{side}_flexion": level + beat for side in ("left", "right")}
+    both = {"flexion": np.pi / 2 - 0.3 + beat, "elbow": np.full(len(beat), 0.35)}
+    return {f"{side}_{name}": values for side in ("left", "right") for name, values in both.items()}

@@ -150,7 +150,8 @@ def _arm(body: Body, value: Gesture, trunk: FloatArray, neck: FloatArray, side: 
     shoulder = neck + _rotate(trunk, np.array([0.0, outward * body.shoulder_half_width, -0.05]))
     upper = trunk @ _turn(0, outward * value[f"{side}_abduction"]) @ _turn(1, -value[f"{side}_flexion"])
     elbow = shoulder + _rotate(upper, np.array([0.0, 0.0, -body.upper_arm]))
-    lower = upper @ _turn(2, -outward * value[f"{side}_rotation"]) @ _turn(1, -value[f"{side}_elbow"])
+    bend = np.maximum(value[f"{side}_elbow"], 0.0)  # style noise is not to break an arm
+    lower = upper @ _turn(2, -outward * value[f"{side}_rotation"]) @ _turn(1, -bend)
     return [shoulder, elbow, elbow + _rotate(lower, np.array([0.0, 0.0, -body.forearm]))]
 
 

@@ -1,30 +1,26 @@
 """The 10 activities of `solo`: dance figures of two beats, each told apart by three things that few views show at once.
 
 On the first beat a foot and the arms go forward, back, or stay (hidden from the front); on the second they open to the
-side or cross (hidden from the side); all the while the forearms point up or down (hidden from above).
+side or cross (hidden from the side); all the while the forearms beat up or down (hidden from above).
+Only the names are borrowed from real dances.
 """
 
-from typing import NamedTuple
+import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.datasets.duo_activities import lift, pulse
-from ehar.datasets.skeleton_model import Gesture, add_gestures
+from ehar.datasets.figure import Figure, lift, pulse
+from ehar.datasets.skeleton_model import Gesture
 
-SAGITTAL_CONTRAST = 0.24  # [leg lengths]: the step forward or back
-LATERAL_CONTRAST = 0.18  # [leg lengths]: the step to the side
-VERTICAL_CONTRAST = 0.9  # [rad]: the forearms above or below level
+SAGITTAL_CONTRAST = 0.32  # [leg lengths]: the step forward or back
+LATERAL_CONTRAST = 0.26  # [leg lengths]: the step to the side
+VERTICAL_CONTRAST = 0.85  # [rad]: the forearms above or below level
+
+CYCLE = 1.1  # [s], once through, on average
+ARM_FLEXION = 0.35  # [rad], of the upper arms at rest
 
 FORWARD, IN_PLACE, BACK = 1.0, 0.0, -1.0
 OPEN, CROSS = 1.0, -1.0
 HIGH, LOW = 1.0, -1.0
-
-
-class Figure(NamedTuple):
-    """What tells an activity from the others."""
-
-    sagittal: float
-    lateral: float
-    vertical: float
 
 
 ACTIVITIES = {
@@ -46,7 +42,13 @@ def perform(figure: Figure, phase: FloatArray) -> Gesture:
     sagittal = SAGITTAL_CONTRAST * figure.sagittal * pulse(phase, 0.0, 0.5)
     lateral = LATERAL_CONTRAST * figure.lateral * pulse(phase, 0.5, 1.0)
     vertical = VERTICAL_CONTRAST * figure.vertical * (pulse(phase, 0.1, 0.6) + pulse(phase, 0.6, 1.1))
-    step: Gesture = {
+    arm = {
+        "flexion": ARM_FLEXION + 2.0 * sagittal,
+        "abduction": 0.3 + 1.6 * lateral,
+        "rotation": np.full(len(phase), 0.3),
+        "elbow": np.pi / 2 - ARM_FLEXION + vertical,  # level between beats, so that up and down look alike from above
+    }
+    return {
         "right_step_forward": sagittal,
         "right_step_up": lift(phase, 0.0, 0.5),
         "sway_forward": 0.5 * sagittal,
@@ -54,16 +56,5 @@ def perform(figure: Figure, phase: FloatArray) -> Gesture:
         "left_step_up": lift(phase, 0.5, 1.0),
         "sway_left": 0.5 * lateral,
         "rise": -0.03 * pulse(2 * phase, 0.0, 1.0),
+        **{f"{side}_{name}": values for side in ("left", "right") for name, values in arm.items()},
     }
-    arms: Gesture = {}
-    for side in ("left", "right"):
-        arms = add_gestures(
-            arms,
-            {
-                f"{side}_flexion": 0.35 + 2.0 * sagittal,
-                f"{side}_abduction": 0.45 + 1.6 * lateral,
-                f"{side}_rotation": 0.3 - 0.0 * lateral,
-                f"{side}_elbow": 1.1 + vertical,
-            },
-        )
-    return add_gestures(step, arms)
