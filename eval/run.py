@@ -176,10 +176,12 @@ def _keep_finished(runs: dict[str, PlannerRun], world: World, config: RunConfig,
     summary = _summarise_runs(finished, config) if finished else None
     write_run(Path(out), config, {name: run.records for name, run in runs.items()}, summary)
     episodes = sum(len(run.records) for run in runs.values())
-    return (
-        f"{episodes} finished episodes are in {out}; "
+    covered = (
         f"its summary covers the {len(finished)} of {len(config.planners)} planners that ran all of theirs"
+        if finished
+        else "without a summary, as no planner ran all of its own"
     )
+    return f"{episodes} finished episodes are in {out}; {covered}"
 
 
 def _write_all(out: Path, config: RunConfig, runs: dict[str, PlannerRun], summary: Summary, *, classes: int) -> None:
