@@ -45,7 +45,7 @@ class OracleLookahead(Planner):
     name = "oracle-lookahead"
     privileged = True
 
-    def __init__(self, *, horizon: int = 12, commit: int = 9) -> None:
+    def __init__(self, *, horizon: int = 20, commit: int = 15) -> None:
         """Create the planner."""
         if not 1 <= commit <= horizon:
             raise UsageError(f"oracle-lookahead: expected 1 <= commit <= horizon, got {commit} and {horizon}")
