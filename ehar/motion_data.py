@@ -63,8 +63,9 @@ class MotionData:
     def sha256(self) -> str:
         """A hash of everything that decides an episode; recorded beside every result."""
         digest = hashlib.sha256()
-        for array in (self.positions, self.offsets, self.labels, self.skeleton.bone_indices):
-            digest.update(np.ascontiguousarray(array).tobytes())
+        digest.update(np.ascontiguousarray(self.positions, dtype=np.float32).tobytes())
+        for indices in (self.offsets, self.labels, self.skeleton.bone_indices):
+            digest.update(np.ascontiguousarray(indices, dtype=np.int64).tobytes())
         if self.is_test is not None:
             digest.update(self.is_test.tobytes())
         words = (*self.class_names, *self.sequence_names, *self.skeleton.joint_names, repr(float(self.fps)))

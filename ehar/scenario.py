@@ -106,8 +106,7 @@ def _hold_out(data: MotionData, rng: np.random.Generator) -> BoolArray:
     subjects = np.unique(data.subjects)
     if UNKNOWN_SUBJECT not in subjects and len(subjects) >= 3:
         held = rng.permutation(subjects)[: max(1, round(TEST_SHARE * len(subjects)))]
-        held_out: BoolArray = np.isin(data.subjects, held).any(axis=1)
-        return held_out
+        return np.asarray(np.isin(data.subjects, held).any(axis=1))
     for label in range(len(data.class_names)):
         members = rng.permutation(np.flatnonzero(data.labels == label))
         is_test[members[: max(1, round(TEST_SHARE * len(members)))]] = True

@@ -1,0 +1,171 @@
+"""Trained networks behind the recogniser contract: arrays in, calibrated probabilities out, frame by frame."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.camera import Camera
+from ehar.recogniser import Recognition
+from ehar.sensor import Sensed
+from recognition.calibration import Temperature
+from recognition.causal import CausalCTRGCN, StreamingState
+from recognition.ctrgcn import CTRGCN
+from recognition.features import features
+from recognition.graph import parents
+from recognition.networks import NetworkSpec
+
+
+class _Recogniser:
+    """What both forms share: features of arrays, and calibrated log-probabilities."""
+
+    def __init__(self, spec: NetworkSpec, temperature: Temperature, sha256: str, device: str) -> None:
+        self.spec = spec
+        self.class_names = spec.class_names
+        self.temperature = temperature
+        self.sha256 = sha256
+        self.device = torch.device(device)
+        self._parents = torch.from_numpy(parents(spec.skeleton)).to(self.device)
+        self._camera = Camera()
+
+    def _features(self, sensed: Sensed, viewpoint: FloatArray) -> Tensor:
+        """Return features (..., P, J, C) on the device."""
+        to = self._to_device
+        return features(to(sensed.joints_2d), to(sensed.confidence), to(viewpoint[..., 0]), self._parents, self._camera)
+
+    def _to_device(self, array: FloatArray) -> Tensor:
+        return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32)).to(self.device)
+
+    def _recognition(self, logits: Tensor, embedding: Tensor, count: IntArray) -> Recognition:
+        """Return calibrated arrays of logits (B, F, K) and embeddings (B, F, D) after `count` (B,) frames."""
+        temperature = self._to_device(self.temperature.at(count / self.spec.length))
+        log_probs = torch.log_softmax(logits / temperature[:, None, None], dim=-1)
+        return Recognition(log_probs.cpu().numpy(), embedding.cpu().numpy())
+
+
+@dataclass(frozen=True)
+class RecogniserState:
+    """The streaming network's state behind arrays; see `ehar.recogniser.RecogniserState`."""
+
+    network: StreamingState
+
+    def fork(self, forks: int) -> "RecogniserState":
+        """Return a state of F alternatives an episode; nothing is copied."""
+        return RecogniserState(self.network.fork(forks))
+
+    def select(self, choice: IntArray) -> "RecogniserState":
+        """Return the unforked state of alternative `choice` (B,) of each episode."""
+        return RecogniserState(self.network.select(torch.from_numpy(np.asarray(choice, dtype=np.int64))))
+
+    def reset(self, mask: BoolArray) -> "RecogniserState":
+        """Return a state in which the episodes of `mask` (B,) have seen nothing yet."""
+        return RecogniserState(self.network.reset(torch.from_numpy(np.asarray(mask, dtype=bool))))
+
+
+class StreamingRecogniser(_Recogniser):
+    """The causal network, one frame at a time: the same cost at every frame.
+
+    Args:
+        network: trained.
+        spec: what it was built for.
+        temperature: fitted on validation data.
+        sha256: of weights and temperature, recorded beside results.
+        device: a torch device.
+    """
+
+    def __init__(
+        self, *, network: CausalCTRGCN, spec: NetworkSpec, temperature: Temperature, sha256: str, device: str = "cpu"
+    ) -> None:
+        """Put the network in evaluation mode on the device."""
+        super().__init__(spec, temperature, sha256, device)
+        self._network = network.to(self.device).eval()
+        self.embedding_size = network.embedding_size
+
+    def start(self, episodes: int) -> RecogniserState:
+        """Return the state of B episodes that have seen nothing."""
+        with torch.inference_mode():
+            return RecogniserState(self._network.start(episodes, self.spec.persons))
+
+    def step(
+        self, state: RecogniserState, sensed: Sensed, viewpoint: FloatArray
+    ) -> tuple[Recognition, RecogniserState]:
+        """See one more frame; shapes as in `ehar.recogniser.Recogniser.step`."""
+        with torch.inference_mode():
+            forked = state.network.forks > 1
+            seen = self._features(sensed, viewpoint)
+            logits, embedding, after = self._network.step(seen if forked else seen[:, None], state.network)
+            recognition = self._recognition(logits, embedding, after.count.cpu().numpy())
+        if not forked:
+            recognition = Recognition(*(array[:, 0] for array in recognition))
+        return recognition, RecogniserState(after)
+
+
+@dataclass(frozen=True)
+class PrefixState:
+    """All frames seen so far: the published network has no other memory."""
+
+    frames: tuple[Tensor, ...]  # each (B, F', P, J, C), zero where an episode had not begun
+    begin: IntArray  # (B,) the first frame of each episode
+    forks: int = 1
+
+    def fork(self, forks: int) -> "PrefixState":
+        """Return a state of F alternatives an episode; nothing is copied."""
+        return replace(self, forks=forks)
+
+    def select(self, choice: IntArray) -> "PrefixState":
+        """Return the unforked state of alternative `choice` (B,) of each episode."""
+        rows = torch.arange(len(choice))
+        index = torch.from_numpy(np.asarray(choice, dtype=np.int64))
+        frames = tuple(f if f.shape[1] == 1 else f[rows, index][:, None] for f in self.frames)
+        return replace(self, frames=frames, forks=1)
+
+    def reset(self, mask: BoolArray) -> "PrefixState":
+        """Return a state in which the episodes of `mask` (B,) have seen nothing yet."""
+        return replace(self, begin=np.where(mask, len(self.frames), self.begin))
+
+
+class PrefixRecogniser(_Recogniser):
+    """The published network, evaluated on each prefix anew: the yardstick, whose cost grows with the frame.
+
+    Args:
+        network: trained.
+        spec: what it was built for.
+        temperature: fitted on validation data.
+        sha256: of weights and temperature, recorded beside results.
+        device: a torch device.
+    """
+
+    def __init__(
+        self, *, network: CTRGCN, spec: NetworkSpec, temperature: Temperature, sha256: str, device: str = "cpu"
+    ) -> None:
+        """Put the network in evaluation mode on the device."""
+        super().__init__(spec, temperature, sha256, device)
+        self._network = network.to(self.device).eval()
+        self.embedding_size = spec.widths[-1]
+
+    def start(self, episodes: int) -> PrefixState:
+        """Return the state of B episodes that have seen nothing."""
+        return PrefixState((), np.zeros(episodes, dtype=np.int64))
+
+    def step(self, state: PrefixState, sensed: Sensed, viewpoint: FloatArray) -> tuple[Recognition, PrefixState]:
+        """See one more frame; shapes as in `ehar.recogniser.Recogniser.step`."""
+        with torch.inference_mode():
+            forked = state.forks > 1
+            seen = self._features(sensed, viewpoint)
+            after = replace(state, frames=(*state.frames, seen if forked else seen[:, None]))
+            prefix = torch.stack([frame.expand(-1, state.forks, -1, -1, -1) for frame in after.frames], dim=2)
+            count = len(after.frames) - state.begin
+            logits = prefix.new_empty(*prefix.shape[:2], len(self.class_names))
+            embedding = prefix.new_empty(*prefix.shape[:2], self.embedding_size)
+            for frames in np.unique(count):  # episodes that began together have prefixes of one length
+                rows = torch.from_numpy(np.flatnonzero(count == frames))
+                clips = prefix[rows, :, -int(frames) :]
+                embedded = self._network.embed(clips.flatten(0, 1).permute(0, 4, 1, 3, 2))
+                embedding[rows] = embedded.view(len(rows), state.forks, -1)
+                logits[rows] = self._network.fc(embedded).view(len(rows), state.forks, -1)
+            recognition = self._recognition(logits, embedding, count)
+        if not forked:
+            recognition = Recognition(*(array[:, 0] for array in recognition))
+        return recognition, after

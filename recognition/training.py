@@ -1,0 +1,306 @@
+"""Train a recogniser: all observation ratios at once, early stopping, checkpoints that a stopped run resumes from."""
+
+import ctypes
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from ehar.arrays import FloatArray
+from ehar.datasets.source import load_data
+from ehar.errors import ModelError, UsageError
+from ehar.estimator import make_sensor
+from ehar.scenario import split_parts
+from recognition.calibration import fit_temperature
+from recognition.causal import CausalCTRGCN
+from recognition.clips import Clips, ClipSource
+from recognition.networks import Form, Network, NetworkSpec, Size
+from recognition.views import REGIMES
+from recognition.weights import recogniser_path, save_recogniser
+
+WARM_UP = 0.05  # share of the steps in which the learning rate rises
+GRADIENT_NORM = 1.0  # gradients are clipped to it
+VALIDATION_CLIPS = 384
+VALIDATION_SEED = 1_000_003  # clips drawn once, the same for every run on the same data
+PREFIXES = 10  # observation ratios at which the published form, which has no cheap prefixes, is validated
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingConfig:
+    """How a recogniser is trained.
+
+    Args:
+        data: "duo", "solo", or an .npz file.
+        out: models directory to write to.
+        sensor: "perfect" or "estimator".
+        views: "moving" or "paper".
+        form: "causal" streams; "ctrgcn" is the published network, trained on prefixes of random length.
+        size: "small" for 2 CPU cores, or the "published" widths.
+        length: L, frames of a clip.
+        fps: resample the motion first; None keeps its rate.
+        clips: training clips in all, each drawn anew.
+        batch: clips a step.
+        learning_rate: peak of the schedule (AdamW).
+        weight_decay: of AdamW.
+        evaluations: how often validation is looked at, and a checkpoint kept.
+        patience: evaluations without a better validation NLL after which training stops.
+        seed: of initial weights, clips and dropout.
+        device: a torch device.
+        threads: of the CPU that torch uses; 0 leaves it to torch.
+    """
+
+    data: str
+    out: Path
+    sensor: str = "perfect"
+    views: str = "moving"
+    form: Form = "causal"
+    size: Size = "small"
+    length: int = 60
+    fps: float | None = None
+    clips: int = 24_000
+    batch: int = 32
+    learning_rate: float = 3e-3
+    weight_decay: float = 0.02
+    evaluations: int = 20
+    patience: int = 8
+    seed: int = 0
+    device: str = "cpu"
+    threads: int = 0
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """One look at the validation clips."""
+
+    step: int
+    train_loss: float
+    nll: float
+    accuracy: float  # mean over frames, in [0, 1]
+
+
+Report = Callable[[int, int, "Evaluation | None"], None]  # (step, steps, an evaluation if there was one)
+
+
+def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Evaluation:
+    """Train, calibrate and save a recogniser; return its best evaluation.
+
+    A step's clips, dropout and learning rate depend on its number and the seed only, so a run that is stopped
+    and started again ends as one that ran through.
+
+    Args:
+        config: what to train on, and how.
+        report: told about every step.
+
+    Raises:
+        UsageError: an option is unknown, or `out` holds a checkpoint of another run.
+        DataError: the data is malformed, or has no training sequence of `length` frames.
+        ModelError: the loss is not finite.
+    """
+    if config.views not in REGIMES:
+        raise UsageError(f"unknown --views {config.views!r}: expected one of {', '.join(REGIMES)}")
+    if config.threads:
+        torch.set_num_threads(config.threads)
+    _keep_freed_memory()
+    return _Run(config).train(report or (lambda step, steps, evaluation: None))
+
+
+class _Run:
+    """One training run: its data, network, optimiser, and what it has seen on validation."""
+
+    def __init__(self, config: TrainingConfig) -> None:
+        self.config = config
+        data = load_data(config.data, fps=config.fps)
+        parts = split_parts(data)
+        sensor = make_sensor(config.sensor, data.skeleton)
+
+        def source(sequences: Any, augment: bool) -> ClipSource:
+            return ClipSource(
+                data=data,
+                sequences=sequences,
+                length=config.length,
+                sensor=sensor,
+                views=config.views,
+                augment=augment,
+            )
+
+        self.source = source(parts.recogniser, augment=True)
+        # Where the validation part has no sequence that is long enough, the recogniser's own part has to do.
+        long_enough = parts.validation[data.lengths[parts.validation] >= config.length]
+        held_out = source(long_enough if len(long_enough) else parts.recogniser, augment=False)
+        self.validation = held_out.draw(np.random.default_rng(VALIDATION_SEED), VALIDATION_CLIPS)
+        self.spec = NetworkSpec.of(data, form=config.form, size=config.size, length=config.length)
+        self.data_sha256 = data.sha256
+        self.device = torch.device(config.device)
+        self.network: Network = self.spec.build(config.seed).to(self.device)
+        self.optimiser = torch.optim.AdamW(
+            self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
+        )
+        self.steps = max(1, config.clips // config.batch)
+        self.step = 0
+        self.evaluations: list[Evaluation] = []
+        self.best: dict[str, Tensor] = {}
+        self.path = recogniser_path(config.out, form=config.form, sensor=config.sensor, views=config.views)
+        self.checkpoint = self.path.with_suffix(".checkpoint")
+
+    def train(self, report: Report) -> Evaluation:
+        self._resume()
+        interval = max(1, self.steps // self.config.evaluations)
+        losses: list[float] = []
+        while self.step < self.steps and not self._stalled():
+            losses.append(self._learn())
+            evaluation = None
+            if self.step % interval == 0 or self.step == self.steps:
+                evaluation = self._evaluate(float(np.mean(losses)))
+                losses = []
+                self._save_checkpoint()
+            report(self.step, self.steps, evaluation)
+        return self._finish()
+
+    def _learn(self) -> float:
+        """Make one step and return its loss."""
+        config = self.config
+        rng = np.random.default_rng((config.seed, self.step))
+        clips = self.source.draw(rng, config.batch)
+        for group in self.optimiser.param_groups:
+            group["lr"] = config.learning_rate * _schedule(self.step / self.steps)
+        self.network.train()
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(int(rng.integers(2**31)))  # dropout
+            loss = self._loss(clips, rng)
+        value = float(loss.detach())
+        if not np.isfinite(value):
+            raise ModelError(f"{self.path.name}: the loss is {value} at step {self.step}: expected a finite one")
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), GRADIENT_NORM)
+        self.optimiser.step()
+        self.step += 1
+        return value
+
+    def _loss(self, clips: Clips, rng: np.random.Generator) -> Tensor:
+        """Return the cross-entropy, averaged over clips and frames (over clips, of one prefix, as published)."""
+        seen, labels = clips.features.to(self.device), clips.labels.to(self.device)
+        if isinstance(self.network, CausalCTRGCN):
+            logits = self.network(seen)
+            frames = logits.shape[1]
+            return functional.cross_entropy(logits.flatten(0, 1), labels.repeat_interleave(frames))
+        prefix = int(rng.integers(1, self.config.length + 1))
+        return functional.cross_entropy(self.network(seen[:, :prefix].permute(0, 4, 1, 3, 2)), labels)
+
+    def _logits(self, clips: Clips) -> FloatArray:
+        """Return validation logits (N, L, K); the published form fills the frames between its prefixes."""
+        self.network.eval()
+        pieces = []
+        length = self.config.length
+        with torch.inference_mode():
+            for seen in torch.split(clips.features, self.config.batch):
+                batch = seen.to(self.device)
+                if isinstance(self.network, CausalCTRGCN):
+                    pieces.append(self.network(batch).cpu())
+                else:
+                    ends = np.unique(np.ceil(np.arange(1, PREFIXES + 1) / PREFIXES * length).astype(int))
+                    known = [self.network(batch[:, :end].permute(0, 4, 1, 3, 2)).cpu() for end in ends]
+                    pieces.append(torch.stack([known[i] for i in np.searchsorted(ends, np.arange(1, length + 1))], 1))
+        return torch.cat(pieces).numpy()
+
+    def _evaluate(self, train_loss: float) -> Evaluation:
+        """Look at the validation clips and remember the best weights."""
+        logits = torch.from_numpy(self._logits(self.validation))
+        labels = self.validation.labels[:, None].expand(logits.shape[:2])
+        nll = float(functional.cross_entropy(logits.flatten(0, 1), labels.flatten()))
+        accuracy = float((logits.argmax(dim=-1) == labels).float().mean())
+        if nll < min((past.nll for past in self.evaluations), default=float("inf")):
+            self.best = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
+        evaluation = Evaluation(self.step, train_loss, nll, accuracy)
+        self.evaluations.append(evaluation)
+        return evaluation
+
+    def _stalled(self) -> bool:
+        """Return whether validation has not improved for `patience` evaluations."""
+        if not self.evaluations:
+            return False
+        best = min(range(len(self.evaluations)), key=lambda i: self.evaluations[i].nll)
+        return len(self.evaluations) - 1 - best >= self.config.patience
+
+    def _finish(self) -> Evaluation:
+        """Calibrate and save the best weights, and remove the checkpoint."""
+        self.network.load_state_dict(self.best)
+        temperature = fit_temperature(self._logits(self.validation), self.validation.labels.numpy())
+        history = {
+            "config": _describe(self.config),
+            "data_sha256": self.data_sha256,
+            "evaluations": [asdict(evaluation) for evaluation in self.evaluations],
+        }
+        save_recogniser(self.path, self.network, self.spec, temperature, history)
+        self.checkpoint.unlink(missing_ok=True)
+        return min(self.evaluations, key=lambda evaluation: evaluation.nll)
+
+    def _save_checkpoint(self) -> None:
+        """Keep everything that the next steps depend on."""
+        self.checkpoint.parent.mkdir(parents=True, exist_ok=True)
+        temporary = self.checkpoint.with_suffix(".part")
+        torch.save(
+            {
+                "config": json.dumps(_describe(self.config), sort_keys=True),
+                "data": self.data_sha256,
+                "network": self.network.state_dict(),
+                "best": self.best,
+                "optimiser": self.optimiser.state_dict(),
+                "step": self.step,
+                "evaluations": [asdict(evaluation) for evaluation in self.evaluations],
+            },
+            temporary,
+        )
+        temporary.replace(self.checkpoint)
+
+    def _resume(self) -> None:
+        """Go on from the checkpoint, if there is one of this very run."""
+        if not self.checkpoint.is_file():
+            return
+        try:
+            saved = torch.load(self.checkpoint, weights_only=True, map_location=self.device)
+            same = saved["config"] == json.dumps(_describe(self.config), sort_keys=True)
+            same = same and saved["data"] == self.data_sha256
+        except Exception as error:  # torch raises what the damage happens to cause
+            raise ModelError(f"{self.checkpoint}: expected a training checkpoint, got {error!r}") from error
+        if not same:
+            raise UsageError(
+                f"{self.checkpoint}: a checkpoint of a run with other options or data: "
+                f"run with those, remove it, or choose another --out"
+            )
+        self.network.load_state_dict(saved["network"])
+        self.optimiser.load_state_dict(saved["optimiser"])
+        self.best, self.step = saved["best"], saved["step"]
+        self.evaluations = [Evaluation(**evaluation) for evaluation in saved["evaluations"]]
+
+
+def _describe(config: TrainingConfig) -> dict[str, Any]:
+    """Return what decides the result of a run, for JSON: neither where it goes nor on how many threads."""
+    described = asdict(config)
+    for field in ("out", "threads", "device"):
+        del described[field]
+    return described
+
+
+def _schedule(progress: float) -> float:
+    """Return the learning rate as a share of its peak: a linear rise, then a cosine to zero."""
+    if progress < WARM_UP:
+        return (progress + 1e-3) / (WARM_UP + 1e-3)
+    return 0.5 * (1 + float(np.cos(np.pi * (progress - WARM_UP) / (1 - WARM_UP))))
+
+
+def _keep_freed_memory() -> None:
+    """Have glibc keep large freed blocks: mapping them anew for every layer took half of the time."""
+    if sys.platform == "linux":
+        trim_threshold, mmap_threshold, gigabyte = -1, -3, 1 << 30
+        libc = ctypes.CDLL(None)
+        if hasattr(libc, "mallopt"):
+            libc.mallopt(mmap_threshold, gigabyte)
+            libc.mallopt(trim_threshold, 2 * gigabyte - 1)
