@@ -161,7 +161,7 @@ def duo(seed: int = 0) -> MotionData:
     scenes = []
     for performance in programme:
         couple = (actors[2 * performance.cast], actors[2 * performance.cast + 1])
-        shortest, longest = (170, 195) if performance.take % 5 == 3 else (112, 150)
+        shortest, longest = (170, 195) if performance.take % 5 == 3 else (118, 150)
         frames = int(rng.integers(shortest, longest))
         scenes.append(_dance_together(rng, figures[performance.label], couple, frames))
     return _collect("duo", DUO_FPS, tuple(duo_activities.ACTIVITIES), programme, scenes)
