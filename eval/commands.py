@@ -11,8 +11,9 @@ from typing import Annotated, Literal
 import tyro
 from rich.console import Console
 
-from ehar.errors import UsageError
+from eval.progress import TrainingProgress
 from eval.tables import Rendered, render_summary
+from recognition.training_config import TrainingConfig
 
 PIPED_WIDTH = 160  # columns where standard output is no terminal
 
@@ -136,35 +137,26 @@ class HeadroomCommand:
 
 @dataclass(frozen=True)
 class TrainRecogniser:
-    """Train a streaming recogniser on the recogniser part of some data.
+    """Train a recogniser on the recogniser part of some data; stopped and started again, it resumes.
 
     Args:
         what: to train.
-        data: duo, solo, or the path of a prepared .npz.
-        out: folder for the weights and the checkpoint that training resumes from.
-        sensor: perfect or estimator.
-        views: the cameras to train on, moving or paper.
-        size: small, or the published widths.
-        length: frames in an episode.
-        fps: frame rate to resample to.
-        seed: of weights, batches and cameras.
-        device: cpu or cuda.
+        config: how.
     """
 
     what: tyro.conf.Positional[Literal["recogniser"]]
-    data: str
-    out: Path
-    sensor: str = "perfect"
-    views: str = "moving"
-    size: Literal["small", "published"] = "small"
-    length: int = 60
-    fps: float | None = None
-    seed: int = 0
-    device: str = "cpu"
+    config: tyro.conf.OmitArgPrefixes[TrainingConfig]
 
     def __call__(self) -> None:
         """Train, resuming where a checkpoint lies in `out`."""
-        raise UsageError("ehar train recogniser: not there yet")
+        from recognition.training import train_recogniser
+
+        with TrainingProgress() as progress:
+            best = train_recogniser(self.config, progress.report)
+        print(
+            f"best at step {best.step}: validation accuracy {100 * best.accuracy:.1f} % (mean over frames), "
+            f"NLL {best.nll:.3f}; written to {self.config.out}"
+        )
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,12 @@
 """What is said while a run goes on: a progress bar where there is a terminal, lines where there is none."""
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+if TYPE_CHECKING:
+    from recognition.training import Evaluation
 
 
 class Reporter(Protocol):
@@ -22,22 +25,27 @@ class Reporter(Protocol):
         """Hear that no more jobs follow."""
 
 
+def _bar(console: Console) -> Progress:
+    """Return a bar that is drawn on a terminal only, and leaves nothing behind."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+
+
 class ConsoleReporter:
     """Reports on standard error, which leaves standard output to results."""
 
     def __init__(self) -> None:
         """Create the reporter; it draws nothing yet."""
         self._console = Console(stderr=True)
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            console=self._console,
-            transient=True,
-            disable=not self._console.is_terminal,
-        )
+        self._bar = _bar(self._console)
 
     def note(self, line: str) -> None:
         """Print a line."""
@@ -58,3 +66,33 @@ class ConsoleReporter:
         self._bar.stop()
         for task in self._bar.task_ids:
             self._bar.remove_task(task)
+
+
+class TrainingProgress:
+    """A bar over the steps of a training run, and a line for each look at the validation clips."""
+
+    def __init__(self) -> None:
+        """Create the bar; it is drawn on standard error, and only on a terminal."""
+        self._console = Console(stderr=True)
+        self._bar = _bar(self._console)
+
+    def __enter__(self) -> "TrainingProgress":
+        """Draw the bar."""
+        self._bar.start()
+        self._task = self._bar.add_task("training")
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Take the bar away."""
+        self._bar.stop()
+
+    def report(self, step: int, steps: int, evaluation: "Evaluation | None") -> None:
+        """Advance to a step; say what an evaluation found."""
+        self._bar.update(self._task, completed=step, total=steps)
+        if evaluation is not None:
+            self._console.print(
+                f"step {step} of {steps}: training loss {evaluation.train_loss:.3f}, validation NLL "
+                f"{evaluation.nll:.3f}, accuracy {100 * evaluation.accuracy:.1f} %",
+                highlight=False,
+                soft_wrap=True,
+            )

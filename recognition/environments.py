@@ -1,11 +1,6 @@
-"""`ehar/Grid-v0` for Gymnasium: the task on real or built-in motion, with a trained recogniser.
-
-Importing this module registers the id: `gymnasium.make("recognition.environments:ehar/Grid-v0")` does both.
-"""
+"""What `ehar/Grid-v0` makes for Gymnasium: the task on real or built-in motion, with a trained recogniser."""
 
 from pathlib import Path
-
-import gymnasium as gym
 
 from ehar.datasets.source import load_data
 from ehar.env import GridEnv, GridVectorEnv
@@ -16,18 +11,7 @@ from ehar.scenario import Scenarios, split_parts, windows
 from ehar.sensor import Sensor
 from recognition.weights import load_recogniser
 
-GRID_ID = "ehar/Grid-v0"
 PARTS = ("recogniser", "policy", "validation", "test")
-
-
-def register() -> None:
-    """Make `ehar/Grid-v0` known to Gymnasium."""
-    if GRID_ID not in gym.registry:
-        gym.register(
-            id=GRID_ID,
-            entry_point="recognition.environments:grid_env",
-            vector_entry_point="recognition.environments:grid_vector_env",
-        )
 
 
 def grid_env(
@@ -84,6 +68,3 @@ def _load(
     directory = None if models is None else Path(models)
     recogniser = load_recogniser(directory, motion, sensor=sensor, views=views)
     return scenarios, recogniser, make_sensor(sensor, motion.skeleton)
-
-
-register()

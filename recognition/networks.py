@@ -1,7 +1,6 @@
 """Which network: the causal form or the published one, in the small or the published size."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import torch
 
@@ -11,9 +10,8 @@ from recognition.causal import CausalCTRGCN
 from recognition.ctrgcn import CTRGCN, PUBLISHED_STRIDES, PUBLISHED_WIDTHS
 from recognition.features import CHANNELS
 from recognition.graph import partition
+from recognition.training_config import Form, Size
 
-Form = Literal["causal", "ctrgcn"]
-Size = Literal["small", "published"]
 Network = CausalCTRGCN | CTRGCN
 
 SMALL_WIDTHS = (32, 32, 48, 64)

@@ -16,8 +16,9 @@ from ehar.motion_data import MotionData
 from ehar.skeleton import Skeleton
 from recognition.calibration import Temperature
 from recognition.causal import CausalCTRGCN
-from recognition.networks import Form, Network, NetworkSpec
+from recognition.networks import Network, NetworkSpec
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
+from recognition.training_config import Form
 
 SHIPPED = Path(__file__).parent / "weights"
 

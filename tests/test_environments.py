@@ -15,7 +15,7 @@ from ehar.env import GridVectorEnv
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.motion_file import load_motion, save_motion
 from recognition.calibration import Temperature
-from recognition.environments import GRID_ID, grid_env, register
+from recognition.environments import grid_env
 from recognition.networks import NetworkSpec
 from recognition.weights import recogniser_path, save_recogniser
 
@@ -35,7 +35,7 @@ def chosen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 
 def test_the_single_environment_by_its_name(chosen: dict[str, Any]) -> None:
-    env = gym.make(GRID_ID, **chosen)
+    env = gym.make("ehar/Grid-v0", **chosen)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of embeddings without bounds
         check_env(env.unwrapped)
@@ -46,7 +46,7 @@ def test_the_single_environment_by_its_name(chosen: dict[str, Any]) -> None:
 
 
 def test_the_batched_environment_by_its_name(chosen: dict[str, Any]) -> None:
-    env = gym.make_vec(GRID_ID, num_envs=8, vectorization_mode="vector_entry_point", **chosen)
+    env = gym.make_vec("ehar/Grid-v0", num_envs=8, vectorization_mode="vector_entry_point", **chosen)
     assert isinstance(env.unwrapped, GridVectorEnv)
     observations, _ = env.reset(seed=0)
     assert observations in env.observation_space
@@ -54,13 +54,6 @@ def test_the_batched_environment_by_its_name(chosen: dict[str, Any]) -> None:
         observations, _, _, _, _ = env.step(env.action_space.sample())
         assert observations in env.observation_space
     np.testing.assert_allclose(observations["ratio"], 4 / LENGTH)
-
-
-def test_registering_twice_is_no_matter() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        register()
-    assert GRID_ID in gym.registry
 
 
 def test_what_is_unknown_or_missing(chosen: dict[str, Any], tmp_path: Path) -> None:
