@@ -13,7 +13,7 @@ from rich.console import Console
 
 from eval.progress import TrainingProgress
 from eval.tables import Rendered, render_summary
-from recognition.training_config import TrainingConfig
+from recognition.training_config import Form, TrainingConfig
 
 PIPED_WIDTH = 160  # columns where standard output is no terminal
 
@@ -38,6 +38,7 @@ class Benchmark:
         models: folder of recogniser weights; by default those that ship, for duo and solo.
         sensor: perfect (exact 2D joints) or estimator (noise, occlusion, dropout, swaps).
         views: the cameras the recogniser was trained on, moving or paper.
+        form: causal streams; ctrgcn is the published network, evaluated anew on every prefix.
         track: how cameras move; ideal is the paper's grid.
         starts: start viewpoints for each test scenario.
         seed: of start viewpoints, noise and random planners.
@@ -52,6 +53,7 @@ class Benchmark:
     models: Path | None = None
     sensor: str = "perfect"
     views: str = "moving"
+    form: Form = "causal"
     track: str = "ideal"
     starts: int = 1
     seed: int = 0
@@ -70,6 +72,7 @@ class Benchmark:
             models=self.models,
             sensor=self.sensor,
             views=self.views,
+            form=self.form,
             track=self.track,
             starts=self.starts,
             seed=self.seed,

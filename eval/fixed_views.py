@@ -145,7 +145,7 @@ def headroom(
     reporter = reporter or ConsoleReporter()
     check_options(seed=seed, workers=workers)
     viewpoints = viewpoint_map(distance, azimuths, polars)
-    setting = load_setting(data=data, models=models, sensor=sensor, views=views, fps=fps)
+    setting = load_setting(data=data, models=models, sensor=sensor, views=views, form="causal", fps=fps)
     motion, parts = setting.data, split_parts(setting.data)
     config = HeadroomConfig(
         source=setting.source,

@@ -38,6 +38,7 @@ class RunConfig:
     recogniser_sha256: str
     sensor: str
     views: str
+    form: str
     track: str
     starts: int
     seed: int

@@ -15,8 +15,8 @@ from eval.jobs import TRACKS, Interrupted, PlannerRun, World, run_planners
 from eval.progress import ConsoleReporter, Reporter
 from eval.results import RunConfig, check_out, installed_versions, planner_config, write_run, write_text
 from eval.summary import Summary, summarise
-
-VIEWS = ("moving", "paper")  # the recogniser's training regimes
+from recognition.training_config import FORMS, Form
+from recognition.views import REGIMES
 
 
 def benchmark(
@@ -26,6 +26,7 @@ def benchmark(
     models: Path | None = None,
     sensor: str = "perfect",
     views: str = "moving",
+    form: Form = "causal",
     track: str = "ideal",
     starts: int = 1,
     seed: int = 0,
@@ -43,6 +44,7 @@ def benchmark(
         models: folder of recogniser weights; None takes those that ship with ehar, for `duo` and `solo`.
         sensor: `perfect` or `estimator`.
         views: the cameras that the recogniser was trained on, `moving` or `paper`.
+        form: of the recogniser: `causal` streams, `ctrgcn` is the published network on every prefix (slow).
         track: how cameras move; `ideal` is the paper's grid.
         starts: start viewpoints for each test scenario.
         seed: of start viewpoints, the sensor's noise and the planners' own draws.
@@ -59,7 +61,7 @@ def benchmark(
     reporter = reporter or ConsoleReporter()
     check_options(track=track, starts=starts, seed=seed, workers=workers)
     chosen = resolve_planners(planners)
-    setting = load_setting(data=data, models=models, sensor=sensor, views=views, fps=fps)
+    setting = load_setting(data=data, models=models, sensor=sensor, views=views, form=form, fps=fps)
     scenarios = cut_scenarios(setting.data, split_parts(setting.data).test, length, reporter.note)
     config = RunConfig(
         source=setting.source,
@@ -69,6 +71,7 @@ def benchmark(
         recogniser_sha256=setting.recogniser_sha256,
         sensor=sensor,
         views=views,
+        form=form,
         track=track,
         starts=starts,
         seed=seed,
@@ -103,7 +106,7 @@ class Setting:
 
 
 def load_setting(
-    *, data: str | Path | MotionData, models: Path | None, sensor: str, views: str, fps: float | None
+    *, data: str | Path | MotionData, models: Path | None, sensor: str, views: str, form: Form, fps: float | None
 ) -> Setting:
     """Load data, recogniser and sensor; the arguments are those of `benchmark`."""
     # Here, as they bring torch, which `ehar --help` does not wait for.
@@ -111,8 +114,10 @@ def load_setting(
     from ehar.estimator import make_sensor
     from recognition.weights import load_recogniser
 
-    if views not in VIEWS:
-        raise UsageError(f"unknown views {views!r}; expected {' or '.join(VIEWS)}")
+    if views not in REGIMES:
+        raise UsageError(f"unknown views {views!r}; expected {' or '.join(REGIMES)}")
+    if form not in FORMS:
+        raise UsageError(f"unknown form {form!r}; expected {' or '.join(FORMS)}")
     if isinstance(data, MotionData):
         motion = data if fps is None else data.resampled(fps)
     else:
@@ -120,7 +125,7 @@ def load_setting(
     source = data.name if isinstance(data, MotionData) else str(data)
     eye = make_sensor(sensor, motion.skeleton)
     directory = None if models is None else Path(models)
-    recogniser = load_recogniser(directory, motion, sensor=sensor, views=views)
+    recogniser = load_recogniser(directory, motion, sensor=sensor, views=views, form=form)
     return Setting(source, motion, recogniser, recogniser.sha256, eye)
 
 

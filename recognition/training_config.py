@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 Form = Literal["causal", "ctrgcn"]
 Size = Literal["small", "published"]
+FORMS: tuple[Form, ...] = get_args(Form)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +41,7 @@ class TrainingConfig:
     size: Size = "small"
     length: int = 60
     fps: float | None = None
-    clips: int = 24_000
+    clips: int = 15_000
     batch: int = 32
     learning_rate: float = 3e-3
     weight_decay: float = 0.02

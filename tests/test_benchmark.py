@@ -255,6 +255,7 @@ def test_a_class_without_test_sequence() -> None:
         ({"track": "rail"}, "unknown track 'rail'; known: ideal"),
         ({"sensor": "lidar"}, "unknown sensor 'lidar'"),
         ({"views": "birds"}, "unknown views 'birds'"),
+        ({"form": "square"}, "unknown form 'square'"),
         ({"starts": 0}, "starts: expected at least 1, got 0"),
         ({"workers": 0}, "workers: expected at least 1, got 0"),
         ({"seed": -1}, "seed: expected at least 0, got -1"),

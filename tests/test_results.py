@@ -21,6 +21,7 @@ CONFIG_OF_RUN = RunConfig(
     recogniser_sha256="1",
     sensor="perfect",
     views="moving",
+    form="causal",
     track="ideal",
     starts=1,
     seed=0,
