@@ -71,4 +71,5 @@ class NetworkSpec:
                 adjacency=topology,
                 widths=self.widths,
                 strides=PUBLISHED_STRIDES if self.size == "published" else (1,) * len(SMALL_WIDTHS),
+                generator=torch.Generator().manual_seed(seed),
             )
