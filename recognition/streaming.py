@@ -61,7 +61,8 @@ class RecogniserState:
 
     def reset(self, mask: BoolArray) -> "RecogniserState":
         """Return a state in which the episodes of `mask` (B,) have seen nothing yet."""
-        return RecogniserState(self.network.reset(torch.from_numpy(np.asarray(mask, dtype=bool))))
+        rows = torch.from_numpy(np.asarray(mask, dtype=bool)).to(self.network.count.device)
+        return RecogniserState(self.network.reset(rows))
 
 
 class StreamingRecogniser(_Recogniser):
