@@ -22,6 +22,11 @@ class Temperature:
 
     log_temperatures: tuple[float, ...] = (0.0,) * len(KNOTS)
 
+    def __post_init__(self) -> None:
+        """Raise ValueError for anything but one finite number a knot."""
+        if len(self.log_temperatures) != len(KNOTS) or not np.isfinite(self.log_temperatures).all():
+            raise ValueError(f"log_temperatures: expected {len(KNOTS)} finite numbers, got {self.log_temperatures}")
+
     def at(self, ratio: FloatArray) -> FloatArray:
         """Return the temperatures at observation ratios; beyond 1, that of 1."""
         return np.exp(np.interp(ratio, KNOTS, self.log_temperatures))

@@ -5,7 +5,7 @@ import json
 import os
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save
@@ -18,7 +18,7 @@ from recognition.calibration import Temperature
 from recognition.causal import CausalCTRGCN
 from recognition.networks import Network, NetworkSpec
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
-from recognition.training_config import Form
+from recognition.training_config import Form, Size
 
 SHIPPED = Path(__file__).parent / "weights"
 
@@ -113,8 +113,13 @@ def _read_description(path: Path) -> tuple[NetworkSpec, Temperature]:
             fps=float(fields["fps"]),
             length=int(fields["length"]),
         )
+        for field, known in (("form", get_args(Form)), ("size", get_args(Size))):
+            if fields[field] not in known:
+                raise ValueError(f"{field}: expected one of {', '.join(known)}, got {fields[field]!r}")
+        if spec.length < 1:
+            raise ValueError(f"length: expected at least 1 frame, got {spec.length}")
         temperature = Temperature(tuple(float(value) for value in description["log_temperatures"]))
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError, OSError) as error:
         raise ModelError(f"{path}: expected the JSON that `ehar train recogniser` writes, got {error!r}") from error
     return spec, temperature
 
@@ -135,6 +140,9 @@ def _load_state(path: Path, network: Network) -> None:
         raise ModelError(
             f"{path}: {len(wrong)} tensors do not fit the network that the JSON beside it describes, first {wrong[0]!r}"
         )
+    for name, tensor in state.items():
+        if not tensor.isfinite().all():
+            raise ModelError(f"{path}: tensor {name!r} is not finite everywhere")
     network.load_state_dict(state)
 
 
