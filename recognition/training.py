@@ -56,10 +56,13 @@ def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Ev
         report: told about every step.
 
     Raises:
-        UsageError: an option is unknown, or `out` holds a checkpoint of another run.
+        UsageError: an option is unknown or below 1, or `out` holds a checkpoint of another run.
         DataError: the data is malformed, or has no training sequence of `length` frames.
-        ModelError: the loss is not finite.
+        ModelError: the loss is not finite, or the checkpoint is damaged.
     """
+    for field in ("length", "clips", "batch", "evaluations", "patience"):
+        if getattr(config, field) < 1:
+            raise UsageError(f"--{field}: got {getattr(config, field)}, expected at least 1")
     if config.views not in REGIMES:
         raise UsageError(f"unknown --views {config.views!r}: expected one of {', '.join(REGIMES)}")
     if config.threads:
@@ -173,6 +176,10 @@ class _Run:
         labels = self.validation.labels[:, None].expand(logits.shape[:2])
         nll = float(functional.cross_entropy(logits.flatten(0, 1), labels.flatten()))
         accuracy = float((logits.argmax(dim=-1) == labels).float().mean())
+        if not np.isfinite(nll):
+            raise ModelError(
+                f"{self.path.name}: the validation loss is {nll} at step {self.step}: expected a finite one"
+            )
         if nll < min((past.nll for past in self.evaluations), default=float("inf")):
             self.best = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
         evaluation = Evaluation(self.step, train_loss, nll, accuracy)
@@ -225,17 +232,19 @@ class _Run:
             saved = torch.load(self.checkpoint, weights_only=True, map_location=self.device)
             same = saved["config"] == json.dumps(_describe(self.config), sort_keys=True)
             same = same and saved["data"] == self.data_sha256
-        except Exception as error:  # torch raises what the damage happens to cause
-            raise ModelError(f"{self.checkpoint}: expected a training checkpoint, got {error!r}") from error
+            if same:
+                self.network.load_state_dict(saved["network"])
+                self.optimiser.load_state_dict(saved["optimiser"])
+                self.best, self.step = saved["best"], saved["step"]
+                self.evaluations = [Evaluation(**evaluation) for evaluation in saved["evaluations"]]
+        except Exception as error:  # torch raises what the damage happens to cause, at length
+            reason = f"{type(error).__name__}: {error}".splitlines()[0][:120]
+            raise ModelError(f"{self.checkpoint}: expected a training checkpoint, got {reason}") from error
         if not same:
             raise UsageError(
                 f"{self.checkpoint}: a checkpoint of a run with other options or data: "
                 f"run with those, remove it, or choose another --out"
             )
-        self.network.load_state_dict(saved["network"])
-        self.optimiser.load_state_dict(saved["optimiser"])
-        self.best, self.step = saved["best"], saved["step"]
-        self.evaluations = [Evaluation(**evaluation) for evaluation in saved["evaluations"]]
 
 
 def _describe(config: TrainingConfig) -> dict[str, Any]:
