@@ -1,4 +1,4 @@
-"""What the networks see of a frame: joints and bones in the image, in metres at the centre's depth."""
+"""What the networks see of a frame: joints, bones and partners in the image, in metres at the centre's depth."""
 
 import torch
 from torch import Tensor
@@ -7,15 +7,22 @@ from ehar.camera import Camera
 
 JOINT_CHANNELS = 5  # x and y within the person, x and y of the person, confidence
 BONE_CHANNELS = 3  # x and y from parent to joint, confidence
-CHANNELS = JOINT_CHANNELS + BONE_CHANNELS
+PARTNER_CHANNELS = 2  # x and y to the same joint of the other persons, where there are any
+
+
+def channel_count(persons: int) -> int:
+    """Return C, the features of a joint in scenes of P persons."""
+    return JOINT_CHANNELS + BONE_CHANNELS + (PARTNER_CHANNELS if persons > 1 else 0)
 
 
 def features(joints_2d: Tensor, confidence: Tensor, distance: Tensor, parents: Tensor, camera: Camera) -> Tensor:
-    """Return the joint and the bone stream of frames, side by side.
+    """Return the joint, bone and partner streams of frames, side by side.
 
     Pixels are scaled by distance / focal length: the size of a body then does not depend on how far the camera
     stands, only its noise does. Joints are given relative to the mean of the person's seen joints, and that mean
-    beside them, so a network need not learn one from the other. What is missing is 0, with confidence 0.
+    beside them, so a network need not learn one from the other. The network takes in one person at a time, so
+    where there are several each joint also gets the way to the same joint of the others: without it, what two
+    persons do to each other could not be told from what each does alone. What is missing is 0, with confidence 0.
 
     Args:
         joints_2d: (..., P, J, 2) [px].
@@ -25,7 +32,7 @@ def features(joints_2d: Tensor, confidence: Tensor, distance: Tensor, parents: T
         camera: the intrinsics.
 
     Returns:
-        (..., P, J, CHANNELS).
+        (..., P, J, C), C = `channel_count(P)`.
     """
     middle = joints_2d.new_tensor([camera.width / 2, camera.height / 2])
     scale = (distance / camera.focal_length)[..., None, None, None]
@@ -35,4 +42,9 @@ def features(joints_2d: Tensor, confidence: Tensor, distance: Tensor, parents: T
     within = (metres - person) * seen
     bone_confidence = torch.minimum(confidence, confidence[..., parents])[..., None]
     bone = (metres - metres[..., parents, :]) * (bone_confidence > 0)
-    return torch.cat([within, person.expand_as(metres), confidence[..., None], bone, bone_confidence], dim=-1)
+    streams = [within, person.expand_as(metres), confidence[..., None], bone, bone_confidence]
+    if metres.shape[-3] > 1:
+        seen_others = seen.sum(dim=-3, keepdim=True) - seen
+        others = ((metres * seen).sum(dim=-3, keepdim=True) - metres * seen) / seen_others.clamp(min=1)
+        streams.append((others - metres) * seen * (seen_others > 0))
+    return torch.cat(streams, dim=-1)

@@ -8,7 +8,7 @@ from ehar.motion_data import MotionData
 from ehar.skeleton import Skeleton
 from recognition.causal import CausalCTRGCN
 from recognition.ctrgcn import CTRGCN, PUBLISHED_STRIDES, PUBLISHED_WIDTHS
-from recognition.features import CHANNELS
+from recognition.features import channel_count
 from recognition.graph import partition
 from recognition.training_config import Form, Size
 
@@ -58,7 +58,7 @@ class NetworkSpec:
             if self.form == "causal":
                 return CausalCTRGCN(
                     classes=len(self.class_names),
-                    channels=CHANNELS,
+                    channels=channel_count(self.persons),
                     partition=torch.from_numpy(topology),
                     widths=self.widths,
                     dropout=DROPOUT,
@@ -67,7 +67,7 @@ class NetworkSpec:
                 classes=len(self.class_names),
                 joints=len(self.skeleton.joint_names),
                 persons=self.persons,
-                in_channels=CHANNELS,
+                in_channels=channel_count(self.persons),
                 adjacency=topology,
                 widths=self.widths,
                 strides=PUBLISHED_STRIDES if self.size == "published" else (1,) * len(SMALL_WIDTHS),

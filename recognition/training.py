@@ -5,6 +5,7 @@ import json
 import sys
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -63,12 +64,17 @@ def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Ev
     for field in ("length", "clips", "batch", "evaluations", "patience"):
         if getattr(config, field) < 1:
             raise UsageError(f"--{field}: got {getattr(config, field)}, expected at least 1")
+    device_type = config.device.partition(":")[0]
+    if device_type not in ("cpu", "cuda") or (device_type == "cuda" and not torch.cuda.is_available()):
+        raise UsageError(f"--device {config.device}: expected cpu, or cuda where there is such a device")
     if config.views not in REGIMES:
         raise UsageError(f"unknown --views {config.views!r}: expected one of {', '.join(REGIMES)}")
     if config.threads:
         torch.set_num_threads(config.threads)
     _keep_freed_memory()
-    return _Run(config).train(report or (lambda step, steps, evaluation: None))
+    run = _Run(config)
+    _refuse_finished(run.path, run.identity)
+    return run.train(report or (lambda step, steps, evaluation: None))
 
 
 class _Run:
@@ -92,11 +98,12 @@ class _Run:
 
         self.source = source(parts.recogniser, augment=True)
         # Where the validation part has no sequence that is long enough, the recogniser's own part has to do.
-        long_enough = parts.validation[data.lengths[parts.validation] >= config.length]
-        held_out = source(long_enough if len(long_enough) else parts.recogniser, augment=False)
+        self.held_out = bool((data.lengths[parts.validation] >= config.length).any())
+        held_out = source(parts.validation if self.held_out else parts.recogniser, augment=False)
         self.validation = held_out.draw(np.random.default_rng(VALIDATION_SEED), VALIDATION_CLIPS)
         self.spec = NetworkSpec.of(data, form=config.form, size=config.size, length=config.length)
-        self.data_sha256 = data.sha256
+        self.data_title = data.title
+        self.identity = _identify(config, data.sha256)
         self.device = torch.device(config.device)
         self.network: Network = self.spec.build(config.seed).to(self.device)
         self.optimiser = torch.optim.AdamW(
@@ -198,8 +205,9 @@ class _Run:
         self.network.load_state_dict(self.best)
         temperature = fit_temperature(self._logits(self.validation), self.validation.labels.numpy())
         history = {
-            "config": _describe(self.config),
-            "data_sha256": self.data_sha256,
+            "data": self.data_title,
+            "run": self.identity,
+            "validated_on_held_out_sequences": self.held_out,
             "evaluations": [asdict(evaluation) for evaluation in self.evaluations],
         }
         save_recogniser(self.path, self.network, self.spec, temperature, history)
@@ -212,8 +220,7 @@ class _Run:
         temporary = self.checkpoint.with_suffix(".part")
         torch.save(
             {
-                "config": json.dumps(_describe(self.config), sort_keys=True),
-                "data": self.data_sha256,
+                "run": json.dumps(self.identity, sort_keys=True),
                 "network": self.network.state_dict(),
                 "best": self.best,
                 "optimiser": self.optimiser.state_dict(),
@@ -230,8 +237,7 @@ class _Run:
             return
         try:
             saved = torch.load(self.checkpoint, weights_only=True, map_location=self.device)
-            same = saved["config"] == json.dumps(_describe(self.config), sort_keys=True)
-            same = same and saved["data"] == self.data_sha256
+            same = saved["run"] == json.dumps(self.identity, sort_keys=True)
             if same:
                 self.network.load_state_dict(saved["network"])
                 self.optimiser.load_state_dict(saved["optimiser"])
@@ -247,12 +253,25 @@ class _Run:
             )
 
 
-def _describe(config: TrainingConfig) -> dict[str, Any]:
-    """Return what decides the result of a run, for JSON: neither where it goes nor on how many threads."""
-    described = asdict(config)
-    for field in ("out", "threads", "device"):
-        del described[field]
-    return described
+def _identify(config: TrainingConfig, data_sha256: str) -> dict[str, Any]:
+    """Return what decides the result of a run, for JSON: neither where files lie nor on what it is computed."""
+    identity = asdict(config)
+    for field in ("data", "out", "threads", "device"):
+        del identity[field]
+    return {**identity, "data_sha256": data_sha256}
+
+
+def _refuse_finished(path: Path, identity: dict[str, Any]) -> None:
+    """Raise UsageError where a finished recogniser lies already; nobody's weights are overwritten."""
+    description = path.with_suffix(".json")
+    if not description.is_file():
+        return
+    try:
+        finished = json.loads(description.read_text())["training"].get("run")
+    except (ValueError, KeyError, AttributeError):
+        finished = None
+    what = "this very run has finished" if finished == identity else "it holds the result of another run"
+    raise UsageError(f"{description}: {what}: remove it to train again, or choose another --out")
 
 
 def _schedule(progress: float) -> float:

@@ -89,6 +89,8 @@ def load_recogniser(
                 f"--sensor {sensor} --views {views} --form {form}"
             )
     spec, temperature = _read_description(path.with_suffix(".json"))
+    if spec.form != form:
+        raise ModelError(f"{path.with_suffix('.json')}: spec.form: expected {form!r}, got {spec.form!r}")
     _check_fit(path, spec, data)
     network = spec.build()
     _load_state(path, network)

@@ -13,7 +13,7 @@ from ehar.motion_data import MotionData
 from ehar.scenario import split_parts
 from ehar.sensor import PerfectSensor, Sensed, SensorNoise
 from recognition.clips import BODY_SCALE, Clips, ClipSource
-from recognition.features import CHANNELS
+from recognition.features import channel_count
 
 LENGTH = 10
 SIZE = slice(5, 7)  # of a bone in the image
@@ -44,7 +44,7 @@ def test_shapes(sensor: str, views: str, persons: int) -> None:
     clips = source(data, np.arange(6), sensor=make_sensor(sensor, SKELETON), views=views).draw(
         np.random.default_rng(0), 4
     )
-    assert clips.features.shape == (4, LENGTH, persons, 6, CHANNELS)
+    assert clips.features.shape == (4, LENGTH, persons, 6, channel_count(persons))
     assert clips.features.dtype == torch.float32
     assert torch.isfinite(clips.features).all()
     assert clips.labels.shape == (4,)

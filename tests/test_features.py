@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ehar.camera import Camera, project
-from recognition.features import CHANNELS, features
+from recognition.features import channel_count, features
 
 PARENTS = torch.tensor([0, 0, 1])  # a chain, its first joint the centre
 CAMERA = Camera()
@@ -28,7 +28,7 @@ def seen(joints_2d: torch.Tensor, confidence: list[float], distance: float) -> t
 def test_joints_bones_and_confidence_by_hand() -> None:
     # The mean of the three joints is (1, 1) m.
     out = seen(from_metres([[0.0, 0.0], [1.0, 0.0], [2.0, 3.0]], 8.5), [0.9, 0.5, 0.7], 8.5)
-    assert out.shape == (3, CHANNELS)
+    assert out.shape == (3, channel_count(1))
     torch.testing.assert_close(out[:, WITHIN], torch.tensor([[-1.0, -1.0], [0.0, -1.0], [1.0, 2.0]]))
     torch.testing.assert_close(out[:, PERSON], torch.ones(3, 2))
     torch.testing.assert_close(out[:, CONFIDENCE], torch.tensor([0.9, 0.5, 0.7]))
@@ -79,3 +79,28 @@ def test_every_leading_axis_is_a_batch(leading: tuple[int, ...]) -> None:
     torch.testing.assert_close(
         whole[last], features(joints_2d[last], confidence[last], distance[last], PARENTS, CAMERA)
     )
+
+
+def test_the_way_to_the_partners_joints_by_hand() -> None:
+    metres = torch.tensor([[[0.0, 0.0], [1.0, 0.0]], [[2.0, 1.0], [2.0, 2.0]], [[4.0, 1.0], [9.0, 9.0]]])
+    pixels = MIDDLE + metres * CAMERA.focal_length / 8.5
+    confidence = torch.tensor([[1.0, 1.0], [1.0, 1.0], [1.0, 0.0]])  # the third person's second joint is missing
+    out = features(pixels, confidence, torch.tensor(8.5), torch.tensor([0, 0]), CAMERA)
+    assert out.shape == (3, 2, channel_count(3))
+    to_partners = out[..., -2:]
+    torch.testing.assert_close(to_partners[:, 0], torch.tensor([[3.0, 1.0], [0.0, -0.5], [-3.0, -0.5]]))
+    torch.testing.assert_close(to_partners[:, 1], torch.tensor([[1.0, 2.0], [-1.0, -2.0], [0.0, 0.0]]))
+
+
+def test_two_persons_who_move_alike_are_told_from_two_who_do_not() -> None:
+    # What each does alone is the same in both scenes up to who does it; only the partner stream differs in sum.
+    alike = torch.tensor([[[0.0, 0.0]], [[1.0, 0.0]]]), torch.tensor([[[0.5, 0.0]], [[1.5, 0.0]]])
+    apart = torch.tensor([[[0.0, 0.0]], [[1.0, 0.0]]]), torch.tensor([[[-0.5, 0.0]], [[1.5, 0.0]]])
+    change = []
+    for before, after in (alike, apart):
+        ways = [
+            features(MIDDLE + m * 100, torch.ones(2, 1), torch.tensor(8.5), torch.tensor([0]), CAMERA)[..., -2:]
+            for m in (before, after)
+        ]
+        change.append((ways[1] - ways[0]).abs().sum())
+    assert change[0] < 1e-5 < change[1]

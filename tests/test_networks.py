@@ -6,7 +6,7 @@ from fakes import tiny_data
 
 from recognition.causal import CausalCTRGCN
 from recognition.ctrgcn import CTRGCN, PUBLISHED_WIDTHS
-from recognition.features import CHANNELS
+from recognition.features import channel_count
 from recognition.networks import NetworkSpec
 from recognition.training_config import Form, Size
 
@@ -55,7 +55,7 @@ def test_the_published_size_has_the_published_widths(form: Form) -> None:
 @pytest.mark.parametrize("form", ["causal", "ctrgcn"])
 def test_takes_the_data_s_features(form: Form) -> None:
     network = spec(form).build().eval()
-    x = torch.randn(2, 10, 2, 6, CHANNELS, generator=torch.Generator().manual_seed(0))
+    x = torch.randn(2, 10, 2, 6, channel_count(2), generator=torch.Generator().manual_seed(0))
     with torch.inference_mode():
         if isinstance(network, CausalCTRGCN):
             assert network(x).shape == (2, 10, 3)

@@ -183,7 +183,7 @@ def test_a_malicious_checkpoint_is_not_executed(config: TrainingConfig, tmp_path
     checkpoint, trap = checkpoint_path(config), tmp_path / "executed"
     checkpoint.parent.mkdir()
     if zipped:
-        torch.save({"config": Malicious(trap)}, checkpoint)
+        torch.save({"run": Malicious(trap)}, checkpoint)
     else:
         checkpoint.write_bytes(pickle.dumps(Malicious(trap)))
     message = refusal(ModelError, config)
@@ -199,7 +199,7 @@ def test_a_truncated_checkpoint(config: TrainingConfig, kept: int) -> None:
     assert refusal(ModelError, config).startswith(f"{checkpoint}: expected a training checkpoint, got ")
 
 
-@pytest.mark.parametrize("lost", ["config", "network", "optimiser", "best", "step", "evaluations"])
+@pytest.mark.parametrize("lost", ["run", "network", "optimiser", "best", "step", "evaluations"])
 def test_a_checkpoint_that_lacks_something(config: TrainingConfig, lost: str) -> None:
     checkpoint = stopped(config)
     content = torch.load(checkpoint, weights_only=True)
