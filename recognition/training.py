@@ -1,6 +1,7 @@
 """Train a recogniser: all observation ratios at once, early stopping, checkpoints that a stopped run resumes from."""
 
 import ctypes
+import hashlib
 import json
 import sys
 from collections.abc import Callable
@@ -24,7 +25,7 @@ from recognition.clips import Clips, ClipSource
 from recognition.networks import Network, NetworkSpec
 from recognition.training_config import TrainingConfig
 from recognition.views import REGIMES
-from recognition.weights import recogniser_path, save_recogniser
+from recognition.weights import load_weights, recogniser_path, save_recogniser
 
 WARM_UP = 0.05  # share of the steps in which the learning rate rises
 GRADIENT_NORM = 1.0  # gradients are clipped to it
@@ -59,7 +60,7 @@ def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Ev
     Raises:
         UsageError: an option is unknown or below 1, or `out` holds a checkpoint of another run.
         DataError: the data is malformed, or has no training sequence of `length` frames.
-        ModelError: the loss is not finite, or the checkpoint is damaged.
+        ModelError: the loss is not finite, the checkpoint is damaged, or `init` does not fit.
     """
     for field in ("length", "clips", "batch", "evaluations", "patience"):
         if getattr(config, field) < 1:
@@ -106,6 +107,8 @@ class _Run:
         self.identity = _identify(config, data.sha256)
         self.device = torch.device(config.device)
         self.network: Network = self.spec.build(config.seed).to(self.device)
+        if config.init is not None:
+            load_weights(config.init, self.network)
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )
@@ -256,9 +259,10 @@ class _Run:
 def _identify(config: TrainingConfig, data_sha256: str) -> dict[str, Any]:
     """Return what decides the result of a run, for JSON: neither where files lie nor on what it is computed."""
     identity = asdict(config)
-    for field in ("data", "out", "threads", "device"):
+    for field in ("data", "out", "threads", "device", "init"):
         del identity[field]
-    return {**identity, "data_sha256": data_sha256}
+    init_sha256 = None if config.init is None else hashlib.sha256(config.init.read_bytes()).hexdigest()
+    return {**identity, "data_sha256": data_sha256, "init_sha256": init_sha256}
 
 
 def _refuse_finished(path: Path, identity: dict[str, Any]) -> None:

@@ -29,6 +29,7 @@ class TrainingConfig:
         evaluations: how often validation is looked at, and a checkpoint kept.
         patience: evaluations without a better validation NLL after which training stops.
         seed: of initial weights, clips and dropout.
+        init: weights of the same shape to start from, instead of random ones.
         device: a torch device.
         threads: of the CPU that torch uses; 0 leaves it to torch.
     """
@@ -48,5 +49,6 @@ class TrainingConfig:
     evaluations: int = 20
     patience: int = 8
     seed: int = 0
+    init: Path | None = None
     device: str = "cpu"
     threads: int = 0

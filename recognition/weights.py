@@ -93,7 +93,7 @@ def load_recogniser(
         raise ModelError(f"{path.with_suffix('.json')}: spec.form: expected {form!r}, got {spec.form!r}")
     _check_fit(path, spec, data)
     network = spec.build()
-    _load_state(path, network)
+    load_weights(path, network)
     digest = hashlib.sha256(path.read_bytes() + repr(temperature.log_temperatures).encode()).hexdigest()
     if isinstance(network, CausalCTRGCN):
         return StreamingRecogniser(network=network, spec=spec, temperature=temperature, sha256=digest, device=device)
@@ -126,8 +126,12 @@ def _read_description(path: Path) -> tuple[NetworkSpec, Temperature]:
     return spec, temperature
 
 
-def _load_state(path: Path, network: Network) -> None:
-    """Load weights into a network of the described shape."""
+def load_weights(path: Path, network: Network) -> None:
+    """Load weights into a network.
+
+    Raises:
+        ModelError: the file is missing or malformed, its tensors have other names or shapes, or are not finite.
+    """
     try:
         state: dict[str, Tensor] = load_file(path)
     except (SafetensorError, OSError) as error:
@@ -139,9 +143,7 @@ def _load_state(path: Path, network: Network) -> None:
         if name not in state or name not in wanted or state[name].shape != wanted[name].shape
     )
     if wrong:
-        raise ModelError(
-            f"{path}: {len(wrong)} tensors do not fit the network that the JSON beside it describes, first {wrong[0]!r}"
-        )
+        raise ModelError(f"{path}: {len(wrong)} tensors do not fit the network that is expected, first {wrong[0]!r}")
     for name, tensor in state.items():
         if not tensor.isfinite().all():
             raise ModelError(f"{path}: tensor {name!r} is not finite everywhere")

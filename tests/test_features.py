@@ -74,7 +74,7 @@ def test_every_leading_axis_is_a_batch(leading: tuple[int, ...]) -> None:
     confidence = (torch.rand((*leading, 2, 3), generator=draw) - 0.3).clamp(min=0)
     distance = 5 + 10 * torch.rand(leading, generator=draw)
     whole = features(joints_2d, confidence, distance, PARENTS, CAMERA)
-    assert whole.shape == (*leading, 2, 3, CHANNELS)
+    assert whole.shape == (*leading, 2, 3, channel_count(2))
     last = (-1,) * len(leading)
     torch.testing.assert_close(
         whole[last], features(joints_2d[last], confidence[last], distance[last], PARENTS, CAMERA)
