@@ -6,7 +6,13 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor, nn
 
-from recognition.causal_layers import CausalGraphConvolution, CausalTemporalConvolution, GraphState, refreshes
+from recognition.causal_layers import (
+    CausalGraphConvolution,
+    CausalTemporalConvolution,
+    GraphState,
+    Pointwise,
+    refreshes,
+)
 
 
 @dataclass(frozen=True)
@@ -91,7 +97,7 @@ class CausalBlock(nn.Module):
             self.residual = (
                 nn.Identity()
                 if inputs == outputs
-                else nn.Sequential(nn.Conv2d(inputs, outputs, 1), nn.BatchNorm2d(outputs))
+                else nn.Sequential(Pointwise(inputs, outputs), nn.BatchNorm2d(outputs))
             )
 
     def _join(self, temporal: Tensor, x: Tensor) -> Tensor:
