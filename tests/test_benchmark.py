@@ -18,6 +18,7 @@ from ehar.motion_data import MotionData
 from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import cartesian
 from eval import benchmark
+from eval.episodes import CHUNK
 from eval.records import read_episodes
 from eval.results import EPISODES, SUMMARY
 
@@ -194,14 +195,13 @@ def test_a_planner_that_breaks_its_contract_is_named(tmp_path: Path, workers: in
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_ctrl_c_leaves_the_finished_part_readable(tmp_path: Path, workers: int) -> None:
     out = tmp_path / "run"
-    log = Log(stop_after=5)
+    log = Log(stop_after=12)
     with pytest.raises(KeyboardInterrupt, match=r"finished episodes are in .*; its summary covers") as interrupt:
         run(["no-act", "towards", "random", "oracle"], out=out, reporter=log, workers=workers)
-    assert (log.jobs, len(log.done)) == (8, 5)
+    assert (log.jobs, len(log.done)) == (4 * 160 / CHUNK, 12)
     records = read_episodes(out / EPISODES)
-    # Two chunks a planner, of 128 and 32 episodes.
     whole = [name for name, episodes in records.items() if len(episodes) == 160]
-    assert sum(1 + (len(episodes) == 160) for episodes in records.values()) == 5
+    assert sum(len(episodes) for episodes in records.values()) == 12 * CHUNK
     assert [planner["name"] for planner in json.loads((out / SUMMARY).read_text())["planners"]] == whole
     assert f"the {len(whole)} of 4 planners" in str(interrupt.value)
     assert not [path for path in out.iterdir() if path.name.startswith(".")]
