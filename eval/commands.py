@@ -173,7 +173,7 @@ class Bench:
     out: Path
 
     def __call__(self) -> None:
-        """Measure and write."""
-        from eval.bench import bench
+        """Measure, write, and print the figures beside their targets."""
+        from eval.bench import bench, bench_table
 
-        bench(self.out)
+        output_console().print(Rendered(bench_table(bench(self.out))))

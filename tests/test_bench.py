@@ -1,0 +1,63 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fakes import tiny_data
+
+from eval.bench import TARGETS, WORKERS, Effort, bench, bench_table, compare_forms, frame_ratios, time_world
+from eval.tables import markdown
+
+BRIEF = Effort(length=6, episodes=2, repeats=1, small_episodes=1, published_episodes=1, cameras=2)
+
+
+def test_a_longer_episode_saves_more_operations() -> None:
+    data = tiny_data(frames=20)
+    ratios = [compare_forms(data, "small", 1, length).flops_ratio for length in (1, 2, 20)]
+    # On one frame the forms differ by little; of T frames the published one sees (T + 1) / 2 times as many.
+    assert 0.5 < ratios[0] < 2
+    assert ratios[0] < ratios[1] < 2 * ratios[0]
+    assert ratios[2] > 9
+
+
+@pytest.mark.slow
+def test_the_streaming_form_needs_a_twentieth_of_the_operations() -> None:
+    assert compare_forms(tiny_data(frames=60), "small", 1, 60).flops_ratio >= TARGETS["flops_ratio"].bound
+
+
+def test_frames_are_compared_by_whether_they_refresh() -> None:
+    seconds = np.full(20, 2.0)
+    seconds[0] = 100.0
+    seconds[[3, 15]] = 5.0, 7.0
+    seconds[-1] = 3.0
+    ratios = frame_ratios(seconds)
+    assert ratios == {"late_over_early_frame": 1.5, "refresh_over_plain_frame": 3.0}
+
+
+def test_the_world_takes_time() -> None:
+    assert 0 < time_world(tiny_data(frames=6), BRIEF) < 1
+
+
+def test_targets_are_bounds_from_their_side() -> None:
+    assert TARGETS["time_ratio"].met(10.0)
+    assert not TARGETS["time_ratio"].met(9.9)
+    assert TARGETS["late_over_early_frame"].met(1.2)
+    assert not TARGETS["late_over_early_frame"].met(1.3)
+
+
+@pytest.mark.slow
+def test_every_figure_is_written_and_printed(tmp_path: Path) -> None:
+    out = tmp_path / "bench.json"
+    figures = bench(out, BRIEF)
+    assert json.loads(out.read_text()) == figures
+    assert figures.keys() == TARGETS.keys() | {
+        "flops_ratio_published_widths",
+        "time_ratio_published_widths",
+        "refresh_over_plain_frame",
+        "shipped_weights",
+    }
+    assert all(figure > 0 for name, figure in figures.items() if name != "shipped_weights")
+    printed = markdown(bench_table(figures))
+    assert f"{WORKERS} processes" in printed
+    assert all(name in printed for name in figures)
+    assert ">= 500,000" in printed and "<= 1.2" in printed
