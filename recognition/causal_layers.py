@@ -159,7 +159,7 @@ class CausalGraphConvolution(nn.Module):
         """Return topologies (n, C_out, F, 3 J, J) from sums (n, C_in, F, J) over `count` (n,) frames."""
         n, inputs, forks, j = total.shape
         fresh = total.new_empty(n, self.outputs, forks, 3 * j, j)
-        # Piece by piece, as what the copy below reads is then still in the cache: half the time, and no second gigabyte.
+        # Piece by piece: what the copy below reads is then still in the cache. Half the time, and no second gigabyte.
         size = max(1, PIECE // forks)
         for sums, counts, piece in zip(*(torch.split(t, size) for t in (total, count, fresh)), strict=True):
             mean = (sums / counts[:, None, None, None]).transpose(1, 2).reshape(-1, inputs, j)
