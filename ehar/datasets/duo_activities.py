@@ -11,9 +11,9 @@ from ehar.arrays import FloatArray
 from ehar.datasets.figure import Figure, lift, pulse
 from ehar.datasets.skeleton_model import Gesture, add_gestures
 
-SAGITTAL_CONTRAST = 0.44  # [leg lengths]: the step along the couple's line
-LATERAL_CONTRAST = 0.40  # [leg lengths]: the step across it
-VERTICAL_CONTRAST = 0.75  # [rad]: the hands above or below level
+SAGITTAL_CONTRAST = 0.55  # [leg lengths]: the step along the couple's line
+LATERAL_CONTRAST = 0.50  # [leg lengths]: the step across it
+VERTICAL_CONTRAST = 0.70  # [rad]: the hands above or below level
 
 CYCLE = 1.8  # [s], once through, on average
 

@@ -11,9 +11,9 @@ from ehar.arrays import FloatArray
 from ehar.datasets.figure import Figure, lift, pulse
 from ehar.datasets.skeleton_model import Gesture
 
-SAGITTAL_CONTRAST = 0.36  # [leg lengths]: the step forward or back
-LATERAL_CONTRAST = 0.30  # [leg lengths]: the step to the side
-VERTICAL_CONTRAST = 0.85  # [rad]: the forearms above or below level
+SAGITTAL_CONTRAST = 0.42  # [leg lengths]: the step forward or back
+LATERAL_CONTRAST = 0.35  # [leg lengths]: the step to the side
+VERTICAL_CONTRAST = 0.78  # [rad]: the forearms above or below level
 
 CYCLE = 1.1  # [s], once through, on average
 ARM_FLEXION = 0.35  # [rad], of the upper arms at rest
