@@ -2,7 +2,8 @@
 
 In the first half of a figure the couple steps along the line between them (seen from the side, hidden along the
 line); in the second half across it (seen along the line, hidden from the side); all the while their joined hands
-beat above or below the shoulders (hidden from above). Only the names are borrowed from real dances.
+beat above or below the shoulders (hidden from above). The free arms reach where the steps go, so that a single frame
+can show it. Only the names are borrowed from real dances.
 """
 
 import numpy as np
@@ -11,11 +12,14 @@ from ehar.arrays import FloatArray
 from ehar.datasets.figure import Figure, lift, pulse
 from ehar.datasets.skeleton_model import Gesture, add_gestures
 
-SAGITTAL_CONTRAST = 0.55  # [leg lengths]: the step along the couple's line
-LATERAL_CONTRAST = 0.50  # [leg lengths]: the step across it
-VERTICAL_CONTRAST = 0.70  # [rad]: the hands above or below level
+SAGITTAL_CONTRAST = 0.52  # [leg lengths]: the step along the couple's line
+LATERAL_CONTRAST = 0.45  # [leg lengths]: the step across it
+VERTICAL_CONTRAST = 0.8  # [rad]: the hands above or below level
 
-CYCLE = 1.8  # [s], once through, on average
+ARM_REACH = 2.0  # [rad / leg length], how far the free arm goes with a step
+ARM_FLEXION = 0.35  # [rad], of the free arm at rest
+
+CYCLE = 2.6  # [s], once through, on average
 
 ADVANCE, PART = 1.0, -1.0  # the leader follows the partner, or both step back
 SAME_SIDE, OPPOSITE_SIDES = 1.0, -1.0
@@ -39,13 +43,17 @@ def perform(figure: Figure, phase: FloatArray) -> tuple[Gesture, Gesture]:
     first, second = lift(phase, 0.0, 0.5), lift(phase, 0.5, 1.0)
     beat = VERTICAL_CONTRAST * figure.vertical * (pulse(phase, 0.1, 0.6) + pulse(phase, 0.6, 1.1))
     leader = add_gestures(
-        _step_along("right", figure.sagittal * sagittal, first), _step_across("left", lateral, second), _hands(beat)
+        _step_along("right", figure.sagittal * sagittal, first),
+        _step_across("left", lateral, second),
+        _joined_hand("right", beat),
+        _free_arm("left", figure.sagittal * sagittal, figure.lateral * lateral),
     )
     # The partners face each other, so the same side of the room is the other side of the body.
     follower = add_gestures(
         _step_along("left", -sagittal, first),
         _step_across("right" if figure.lateral == SAME_SIDE else "left", lateral, second),
-        _hands(beat),
+        _joined_hand("left", beat),
+        _free_arm("right", figure.sagittal * sagittal, figure.lateral * lateral),
     )
     return leader, follower
 
@@ -69,6 +77,14 @@ def _step_across(side: str, distance: FloatArray, height: FloatArray) -> Gesture
     }
 
 
-def _hands(beat: FloatArray) -> Gesture:
-    both = {"flexion": np.pi / 2 - 0.3 + beat, "elbow": np.full(len(beat), 0.35)}
-    return {f"{side}_{name}": values for side in ("left", "right") for name, values in both.items()}
+def _joined_hand(side: str, beat: FloatArray) -> Gesture:
+    return {f"{side}_flexion": np.pi / 2 - 0.3 + beat, f"{side}_elbow": np.full(len(beat), 0.35)}
+
+
+def _free_arm(side: str, forward: FloatArray, outward: FloatArray) -> Gesture:
+    """Return the arm that is not joined: it reaches where the figure goes, and a single frame can show it."""
+    return {
+        f"{side}_flexion": ARM_FLEXION + ARM_REACH * forward,
+        f"{side}_abduction": 0.3 + ARM_REACH * outward,
+        f"{side}_elbow": np.full(len(forward), 0.9),
+    }
