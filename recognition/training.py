@@ -104,11 +104,11 @@ class _Run:
         self.validation = held_out.draw(np.random.default_rng(VALIDATION_SEED), VALIDATION_CLIPS)
         self.spec = NetworkSpec.of(data, form=config.form, size=config.size, length=config.length)
         self.data_title = data.title
-        self.identity = _identify(config, data.sha256)
         self.device = torch.device(config.device)
         self.network: Network = self.spec.build(config.seed).to(self.device)
         if config.init is not None:
             load_weights(config.init, self.network)
+        self.identity = _identify(config, data.sha256)
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )

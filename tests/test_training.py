@@ -280,3 +280,37 @@ def test_counts_below_one(config: TrainingConfig, field: str, value: int) -> Non
 
 def test_data_without_a_sequence_as_long_as_a_clip(config: TrainingConfig) -> None:
     assert "expected a training sequence of at least 21 frames" in refusal(DataError, replace(config, length=21))
+
+
+def test_a_finished_recogniser_is_not_overwritten(config: TrainingConfig) -> None:
+    train_recogniser(config)
+    before = weights_path(config).read_bytes()
+    description = weights_path(config).with_suffix(".json")
+    assert refusal(UsageError, config).startswith(f"{description}: this very run has finished")
+    assert refusal(UsageError, replace(config, seed=1)).startswith(f"{description}: it holds the result of another run")
+    assert weights_path(config).read_bytes() == before
+
+
+def test_training_starts_from_other_weights(config: TrainingConfig, tmp_path: Path) -> None:
+    train_recogniser(config)
+    # With a learning rate of 0 nothing but the running statistics moves away from what training starts from.
+    other = replace(config, out=tmp_path / "other", init=weights_path(config), learning_rate=0.0, seed=1)
+    train_recogniser(other)
+    first, second = load_file(weights_path(config)), load_file(weights_path(other))
+    learned = [name for name in first if "running" not in name and "num_batches" not in name]
+    assert all(torch.equal(first[name], second[name]) for name in learned)
+
+
+def test_weights_of_another_shape_to_start_from(config: TrainingConfig, tmp_path: Path) -> None:
+    train_recogniser(config)
+    other = replace(config, out=tmp_path / "other", init=weights_path(config), form="ctrgcn")
+    assert refusal(ModelError, other).startswith(f"{weights_path(config)}: ")
+    absent = tmp_path / "absent.safetensors"
+    assert refusal(ModelError, replace(config, out=tmp_path / "other", init=absent)).startswith(f"{absent}: ")
+
+
+@pytest.mark.parametrize("device", ["tpu", "cuda"])
+def test_a_device_that_is_not_there(config: TrainingConfig, device: str) -> None:
+    if device == "cuda" and torch.cuda.is_available():
+        pytest.skip("there is a CUDA device here")
+    assert refusal(UsageError, replace(config, device=device)).startswith(f"--device {device}: expected cpu")
