@@ -31,9 +31,9 @@ from recognition.causal import CausalCTRGCN
 from recognition.causal_layers import refreshes
 from recognition.flops import count_flops
 from recognition.networks import NetworkSpec
+from recognition.storage import load_recogniser
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
 from recognition.training_config import Form, Size
-from recognition.weights import load_recogniser
 
 DATA = "duo"  # 2 persons of 16 joints
 WORKERS = 2  # processes side by side, one a core, that are timed together

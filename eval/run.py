@@ -112,7 +112,7 @@ def load_setting(
     # Here, as they bring torch, which `ehar --help` does not wait for.
     from ehar.datasets.source import load_data
     from ehar.estimator import make_sensor
-    from recognition.weights import load_recogniser
+    from recognition.storage import load_recogniser
 
     if views not in REGIMES:
         raise UsageError(f"unknown views {views!r}; expected {' or '.join(REGIMES)}")

@@ -9,7 +9,7 @@ from ehar.estimator import make_sensor
 from ehar.recogniser import Recogniser
 from ehar.scenario import Scenarios, split_parts, windows
 from ehar.sensor import Sensor
-from recognition.weights import load_recogniser
+from recognition.storage import load_recogniser
 
 PARTS = ("recogniser", "policy", "validation", "test")
 

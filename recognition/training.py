@@ -23,9 +23,9 @@ from recognition.calibration import fit_temperature
 from recognition.causal import CausalCTRGCN
 from recognition.clips import Clips, ClipSource
 from recognition.networks import Network, NetworkSpec
+from recognition.storage import load_weights, recogniser_path, save_recogniser
 from recognition.training_config import TrainingConfig
 from recognition.views import REGIMES
-from recognition.weights import load_weights, recogniser_path, save_recogniser
 
 WARM_UP = 0.05  # share of the steps in which the learning rate rises
 GRADIENT_NORM = 1.0  # gradients are clipped to it

@@ -53,9 +53,9 @@ class Log:
 
 @pytest.fixture(autouse=True)
 def fake_weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = types.ModuleType("recognition.weights")
+    module = types.ModuleType("recognition.storage")
     module.load_recogniser = lambda *_, **__: HashedRecogniser()  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "recognition.weights", module)
+    monkeypatch.setitem(sys.modules, "recognition.storage", module)
 
 
 def run(planners: Any = ("no-act", "random", "oracle"), **options: Any) -> Any:

@@ -14,9 +14,9 @@ from eval.cli import main
 
 @pytest.fixture
 def tiny(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    module = types.ModuleType("recognition.weights")
+    module = types.ModuleType("recognition.storage")
     module.load_recogniser = lambda *_, **__: HashedRecogniser()  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "recognition.weights", module)
+    monkeypatch.setitem(sys.modules, "recognition.storage", module)
     path = tmp_path / "tiny.npz"
     save_motion(path, tiny_data(sequences=20))
     return path

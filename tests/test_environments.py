@@ -17,7 +17,7 @@ from ehar.motion_file import load_motion, save_motion
 from recognition.calibration import Temperature
 from recognition.environments import grid_env
 from recognition.networks import NetworkSpec
-from recognition.weights import recogniser_path, save_recogniser
+from recognition.storage import recogniser_path, save_recogniser
 
 LENGTH = 10
 

@@ -31,9 +31,9 @@ class SidedRecogniser(FakeRecogniser):
 
 @pytest.fixture
 def result(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Headroom:
-    module = types.ModuleType("recognition.weights")
+    module = types.ModuleType("recognition.storage")
     module.load_recogniser = lambda *_, **__: SidedRecogniser()  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "recognition.weights", module)
+    monkeypatch.setitem(sys.modules, "recognition.storage", module)
     options: dict[str, Any] = {"length": 10, "azimuths": 4, "polars": 3, "out": tmp_path / "out", "reporter": Log()}
     return headroom(data=tiny_data(sequences=42), **options)
 

@@ -17,9 +17,9 @@ from ehar.motion_data import MotionData
 from ehar.motion_file import load_motion, save_motion
 from ehar.scenario import split_parts
 from recognition import training
+from recognition.storage import load_recogniser, recogniser_path
 from recognition.training import Evaluation, train_recogniser
 from recognition.training_config import Form, TrainingConfig
-from recognition.weights import load_recogniser, recogniser_path
 
 LENGTH = 8
 

@@ -23,10 +23,10 @@ from recognition.calibration import Temperature
 from recognition.causal import CausalCTRGCN
 from recognition.clips import ClipSource
 from recognition.networks import NetworkSpec
+from recognition.storage import SHIPPED, load_recogniser, recogniser_path, save_recogniser, write_whole
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
 from recognition.training_config import Form
 from recognition.views import REGIMES
-from recognition.weights import SHIPPED, load_recogniser, recogniser_path, save_recogniser, write_whole
 
 LENGTH = 10
 TEMPERATURE = Temperature((0.1, 0.2, 0.3, 0.4, 0.5))
