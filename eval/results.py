@@ -50,7 +50,7 @@ class RunConfig:
     @property
     def conditions(self) -> Conditions:
         """What the summary says beside its numbers."""
-        return Conditions(data=self.data, sensor=self.sensor, views=self.views, track=self.track)
+        return Conditions(data=self.data, sensor=self.sensor, views=self.views, track=self.track, form=self.form)
 
 
 def planner_config(planner: Planner) -> PlannerConfig:

@@ -52,7 +52,7 @@ class PlannerSummary:
 
 @dataclass(frozen=True)
 class Summary:
-    """How well each planner did on the same episodes; `sequences` and `length` are for titles and stay unwritten."""
+    """How well each planner did on the same episodes; what follows `planners` is for titles and stays unwritten."""
 
     data: str
     sensor: str
@@ -62,10 +62,11 @@ class Summary:
     planners: tuple[PlannerSummary, ...]
     sequences: int
     length: int
+    form: str
 
     def to_json(self) -> dict[str, Any]:
         """Return what summary.json holds."""
-        return {name: value for name, value in asdict(self).items() if name not in ("sequences", "length")}
+        return {name: value for name, value in asdict(self).items() if name not in ("sequences", "length", "form")}
 
     def planner(self, name: str) -> PlannerSummary:
         """Return the summary of one planner, by name."""
@@ -80,6 +81,7 @@ class Conditions:
     sensor: str
     views: str
     track: str
+    form: str
 
 
 def summarise(
@@ -130,6 +132,7 @@ def summarise(
         planners=planners,
         sequences=len(sequences),
         length=reference.predicted.shape[1],
+        form=conditions.form,
     )
 
 

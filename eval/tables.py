@@ -39,6 +39,7 @@ def benchmark_table(summary: Summary) -> Table:
     return Table(
         title=(
             f"{summary.data}: sensor {summary.sensor}, views {summary.views}, track {summary.track}, "
+            f"{'' if summary.form == 'causal' else f'recogniser {summary.form}, '}"
             f"{summary.episodes} episodes of {summary.length} frames from {summary.sequences} sequences"
         ),
         header=(*header, "NLL", "ECE", "path [m]", "ms/step"),

@@ -12,7 +12,7 @@ from eval.results import CONFIG, EPISODES, SUMMARY, RunConfig, check_out, write_
 from eval.summary import Conditions, Summary, summarise
 from eval.tables import benchmark_table, markdown_summary, paper_table
 
-CONDITIONS = Conditions(data="tiny (synthetic)", sensor="perfect", views="moving", track="ideal")
+CONDITIONS = Conditions(data="tiny (synthetic)", sensor="perfect", views="moving", track="ideal", form="causal")
 CONFIG_OF_RUN = RunConfig(
     source="tiny",
     data="tiny (synthetic)",
