@@ -101,12 +101,15 @@ def split_parts(data: MotionData) -> Parts:
 
 
 def _hold_out(data: MotionData, rng: np.random.Generator) -> BoolArray:
-    """Choose test sequences for data without a split: by subject where all are known and there are three."""
+    """Choose test sequences for data without a split: by subject where that leaves every class on both sides."""
     is_test = np.zeros(len(data.labels), dtype=bool)
     subjects = np.unique(data.subjects)
     if UNKNOWN_SUBJECT not in subjects and len(subjects) >= 3:
         held = rng.permutation(subjects)[: max(1, round(TEST_SHARE * len(subjects)))]
-        return np.asarray(np.isin(data.subjects, held).any(axis=1))
+        by_subject = np.asarray(np.isin(data.subjects, held).any(axis=1))
+        labels = np.arange(len(data.class_names))
+        if np.isin(labels, data.labels[by_subject]).all() and np.isin(labels, data.labels[~by_subject]).all():
+            return by_subject
     for label in range(len(data.class_names)):
         members = rng.permutation(np.flatnonzero(data.labels == label))
         is_test[members[: max(1, round(TEST_SHARE * len(members)))]] = True

@@ -124,3 +124,11 @@ def test_the_split_is_a_property_of_the_data() -> None:
     once, again = split_parts(many(is_test=False)), split_parts(many(is_test=False))
     for part in ("recogniser", "policy", "validation", "test"):
         np.testing.assert_array_equal(getattr(once, part), getattr(again, part))
+
+
+def test_subjects_who_alone_perform_a_class_do_not_take_it_to_one_side() -> None:
+    labels = np.arange(60) % len(CLASS_NAMES)
+    data = replace(tiny_data(sequences=60), is_test=None, labels=labels, subjects=labels[:, None])
+    parts = split_parts(data)
+    for part in (parts.test, parts.recogniser, parts.policy):
+        assert set(labels[part]) == set(range(len(CLASS_NAMES)))
