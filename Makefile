@@ -46,7 +46,7 @@ results: setup
 	  for sensor in perfect estimator; do \
 	    $(RUN)ehar benchmark $$options --sensor $$sensor --models models/$$name --starts $(STARTS) \
 	      --out runs/$$name-$$sensor-moving; done; done
-STARTS ?= 3
+STARTS ?= 2
 
 clean:
 	rm -rf $(VENV)
