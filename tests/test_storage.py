@@ -240,8 +240,9 @@ def test_shipped_weights(built_in: MotionData, sensor: str, views: str) -> None:
     recogniser = load_recogniser(None, built_in, sensor=sensor, views=views)
     path = recogniser_path(SHIPPED / built_in.name, form="causal", sensor=sensor, views=views)
     assert path.stat().st_size <= 1_000_000
-    training = json.loads(path.with_suffix(".json").read_text())["training"]["config"]
-    assert (training["data"], training["sensor"], training["views"]) == (built_in.name, sensor, views)
+    training = json.loads(path.with_suffix(".json").read_text())["training"]
+    assert training["data"] == built_in.title
+    assert (training["run"]["sensor"], training["run"]["views"]) == (sensor, views)
     clips = ClipSource(
         data=built_in,
         sequences=split_parts(built_in).test,
