@@ -1,0 +1,86 @@
+"""The functions of a viewpoint that a gain field is a linear combination of: one formula for numpy, torch and CasADi.
+
+They are real spherical harmonics up to degree 3, written as polynomials of the unit vector towards the camera, and
+distance terms. So a field is smooth, periodic in the azimuth, and has one value at the pole whatever the azimuth.
+"""
+
+from math import sqrt
+from typing import Any, Protocol, overload
+
+import numpy as np
+import torch
+
+from ehar.arrays import FloatArray
+
+BASIS_SIZE = 21
+MIDDLE_DISTANCE = 10.0  # [m], Sec. 5.1: the workspace reaches from 5 m ...
+HALF_RANGE = 5.0  # [m] ... to 15 m
+
+
+class Trigonometry(Protocol):
+    """What the formula needs of numpy, torch or casadi: hand it the module."""
+
+    @property
+    def sin(self) -> Any:
+        """The sine of an angle [rad]."""
+
+    @property
+    def cos(self) -> Any:
+        """The cosine of an angle [rad]."""
+
+
+def view_basis(distance: Any, azimuth: Any, polar: Any, ops: Trigonometry) -> list[Any]:
+    """Return the 21 basis functions at a viewpoint, each of the arguments' shape.
+
+    The 16 harmonics have a mean square of 1 over the sphere (sqrt(4 pi) times the orthonormal ones), ordered by
+    degree l and within it by order m = -l to l. The other 5 are s, s^2, s x, s y, s z, where s in [-1, 1] is the
+    distance over the paper's workspace and (x, y, z) the unit vector towards the camera.
+
+    Args:
+        distance: [m].
+        azimuth: [rad].
+        polar: [rad], 0 is straight above.
+        ops: where sin and cos come from: `numpy`, `torch` or `casadi`.
+    """
+    x = ops.sin(polar) * ops.cos(azimuth)
+    y = ops.sin(polar) * ops.sin(azimuth)
+    z = ops.cos(polar)
+    s = (distance - MIDDLE_DISTANCE) / HALF_RANGE
+    return [
+        x * 0 + 1,  # an array of ones, not the number 1
+        sqrt(3) * y,
+        sqrt(3) * z,
+        sqrt(3) * x,
+        sqrt(15) * x * y,
+        sqrt(15) * y * z,
+        sqrt(5) / 2 * (3 * z * z - 1),
+        sqrt(15) * x * z,
+        sqrt(15) / 2 * (x * x - y * y),
+        sqrt(35 / 8) * y * (3 * x * x - y * y),
+        sqrt(105) * x * y * z,
+        sqrt(21 / 8) * y * (5 * z * z - 1),
+        sqrt(7) / 2 * z * (5 * z * z - 3),
+        sqrt(21 / 8) * x * (5 * z * z - 1),
+        sqrt(105) / 2 * z * (x * x - y * y),
+        sqrt(35 / 8) * x * (x * x - 3 * y * y),
+        s,
+        s * s,
+        s * x,
+        s * y,
+        s * z,
+    ]
+
+
+@overload
+def field_value(weights: FloatArray, viewpoint: FloatArray) -> FloatArray: ...
+
+
+@overload
+def field_value(weights: torch.Tensor, viewpoint: torch.Tensor) -> torch.Tensor: ...
+
+
+def field_value(weights: Any, viewpoint: Any) -> Any:
+    """Return the value of a field (...,) at viewpoints (..., 3) for weights (..., 21); numpy or torch, broadcast."""
+    ops: Any = torch if isinstance(viewpoint, torch.Tensor) else np
+    basis = view_basis(viewpoint[..., 0], viewpoint[..., 1], viewpoint[..., 2], ops)
+    return (weights * ops.stack(basis, axis=-1)).sum(-1)
