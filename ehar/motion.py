@@ -29,6 +29,16 @@ class Motion(Protocol):
         """Move for one frame towards targets (B, 3) and return the viewpoints reached, (B, 3)."""
         ...
 
+    @property
+    def velocity(self) -> FloatArray:
+        """The rates of distance, azimuth and polar angle, (B, 3) [m/s], [rad/s]; 0 where there is no such thing."""
+        ...
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """The rates of those rates, (B, 3) [m/s^2], [rad/s^2]; 0 where there is no such thing."""
+        ...
+
 
 def move_towards(viewpoint: FloatArray, target: FloatArray, workspace: Workspace) -> IntArray:
     """Return the moves (...,) that lower the largest remaining axis error, counted in cells.
@@ -63,3 +73,13 @@ class GridMotion:
         moves = move_towards(self._viewpoint, target, self.workspace)
         self._viewpoint = apply_moves(self._viewpoint, moves, self.workspace)
         return self._viewpoint
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Nothing: the grid jumps from cell to cell."""
+        return np.zeros(self._viewpoint.shape)
+
+    @property
+    def acceleration(self) -> FloatArray:
+        """Nothing, as for the velocity."""
+        return np.zeros(self._viewpoint.shape)

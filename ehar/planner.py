@@ -10,6 +10,7 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.recogniser import Recogniser
 from ehar.sensor import Sensed
 from ehar.skeleton import Skeleton
+from ehar.vehicle import Vehicle
 from ehar.viewpoint import Workspace
 
 
@@ -25,6 +26,7 @@ class Context:
     workspace: Workspace
     track: str  # "ideal": grid moves, or a vehicle's name
     rng: np.random.Generator  # the planner's own, the same for the same episodes
+    vehicle: Vehicle | None = None  # what carries the camera; None on the ideal track
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,8 @@ class Observation:
     viewpoint: FloatArray  # (B, 3): distance [m], azimuth [rad], polar angle [rad]
     log_probs: FloatArray  # (B, K), the recogniser's, after this frame
     embedding: FloatArray  # (B, D), the recogniser's, after this frame
+    velocity: FloatArray  # (B, 3): rates of the viewpoint [m/s], [rad/s]; 0 on the ideal track, which has none
+    acceleration: FloatArray  # (B, 3) [m/s^2], [rad/s^2]; likewise
     truth: Truth | None = field(default=None, repr=False)  # privileged planners only
 
     @property

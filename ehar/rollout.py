@@ -78,6 +78,8 @@ def rollout(
             viewpoint=viewpoint,
             log_probs=recognition.log_probs,
             embedding=recognition.embedding,
+            velocity=motion.velocity,
+            acceleration=motion.acceleration,
             truth=Truth(batch.labels, recogniser, state, imagine) if planner.privileged else None,
         )
         begin = time.perf_counter()

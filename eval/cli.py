@@ -9,7 +9,7 @@ import tyro
 from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, arg, subcommand
 
 from ehar.errors import EharError
-from eval.commands import Bench, Benchmark, HeadroomCommand, TrainRecogniser
+from eval.commands import Bench, Benchmark, HeadroomCommand, TrainGainField, TrainRecogniser
 from eval.data_commands import Describe, PrepareAistpp, PrepareBvh, PrepareExpi
 from eval.results import package_version
 
@@ -44,11 +44,25 @@ class DataCommand:
         self.action()
 
 
+@dataclass(frozen=True)
+class TrainCommand:
+    """Train a recogniser, or what planners need to value views with it."""
+
+    action: Annotated[
+        Annotated[TrainRecogniser, subcommand("recogniser")] | Annotated[TrainGainField, subcommand("gain-field")],
+        arg(name=""),
+    ]
+
+    def __call__(self) -> None:
+        """Run the training."""
+        self.action()
+
+
 Command = (
     Annotated[Benchmark, subcommand("benchmark")]
     | Annotated[HeadroomCommand, subcommand("headroom")]
     | Annotated[DataCommand, subcommand("data")]
-    | Annotated[TrainRecogniser, subcommand("train")]
+    | Annotated[TrainCommand, subcommand("train")]
     | Annotated[Bench, subcommand("bench")]
 )
 

@@ -6,13 +6,14 @@ What a command needs is imported when it runs, so that `ehar --help` waits for n
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 from rich.console import Console
 
-from eval.progress import TrainingProgress
+from eval.progress import StageProgress, TrainingProgress
 from eval.tables import Rendered, render_summary
+from planners.gain_training_config import GainTrainingConfig
 from recognition.training_config import Form, TrainingConfig
 
 PIPED_WIDTH = 160  # columns where standard output is no terminal
@@ -143,11 +144,9 @@ class TrainRecogniser:
     """Train a recogniser on the recogniser part of some data; stopped and started again, it resumes.
 
     Args:
-        what: to train.
         config: how.
     """
 
-    what: tyro.conf.Positional[Literal["recogniser"]]
     config: tyro.conf.OmitArgPrefixes[TrainingConfig]
 
     def __call__(self) -> None:
@@ -160,6 +159,30 @@ class TrainRecogniser:
             f"best at step {best.step}: validation accuracy {100 * best.accuracy:.1f} % (mean over frames), "
             f"NLL {best.nll:.3f}; written to {self.config.out}"
         )
+
+
+@dataclass(frozen=True)
+class TrainGainField:
+    """Train what a planner needs to value views: gain fields and belief, on the policy part of some data.
+
+    Args:
+        config: how.
+    """
+
+    config: tyro.conf.OmitArgPrefixes[GainTrainingConfig]
+
+    def __call__(self) -> None:
+        """Train, going on where a stopped run left off."""
+        from planners.gain_training import train_gain_field
+
+        with StageProgress() as progress:
+            result = train_gain_field(self.config, progress.report)
+        for name, fit in result.fits.items():
+            print(
+                f"{name}: explains {100 * fit.explained:.1f} % of what paths gain; the path it picks gains "
+                f"{100 * fit.chosen_gain:.2f} % in probability, of {100 * fit.best_gain:.2f} % in hindsight"
+            )
+        print(f"in cross-validation over sequences; written to {result.path}")
 
 
 @dataclass(frozen=True)

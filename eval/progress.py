@@ -3,7 +3,15 @@
 from typing import TYPE_CHECKING, Protocol
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 if TYPE_CHECKING:
     from recognition.training import Evaluation
@@ -96,3 +104,30 @@ class TrainingProgress:
                 highlight=False,
                 soft_wrap=True,
             )
+
+
+class StageProgress:
+    """A bar for each stage of a longer task, and a line where there is no terminal."""
+
+    def __init__(self) -> None:
+        """Create the bars; they are drawn on standard error."""
+        self._console = Console(stderr=True)
+        self._bar = _bar(self._console)
+        self._tasks: dict[str, TaskID] = {}
+
+    def __enter__(self) -> "StageProgress":
+        """Draw the bars."""
+        self._bar.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Take the bars away."""
+        self._bar.stop()
+
+    def report(self, stage: str, done: int, total: int) -> None:
+        """Advance a stage."""
+        if stage not in self._tasks:
+            self._tasks[stage] = self._bar.add_task(stage)
+        self._bar.update(self._tasks[stage], completed=done, total=total)
+        if done == total:
+            self._console.print(f"{stage}: {total} done", highlight=False)

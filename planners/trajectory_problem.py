@@ -1,7 +1,8 @@
 """The receding-horizon optimal control problem in CasADi: built once, its numbers are parameters.
 
 States are position, velocity and acceleration of (distance, azimuth, polar angle), the control is the jerk, constant
-between nodes, so that the discretisation of the triple integrator is exact. The azimuth is unwrapped: the field is
+between nodes, so that the discretisation of the triple integrator is exact. Three more states add up the directions
+looked from, so that their spread can be paid for at the last node. The azimuth is unwrapped: the field is
 periodic. All variables and constraints are in units of their limits, positions in units of 5 m and 1 rad.
 """
 
@@ -12,14 +13,14 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
 from ehar.errors import UsageError
-from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR
+from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, cartesian
 from planners.trajectory_task import Trajectory, TrajectoryTask
 from planners.view_basis import BASIS_SIZE, HALF_RANGE, view_basis
 
 POSITION_UNIT = np.array([HALF_RANGE, 1.0, 1.0])  # [m], [rad], [rad]
 REGULARISATION = 1e-5  # on the squared jerk: without gain and effort any trajectory would be a solution
 SMOOTHING = 0.1  # of the root in the pace, under which 1 is the square at the limit
-STATE, CONTROL = 9, 3
+STATE, CONTROL = 12, 3  # position, velocity, acceleration, sum of directions; jerk
 STAGE = STATE + CONTROL
 
 
@@ -34,7 +35,7 @@ class TrajectoryProblem:
         """Write the problem down for H = `horizon` nodes after the present one."""
         self.horizon = horizon
         start, weights, gains = ca.SX.sym("start", STATE), ca.SX.sym("weights", BASIS_SIZE), ca.SX.sym("gains", horizon)
-        effort, time = ca.SX.sym("effort"), ca.SX.sym("node_time")
+        effort, spread, time = ca.SX.sym("effort"), ca.SX.sym("spread"), ca.SX.sym("node_time")
         units = [ca.SX.sym(name, 3) for name in ("velocity", "acceleration", "jerk")]
         inverse_speed, shared = ca.SX.sym("inverse_speed"), ca.SX.sym("shared")
 
@@ -47,7 +48,8 @@ class TrajectoryProblem:
             if node < horizon:
                 control = controls[node]
                 variables.append(control)
-                constraints.append(states[node + 1] - _next_state(state, control, time, units))
+                gain = gains[node - 1] if node else 0
+                constraints.append(states[node + 1] - _next_state(state, control, time, units, gain))
                 equality += [True] * STATE
                 cost += (effort + REGULARISATION) * ca.sumsqr(control) / horizon
             if node == 0:
@@ -58,9 +60,10 @@ class TrajectoryProblem:
                 equality.append(False)
                 distance, azimuth, polar = ca.vertsplit(state[:3] * POSITION_UNIT)
                 cost -= gains[node - 1] * ca.dot(weights, ca.vertcat(*view_basis(distance, azimuth, polar, ca)))
-        constraints.append(states[-1][3:])  # at rest: then staying there continues every plan, so a next one exists
+        cost += spread * ca.sumsqr(states[-1][9:] + gains[-1] * _direction(states[-1]))
+        constraints.append(states[-1][3:9])  # at rest: then staying there continues every plan, so a next one exists
         equality += [True] * 6
-        parameters = ca.vertcat(start, weights, gains, effort, time, *units, inverse_speed, shared)
+        parameters = ca.vertcat(start, weights, gains, effort, spread, time, *units, inverse_speed, shared)
         self.nlp = {"x": ca.vertcat(*variables), "f": cost, "g": ca.vertcat(*constraints), "p": parameters}
         self.equality: list[bool] = equality
         self._constraints = ca.Function("constraints", [self.nlp["x"], self.nlp["p"]], [self.nlp["g"]])
@@ -77,14 +80,19 @@ class TrajectoryProblem:
             raise UsageError(f"trajectory task: expected {self.horizon} gain weights, got {task.horizon}")
         limits = task.limits
         start = np.concatenate(
-            [task.position / POSITION_UNIT, task.velocity / limits.velocity, task.acceleration / limits.acceleration]
+            [
+                task.position / POSITION_UNIT,
+                task.velocity / limits.velocity,
+                task.acceleration / limits.acceleration,
+                np.zeros(3),
+            ]
         )
         parameters = np.concatenate(
             [
                 start,
                 task.field_weights / task.stake,  # so that a solver's tolerance means the same for every field
                 task.gain_weights,
-                [task.effort_weight / task.stake, task.node_time],
+                [task.effort_weight / task.stake, task.spread_weight / task.stake, task.node_time],
                 limits.velocity,
                 limits.acceleration,
                 limits.jerk,
@@ -108,7 +116,8 @@ class TrajectoryProblem:
         workspace = task.workspace
         upper = np.ones((self.horizon + 1, STAGE))
         lower = -upper
-        lower[:, AZIMUTH], upper[:, AZIMUTH] = -np.inf, np.inf
+        unbounded = [AZIMUTH, *range(9, STATE)]
+        lower[:, unbounded], upper[:, unbounded] = -np.inf, np.inf
         lower[:, DISTANCE], upper[:, DISTANCE] = (
             workspace.distance_min / HALF_RANGE,
             workspace.distance_max / HALF_RANGE,
@@ -136,7 +145,10 @@ class TrajectoryProblem:
         stages[:, 0:3] = trajectory.position / POSITION_UNIT
         stages[:, 3:6] = trajectory.velocity / limits.velocity
         stages[:, 6:9] = trajectory.acceleration / limits.acceleration
-        stages[:-1, 9:] = trajectory.jerk / limits.jerk
+        directions = cartesian(trajectory.position) / trajectory.position[:, :1]
+        gains = np.concatenate([[0.0], task.gain_weights[:-1]])
+        stages[1:, 9:STATE] = np.cumsum(gains[:, None] * directions[:-1], axis=0)
+        stages[:-1, STATE:] = trajectory.jerk / limits.jerk
         return stages.ravel()[:-CONTROL]
 
     def unpack(self, variables: FloatArray, task: TrajectoryTask) -> Trajectory:
@@ -147,12 +159,12 @@ class TrajectoryProblem:
             stages[:, 0:3] * POSITION_UNIT,
             stages[:, 3:6] * limits.velocity,
             stages[:, 6:9] * limits.acceleration,
-            stages[:-1, 9:] * limits.jerk,
+            stages[:-1, STATE:] * limits.jerk,
         )
 
 
-def _next_state(state: Any, control: Any, time: Any, units: list[Any]) -> Any:
-    """Return the state one node later, exactly, for a constant jerk."""
+def _next_state(state: Any, control: Any, time: Any, units: list[Any], gain: Any) -> Any:
+    """Return the state one node later, exactly, for a constant jerk; `gain` is what the present node's view weighs."""
     position, (velocity, acceleration, jerk) = state[:3], (state[3:6], state[6:9], control)
     velocity, acceleration, jerk = velocity * units[0], acceleration * units[1], jerk * units[2]
     travelled = time * velocity + time**2 / 2 * acceleration + time**3 / 6 * jerk
@@ -160,7 +172,14 @@ def _next_state(state: Any, control: Any, time: Any, units: list[Any]) -> Any:
         position + travelled / POSITION_UNIT,
         (velocity + time * acceleration + time**2 / 2 * jerk) / units[0],
         (acceleration + time * jerk) / units[1],
+        state[9:] + gain * _direction(state),
     )
+
+
+def _direction(state: Any) -> Any:
+    """Return the unit vector from the people towards the camera."""
+    azimuth, polar = state[AZIMUTH], state[POLAR]
+    return ca.vertcat(ca.sin(polar) * ca.cos(azimuth), ca.sin(polar) * ca.sin(azimuth), ca.cos(polar))
 
 
 def _pace(state: Any, velocity_limit: Any, inverse_speed: Any, shared: Any) -> Any:

@@ -144,7 +144,7 @@ class TrajectorySolver:
             trajectory, objective, violation, status = best
         else:
             trajectory, violation = task.hold(), float("nan")
-            objective = float(task.objective(trajectory))
+            objective = float("nan") if status is SolveStatus.NAN_FIELD else float(task.objective(trajectory))
         solution = Solution(trajectory, objective, violation, status, time.perf_counter() - begin)
         self.statistics.add(solution)
         return solution

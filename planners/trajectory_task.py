@@ -7,7 +7,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError
-from ehar.viewpoint import STEP, Workspace
+from ehar.viewpoint import STEP, Workspace, cartesian
 from planners.view_basis import BASIS_SIZE, field_value
 
 
@@ -81,9 +81,10 @@ class TrajectoryTask:
         node_time: [s] from one node to the next.
         limits: of velocity, acceleration, jerk and speed.
         workspace: the bounds of distance and polar angle.
+        spread_weight: what it costs to look from one direction all the time, in the unit of the objective.
 
     Raises:
-        UsageError: a shape is wrong, the node time is not positive, or the effort weight negative.
+        UsageError: a shape is wrong, the node time is not positive, or a weight of effort or spread negative.
     """
 
     position: FloatArray
@@ -95,6 +96,7 @@ class TrajectoryTask:
     node_time: float
     limits: TrajectoryLimits
     workspace: Workspace
+    spread_weight: float = 0.0
 
     def __post_init__(self) -> None:
         """Check shapes and signs; values that are not finite are the solver's to report."""
@@ -103,10 +105,10 @@ class TrajectoryTask:
                 raise UsageError(f"trajectory task: expected {size} values of {name}, got {getattr(self, name)}")
         if np.ndim(self.gain_weights) != 1:
             raise UsageError(f"trajectory task: expected gain weights (H,), got shape {np.shape(self.gain_weights)}")
-        if not (self.node_time > 0 and self.effort_weight >= 0):
+        if not (self.node_time > 0 and self.effort_weight >= 0 and self.spread_weight >= 0):
             raise UsageError(
-                "trajectory task: expected a node time > 0 and an effort weight >= 0, "
-                f"got {self.node_time} s and {self.effort_weight}"
+                "trajectory task: expected a node time > 0 and weights of effort and spread >= 0, "
+                f"got {self.node_time} s, {self.effort_weight} and {self.spread_weight}"
             )
 
     @property
@@ -118,16 +120,19 @@ class TrajectoryTask:
     def stake(self) -> float:
         """The size of what there is to win or to pay, in the unit of the objective; 1 if there is nothing."""
         gain = np.linalg.norm(self.field_weights[1:]) * np.abs(self.gain_weights).sum()
-        return float(max(gain, self.effort_weight)) or 1.0
+        return float(max(gain, self.effort_weight, self.spread_weight)) or 1.0
 
     def objective(self, trajectory: Trajectory) -> FloatArray:
         """Return what trajectories collect less what they cost, () or (G,); more is better.
 
         sum_h gain_weights[h] field(position[h]) - effort_weight mean_h sum_axes (jerk / limit)^2
+        - spread_weight |sum_h gain_weights[h] direction(position[h])|^2
         """
         gain = field_value(self.field_weights, trajectory.position[..., 1:, :]) @ self.gain_weights
+        directions = cartesian(trajectory.position[..., 1:, :]) / trajectory.position[..., 1:, :1]
+        mean = np.einsum("...hk,h->...k", directions, self.gain_weights)
         effort = ((trajectory.jerk / self.limits.jerk) ** 2).sum(-1).mean(-1)
-        collected: FloatArray = gain - self.effort_weight * effort
+        collected: FloatArray = gain - self.effort_weight * effort - self.spread_weight * (mean**2).sum(-1)
         return collected
 
     def hold(self) -> Trajectory:

@@ -13,6 +13,9 @@ import torch
 from ehar.arrays import FloatArray
 
 BASIS_SIZE = 21
+# Places in the basis of functions that go with sin(m azimuth) and with cos(m azimuth), and their m.
+SINES, COSINES = np.array([1, 5, 11, 19, 4, 10, 9]), np.array([3, 7, 13, 18, 8, 14, 15])
+ORDERS = np.array([1, 1, 1, 1, 2, 2, 3])
 MIDDLE_DISTANCE = 10.0  # [m], Sec. 5.1: the workspace reaches from 5 m ...
 HALF_RANGE = 5.0  # [m] ... to 15 m
 
@@ -69,6 +72,29 @@ def view_basis(distance: Any, azimuth: Any, polar: Any, ops: Trigonometry) -> li
         s * y,
         s * z,
     ]
+
+
+def basis_at(viewpoint: FloatArray) -> FloatArray:
+    """Return the view basis (..., 21) at viewpoints (..., 3)."""
+    return np.stack(view_basis(viewpoint[..., 0], viewpoint[..., 1], viewpoint[..., 2], np), axis=-1)
+
+
+def mean_direction(basis: FloatArray) -> FloatArray:
+    """Return the mean unit vector (..., 3) towards cameras of which the mean basis is (..., 21)."""
+    x, y, z = basis[..., 3], basis[..., 1], basis[..., 2]
+    return np.stack([x, y, z], axis=-1) / sqrt(3)
+
+
+def turned(basis: FloatArray, angle: FloatArray) -> FloatArray:
+    """Return the basis (..., 21) as it is at azimuths less `angle` (...,) [rad]; sums and weights turn alike.
+
+    Each order's sine and cosine turn into each other: sin m(a - b) = sin ma cos mb - cos ma sin mb.
+    """
+    sine, cosine = np.sin(angle[..., None] * ORDERS), np.cos(angle[..., None] * ORDERS)
+    result = np.array(basis, dtype=np.float64)
+    result[..., SINES] = basis[..., SINES] * cosine - basis[..., COSINES] * sine
+    result[..., COSINES] = basis[..., COSINES] * cosine + basis[..., SINES] * sine
+    return result
 
 
 @overload

@@ -134,6 +134,6 @@ def test_a_step_costs_at_most_20_recognised_frames() -> None:
 @pytest.mark.parametrize("planner", [Oracle(), OracleLookahead()])
 def test_an_oracle_without_the_truth_says_so(planner: Planner) -> None:
     planner.reset(tiny_context(episodes=1))
-    blind = Observation(3, 10, *[np.zeros((1, 1))] * 2, from_cells(np.array([[5, 5, 5]])), *[np.zeros((1, 1))] * 2)
+    blind = Observation(3, 10, *[np.zeros((1, 1))] * 2, from_cells(np.array([[5, 5, 5]])), *[np.zeros((1, 1))] * 4)
     with pytest.raises(EpisodeError, match=f"planner '{planner.name}', frame 3: expected the truth"):
         planner.act(blind)

@@ -130,7 +130,7 @@ def test_random_makes_all_seven_moves_equally_often_and_by_its_generator() -> No
     spy = Spy("random")
     spy.reset(context)
     viewpoint = from_cells(np.tile([50, 50, 12], (7000, 1)))
-    shown = Observation(0, 10, *[np.zeros((7000, 1))] * 2, viewpoint, *[np.zeros((7000, 1))] * 2)
+    shown = Observation(0, 10, *[np.zeros((7000, 1))] * 2, viewpoint, *[np.zeros((7000, 1))] * 4)
     steps = to_cells(spy.act(shown)) - [50, 50, 12]
     counts = [int((steps == move).all(axis=1).sum()) for move in MOVES]
     assert sum(counts) == 7000

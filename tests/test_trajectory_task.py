@@ -58,7 +58,7 @@ def test_a_speed_that_is_none_is_refused(speed: float) -> None:
         ({"field_weights": np.zeros(20)}, "21 values of field_weights"),
         ({"gain_weights": np.zeros((3, 3))}, "gain weights"),
         ({"node_time": 0.0}, "node time"),
-        ({"effort_weight": -1.0}, "effort weight"),
+        ({"effort_weight": -1.0}, "weights of effort and spread"),
     ],
 )
 def test_tasks_that_are_none_are_refused(changes: dict[str, object], message: str) -> None:
