@@ -1,0 +1,126 @@
+"""What a vehicle can do: the limits that a flight keeps, three named vehicles, and vehicle files."""
+
+import json
+import math
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+from ehar.errors import UsageError
+
+
+def _is_positive(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value and math.isfinite(value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vehicle:
+    """The limits of one vehicle.
+
+    Speed, acceleration and jerk limit the length of the camera's Cartesian vectors, whatever their direction.
+
+    Args:
+        name: what reports call the vehicle.
+        speed: greatest speed [m/s].
+        acceleration: greatest acceleration, beyond what carries the weight [m/s^2].
+        jerk: greatest jerk [m/s^3].
+        climb_speed: greatest speed upwards [m/s].
+        descent_speed: greatest speed downwards [m/s].
+        yaw_rate: greatest rate of turn about the vertical axis [rad/s].
+
+    Raises:
+        UsageError: a limit is not a positive, finite number.
+    """
+
+    name: str
+    speed: float
+    acceleration: float
+    jerk: float
+    climb_speed: float
+    descent_speed: float
+    yaw_rate: float
+
+    def __post_init__(self) -> None:
+        """Check every limit."""
+        for limit in LIMITS:
+            value = getattr(self, limit)
+            if not _is_positive(value):
+                raise UsageError(f"vehicle {self.name!r}: expected a positive, finite {limit}, got {value!r}")
+
+
+LIMITS = tuple(field.name for field in fields(Vehicle) if field.name != "name")
+
+FILE_KEYS = ("speed", "acceleration", "jerk", "climb_speed", "descent_speed", "yaw_rate_deg")
+
+VEHICLES = {
+    vehicle.name: vehicle
+    for vehicle in (
+        # PX4's defaults for missions, multicopter_autonomous_params: MPC_XY_CRUISE, MPC_ACC_HOR, MPC_JERK_AUTO,
+        # MPC_Z_V_AUTO_UP, MPC_Z_V_AUTO_DN, MPC_YAWRAUTO_MAX (60 deg/s in the newest releases).
+        Vehicle(
+            name="px4-auto",
+            speed=5.0,
+            acceleration=3.0,
+            jerk=4.0,
+            climb_speed=3.0,
+            descent_speed=1.5,
+            yaw_rate=math.radians(45),
+        ),
+        # PX4's greatest in position mode: MPC_XY_VEL_MAX, MPC_ACC_HOR_MAX, MPC_JERK_MAX, MPC_Z_VEL_MAX_UP,
+        # MPC_Z_VEL_MAX_DN, MPC_MAN_Y_MAX.
+        Vehicle(
+            name="px4-max",
+            speed=12.0,
+            acceleration=5.0,
+            jerk=8.0,
+            climb_speed=3.0,
+            descent_speed=1.5,
+            yaw_rate=math.radians(150),
+        ),
+        # A camera drone that follows people: 15 m/s while tracking (DJI Mavic 4 Pro, data sheet), the acceleration
+        # of a tilt of 35 degrees, g tan(35 deg). The others are our choice for a drone of this class: the full
+        # tilt within half a second, as makers publish no jerk, and moderate vertical speeds and yaw rate.
+        Vehicle(
+            name="tracking-drone",
+            speed=15.0,
+            acceleration=6.9,
+            jerk=14.0,
+            climb_speed=6.0,
+            descent_speed=6.0,
+            yaw_rate=math.radians(100),
+        ),
+    )
+}
+
+
+def load_vehicle(name_or_path: str | Path) -> Vehicle:
+    """Return a vehicle of `VEHICLES` by its name, or read a vehicle file.
+
+    A vehicle file is a JSON object of exactly the keys `FILE_KEYS`: as in `Vehicle`, but for the yaw rate, which
+    is in degrees per second. The vehicle is called what the file is, without `.json`.
+
+    Raises:
+        UsageError: there is no such vehicle or file, or a key is missing, unknown, or no positive number.
+    """
+    if isinstance(name_or_path, str) and name_or_path in VEHICLES:
+        return VEHICLES[name_or_path]
+    path = Path(name_or_path)
+    if path.suffix != ".json":
+        raise UsageError(
+            f"unknown vehicle {str(name_or_path)!r}; expected one of: {', '.join(VEHICLES)}, or a .json file"
+        )
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"{path}: expected a vehicle file, got: {error.strerror}") from error
+    except ValueError as error:
+        raise UsageError(f"{path}: expected JSON, got: {error}") from error
+    if not isinstance(content, dict):
+        raise UsageError(f"{path}: expected an object of {', '.join(FILE_KEYS)}; got {type(content).__name__}")
+    for problem, keys in (("missing", set(FILE_KEYS) - set(content)), ("unknown", set(content) - set(FILE_KEYS))):
+        if keys:
+            raise UsageError(f"{path}: {problem} {', '.join(sorted(keys))}; expected {', '.join(FILE_KEYS)}")
+    for key, value in content.items():
+        if not _is_positive(value):
+            raise UsageError(f"{path}: expected a positive, finite {key}, got {value!r}")
+    yaw_rate = math.radians(content.pop("yaw_rate_deg"))
+    return Vehicle(name=path.stem, yaw_rate=yaw_rate, **{key: float(value) for key, value in content.items()})
