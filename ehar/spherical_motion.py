@@ -1,0 +1,66 @@
+"""How a camera moves through space: Cartesian velocity, acceleration and jerk of viewpoints that change in time."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR
+
+
+class SphericalState(NamedTuple):
+    """Viewpoints and their first three derivatives in time, each (..., 3): distance [m], azimuth and polar [rad]."""
+
+    viewpoint: FloatArray
+    velocity: FloatArray  # [m/s], [rad/s], [rad/s]
+    acceleration: FloatArray  # [m/s^2], [rad/s^2], [rad/s^2]
+    jerk: FloatArray  # [m/s^3], [rad/s^3], [rad/s^3]
+
+
+class CartesianMotion(NamedTuple):
+    """Derivatives in time of a camera's position, each (..., 3)."""
+
+    velocity: FloatArray  # [m/s]
+    acceleration: FloatArray  # [m/s^2]
+    jerk: FloatArray  # [m/s^3]
+
+
+def cartesian_motion(state: SphericalState) -> CartesianMotion:
+    """Return the exact derivatives of `ehar.viewpoint.cartesian`, in the scenario's frame with z up."""
+    azimuth = state.viewpoint[..., AZIMUTH]
+    cos, sin = np.cos(azimuth), np.sin(azimuth)
+    turned = (
+        np.stack([out * cos - across * sin, out * sin + across * cos, up], axis=-1)
+        for out, across, up in (np.moveaxis(vector, -1, 0) for vector in local_motion(state))
+    )
+    return CartesianMotion(*turned)
+
+
+def local_motion(state: SphericalState) -> CartesianMotion:
+    """Return the same vectors on axes that point level away from the centre, level across that, and up.
+
+    The camera is turned twice in a plane: by the polar angle, which gives its height and how far out it is, and
+    then by the azimuth about the z axis. All centripetal, Coriolis and Euler terms are there.
+    """
+    distance, azimuth, polar = ([part[..., axis] for part in state] for axis in (DISTANCE, AZIMUTH, POLAR))
+    cos, sin = np.cos(polar[0]), np.sin(polar[0])
+    upright = [(along * cos - across * sin, along * sin + across * cos) for along, across in _turning(distance, polar)]
+    outwards = [distance[0] * sin, *(out for _, out in upright)]
+    level = _turning(outwards, azimuth)
+    vectors = (np.stack([*plane, up], axis=-1) for plane, (up, _) in zip(level, upright, strict=True))
+    return CartesianMotion(*vectors)
+
+
+def _turning(radius: Sequence[FloatArray], angle: Sequence[FloatArray]) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the first three derivatives of a point r e^(ia) in the plane, each along the ray and across it.
+
+    By Leibniz's rule, from r, its derivatives, and those of a.
+    """
+    r, r1, r2, r3 = radius
+    _, a1, a2, a3 = angle
+    return [
+        (r1, r * a1),
+        (r2 - r * a1**2, 2 * r1 * a1 + r * a2),
+        (r3 - 3 * a1 * (r1 * a1 + r * a2), 3 * (r2 * a1 + r1 * a2) + r * (a3 - a1**3)),
+    ]
