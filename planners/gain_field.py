@@ -46,11 +46,10 @@ class GainField:
         unknown = [part for part in self.parts if part not in PARTS]
         if unknown:
             raise ModelError(f"gain field: expected parts among {', '.join(PARTS)}, got {', '.join(unknown)}")
-        shape = (len(self.absolute), BASIS_SIZE)
-        if self.absolute.shape != shape or self.relative.shape != shape or len(self.absolute) == 0:
+        shape = self.absolute.shape
+        if shape != self.relative.shape or len(shape) != 2 or shape[0] == 0 or shape[1] != BASIS_SIZE:
             raise ModelError(
-                f"gain field: expected two matrices (1 + features, {BASIS_SIZE}), "
-                f"got {self.absolute.shape} and {self.relative.shape}"
+                f"gain field: expected two matrices (1 + features, {BASIS_SIZE}), got {shape} and {self.relative.shape}"
             )
         if not (np.isfinite(self.absolute).all() and np.isfinite(self.relative).all() and 0 <= self.spread < np.inf):
             raise ModelError("gain field: expected finite weights, and a spread of at least 0")

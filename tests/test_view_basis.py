@@ -6,14 +6,10 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planners.view_basis import BASIS_SIZE, field_value, view_basis
+from ehar.viewpoint import cartesian
+from planners.view_basis import BASIS_SIZE, basis_at, field_value, mean_direction, turned, view_basis
 
 viewpoints = st.tuples(st.floats(5, 15), st.floats(-20, 20), st.floats(0, np.pi / 2)).map(np.array)
-
-
-def basis_at(viewpoint: np.ndarray) -> np.ndarray:
-    """Return the basis (..., 21) at viewpoints (..., 3)."""
-    return np.stack(view_basis(*np.moveaxis(viewpoint, -1, 0), np), axis=-1)
 
 
 def test_it_has_as_many_functions_as_it_says() -> None:
@@ -72,3 +68,32 @@ def test_the_distance_terms_span_the_workspace() -> None:
     np.testing.assert_allclose([near[16], near[17], far[16], far[17]], [-1, 1, 1, 1])
     np.testing.assert_allclose(far[18:], far[[3, 1, 2]] / np.sqrt(3), atol=1e-15)
     np.testing.assert_allclose(near[:16], far[:16])
+
+
+@given(st.integers(0, 2**32 - 1), viewpoints, st.floats(-20, 20))
+def test_turning_counts_azimuths_from_elsewhere(seed: int, viewpoint: np.ndarray, angle: float) -> None:
+    less = viewpoint - np.array([0, angle, 0])
+    turned_basis = turned(basis_at(viewpoint), np.array(angle))
+    np.testing.assert_allclose(turned_basis, basis_at(less), atol=1e-9)
+    # A turned field has at a viewpoint the value that the field has at it turned back.
+    weights = np.random.default_rng(seed).normal(size=BASIS_SIZE)
+    np.testing.assert_allclose(
+        turned(weights, np.array(-angle)) @ basis_at(viewpoint), weights @ basis_at(less), atol=1e-8
+    )
+
+
+def test_sums_turn_as_their_terms_and_turning_leaves_its_argument() -> None:
+    rng = np.random.default_rng(0)
+    along = basis_at(rng.uniform(0, 6, (4, 7, 3)))
+    before, angle = along.copy(), rng.normal(size=4)
+    np.testing.assert_allclose(turned(along, angle[:, None]).sum(axis=1), turned(along.sum(axis=1), angle), atol=1e-9)
+    np.testing.assert_array_equal(along, before)
+    np.testing.assert_allclose(turned(turned(along, angle[:, None]), -angle[:, None]), along, atol=1e-12)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 5))
+def test_the_mean_direction_is_that_of_the_unit_vectors(seed: int, frames: int) -> None:
+    rng = np.random.default_rng(seed)
+    viewpoint = rng.uniform([5, -7, 0], [15, 7, np.pi / 2], (2, frames, 3))
+    directions = cartesian(viewpoint) / viewpoint[..., :1]
+    np.testing.assert_allclose(mean_direction(basis_at(viewpoint).mean(axis=1)), directions.mean(axis=1), atol=1e-12)
