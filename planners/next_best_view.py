@@ -17,7 +17,7 @@ from planners.view_search import search_goals
 from planners.view_value import ViewValue, node_gains
 
 GRID_LOOKAHEAD = 8  # frames: on the grid the target is a point of the plan this far ahead
-SEEDS = 2  # goals that a plan is started from, beside the plan before it
+SEEDS = 1  # goals that a plan is started from, beside the plan before it
 FEWEST_NODES = 4  # a plan ends at rest, and with a constant jerk between fewer nodes there is no way but to stay
 LEAST_NODE_FRAMES = 4  # and as many as the default horizon needs to reach the end of the episode
 DEFAULT_HORIZON = 15
@@ -40,6 +40,9 @@ class NextBestView(Planner):
         max_iterations: of the solver, the real-time mode; None: until it has converged.
         variant: which of the model's gain fields; all but `full` are for ablations.
         name: what reports call the planner.
+
+    Raises:
+        UsageError: a number is too small or not finite, or the model has no such field.
     """
 
     def __init__(
@@ -48,18 +51,18 @@ class NextBestView(Planner):
         model: GainModel,
         horizon: int = DEFAULT_HORIZON,
         effort_weight: float = 0.001,
-        replan: int = 6,
+        replan: int = 10,
         solver: Literal["fatrop", "ipopt"] = "fatrop",
         max_iterations: int | None = None,
         variant: str = FULL,
         name: str = "nbv",
     ) -> None:
         """Create the planner; the problem is built with the first plan."""
-        for option, value in (("horizon", horizon), ("replan", replan)):
-            if value < 1:
+        for option, value in (("horizon", horizon), ("replan", replan), ("max_iterations", max_iterations)):
+            if value is not None and value < 1:
                 raise UsageError(f"{name}: expected {option} of at least 1, got {value}")
-        if not effort_weight >= 0:
-            raise UsageError(f"{name}: expected an effort_weight of at least 0, got {effort_weight}")
+        if not 0 <= effort_weight < math.inf:
+            raise UsageError(f"{name}: expected a finite effort_weight of at least 0, got {effort_weight}")
         self.name = name
         self.horizon, self.effort_weight, self.replan = horizon, effort_weight, replan
         self._solver_options = (solver, max_iterations)
@@ -124,18 +127,18 @@ class NextBestView(Planner):
                 task, goals[episode, order[episode]], self._plans[episode], self.replan * frame_time
             )
             self._plans[episode] = plan
-            targets[episode] = self._targets(plan)
+            targets[episode] = self._targets(plan, int(np.flatnonzero(gains)[-1]) + 1)
         return targets
 
-    def _targets(self, plan: Solution) -> FloatArray:
+    def _targets(self, plan: Solution, last: int) -> FloatArray:
         """Return the points of a plan that the camera heads for in the next frames, (replan, 3).
 
-        A vehicle brakes for its target, so it is given the plan's end. The grid is given a point that it reaches
-        before the next plan is made, so that it takes the plan's way.
+        A vehicle brakes for its target, so it is given the plan's end. The grid is given a point so little ahead that
+        it takes the plan's way, and none after the `last` node that counts: what lies behind it, nothing pays for.
         """
         nodes = np.arange(self._nodes + 1)
         ahead = np.full(self.replan, float(self._nodes))
         if self._context.vehicle is None:
-            ahead = (np.arange(1, self.replan + 1) + GRID_LOOKAHEAD) / self._node_frames
+            ahead = np.minimum((np.arange(1, self.replan + 1) + GRID_LOOKAHEAD) / self._node_frames, last)
         position = plan.trajectory.position
         return np.stack([np.interp(ahead, nodes, position[:, axis]) for axis in range(3)], axis=1)

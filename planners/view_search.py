@@ -3,7 +3,7 @@
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.errors import UsageError
+from ehar.errors import EpisodeError, UsageError
 from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import AZIMUTH, MOVES, STEP, Workspace, wrap_difference
 from planners.camera_limits import camera_limits
@@ -34,7 +34,11 @@ class NextBestViewGreedy(Planner):
         self._value.reset(context)
 
     def act(self, observation: Observation) -> FloatArray:
-        """Return the best of the neighbouring viewpoints; a vehicle's lie a second away, where it can be heading."""
+        """Return the best of the neighbouring viewpoints; a vehicle's lie a second away, where it can be heading.
+
+        Raises:
+            EpisodeError: the field is not finite.
+        """
         self._value.update(observation)
         here, vehicle = observation.viewpoint, self._context.vehicle
         step = np.broadcast_to(STEP, here.shape)
@@ -42,6 +46,7 @@ class NextBestViewGreedy(Planner):
             step = np.stack([camera_limits(self._context, viewpoint, 1.0).velocity for viewpoint in here])
         there = self._context.workspace.clip(here[:, None] + MOVES * step[:, None])
         values = np.einsum("bmk,bk->bm", basis_at(there), self._value.weights)
+        _check_finite(values, self.name, observation.frame)
         best = np.argmax(values + 1e-12 * (MOVES == 0).all(axis=1), axis=1)  # a tie is no reason to move
         chosen: FloatArray = there[np.arange(len(best)), best]
         return chosen
@@ -57,7 +62,7 @@ class NextBestViewSearch(Planner):
 
     name = "nbv-search"
 
-    def __init__(self, *, model: GainModel, replan: int = 6) -> None:
+    def __init__(self, *, model: GainModel, replan: int = 10) -> None:
         """Create the planner."""
         if replan < 1:
             raise UsageError(f"{self.name}: expected to replan every 1 frame or more, got {replan}")
@@ -70,12 +75,27 @@ class NextBestViewSearch(Planner):
         self._value.reset(context)
 
     def act(self, observation: Observation) -> FloatArray:
-        """Return the goals, chosen anew every `replan` frames."""
+        """Return the goals, chosen anew every `replan` frames.
+
+        Raises:
+            EpisodeError: the field is not finite.
+        """
         self._value.update(observation)
         if observation.frame % self.replan == 0:
             goals, collected = search_goals(self._value, observation, self._context)
+            _check_finite(collected, self.name, observation.frame)
             self._goal: FloatArray = goals[np.arange(len(goals)), np.argmax(collected, axis=1)]
         return self._goal
+
+
+def _check_finite(values: FloatArray, name: str, frame: int) -> None:
+    """Raise EpisodeError unless all values (B, ...) of views are finite: the best of NaN would be any."""
+    finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
+    if not finite.all():
+        raise EpisodeError(
+            f"planner {name!r}, episode {int(np.argmin(finite))} of the batch, frame {frame}: "
+            "expected finite values of the gain field, got NaN or infinity"
+        )
 
 
 def goal_grid(workspace: Workspace) -> FloatArray:
