@@ -1,6 +1,6 @@
 """The world of embodied human activity recognition, and the contracts of those who act in it.
 
-Importing it makes `ehar/Grid-v0` known to Gymnasium.
+Importing it makes `ehar/Grid-v0` and `ehar/Flight-v0` known to Gymnasium.
 """
 
 import gymnasium
@@ -10,4 +10,9 @@ gymnasium.register(
     id="ehar/Grid-v0",
     entry_point="recognition.environments:grid_env",
     vector_entry_point="recognition.environments:grid_vector_env",
+)
+gymnasium.register(
+    id="ehar/Flight-v0",
+    entry_point="recognition.environments:flight_env",
+    vector_entry_point="recognition.environments:flight_vector_env",
 )

@@ -1,14 +1,15 @@
-"""What `ehar/Grid-v0` makes for Gymnasium: the task on real or built-in motion, with a trained recogniser."""
+"""What `ehar/Grid-v0` and `ehar/Flight-v0` make for Gymnasium: the task on motion data, with a trained recogniser."""
 
 from pathlib import Path
 
 from ehar.datasets.source import load_data
-from ehar.env import GridEnv, GridVectorEnv
+from ehar.env import FlightEnv, FlightVectorEnv, GridEnv, GridVectorEnv
 from ehar.errors import UsageError
 from ehar.estimator import make_sensor
 from ehar.recogniser import Recogniser
 from ehar.scenario import Scenarios, split_parts, windows
 from ehar.sensor import Sensor
+from ehar.vehicle import load_vehicle
 from recognition.storage import load_recogniser
 
 PARTS = ("recogniser", "policy", "validation", "test")
@@ -56,6 +57,57 @@ def grid_vector_env(
     """Return `num_envs` environments in lockstep; the other arguments are those of `grid_env`."""
     scenarios, recogniser, made_sensor = _load(data, fps, sensor, views, models, part, length)
     return GridVectorEnv(num_envs=num_envs, scenarios=scenarios, recogniser=recogniser, sensor=made_sensor)
+
+
+def flight_env(
+    *,
+    vehicle: str | Path = "px4-auto",
+    data: str | Path = "duo",
+    fps: float | None = None,
+    sensor: str = "perfect",
+    views: str = "moving",
+    models: str | Path | None = None,
+    part: str = "policy",
+    length: int = 60,
+) -> FlightEnv:
+    """Return one environment in flight.
+
+    Args:
+        vehicle: a named vehicle or the path of a vehicle file.
+        data: a built-in name or the path of an .npz.
+        fps: the frame rate to resample to [1/s]; None keeps the data's own.
+        sensor: `perfect` or `estimator`.
+        views: how the recogniser was trained, `paper` or `moving`.
+        models: a folder of trained weights; None takes those that come with the package.
+        part: which scenarios: `recogniser`, `policy`, `validation` or `test`.
+        length: L, frames in an episode.
+
+    Raises:
+        EharError: anything of it is unknown, missing or malformed.
+    """
+    carrier = load_vehicle(vehicle)
+    scenarios, recogniser, made_sensor = _load(data, fps, sensor, views, models, part, length)
+    return FlightEnv(scenarios=scenarios, recogniser=recogniser, sensor=made_sensor, vehicle=carrier)
+
+
+def flight_vector_env(
+    num_envs: int = 1,
+    *,
+    vehicle: str | Path = "px4-auto",
+    data: str | Path = "duo",
+    fps: float | None = None,
+    sensor: str = "perfect",
+    views: str = "moving",
+    models: str | Path | None = None,
+    part: str = "policy",
+    length: int = 60,
+) -> FlightVectorEnv:
+    """Return `num_envs` environments in flight, in lockstep; the other arguments are those of `flight_env`."""
+    carrier = load_vehicle(vehicle)
+    scenarios, recogniser, made_sensor = _load(data, fps, sensor, views, models, part, length)
+    return FlightVectorEnv(
+        num_envs=num_envs, scenarios=scenarios, recogniser=recogniser, sensor=made_sensor, vehicle=carrier
+    )
 
 
 def _load(

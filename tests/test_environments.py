@@ -1,5 +1,6 @@
-"""`ehar/Grid-v0` by its name, with a network of random weights."""
+"""`ehar/Grid-v0` and `ehar/Flight-v0` by their names, with a network of random weights."""
 
+import json
 import warnings
 from pathlib import Path
 from typing import Any
@@ -11,11 +12,11 @@ import torch
 from fakes import tiny_data
 from gymnasium.utils.env_checker import check_env
 
-from ehar.env import GridVectorEnv
+from ehar.env import FlightVectorEnv, GridVectorEnv
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.motion_file import load_motion, save_motion
 from recognition.calibration import Temperature
-from recognition.environments import grid_env
+from recognition.environments import flight_env, grid_env
 from recognition.networks import NetworkSpec
 from recognition.storage import recogniser_path, save_recogniser
 
@@ -34,8 +35,9 @@ def chosen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return {"data": str(folder / "tiny.npz"), "models": str(folder), "length": LENGTH}
 
 
-def test_the_single_environment_by_its_name(chosen: dict[str, Any]) -> None:
-    env = gym.make("ehar/Grid-v0", **chosen)
+@pytest.mark.parametrize("name", ["ehar/Grid-v0", "ehar/Flight-v0"])
+def test_the_single_environment_by_its_name(chosen: dict[str, Any], name: str) -> None:
+    env = gym.make(name, **chosen)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of embeddings without bounds
         check_env(env.unwrapped)
@@ -45,9 +47,10 @@ def test_the_single_environment_by_its_name(chosen: dict[str, Any]) -> None:
     assert terminated
 
 
-def test_the_batched_environment_by_its_name(chosen: dict[str, Any]) -> None:
-    env = gym.make_vec("ehar/Grid-v0", num_envs=8, vectorization_mode="vector_entry_point", **chosen)
-    assert isinstance(env.unwrapped, GridVectorEnv)
+@pytest.mark.parametrize(("name", "kind"), [("ehar/Grid-v0", GridVectorEnv), ("ehar/Flight-v0", FlightVectorEnv)])
+def test_the_batched_environment_by_its_name(chosen: dict[str, Any], name: str, kind: type) -> None:
+    env = gym.make_vec(name, num_envs=8, vectorization_mode="vector_entry_point", **chosen)
+    assert isinstance(env.unwrapped, kind)
     observations, _ = env.reset(seed=0)
     assert observations in env.observation_space
     for _ in range(LENGTH + 3):
@@ -65,3 +68,14 @@ def test_what_is_unknown_or_missing(chosen: dict[str, Any], tmp_path: Path) -> N
         grid_env(**chosen, sensor="estimator")
     with pytest.raises(UsageError, match="expected at least one scenario of 500 frames"):
         grid_env(**chosen | {"length": 500})
+    with pytest.raises(UsageError, match="unknown vehicle 'kite'; expected one of: px4-auto, "):
+        flight_env(**chosen, vehicle="kite")
+
+
+def test_a_vehicle_file_flies(chosen: dict[str, Any], tmp_path: Path) -> None:
+    limits = {"speed": 2, "acceleration": 1, "jerk": 5, "climb_speed": 1, "descent_speed": 1, "yaw_rate_deg": 30}
+    (tmp_path / "kite.json").write_text(json.dumps(limits), encoding="utf-8")
+    env = flight_env(**chosen, vehicle=tmp_path / "kite.json")
+    env.reset(seed=0)
+    observation = env.step(np.ones(4, dtype=np.float32))[0]
+    assert observation in env.observation_space
