@@ -37,6 +37,10 @@ class TimeOptimal:
         self._trajectory = Trajectory(3)
         self._order = InputParameter(3)
 
+    def __reduce__(self) -> tuple[type["TimeOptimal"], tuple[()]]:
+        """Copy and pickle as a new one: Ruckig's objects do neither, and hold nothing from call to call."""
+        return TimeOptimal, ()
+
     def durations(self, start: SphericalState, target: FloatArray, limits: AxisLimits) -> FloatArray:
         """Return how long flights from starts (B, 3) to rest at targets (B, 3) last, (B,) [s]; inf if there is none."""
         durations = np.full(len(target), np.inf)

@@ -3,6 +3,8 @@
 All 100,000 cases: `pytest -m slow tests/test_flight.py`, or `ehar.flight_cases.worst_excess(rng, 100_000)`.
 """
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -167,6 +169,16 @@ def test_flights_do_not_depend_on_their_neighbours() -> None:
     together, alone = flying(start), flying(start[3:4])
     for target in targets:
         np.testing.assert_allclose(together.advance(target)[3:4], alone.advance(target[3:4]), atol=1e-12)
+
+
+def test_a_copy_flies_on_alike() -> None:
+    """So that environments and motions can be sent to worker processes."""
+    rng = np.random.default_rng(0)
+    motion, target = flying(sample_starts(rng, 4)), sample_starts(rng, 4)
+    motion.advance(target)
+    copied = pickle.loads(pickle.dumps(motion))
+    for _ in range(5):
+        np.testing.assert_array_equal(motion.advance(target), copied.advance(target))
 
 
 def test_telemetry_adds_up() -> None:
