@@ -13,6 +13,7 @@ from planners.view_value import ViewValue, node_gains
 
 GOALS = (4, 16, 6)  # distances, azimuths, polar angles of the grid of goals
 WAY_POINTS = 15  # nodes along a straight way, over the rest of the episode
+LEAST_FRAMES = 1e-9  # to stay
 
 
 class NextBestViewGreedy(Planner):
@@ -109,7 +110,7 @@ def goal_grid(workspace: Workspace) -> FloatArray:
 def search_goals(value: ViewValue, observation: Observation, context: Context) -> tuple[FloatArray, FloatArray]:
     """Return what straight ways to a grid of goals collect; the first goal is to stay.
 
-    Straight in the three coordinates, at the pace of the grid or of the vehicle's speed, and then at rest.
+    Straight in the three coordinates, from rest to rest, at the pace of the grid or of the vehicle.
 
     Args:
         value: of the views, after the present frame.
@@ -127,23 +128,42 @@ def search_goals(value: ViewValue, observation: Observation, context: Context) -
     remaining = observation.length - 1 - observation.frame
     node_frames = -(-remaining // WAY_POINTS)
     gains = node_gains(observation.frame, observation.length, WAY_POINTS, node_frames)
-    frames = np.maximum(_frames_needed(way, here, context), 1e-9)
+    needed, ramp = _frames_needed(way, here, context)
     along = np.zeros((*goals.shape[:2], BASIS_SIZE))
     for node in np.flatnonzero(gains):
-        share = np.minimum((node + 1) * node_frames / frames, 1.0)[..., None]
-        along += gains[node] * basis_at(here[:, None] + share * way)
+        share = share_made((node + 1) * node_frames, needed, ramp)
+        along += gains[node] * basis_at(here[:, None] + share[..., None] * way)
     collected: FloatArray = np.einsum("bgk,bk->bg", along, value.weights)
     collected -= value.field.spread * (mean_direction(along) ** 2).sum(axis=-1)
     return goals, collected
 
 
-def _frames_needed(way: FloatArray, here: FloatArray, context: Context) -> FloatArray:
-    """Return how many frames ways (B, G, 3) take, (B, G)."""
+def _frames_needed(way: FloatArray, here: FloatArray, context: Context) -> tuple[FloatArray, float]:
+    """Return how many frames ways (B, G, 3) take at full speed, (B, G), and how many it takes to reach that."""
     if context.vehicle is None:
         frames: FloatArray = np.abs(way / STEP).sum(axis=-1)
-        return frames
+        return frames, 0.0
     velocity = np.stack([camera_limits(context, viewpoint, 1.0).velocity for viewpoint in here])
-    cruise = np.linalg.norm(way / velocity[:, None], axis=-1)
     up_to_speed = context.vehicle.speed / context.vehicle.acceleration  # [s]
-    flown: FloatArray = (cruise + np.minimum(up_to_speed, np.sqrt(cruise * up_to_speed))) / context.frame_time
-    return flown
+    return np.linalg.norm(way / velocity[:, None], axis=-1) / context.frame_time, up_to_speed / context.frame_time
+
+
+def share_made(frames: float, needed: FloatArray, ramp: float) -> FloatArray:
+    """Return the share of ways that lies behind after some frames, from rest to rest, of the shape of `needed`.
+
+    Speeding up takes its time whatever the goal: at a mean pace, the goals behind a good view would be the best,
+    because the way to them passes it sooner.
+
+    Args:
+        frames: since the start.
+        needed: at full speed.
+        ramp: to get up to full speed, and to brake from it.
+    """
+    needed, ramp = np.maximum(needed, LEAST_FRAMES), max(ramp, LEAST_FRAMES)
+    top = np.minimum(np.sqrt(needed / ramp), 1.0)  # the share of the full speed that is reached
+    duration = needed / top + ramp * top
+    # What is made after a time, up to the middle of the way, and by symmetry what is left before the end.
+    time = np.maximum(np.minimum(frames, duration - frames), 0.0)
+    made = np.where(time < ramp * top, time**2 / (2 * ramp), top * (time - ramp * top / 2))
+    share: FloatArray = np.where(frames < duration / 2, made, needed - made) / needed
+    return share

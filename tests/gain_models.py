@@ -20,13 +20,8 @@ assert SKELETON.joint_names[1:3] == ("left_shoulder", "right_shoulder")
 def peak_weights(viewpoint: FloatArray, strength: float = 1.0) -> FloatArray:
     """Return the weights (21,) of a field whose only maximum is at a viewpoint (3,)."""
     distance = (viewpoint[DISTANCE] - MIDDLE_DISTANCE) / HALF_RANGE
-    level = np.sin(viewpoint[POLAR])
     weights = np.zeros(BASIS_SIZE)
-    weights[[3, 1, 2]] = (
-        level * np.cos(viewpoint[AZIMUTH]),
-        level * np.sin(viewpoint[AZIMUTH]),
-        np.cos(viewpoint[POLAR]),
-    )
+    weights[[3, 1, 2]] = cartesian(viewpoint) / viewpoint[DISTANCE]
     weights[[16, 17]] = 2 * distance, -1.0  # -(s - distance)^2 and a constant
     return strength * weights
 
