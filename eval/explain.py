@@ -1,0 +1,327 @@
+"""One episode explained: what each view was worth, what was believed, and where the planner went."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.errors import UsageError
+from ehar.motion import GridMotion
+from ehar.motion_data import MotionData
+from ehar.planner import Context, Observation, Planner
+from ehar.rollout import Batch, Record, rollout
+from ehar.scenario import split_parts
+from ehar.sensor import SensorNoise
+from ehar.viewpoint import DISTANCE, Workspace, wrap_azimuth
+from eval.episodes import CHUNK, Episodes, cut_scenarios, random_starts
+from eval.progress import ConsoleReporter, Reporter
+from eval.run import check_options, load_setting
+from eval.tables import Table
+from planners.gain_model import GainModel, load_gain_model
+from planners.next_best_view import NextBestView
+from planners.view_basis import field_value
+from planners.view_search import NextBestViewGreedy, NextBestViewSearch
+from planners.view_value import ViewValue
+
+FIRST_MOMENT, LAST_MOMENT = 0.1, 0.9  # of the episode
+MAP_STEP = 2.0  # [deg], from one azimuth or polar angle of a map to the next
+
+
+class FieldMap(NamedTuple):
+    """The gain field at one distance, as differences to where the camera is."""
+
+    azimuth: FloatArray  # (A,) [deg], 0 to 360
+    polar: FloatArray  # (H,) [deg], 0 is straight above
+    gain: FloatArray  # (H, A), gained probability of looking from there, rather than from here, to the end
+    best: tuple[int, int]  # row and column of the best view
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """What happened in one episode, and why.
+
+    Args:
+        title: of the data, with sensor and views.
+        planner: its name.
+        sequence: the episode's, and its first frame in it.
+        class_names: K names.
+        label: the true class.
+        viewpoints: (L, 3), where the camera was.
+        recognised: (L, K), the recogniser's probabilities.
+        targets: (L - 1, 3), where the planner wanted to be; the last frame is not planned upon.
+        believed: (L - 1, K) probabilities.
+        weights: (L - 1, 21) of the gain field, see `view_basis.field_value`.
+        facing: (L - 1, P) [rad], the azimuths that people are believed to face.
+        facing_std: (L - 1, P) [rad].
+        moments: the frames to show.
+        workspace: of the camera.
+    """
+
+    title: str
+    planner: str
+    sequence: str
+    class_names: tuple[str, ...]
+    label: int
+    viewpoints: FloatArray
+    recognised: FloatArray
+    targets: FloatArray
+    believed: FloatArray
+    weights: FloatArray
+    facing: FloatArray
+    facing_std: FloatArray
+    moments: IntArray
+    workspace: Workspace
+
+    @property
+    def right(self) -> BoolArray:
+        """Whether the recognised class is the true one after each frame, (L,)."""
+        right: BoolArray = self.recognised.argmax(axis=1) == self.label
+        return right
+
+    @property
+    def outcome(self) -> str:
+        """What was recognised in the end, and since when."""
+        length = len(self.right)
+        last = self.class_names[int(self.recognised[-1].argmax())]
+        if not self.right[-1]:
+            return f"taken for {last} in the end, right in {int(self.right.sum())} of {length} frames"
+        wrong = np.flatnonzero(~self.right)
+        if not len(wrong):
+            return f"recognised as {last} from the first frame on"
+        return f"recognised as {last} for good from frame {wrong[-1] + 2} of {length} on"
+
+    def field_map(self, frame: int) -> FieldMap:
+        """Return the gain field at a frame, over all directions at the camera's distance then."""
+        here = self.viewpoints[frame]
+        azimuth = np.arange(0.0, 360.0 + MAP_STEP, MAP_STEP)
+        low, high = np.degrees([self.workspace.polar_min, self.workspace.polar_max])
+        polar = np.linspace(low, high, round((high - low) / MAP_STEP) + 1)
+        around, down = np.meshgrid(np.radians(azimuth), np.radians(polar))
+        views = np.stack([np.full(around.shape, here[DISTANCE]), around, down], axis=-1)
+        gain = field_value(self.weights[frame], views) - field_value(self.weights[frame], here)
+        row, column = np.unravel_index(int(gain.argmax()), gain.shape)
+        return FieldMap(azimuth, polar, gain, (int(row), int(column)))
+
+
+class Recorder(Planner):
+    """Asks a planner, and keeps what it saw and said in an episode, with what views were worth.
+
+    Args:
+        planner: to ask.
+        model: the gain model that it was made with.
+    """
+
+    privileged = False
+
+    def __init__(self, planner: Planner, model: GainModel) -> None:
+        """Create the recorder."""
+        self.name = planner.name
+        self._planner = planner
+        self._value = ViewValue(model)
+
+    def reset(self, context: Context) -> None:
+        """Forget what was kept."""
+        self._planner.reset(context)
+        self._value.reset(context)
+        self.targets: list[FloatArray] = []
+        self.believed: list[FloatArray] = []
+        self.weights: list[FloatArray] = []
+        self.facing: list[FloatArray] = []
+        self.facing_std: list[FloatArray] = []
+
+    def act(self, observation: Observation) -> FloatArray:
+        """Return the planner's targets."""
+        target = self._planner.act(observation)
+        self._value.update(observation)
+        situation = self._value.situation
+        self.targets.append(target[0])
+        self.believed.append(situation.belief[0])
+        self.weights.append(self._value.weights[0])
+        self.facing.append(situation.facing[0].copy())
+        self.facing_std.append(situation.facing_std[0].copy())
+        return target
+
+
+def explain(
+    *,
+    data: str | Path | MotionData = "duo",
+    models: Path | None = None,
+    sensor: str = "perfect",
+    views: str = "moving",
+    planner: str = "nbv",
+    episode: int = 0,
+    frames: int = 4,
+    seed: int = 0,
+    length: int = 60,
+    fps: float | None = None,
+    reporter: Reporter | None = None,
+) -> Explanation:
+    """Run one of the benchmark's episodes on the ideal track, and keep what explains it.
+
+    Args:
+        data: `duo`, `solo`, the path of a prepared .npz, or data in memory.
+        models: folder of recogniser and gain field; None takes those that ship with ehar.
+        sensor: `perfect` or `estimator`.
+        views: the cameras that the recogniser was trained on, `moving` or `paper`.
+        planner: one that values views.
+        episode: which of the test scenarios, counted from 0; its start viewpoint is the benchmark's first.
+        frames: how many moments to show, from 10 to 90 % of the episode.
+        seed: of the start viewpoint and the sensor's noise.
+        length: L, frames in an episode.
+        fps: frame rate to resample to [1/s]; None keeps the data's.
+        reporter: hears of what is left out; None prints it on standard error.
+
+    Raises:
+        EharError: one line that says what was got and what was expected.
+    """
+    check_options(seed=seed, workers=1)
+    if length < 2 or not 1 <= frames <= length - 1:
+        raise UsageError(f"frames: expected 1 to {length - 1} moments of episodes of {length} frames, got {frames}")
+    setting = load_setting(data=data, models=models, sensor=sensor, views=views, form="causal", fps=fps)
+    model = load_gain_model(
+        None if models is None else Path(models),
+        setting.data,
+        sensor=sensor,
+        views=views,
+        recogniser_sha256=setting.recogniser_sha256,
+    )
+    note = (reporter or ConsoleReporter()).note
+    episodes = random_starts(cut_scenarios(setting.data, split_parts(setting.data).test, length, note), 1, seed)
+    if not 0 <= episode < len(episodes):
+        raise UsageError(f"episode: expected 0 to {len(episodes) - 1}, got {episode}")
+    batch = single_episode(episodes, episode)
+    motion = GridMotion()
+    context = Context(
+        episodes=1,
+        length=length,
+        frame_time=1 / setting.data.fps,
+        class_names=setting.data.class_names,
+        skeleton=setting.data.skeleton,
+        workspace=motion.workspace,
+        track="ideal",
+        rng=episodes.planner_rng(planner, episode // CHUNK),
+    )
+    recorder = Recorder(make_valuing_planner(planner, model), model)
+    record = rollout(recorder, batch, setting.recogniser, setting.sensor, motion, context)
+    return _explanation(
+        recorder,
+        record,
+        context,
+        title=f"{setting.data.title}, {sensor} sensor, {views} views",
+        sequence=batch.names[0],
+        label=int(batch.labels[0]),
+        moments=moments(length, frames),
+    )
+
+
+def make_valuing_planner(name: str, model: GainModel) -> Planner:
+    """Return a new planner that values views with a model.
+
+    Raises:
+        UsageError: no such planner does.
+    """
+    planners: dict[str, type[NextBestView | NextBestViewSearch | NextBestViewGreedy]] = {
+        "nbv": NextBestView,
+        NextBestViewSearch.name: NextBestViewSearch,
+        NextBestViewGreedy.name: NextBestViewGreedy,
+    }
+    if name not in planners:
+        raise UsageError(f"unknown planner {name!r}; expected one that values views: {', '.join(planners)}")
+    return planners[name](model=model)
+
+
+def moments(length: int, count: int) -> IntArray:
+    """Return the frames to show: from 10 to 90 % of an episode of L frames, the last one left out, each once."""
+    shares = np.linspace(FIRST_MOMENT, LAST_MOMENT, count)
+    return np.unique(np.clip(np.rint(shares * length).astype(np.int64) - 1, 0, length - 2))
+
+
+def single_episode(episodes: Episodes, index: int) -> Batch:
+    """Return one episode alone, with the start viewpoint and the noise that it has in the benchmark."""
+    batch, place = episodes.batch(index // CHUNK), index % CHUNK
+    only = slice(place, place + 1)
+    return Batch(
+        positions=batch.positions[only],
+        labels=batch.labels[only],
+        starts=batch.starts[only],
+        noise=SensorNoise(*(draws[only] for draws in batch.noise)),
+        names=batch.names[only],
+    )
+
+
+def explain_table(explanation: Explanation) -> Table:
+    """Return where the camera was at each moment, what was believed, and where the best view was."""
+    rows = []
+    for frame in explanation.moments:
+        distance, azimuth, polar = explanation.viewpoints[frame]
+        here = field_value(explanation.weights[frame], explanation.viewpoints[frame])
+        field = explanation.field_map(frame)
+        row, column = field.best
+        believed = explanation.believed[frame]
+        top = int(believed.argmax())
+        rows.append(
+            (
+                str(frame + 1),
+                f"{distance:.1f}",
+                f"{np.degrees(wrap_azimuth(azimuth)):.0f}",
+                f"{np.degrees(polar):.0f}",
+                f"{explanation.class_names[top]} {100 * believed[top]:.0f} %",
+                f"{100 * believed[explanation.label]:.0f} %",
+                f"{100 * float(here):+.2f}",
+                f"{100 * (float(here) + field.gain[row, column]):+.2f}",
+                f"{field.azimuth[column] % 360:.0f}",
+                f"{field.polar[row]:.0f}",
+            )
+        )
+    return Table(
+        title=f"{explanation.title}: {explanation.sequence}, {explanation.planner}, {explanation.outcome}",
+        header=(
+            "frame",
+            "distance [m]",
+            "azimuth [deg]",
+            "polar [deg]",
+            "most believed",
+            "true class",
+            "field here [%]",
+            "best [%]",
+            "at azimuth [deg]",
+            "polar [deg]",
+        ),
+        rows=tuple(rows),
+        footnotes=(
+            f"True class: {explanation.class_names[explanation.label]}. Polar angle 0 is straight above, 90 level.",
+            "The field is gained probability of the true class, at the camera's present distance; "
+            "only differences mean anything.",
+        ),
+    )
+
+
+def _explanation(
+    recorder: Recorder,
+    record: Record,
+    context: Context,
+    *,
+    title: str,
+    sequence: str,
+    label: int,
+    moments: IntArray,
+) -> Explanation:
+    """Return what a recorder kept of its only episode."""
+    return Explanation(
+        title=title,
+        planner=recorder.name,
+        sequence=sequence,
+        class_names=context.class_names,
+        label=label,
+        viewpoints=record.viewpoints[0],
+        recognised=np.exp(record.log_probs[0].astype(np.float64)),
+        targets=np.array(recorder.targets),
+        believed=np.array(recorder.believed),
+        weights=np.array(recorder.weights),
+        facing=np.array(recorder.facing),
+        facing_std=np.array(recorder.facing_std),
+        moments=moments,
+        workspace=context.workspace,
+    )

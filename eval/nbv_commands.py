@@ -1,0 +1,60 @@
+"""The commands that explain and take apart the planners that value views: `ehar explain`, `ablation`, `belief`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from eval.commands import output_console
+from eval.tables import Rendered
+
+
+@dataclass(frozen=True)
+class Explain:
+    """Draw one episode: what each view was worth, what was believed, and where the planner went.
+
+    Args:
+        data: duo, solo, or the path of a prepared .npz.
+        models: folder of recogniser and gain field; by default those that ship, for duo and solo.
+        sensor: perfect or estimator.
+        views: the cameras the recogniser was trained on, moving or paper.
+        planner: nbv, nbv-search or nbv-greedy.
+        episode: which of the test scenarios, counted from 0.
+        frames: how many moments to show, from 10 to 90 % of the episode.
+        seed: of the start viewpoint and noise.
+        length: frames in an episode.
+        fps: frame rate to resample to.
+        out: the picture to write: .png, .svg or .pdf.
+    """
+
+    data: str = "duo"
+    models: Path | None = None
+    sensor: str = "perfect"
+    views: str = "moving"
+    planner: str = "nbv"
+    episode: int = 0
+    frames: int = 4
+    seed: int = 0
+    length: int = 60
+    fps: float | None = None
+    out: Path = Path("explain.png")
+
+    def __call__(self) -> None:
+        """Run the episode, draw it, and print its table."""
+        from eval.explain import explain, explain_table
+        from eval.explain_figure import check_format, draw_explanation
+
+        check_format(self.out)
+        explanation = explain(
+            data=self.data,
+            models=self.models,
+            sensor=self.sensor,
+            views=self.views,
+            planner=self.planner,
+            episode=self.episode,
+            frames=self.frames,
+            seed=self.seed,
+            length=self.length,
+            fps=self.fps,
+        )
+        draw_explanation(explanation, self.out)
+        output_console().print(Rendered(explain_table(explanation)))
+        print(f"drawn in {self.out}")
