@@ -130,7 +130,7 @@ def search_goals(value: ViewValue, observation: Observation, context: Context) -
     gains = node_gains(observation.frame, observation.length, WAY_POINTS, node_frames)
     needed, ramp = _frames_needed(way, here, context)
     along = np.zeros((*goals.shape[:2], BASIS_SIZE))
-    for node in np.flatnonzero(gains):
+    for node in np.flatnonzero(gains).tolist():
         share = share_made((node + 1) * node_frames, needed, ramp)
         along += gains[node] * basis_at(here[:, None] + share[..., None] * way)
     collected: FloatArray = np.einsum("bgk,bk->bg", along, value.weights)
