@@ -58,3 +58,47 @@ class Explain:
         draw_explanation(explanation, self.out)
         output_console().print(Rendered(explain_table(explanation)))
         print(f"drawn in {self.out}")
+
+
+@dataclass(frozen=True)
+class BeliefCommand:
+    """Score the belief against the recogniser on test episodes, and say what each of its parts is worth.
+
+    Args:
+        data: duo, solo, or the path of a prepared .npz.
+        models: folder of recogniser and gain field; by default those that ship, for duo and solo.
+        sensor: perfect or estimator.
+        views: the cameras the recogniser was trained on, moving or paper.
+        starts: start viewpoints for each scenario.
+        seed: of start viewpoints, noise, the random planner, and of the halves that the parts are fitted on.
+        length: frames in an episode.
+        fps: frame rate to resample to.
+        out: folder for config.json, belief.json and table.md.
+    """
+
+    data: str = "duo"
+    models: Path | None = None
+    sensor: str = "perfect"
+    views: str = "moving"
+    starts: int = 1
+    seed: int = 0
+    length: int = 60
+    fps: float | None = None
+    out: Path | None = None
+
+    def __call__(self) -> None:
+        """Run the episodes and print the tables."""
+        from eval.belief_report import belief_report, belief_tables
+
+        report = belief_report(
+            data=self.data,
+            models=self.models,
+            sensor=self.sensor,
+            views=self.views,
+            starts=self.starts,
+            seed=self.seed,
+            length=self.length,
+            fps=self.fps,
+            out=self.out,
+        )
+        output_console().print(Rendered(*belief_tables(report)))
