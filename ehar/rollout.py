@@ -49,8 +49,10 @@ def rollout(
     Frame 0 is seen from the start viewpoint; after each frame but the last the planner moves the camera.
 
     Raises:
-        EpisodeError: the planner returned something else than finite targets (B, 3).
+        EpisodeError: a start lies outside of the workspace, or the planner returned something else than finite
+            targets (B, 3).
     """
+    _check_starts(batch, context)
     episodes, length = batch.positions.shape[:2]
     viewpoint = batch.starts
     viewpoints = np.empty((episodes, length, 3))
@@ -87,6 +89,17 @@ def rollout(
         plan_seconds += time.perf_counter() - begin
         viewpoint = motion.advance(_checked(target, planner, batch, frame))
     return Record(viewpoints, log_probs, plan_seconds)
+
+
+def _check_starts(batch: Batch, context: Context) -> None:
+    """Raise an error that names the episode unless all starts are finite and in the workspace."""
+    inside = context.workspace.contains(batch.starts) & np.isfinite(batch.starts).all(axis=1)
+    if not inside.all():
+        bad = int(np.argmin(inside))
+        raise EpisodeError(
+            f"episode {batch.names[bad]!r}: expected a start viewpoint within {context.workspace}, "
+            f"got {batch.starts[bad].tolist()}"
+        )
 
 
 def _checked(target: FloatArray, planner: Planner, batch: Batch, frame: int) -> FloatArray:

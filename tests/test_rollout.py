@@ -93,6 +93,18 @@ def test_a_target_that_is_not_finite_names_planner_episode_and_frame() -> None:
         run(answer)
 
 
+@pytest.mark.parametrize("start", [[4.9, 0, 1], [15.1, 0, 1], [10, 0, -0.1], [10, 0, 1.6], [10, np.nan, 1]])
+def test_a_start_outside_of_the_workspace_names_the_episode(start: list[float]) -> None:
+    batch = tiny_batch(episodes=EPISODES, length=LENGTH)
+    batch.starts[2] = start
+    planner, context = (
+        Answers(lambda observation: observation.viewpoint),
+        tiny_context(episodes=EPISODES, length=LENGTH),
+    )
+    with pytest.raises(EpisodeError, match=r"episode 'episode-2': expected a start viewpoint within Workspace.*got \["):
+        rollout(planner, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), context)
+
+
 @pytest.mark.parametrize("shape", [(EPISODES,), (EPISODES, 2), (EPISODES - 1, 3), (EPISODES, 7, 3), ()])
 def test_a_target_of_a_wrong_shape_names_planner_episode_and_frame(shape: tuple[int, ...]) -> None:
     with pytest.raises(EpisodeError) as error:
