@@ -5,6 +5,7 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.planner import Context
 from ehar.viewpoint import DISTANCE
+from planners.heading import axis_speeds
 from planners.trajectory_task import TrajectoryLimits, grid_limits
 
 
@@ -23,10 +24,8 @@ def camera_limits(context: Context, viewpoint: FloatArray, node_time: float) -> 
     if vehicle is None:
         return grid_limits(context.frame_time, node_time)
     per_axis = np.array([1.0, 1 / viewpoint[DISTANCE], 1 / viewpoint[DISTANCE]])
-    velocity = vehicle.speed * per_axis
-    velocity[1] = min(velocity[1], vehicle.yaw_rate)
     return TrajectoryLimits(
-        velocity=velocity,
+        velocity=axis_speeds(vehicle, viewpoint),
         acceleration=vehicle.acceleration * per_axis,
         jerk=vehicle.jerk * per_axis,
         speed=vehicle.speed,

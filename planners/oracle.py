@@ -1,4 +1,8 @@
-"""Upper bounds: planners that know the label and the future, and try their moves before they make them."""
+"""Upper bounds: planners that know the label and the future, and try their moves before they make them.
+
+They try the moves of the grid on every track. A vehicle does not make such a move within a frame, so on its track they
+head for where the best moves lead, and are not upper bounds there.
+"""
 
 from typing import Any
 
@@ -8,6 +12,7 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.errors import EpisodeError, UsageError
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.viewpoint import MOVES, Workspace, apply_moves, neighbours
+from planners.heading import heading
 
 
 class Oracle(Planner):
@@ -17,14 +22,17 @@ class Oracle(Planner):
     privileged = True
 
     def reset(self, context: Context) -> None:
-        """Take the workspace."""
+        """Take the workspace and the track."""
+        self._vehicle = context.vehicle
         self._workspace = context.workspace
 
     def act(self, observation: Observation) -> FloatArray:
-        """Return the best of the 7 neighbouring viewpoints of each episode."""
+        """Return the best of the 7 neighbouring viewpoints of each episode; a vehicle heads a second that way."""
         truth = _truth(self, observation)
         frame = observation.frame + 1
         candidates, _, best, _ = _try_moves(truth, truth.state, frame, observation.viewpoint, self._workspace)
+        if self._vehicle is not None:
+            return heading(self._vehicle, observation.viewpoint, best, self._workspace)
         return candidates[np.arange(len(best)), best]
 
 
@@ -54,17 +62,18 @@ class OracleLookahead(Planner):
 
     def reset(self, context: Context) -> None:
         """Forget the path."""
+        self._in_flight = context.vehicle is not None
         self._workspace = context.workspace
         self._path: FloatArray = np.empty((context.episodes, 0, 3))
         self._planned_at = 0
 
     def act(self, observation: Observation) -> FloatArray:
-        """Return the next viewpoints of the best paths, planned anew every `commit` frames."""
+        """Return the next viewpoints of the best paths, planned anew every `commit` frames; in flight their ends."""
         done = observation.frame - self._planned_at
         if done >= min(self.commit, self._path.shape[1]):
             self._path = self._plan(observation)
             self._planned_at, done = observation.frame, 0
-        return self._path[:, done]
+        return self._path[:, -1 if self._in_flight else done]
 
     def _plan(self, observation: Observation) -> FloatArray:
         """Return the best path of each episode, (B, H, 3)."""

@@ -9,11 +9,13 @@ from fakes import FakeRecogniser, tiny_batch, tiny_context
 from ehar.arrays import FloatArray
 from ehar.errors import EpisodeError
 from ehar.estimator import EstimatorSensor
+from ehar.flight import FlightMotion
 from ehar.motion import GridMotion
 from ehar.planner import Observation, Planner
 from ehar.rollout import Batch, Record, rollout
 from ehar.sensor import PerfectSensor, Sensor
 from ehar.skeleton import Skeleton
+from ehar.vehicle import VEHICLES
 from ehar.viewpoint import AZIMUTH, POLAR, apply_moves, from_cells, to_cells, wrap_difference
 from planners.heuristic import NoAct
 from planners.oracle import Oracle, OracleLookahead
@@ -129,6 +131,20 @@ def test_a_step_costs_at_most_20_recognised_frames() -> None:
     planner = OracleLookahead()
     rollout(planner, batch, recogniser, PerfectSensor(), GridMotion(), tiny_context(episodes=2, length=60))
     assert recogniser.frames_recognised / (2 * 59) <= 1 + 20
+
+
+@pytest.mark.parametrize("planner", [Oracle(), OracleLookahead(horizon=10, commit=5)])
+def test_in_flight_an_oracle_heads_far_enough_to_get_somewhere(planner: Planner) -> None:
+    """The fake recogniser sees more the nearer to level the camera is: the vehicle has to go there, at a pace."""
+    batch = replace(episodes(), starts=from_cells(np.tile([50, 0, 10], (EPISODES, 1))))
+    vehicle = VEHICLES["tracking-drone"]
+    context = replace(
+        tiny_context(episodes=EPISODES, length=LENGTH), frame_time=0.1, track=vehicle.name, vehicle=vehicle
+    )
+    record = rollout(planner, batch, FakeRecogniser(), PerfectSensor(), FlightMotion(vehicle=vehicle), context)
+    still = rollout(NoAct(), batch, FakeRecogniser(), PerfectSensor(), GridMotion(), tiny_context())
+    assert (record.viewpoints[:, -1, POLAR] > batch.starts[:, POLAR] + 0.4).all()
+    assert true_class_probability(record, batch).mean() > true_class_probability(still, batch).mean()
 
 
 @pytest.mark.parametrize("planner", [Oracle(), OracleLookahead()])
