@@ -40,7 +40,9 @@ class Benchmark:
         sensor: perfect (exact 2D joints) or estimator (noise, occlusion, dropout, swaps).
         views: the cameras the recogniser was trained on, moving or paper.
         form: causal streams; ctrgcn is the published network, evaluated anew on every prefix.
-        track: how cameras move; ideal is the paper's grid.
+        track: how cameras move: ideal is the paper's grid; px4-auto, px4-max, tracking-drone, or a vehicle file.
+        ideal: folder of a finished run on the ideal track, to say how much of its accuracy flights keep.
+        readout: whose probabilities are scored, the recogniser's or those of the belief; planners act the same.
         starts: start viewpoints for each test scenario.
         seed: of start viewpoints, noise and random planners.
         length: frames in an episode.
@@ -56,6 +58,8 @@ class Benchmark:
     views: str = "moving"
     form: Form = "causal"
     track: str = "ideal"
+    ideal: Path | None = None
+    readout: str = "recogniser"
     starts: int = 1
     seed: int = 0
     length: int = 60
@@ -75,6 +79,8 @@ class Benchmark:
             views=self.views,
             form=self.form,
             track=self.track,
+            ideal=self.ideal,
+            readout=self.readout,
             starts=self.starts,
             seed=self.seed,
             length=self.length,

@@ -14,14 +14,14 @@ from ehar.viewpoint import Workspace, from_cells, to_cells
 from eval.episodes import Episodes, cut_scenarios, random_starts
 from eval.jobs import World, run_planners
 from eval.metrics import mean_acc
+from eval.planner_choice import make_planners
 from eval.progress import ConsoleReporter, Reporter
 from eval.results import CONFIG, check_out, installed_versions, json_text, write_text
-from eval.run import check_options, load_setting, resolve_planners
+from eval.run import check_options, load_setting
 from eval.summary import NO_ACT, ORACLE
 from eval.tables import markdown
 
 REFERENCES = (NO_ACT, ORACLE, "oracle-lookahead")  # what the fixed cameras stand beside
-TRACK = "ideal"  # fixed cameras do not care; the references fly it
 
 
 @dataclass(frozen=True)
@@ -169,11 +169,11 @@ def headroom(
     both = windows(motion, np.concatenate([parts.validation, parts.test]), length, stride=length)
     flat = viewpoints.reshape(-1, 3)
     fixed = Episodes(both, np.repeat(np.arange(len(both)), len(flat)), np.tile(flat, (len(both), 1)), seed)
-    references = resolve_planners(REFERENCES)
-    world = World(fixed, setting.recogniser, setting.sensor, TRACK)
+    references = make_planners(REFERENCES)
+    world = World(fixed, setting.recogniser, setting.sensor)
     runs = run_planners(world, references[:1], workers=workers, reporter=reporter)
     acc = 100 * mean_acc(runs[NO_ACT].records.correct).reshape(len(both), len(flat))
-    world = World(random_starts(test, 1, seed), setting.recogniser, setting.sensor, TRACK)
+    world = World(random_starts(test, 1, seed), setting.recogniser, setting.sensor)
     runs = run_planners(world, references, workers=workers, reporter=reporter)
     acc_references = {name: 100 * float(mean_acc(run.records.correct).mean()) for name, run in runs.items()}
     is_test = np.isin(both.sequence, parts.test)

@@ -9,21 +9,27 @@ import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import cloudpickle
 
-from ehar.motion import GridMotion, Motion
+from ehar.motion import GridMotion
 from ehar.planner import Context, Planner
 from ehar.recogniser import Recogniser
 from ehar.rollout import rollout
 from ehar.sensor import Sensor
+from ehar.vehicle import Vehicle
 from eval.episodes import Episodes
+from eval.flight_records import record_flights
 from eval.progress import Reporter
 from eval.records import EpisodeRecords, join_records, record_episodes
+from eval.solves import Solves, join_solves, solves_of
+from eval.tracks import track_name
 
-TRACKS = ("ideal",)
+if TYPE_CHECKING:
+    from ehar.flight import FlightMotion
+    from planners.belief import BeliefModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +40,15 @@ class World:
         episodes: which all planners run.
         recogniser: which all planners see with.
         sensor: which all planners see through.
-        track: how cameras move, one of `TRACKS`.
+        vehicle: what carries the camera; None is the ideal track.
+        belief: what is scored, in place of the recogniser's own words; planners act the same with it.
     """
 
     episodes: Episodes
     recogniser: Recogniser
     sensor: Sensor
-    track: str
+    vehicle: Vehicle | None = None
+    belief: "BeliefModel | None" = None
 
 
 class PlannerRun(NamedTuple):
@@ -49,6 +57,7 @@ class PlannerRun(NamedTuple):
     records: EpisodeRecords
     plan_seconds: float
     chunks: int
+    solves: Solves | None = None  # of a planner that counts its plans
 
     @property
     def step_ms(self) -> float:
@@ -65,6 +74,7 @@ class _Job(NamedTuple):
 class _Done(NamedTuple):
     records: EpisodeRecords
     plan_seconds: float
+    solves: Solves | None
 
 
 class Interrupted(Exception):
@@ -107,7 +117,11 @@ def _join(planners: Sequence[Planner], done: dict[_Job, _Done]) -> dict[str, Pla
         pieces = [done[job] for job in sorted(done) if job.planner == index]
         if pieces:
             records = join_records([piece.records for piece in pieces])
-            runs[planner.name] = PlannerRun(records, sum(piece.plan_seconds for piece in pieces), len(pieces))
+            seconds, solves = (
+                sum(piece.plan_seconds for piece in pieces),
+                join_solves([piece.solves for piece in pieces]),
+            )
+            runs[planner.name] = PlannerRun(records, seconds, len(pieces), solves)
     return runs
 
 
@@ -116,7 +130,7 @@ def _run_chunk(world: World, planner: Planner, chunk: int) -> _Done:
     episodes = world.episodes.chunk(chunk)
     batch = world.episodes.batch(chunk)
     data = world.episodes.scenarios.data
-    motion: Motion = GridMotion()
+    motion = GridMotion() if world.vehicle is None else _flight(world.vehicle)
     context = Context(
         episodes=len(episodes),
         length=world.episodes.scenarios.length,
@@ -124,14 +138,31 @@ def _run_chunk(world: World, planner: Planner, chunk: int) -> _Done:
         class_names=data.class_names,
         skeleton=data.skeleton,
         workspace=motion.workspace,
-        track=world.track,
+        track=track_name(world.vehicle),
         rng=world.episodes.planner_rng(planner.name, chunk),
+        vehicle=world.vehicle,
     )
     record = rollout(planner, batch, world.recogniser, world.sensor, motion, context)
+    if world.belief is not None:
+        from planners.belief import readout  # here, as it brings scipy, which `ehar --help` does not wait for
+
+        record = replace(record, log_probs=readout(world.belief, record.log_probs, record.viewpoints))
     records = record_episodes(
-        record, sequence=episodes.sequence_names, first=episodes.first, start=episodes.starts, label=episodes.labels
+        record,
+        sequence=episodes.sequence_names,
+        first=episodes.first,
+        start=episodes.starts,
+        label=episodes.labels,
+        flight=None if isinstance(motion, GridMotion) else record_flights(motion.telemetry),
     )
-    return _Done(records, record.plan_seconds)
+    return _Done(records, record.plan_seconds, solves_of(planner))
+
+
+def _flight(vehicle: Vehicle) -> "FlightMotion":
+    """Return a new body that flies as the vehicle does."""
+    from ehar.flight import FlightMotion  # here, as it brings Ruckig, which `ehar --help` does not wait for
+
+    return FlightMotion(vehicle=vehicle)
 
 
 def _run_here(world: World, planners: Sequence[Planner], jobs: Sequence[_Job]) -> Iterator[tuple[_Job, _Done]]:

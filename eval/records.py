@@ -4,12 +4,14 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.errors import DataError
 from ehar.rollout import Record
+from eval.flight_records import KEYS, FlightRecords, join_flights
 
 DIGITS = 6  # decimals that are recorded of viewpoints and probabilities; metrics are computed from these
 
@@ -27,6 +29,8 @@ class EpisodeRecords:
         predicted: (N, L), the most probable class after each frame.
         true_probability: (N, L), the probability of the true class.
         top_probability: (N, L), the probability of the predicted class.
+        flight: what the flights demanded of a vehicle; None on the ideal track. A line of the file has its numbers
+            beside the others.
     """
 
     sequence: tuple[str, ...]
@@ -37,6 +41,7 @@ class EpisodeRecords:
     predicted: IntArray
     true_probability: FloatArray
     top_probability: FloatArray
+    flight: FlightRecords | None = None
 
     def __len__(self) -> int:
         """The number of episodes, N."""
@@ -49,8 +54,17 @@ class EpisodeRecords:
         return right
 
 
+COLUMNS = tuple(field.name for field in fields(EpisodeRecords) if field.name != "flight")
+
+
 def record_episodes(
-    record: Record, *, sequence: Sequence[str], first: IntArray, start: FloatArray, label: IntArray
+    record: Record,
+    *,
+    sequence: Sequence[str],
+    first: IntArray,
+    start: FloatArray,
+    label: IntArray,
+    flight: FlightRecords | None = None,
 ) -> EpisodeRecords:
     """Return what is kept of a rollout, rounded as it is written."""
     probabilities = np.exp(record.log_probs.astype(np.float64))
@@ -64,23 +78,29 @@ def record_episodes(
         predicted=record.log_probs.argmax(axis=-1),
         true_probability=np.minimum(true, 1.0).round(DIGITS),
         top_probability=np.minimum(probabilities.max(axis=-1), 1.0).round(DIGITS),
+        flight=flight,
     )
 
 
 def join_records(pieces: Sequence[EpisodeRecords]) -> EpisodeRecords:
     """Return the records of several batches of one planner as one."""
     joined = {
-        field.name: np.concatenate([getattr(piece, field.name) for piece in pieces])
-        for field in fields(EpisodeRecords)
-        if field.name != "sequence"
+        name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in COLUMNS if name != "sequence"
     }
-    return EpisodeRecords(sequence=tuple(name for piece in pieces for name in piece.sequence), **joined)
+    flights = [piece.flight for piece in pieces if piece.flight is not None]
+    return EpisodeRecords(
+        sequence=tuple(name for piece in pieces for name in piece.sequence),
+        flight=join_flights(flights) if flights else None,
+        **joined,
+    )
 
 
 def episode_lines(records: Mapping[str, EpisodeRecords]) -> Iterable[str]:
     """Yield the lines of episodes.jsonl: planner by planner, in the order given; keys are the fields' names."""
     for planner, episodes in records.items():
-        columns = {field.name: getattr(episodes, field.name) for field in fields(EpisodeRecords)}
+        columns = {name: getattr(episodes, name) for name in COLUMNS}
+        if episodes.flight is not None:
+            columns |= {key: getattr(episodes.flight, key) for key in KEYS}
         listed = {name: values if name == "sequence" else values.tolist() for name, values in columns.items()}
         for row in zip(*listed.values(), strict=True):
             line = {"planner": planner, **dict(zip(listed, row, strict=True))}
@@ -93,23 +113,33 @@ def read_episodes(path: Path) -> dict[str, EpisodeRecords]:
     Raises:
         DataError: the file is missing, or a line is not an episode.
     """
-    names = [field.name for field in fields(EpisodeRecords)]
-    rows: dict[str, list[dict[str, object]]] = {}
+    rows: dict[str, list[dict[str, Any]]] = {}
     try:
         with path.open(encoding="utf-8") as file:
             for number, line in enumerate(file, 1):
                 row = json.loads(line)
-                if not isinstance(row, dict) or not {"planner", *names} <= row.keys():
-                    raise DataError(f"{path}, line {number}: expected an episode with the fields planner, {names}")
+                if not isinstance(row, dict) or not {"planner", *COLUMNS} <= row.keys():
+                    raise DataError(f"{path}, line {number}: expected an episode with the fields planner, {COLUMNS}")
+                flown = row.keys() & set(KEYS)
+                if flown and len(flown) < len(KEYS):
+                    raise DataError(f"{path}, line {number}: expected all of the fields {KEYS}, or none")
                 rows.setdefault(row["planner"], []).append(row)
-        return {
-            planner: EpisodeRecords(
-                sequence=tuple(str(row["sequence"]) for row in episodes),
-                **{name: np.array([row[name] for row in episodes]) for name in names if name != "sequence"},
-            )
-            for planner, episodes in rows.items()
-        }
+        return {planner: _episodes(lines) for planner, lines in rows.items()}
     except OSError as error:
         raise DataError(f"{path}: expected the episodes of a run, got {error.strerror}") from error
     except ValueError as error:
         raise DataError(f"{path}: expected one JSON object a line, all with as many frames: {error}") from error
+
+
+def _episodes(rows: Sequence[Mapping[str, Any]]) -> EpisodeRecords:
+    """Return the records of one planner from its lines, or raise ValueError where they do not fit together."""
+    flown = [KEYS[0] in row for row in rows]
+    if any(flown) and not all(flown):
+        raise ValueError("some episodes were flown, and others were not")
+    columns = {name: np.array([row[name] for row in rows]) for name in COLUMNS if name != "sequence"}
+    flights = {key: np.array([row[key] for row in rows]) for key in KEYS} if all(flown) else None
+    return EpisodeRecords(
+        sequence=tuple(str(row["sequence"]) for row in rows),
+        flight=None if flights is None else FlightRecords(**flights),
+        **columns,
+    )

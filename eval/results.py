@@ -12,10 +12,12 @@ from typing import Any
 
 from ehar.errors import UsageError
 from ehar.planner import Planner
+from ehar.vehicle import Vehicle
 from eval.records import EpisodeRecords, episode_lines
 from eval.summary import Conditions, Summary
 
 CONFIG, EPISODES, SUMMARY = "config.json", "episodes.jsonl", "summary.json"
+PACKAGES = ("ehar", "numpy", "torch", "casadi", "filterpy", "ruckig")  # whose versions decide numbers
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,10 @@ class RunConfig:
     sensor: str
     views: str
     form: str
-    track: str
+    track: str  # "ideal" or the vehicle's name
+    vehicle: Vehicle | None  # its limits
+    readout: str  # what was scored: "recogniser" or "belief"
+    gain_model_sha256: str | None  # None where neither a planner nor the readout needed one
     starts: int
     seed: int
     length: int
@@ -50,7 +55,14 @@ class RunConfig:
     @property
     def conditions(self) -> Conditions:
         """What the summary says beside its numbers."""
-        return Conditions(data=self.data, sensor=self.sensor, views=self.views, track=self.track, form=self.form)
+        return Conditions(
+            data=self.data,
+            sensor=self.sensor,
+            views=self.views,
+            track=self.track,
+            form=self.form,
+            readout=self.readout,
+        )
 
 
 def planner_config(planner: Planner) -> PlannerConfig:
@@ -61,7 +73,7 @@ def planner_config(planner: Planner) -> PlannerConfig:
 
 def installed_versions() -> dict[str, str]:
     """Return the versions that decide numbers."""
-    return {"python": platform.python_version(), **{name: package_version(name) for name in ("ehar", "numpy", "torch")}}
+    return {"python": platform.python_version(), **{name: package_version(name) for name in PACKAGES}}
 
 
 def package_version(name: str) -> str:

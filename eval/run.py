@@ -1,6 +1,6 @@
 """The benchmark: planners on the same episodes, with the same recogniser, sensor and seeds."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -10,11 +10,15 @@ from ehar.planner import Planner
 from ehar.recogniser import Recogniser
 from ehar.scenario import split_parts
 from ehar.sensor import Sensor
+from eval.accuracy_kept import read_ideal_run
 from eval.episodes import cut_scenarios, random_starts
-from eval.jobs import TRACKS, Interrupted, PlannerRun, World, run_planners
+from eval.jobs import Interrupted, PlannerRun, World, run_planners
+from eval.planner_choice import READOUTS, GainModelPlace, check_planners, choose_planners
 from eval.progress import ConsoleReporter, Reporter
+from eval.records import EpisodeRecords
 from eval.results import RunConfig, check_out, installed_versions, planner_config, write_run, write_text
 from eval.summary import Summary, summarise
+from eval.tracks import IDEAL, load_track, track_name
 from recognition.training_config import FORMS, Form
 from recognition.views import REGIMES
 
@@ -27,7 +31,9 @@ def benchmark(
     sensor: str = "perfect",
     views: str = "moving",
     form: Form = "causal",
-    track: str = "ideal",
+    track: str = IDEAL,
+    ideal: Path | None = None,
+    readout: str = "recogniser",
     starts: int = 1,
     seed: int = 0,
     length: int = 60,
@@ -39,13 +45,18 @@ def benchmark(
     """Run planners on the test scenarios of some data, and say how well each did.
 
     Args:
-        planners: names, or planners of your own; None runs every planner that can run.
+        planners: names, or planners of your own; None runs every planner that can run: those that value views
+            are left out, and the reporter told so, where nothing was trained for that.
         data: `duo`, `solo`, the path of a prepared .npz, or data in memory.
         models: folder of recogniser weights; None takes those that ship with ehar, for `duo` and `solo`.
         sensor: `perfect` or `estimator`.
         views: the cameras that the recogniser was trained on, `moving` or `paper`.
         form: of the recogniser: `causal` streams, `ctrgcn` is the published network on every prefix (slow).
-        track: how cameras move; `ideal` is the paper's grid.
+        track: how cameras move: `ideal` is the paper's grid; the name of a vehicle, or a vehicle file.
+        ideal: folder of a finished run on the ideal track under the same conditions; says how much accuracy the
+            flights kept.
+        readout: whose probabilities are scored, the `recogniser`'s or those of the `belief`, which were fitted on
+            the policy part of the training data; planners act the same with either.
         starts: start viewpoints for each test scenario.
         seed: of start viewpoints, the sensor's noise and the planners' own draws.
         length: L, frames in an episode.
@@ -59,10 +70,20 @@ def benchmark(
         KeyboardInterrupt: after what was finished has been written to `out`.
     """
     reporter = reporter or ConsoleReporter()
-    check_options(track=track, starts=starts, seed=seed, workers=workers)
-    chosen = resolve_planners(planners)
+    check_options(readout=readout, starts=starts, seed=seed, workers=workers)
+    check_planners(planners)
+    vehicle = load_track(track)
     setting = load_setting(data=data, models=models, sensor=sensor, views=views, form=form, fps=fps)
     scenarios = cut_scenarios(setting.data, split_parts(setting.data).test, length, reporter.note)
+    place = GainModelPlace(
+        models=None if models is None else Path(models),
+        data=setting.data,
+        sensor=sensor,
+        views=views,
+        form=form,
+        recogniser_sha256=setting.recogniser_sha256,
+    )
+    chosen, model = choose_planners(planners, place, readout=readout, note=reporter.note)
     config = RunConfig(
         source=setting.source,
         data=setting.data.title,
@@ -72,7 +93,10 @@ def benchmark(
         sensor=sensor,
         views=views,
         form=form,
-        track=track,
+        track=track_name(vehicle),
+        vehicle=vehicle,
+        readout=readout,
+        gain_model_sha256=None if model is None else model.sha256,
         starts=starts,
         seed=seed,
         length=length,
@@ -82,13 +106,15 @@ def benchmark(
     )
     if out is not None:
         check_out(Path(out), asdict(config))
-    world = World(random_starts(scenarios, starts, seed), setting.recogniser, setting.sensor, track)
+    on_ideal = None if ideal is None else read_ideal_run(Path(ideal), config)
+    belief = model.belief if model is not None and readout == "belief" else None
+    world = World(random_starts(scenarios, starts, seed), setting.recogniser, setting.sensor, vehicle, belief)
     try:
         runs = run_planners(world, chosen, workers=workers, reporter=reporter)
     except Interrupted as interrupted:
-        kept = _keep_finished(interrupted.runs, world, config, out)
+        kept = _keep_finished(interrupted.runs, world, config, out, on_ideal)
         raise KeyboardInterrupt(kept) from None
-    summary = _summarise_runs(runs, config)
+    summary = _summarise_runs(runs, config, on_ideal)
     if out is not None:
         _write_all(Path(out), config, runs, summary, classes=len(setting.data.class_names))
     return summary
@@ -129,56 +155,40 @@ def load_setting(
     return Setting(source, motion, recogniser, recogniser.sha256, eye)
 
 
-def resolve_planners(planners: Sequence[str | Planner] | None) -> list[Planner]:
-    """Return planners, made where they were named; None names them all.
-
-    Raises:
-        UsageError: a name is unknown, or two planners share one.
-    """
-    from planners.registry import make_planner, planner_names
-
-    chosen = [
-        make_planner(planner) if isinstance(planner, str) else planner
-        for planner in (planner_names() if planners is None else planners)
-    ]
-    for planner in chosen:
-        missing = [name for name in ("name", "privileged", "reset", "act") if not hasattr(planner, name)]
-        if missing:
-            raise UsageError(
-                f"planners: expected names or instances of ehar.planner.Planner, "
-                f"got {planner!r} without {', '.join(missing)}"
-            )
-    names = [planner.name for planner in chosen]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if not names or twice:
-        raise UsageError(f"planners: expected each once, got {names[0]!r} twice" if twice else "planners: got none")
-    return chosen
-
-
-def check_options(*, track: str = "ideal", starts: int = 1, seed: int, workers: int) -> None:
-    """Raise a UsageError if the track is unknown or a number is too small."""
-    if track not in TRACKS:
-        raise UsageError(f"unknown track {track!r}; known: {', '.join(TRACKS)}")
+def check_options(*, readout: str = "recogniser", starts: int = 1, seed: int, workers: int) -> None:
+    """Raise a UsageError if the readout is unknown or a number is too small."""
+    if readout not in READOUTS:
+        raise UsageError(f"unknown readout {readout!r}; expected {' or '.join(READOUTS)}")
     for name, value, least in (("starts", starts, 1), ("seed", seed, 0), ("workers", workers, 1)):
         if value < least:
             raise UsageError(f"{name}: expected at least {least}, got {value}")
 
 
-def _summarise_runs(runs: dict[str, PlannerRun], config: RunConfig) -> Summary:
+def _summarise_runs(
+    runs: dict[str, PlannerRun], config: RunConfig, on_ideal: Mapping[str, EpisodeRecords] | None
+) -> Summary:
     return summarise(
         {name: run.records for name, run in runs.items()},
         config.conditions,
         privileged={planner.name: planner.privileged for planner in config.planners},
         step_ms={name: run.step_ms for name, run in runs.items()},
+        solves={name: run.solves for name, run in runs.items()},
+        on_ideal=on_ideal,
     )
 
 
-def _keep_finished(runs: dict[str, PlannerRun], world: World, config: RunConfig, out: Path | None) -> str:
+def _keep_finished(
+    runs: dict[str, PlannerRun],
+    world: World,
+    config: RunConfig,
+    out: Path | None,
+    on_ideal: Mapping[str, EpisodeRecords] | None,
+) -> str:
     """Write what was finished when the user stopped the run, and return a line that says what was kept."""
     finished = {name: run for name, run in runs.items() if run.chunks == world.episodes.chunks}
     if out is None or not runs:
         return "nothing was written"
-    summary = _summarise_runs(finished, config) if finished else None
+    summary = _summarise_runs(finished, config, on_ideal) if finished else None
     write_run(Path(out), config, {name: run.records for name, run in runs.items()}, summary)
     episodes = sum(len(run.records) for run in runs.values())
     covered = (

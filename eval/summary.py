@@ -6,13 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from ehar.arrays import FloatArray
+from ehar.arrays import FloatArray, IntArray
 from ehar.errors import DataError
+from eval.flight_records import FlightSummary, flight_numbers, summarise_flights
 from eval.metrics import ACC_AT, acc_at, ece, gap_closed, mean_acc, nll, path_length
 from eval.records import EpisodeRecords
+from eval.solves import Solves
 from eval.statistics import interval, resample_counts, resampled_means
 
 NO_ACT, ORACLE = "no-act", "oracle"  # the two ends of the gap
+NBV = "nbv"  # compared with every other planner
 BOOTSTRAP_SEED = 0  # intervals are properties of the records, not of a run
 
 Interval = tuple[float, float]
@@ -34,7 +37,13 @@ class PlannerSummary:
         nll: mean negative log-likelihood of the true class [nat].
         ece: expected calibration error, 0 to 1.
         path_length_m: mean distance travelled in an episode [m].
-        step_ms: planning time of one frame of one episode [ms]; the one number that is not in the records.
+        step_ms: planning time of one frame of one episode [ms]; like `solves` not in the records.
+        flight: what its flights demanded of the vehicle; None on the ideal track.
+        accuracy_kept: the gap closed in flight over that on the ideal track, both of the ideal track's gap, so that
+            the oracle cancels: (acc in flight - acc of no-act) / (acc on the ideal track - acc of no-act), mean
+            accuracies over frames. None without a run on the ideal track, or where the planner gained nothing there.
+        accuracy_kept_ci95: its 95 % interval, over the resamples in which the planner gained on the ideal track.
+        solves: what became of its plans; None for a planner that counts none.
     """
 
     name: str
@@ -48,25 +57,66 @@ class PlannerSummary:
     ece: float
     path_length_m: float
     step_ms: float
+    flight: FlightSummary | None = None
+    accuracy_kept: float | None = None
+    accuracy_kept_ci95: Interval | None = None
+    solves: Solves | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what summary.json holds: the same keys for every planner on every track, flat."""
+        values = {name: value for name, value in asdict(self).items() if name not in ("flight", "solves")}
+        return {
+            **values,
+            **flight_numbers(self.flight),
+            "solves": None if self.solves is None else self.solves.counts,
+            "fallback_share": None if self.solves is None else self.solves.fallback_share,
+        }
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A paired difference: the same episodes, the same resamples.
+
+    Args:
+        planner: the one whose accuracy is the minuend.
+        other: the one whose accuracy is taken away.
+        acc_mean: the difference of their accuracies, the mean over all frames [percentage points].
+        ci95: its 95 % interval, bootstrap over sequences.
+    """
+
+    planner: str
+    other: str
+    acc_mean: float
+    ci95: Interval
 
 
 @dataclass(frozen=True)
 class Summary:
-    """How well each planner did on the same episodes; what follows `planners` is for titles and stays unwritten."""
+    """How well each planner did on the same episodes; what follows `differences` is for titles and stays unwritten.
+
+    `differences` are those of `nbv` and every other planner that is not privileged; none without `nbv`.
+    """
 
     data: str
     sensor: str
     views: str
     track: str
+    readout: str
     episodes: int
     planners: tuple[PlannerSummary, ...]
+    differences: tuple[Difference, ...]
     sequences: int
     length: int
     form: str
 
     def to_json(self) -> dict[str, Any]:
         """Return what summary.json holds."""
-        return {name: value for name, value in asdict(self).items() if name not in ("sequences", "length", "form")}
+        written = ("data", "sensor", "views", "track", "readout", "episodes")
+        return {
+            **{name: getattr(self, name) for name in written},
+            "planners": [planner.to_json() for planner in self.planners],
+            "differences": [asdict(difference) for difference in self.differences],
+        }
 
     def planner(self, name: str) -> PlannerSummary:
         """Return the summary of one planner, by name."""
@@ -82,6 +132,7 @@ class Conditions:
     views: str
     track: str
     form: str
+    readout: str
 
 
 def summarise(
@@ -90,8 +141,18 @@ def summarise(
     *,
     privileged: Mapping[str, bool],
     step_ms: Mapping[str, float],
+    solves: Mapping[str, Solves | None] | None = None,
+    on_ideal: Mapping[str, EpisodeRecords] | None = None,
 ) -> Summary:
     """Compute a summary from the records of planners that ran the same episodes.
+
+    Args:
+        records: of each planner.
+        conditions: under which they were made.
+        privileged: which planners were handed the truth.
+        step_ms: planning time of each.
+        solves: what became of the plans of those that count them.
+        on_ideal: records of the same episodes on the ideal track, no-act among them; flights are compared with them.
 
     Raises:
         DataError: there are no records, or the planners' episodes differ.
@@ -101,12 +162,15 @@ def summarise(
     reference = next(iter(records.values()))
     for name, episodes in records.items():
         _check_same_episodes(name, episodes, reference)
+    for name, episodes in (on_ideal or {}).items():
+        _check_same_episodes(f"{name} on the ideal track", episodes, reference)
     sequences, clusters = np.unique(reference.sequence, return_inverse=True)
     accuracy = np.stack([mean_acc(episodes.correct) for episodes in records.values()])
     counts = resample_counts(np.random.default_rng(BOOTSTRAP_SEED), len(sequences))
     resampled = resampled_means(accuracy, clusters, counts)
     acc_ends = 100 * interval(resampled)
     gaps, gap_ends = _gaps(list(records), accuracy.mean(axis=1), resampled)
+    kept, kept_ends = _kept(list(records), accuracy, clusters, counts, on_ideal)
     planners = tuple(
         PlannerSummary(
             name=name,
@@ -120,6 +184,10 @@ def summarise(
             ece=ece(episodes.top_probability, episodes.correct),
             path_length_m=float(path_length(episodes.viewpoint).mean()),
             step_ms=step_ms[name],
+            flight=None if episodes.flight is None else summarise_flights(episodes.flight),
+            accuracy_kept=float(kept[row]) if np.isfinite(kept[row]) else None,
+            accuracy_kept_ci95=_pair(kept_ends[row]) if np.isfinite(kept[row]) else None,
+            solves=None if solves is None else solves[name],
         )
         for row, (name, episodes) in enumerate(records.items())
     )
@@ -128,8 +196,10 @@ def summarise(
         sensor=conditions.sensor,
         views=conditions.views,
         track=conditions.track,
+        readout=conditions.readout,
         episodes=len(reference),
         planners=planners,
+        differences=_differences(list(records), privileged, accuracy.mean(axis=1), resampled),
         sequences=len(sequences),
         length=reference.predicted.shape[1],
         form=conditions.form,
@@ -142,6 +212,55 @@ def _gaps(names: list[str], acc: FloatArray, resampled: FloatArray) -> tuple[Flo
         return np.full(len(names), np.nan), np.full((len(names), 2), np.nan)
     low, high = names.index(NO_ACT), names.index(ORACLE)
     return gap_closed(acc, acc[low], acc[high]), interval(gap_closed(resampled, resampled[low], resampled[high]))
+
+
+def _kept(
+    names: list[str],
+    accuracy: FloatArray,
+    clusters: IntArray,
+    counts: IntArray,
+    on_ideal: Mapping[str, EpisodeRecords] | None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return accuracy kept (planners,) and its intervals (planners, 2); NaN without a run on the ideal track.
+
+    Args:
+        names: of the planners.
+        accuracy: (planners, N) of each episode in flight.
+        clusters: (N,) sequence of each episode.
+        counts: of resamples.
+        on_ideal: records on the ideal track.
+    """
+    kept, ends = np.full(len(names), np.nan), np.full((len(names), 2), np.nan)
+    rows = [row for row, name in enumerate(names) if on_ideal is not None and name in on_ideal]
+    if on_ideal is None or not rows:
+        return kept, ends
+    low, high = (
+        np.stack([mean_acc(on_ideal[name].correct) for name in chosen])
+        for chosen in ([NO_ACT] * len(rows), [names[row] for row in rows])
+    )
+    flown = accuracy[rows]
+    kept[rows] = gap_closed(flown.mean(axis=1), low.mean(axis=1), high.mean(axis=1))
+    ends[rows] = interval(gap_closed(*(resampled_means(values, clusters, counts) for values in (flown, low, high))))
+    return kept, ends
+
+
+def _differences(
+    names: list[str], privileged: Mapping[str, bool], acc: FloatArray, resampled: FloatArray
+) -> tuple[Difference, ...]:
+    """Return what nbv has more than each planner without the truth; nothing where it was not run."""
+    if NBV not in names:
+        return ()
+    nbv = names.index(NBV)
+    return tuple(
+        Difference(
+            planner=NBV,
+            other=name,
+            acc_mean=100 * float(acc[nbv] - acc[row]),
+            ci95=_pair(100 * interval(resampled[nbv] - resampled[row])),
+        )
+        for row, name in enumerate(names)
+        if name != NBV and not privileged[name]
+    )
 
 
 def _pair(ends: FloatArray) -> Interval:

@@ -1,5 +1,6 @@
 """The benchmark's table, for the terminal and in Markdown."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from rich.box import SIMPLE_HEAD
@@ -9,10 +10,12 @@ from rich.text import Text
 
 from eval.metrics import ACC_AT
 from eval.paper import ROWS, PaperRow, paper_gap_closed
-from eval.summary import NO_ACT, ORACLE, Interval, PlannerSummary, Summary
+from eval.summary import NBV, NO_ACT, ORACLE, Interval, PlannerSummary, Summary
 
 _MARK = "*"  # behind the name of a privileged planner
 _NONE = "-"
+_KEPT = ("kept % [95 %]",)
+_FLIGHT = ("peak [m/s]", "[m/s^2]", "[m/s^3]", "effort [m^2/s^3]", "at limit %")
 
 
 class Table(NamedTuple):
@@ -25,26 +28,57 @@ class Table(NamedTuple):
 
 
 def benchmark_table(summary: Summary) -> Table:
-    """Return the table of a summary: one row a planner, accuracies and gaps in percent."""
+    """Return the table of a summary: one row a planner, accuracies and gaps in percent; more columns for flights."""
     header = ("planner", *(f"acc@{percent}" for percent in ACC_AT), "mean acc [95 %]", "gap closed % [95 %]")
-    footnotes = []
-    if any(planner.privileged for planner in summary.planners):
-        footnotes.append(f"{_MARK} privileged: is handed the label and the future.")
-    if any(planner.gap_closed is None for planner in summary.planners):
-        names = {planner.name for planner in summary.planners}
-        if {NO_ACT, ORACLE} <= names:
-            footnotes.append("No gap to close: the oracle is no better than no-act here.")
-        else:
-            footnotes.append(f"Gap closed needs both {NO_ACT} and {ORACLE} among the planners.")
+    flown = any(planner.flight is not None for planner in summary.planners)
+    compared = any(planner.accuracy_kept is not None for planner in summary.planners)
     return Table(
         title=(
             f"{summary.data}: sensor {summary.sensor}, views {summary.views}, track {summary.track}, "
             f"{'' if summary.form == 'causal' else f'recogniser {summary.form}, '}"
+            f"{'' if summary.readout == 'recogniser' else f'readout {summary.readout}, '}"
             f"{summary.episodes} episodes of {summary.length} frames from {summary.sequences} sequences"
         ),
-        header=(*header, "NLL", "ECE", "path [m]", "ms/step"),
-        rows=tuple(_row(planner) for planner in summary.planners),
-        footnotes=tuple(footnotes),
+        header=(*header, *(_KEPT * compared), "NLL", "ECE", "path [m]", *(_FLIGHT * flown), "ms/step"),
+        rows=tuple(_row(planner, compared) for planner in summary.planners),
+        footnotes=tuple(_footnotes(summary, flown=flown, compared=compared)),
+    )
+
+
+def _footnotes(summary: Summary, *, flown: bool, compared: bool) -> Iterator[str]:
+    """Yield what a reader of the table has to know."""
+    names = {planner.name for planner in summary.planners}
+    if any(planner.privileged for planner in summary.planners):
+        yield f"{_MARK} privileged: is handed the label and the future."
+    if any(planner.gap_closed is None for planner in summary.planners):
+        if {NO_ACT, ORACLE} <= names:
+            yield "No gap to close: the oracle is no better than no-act here."
+        else:
+            yield f"Gap closed needs both {NO_ACT} and {ORACLE} among the planners."
+    if flown and ORACLE in names:
+        yield "Oracles try the moves of the grid and head for where the best lead: in flight they are no upper bound."
+    if flown:
+        yield (
+            "Peaks are Cartesian, the largest of all episodes; effort is the mean integral of the squared "
+            "acceleration; at limit is the share of frames in which 99 % of some limit is used."
+        )
+    if compared:
+        yield "Kept: (accuracy in flight - that of no-act) / (accuracy on the ideal track - that of no-act)."
+    for planner in summary.planners:
+        if planner.solves is not None and planner.solves.fallbacks:
+            counts = ", ".join(f"{status} {count}" for status, count in planner.solves.counts.items())
+            yield f"{planner.name}: {planner.solves.fallbacks} of {planner.solves.total} plans fell back ({counts})."
+
+
+def differences_table(summary: Summary) -> Table | None:
+    """Return what `nbv` has more than each other planner; None where it was not run beside another."""
+    if not summary.differences:
+        return None
+    return Table(
+        title=f"Mean accuracy of {NBV} minus that of others, on the same episodes, in points",
+        header=("planner", "difference [95 %]"),
+        rows=tuple((of.other, f"{of.acc_mean:+.1f} {_ends(of.ci95)}") for of in summary.differences),
+        footnotes=(),
     )
 
 
@@ -83,18 +117,20 @@ class Rendered:
 
 
 def render_summary(summary: Summary) -> Rendered:
-    """Return all tables of a summary for the terminal: ours, and the paper's where there is one."""
+    """Return all tables of a summary for the terminal."""
     return Rendered(*summary_tables(summary))
 
 
 def summary_tables(summary: Summary) -> list[Table]:
-    """Return the table of a summary, and the paper's where there is one."""
-    return [table for table in (benchmark_table(summary), paper_table(summary)) if table is not None]
+    """Return the table of a summary and, where they exist, that of differences and the paper's."""
+    tables = (benchmark_table(summary), differences_table(summary), paper_table(summary))
+    return [table for table in tables if table is not None]
 
 
 def _blocks(table: Table, width: int) -> list[list[int]]:
     """Return which columns stand beside each other: as many as fit, each block beginning with the first column."""
-    widths = [max(len(cells[index]) for cells in (table.header, *table.rows)) + 1 for index in range(len(table.header))]
+    # Between columns rich puts one space of padding and one for the box, and one at either end.
+    widths = [max(len(cells[index]) for cells in (table.header, *table.rows)) + 2 for index in range(len(table.header))]
     blocks = [[0]]
     for index in range(1, len(widths)):
         if sum(widths[column] for column in (*blocks[-1], index)) > width and len(blocks[-1]) > 1:
@@ -116,21 +152,31 @@ def markdown_summary(summary: Summary) -> str:
     return "\n".join(markdown(table) for table in summary_tables(summary))
 
 
-def _row(planner: PlannerSummary) -> tuple[str, ...]:
-    gap = _NONE
-    if planner.gap_closed is not None and planner.gap_closed_ci95 is not None:
-        low, high = planner.gap_closed_ci95
-        gap = f"{100 * planner.gap_closed:.1f} {_ends((100 * low, 100 * high))}"
+def _row(planner: PlannerSummary, compared: bool) -> tuple[str, ...]:
+    flight: tuple[str, ...] = ()
+    if planner.flight is not None:
+        peaks = (planner.flight.peak_speed, planner.flight.peak_acceleration, planner.flight.peak_jerk)
+        last = (f"{planner.flight.effort:.1f}", f"{100 * planner.flight.limit_share:.0f}")
+        flight = (*(f"{peak:.2f}" for peak in peaks), *last)
     return (
         planner.name + _MARK * planner.privileged,
         *(f"{planner.acc[str(percent)]:.1f}" for percent in ACC_AT),
         f"{planner.acc_mean:.1f} {_ends(planner.acc_mean_ci95)}",
-        gap,
+        _share(planner.gap_closed, planner.gap_closed_ci95),
+        *((_share(planner.accuracy_kept, planner.accuracy_kept_ci95),) * compared),
         f"{planner.nll:.2f}",
         f"{planner.ece:.3f}",
         f"{planner.path_length_m:.1f}",
+        *flight,
         f"{planner.step_ms:.3f}",
     )
+
+
+def _share(share: float | None, ends: Interval | None) -> str:
+    """Return a share and its interval in percent."""
+    if share is None or ends is None:
+        return _NONE
+    return f"{100 * share:.1f} {_ends((100 * ends[0], 100 * ends[1]))}"
 
 
 def _ends(interval: Interval) -> str:

@@ -4,43 +4,73 @@ import importlib.util
 import inspect
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ehar.errors import UsageError
 from ehar.planner import Planner
 from planners.heuristic import HRotate, NoAct, Random, Towards, VRotate
 from planners.oracle import Oracle, OracleLookahead
 
+if TYPE_CHECKING:
+    from planners.gain_model import GainModel
+
+HEURISTICS = (NoAct, Random, Towards, HRotate, VRotate)
+VALUING = ("nbv-greedy", "nbv-search", "nbv")
+ORACLES = (Oracle, OracleLookahead)
 FILE_FORM = "path/to/file.py:ClassName"
 
 
 def planner_names() -> tuple[str, ...]:
     """Return the names of the planners that come with the project, in the order of display."""
-    return tuple(_constructors())
+    return (*(planner.name for planner in HEURISTICS), *VALUING, *(planner.name for planner in ORACLES))
 
 
-def make_planner(spec: str) -> Planner:
+def needs_gain_model(spec: str) -> bool:
+    """Return whether a planner values views, for which something has to be trained."""
+    return spec in VALUING
+
+
+def check_spec(spec: str) -> None:
+    """Raise a UsageError that lists what is known unless `make_planner` might make a planner of this."""
+    path, colon, _ = spec.rpartition(":")
+    if spec not in planner_names() and not (colon and path.endswith(".py")):
+        known = ", ".join(planner_names())
+        raise UsageError(f"unknown planner {spec!r}; expected one of: {known}, or {FILE_FORM}")
+
+
+def make_planner(spec: str, load_model: Callable[[], "GainModel"] | None = None) -> Planner:
     """Return a new planner.
 
     Args:
         spec: one of `planner_names()`, or `path/to/file.py:ClassName` for a class of one's own, which is made
             without arguments.
+        load_model: called for planners that value views only.
 
     Raises:
-        UsageError: the name is unknown, or the file does not define such a planner.
+        UsageError: the name is unknown, the file does not define such a planner, or a planner that values views
+            is made without `load_model`.
+        ModelError: from `load_model`.
     """
-    constructor = _constructors().get(spec)
-    if constructor is not None:
-        return constructor()
-    path, colon, class_name = spec.rpartition(":")
-    if not colon or not path.endswith(".py"):
-        known = ", ".join(planner_names())
-        raise UsageError(f"unknown planner {spec!r}; expected one of: {known}, or {FILE_FORM}")
+    check_spec(spec)
+    for planner in (*HEURISTICS, *ORACLES):
+        if planner.name == spec:
+            return planner()
+    if spec in VALUING:
+        if load_model is None:
+            raise UsageError(f"planner {spec!r}: expected a gain model to value views with, got none")
+        return _make_valuing(spec, load_model())
+    path, _, class_name = spec.rpartition(":")
     return _load_planner(Path(path), class_name)
 
 
-def _constructors() -> dict[str, Callable[[], Planner]]:
-    return {planner.name: planner for planner in (NoAct, Random, Towards, HRotate, VRotate, Oracle, OracleLookahead)}
+def _make_valuing(name: str, model: "GainModel") -> Planner:
+    # Here, as they bring scipy and CasADi, which a list of names does not wait for.
+    from planners.next_best_view import NextBestView
+    from planners.view_search import NextBestViewGreedy, NextBestViewSearch
+
+    if name == "nbv":
+        return NextBestView(model=model)
+    return NextBestViewGreedy(model=model) if name == "nbv-greedy" else NextBestViewSearch(model=model)
 
 
 def _load_planner(path: Path, class_name: str) -> Planner:

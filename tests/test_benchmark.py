@@ -2,25 +2,36 @@ import hashlib
 import json
 import os
 import signal
-import sys
-import types
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from fakes import FakeRecogniser, tiny_data
+from fakes import FakeRecogniser, tiny_context, tiny_data
+from gain_models import model_of, peak_weights
 
 from ehar.arrays import FloatArray
-from ehar.errors import DataError, EharError, EpisodeError, UsageError
+from ehar.errors import DataError, EharError, EpisodeError, ModelError, UsageError
+from ehar.motion import GridMotion
 from ehar.motion_data import MotionData
 from ehar.planner import Context, Observation, Planner
+from ehar.rollout import rollout
+from ehar.scenario import split_parts
+from ehar.sensor import PerfectSensor
+from ehar.vehicle import FILE_KEYS, VEHICLES
 from ehar.viewpoint import cartesian
 from eval import benchmark
-from eval.episodes import CHUNK
+from eval.episodes import CHUNK, cut_scenarios, random_starts
+from eval.flight_records import FlightSummary, summarise_flights
 from eval.records import read_episodes
 from eval.results import EPISODES, SUMMARY
+from eval.summary import Summary
+from planners.belief import BeliefModel, readout
+from planners.gain_model import gain_model_path, save_gain_model
+from planners.heuristic import NoAct
+from planners.next_best_view import NextBestView
+from planners.registry import planner_names
 
 
 class HashedRecogniser(FakeRecogniser):
@@ -53,9 +64,7 @@ class Log:
 
 @pytest.fixture(autouse=True)
 def fake_weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = types.ModuleType("recognition.storage")
-    module.load_recogniser = lambda *_, **__: HashedRecogniser()  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "recognition.storage", module)
+    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
 
 
 def run(planners: Any = ("no-act", "random", "oracle"), **options: Any) -> Any:
@@ -130,10 +139,156 @@ def test_what_the_fake_rewards_is_what_the_table_says() -> None:
     assert not summary.planner("v-rotate").privileged
 
 
-def test_without_names_every_planner_runs() -> None:
-    from planners.registry import planner_names
+SLOW_TO_BELIEVE = BeliefModel(noise_weights=(3.0, 0.0, 0.0, 0.0, 0.0), process_noise=0.1)
 
-    assert tuple(planner.name for planner in run(None, starts=1).planners) == planner_names()
+
+@pytest.fixture
+def models(tmp_path: Path) -> Path:
+    """Return a folder with a gain model of the fake recogniser, that wants to look from level."""
+    directory = tmp_path / "models"
+    save_models(directory, recogniser_sha256="fake")
+    return directory
+
+
+def save_models(directory: Path, *, recogniser_sha256: str) -> None:
+    model = replace(model_of(peak_weights(np.array([8.0, 1.0, np.pi / 2]))), belief=SLOW_TO_BELIEVE)
+    path = gain_model_path(directory, sensor="perfect", views="moving")
+    save_gain_model(path, model, recogniser_sha256=recogniser_sha256, history={})
+
+
+def names(summary: Summary) -> tuple[str, ...]:
+    return tuple(planner.name for planner in summary.planners)
+
+
+def test_without_names_every_planner_runs(models: Path, tmp_path: Path) -> None:
+    log = Log()
+    assert names(run(None, starts=1, models=models, out=tmp_path / "run", reporter=log)) == planner_names()
+    assert log.notes == []
+    config = json.loads((tmp_path / "run" / "config.json").read_text())
+    weights = gain_model_path(models, sensor="perfect", views="moving")
+    content = weights.read_bytes() + weights.with_suffix(".json").read_bytes()
+    assert config["gain_model_sha256"] == hashlib.sha256(content).hexdigest()
+    assert {"casadi", "filterpy", "ruckig"} <= config["versions"].keys()
+
+
+def test_without_a_gain_field_those_who_need_it_are_left_out_aloud(tmp_path: Path) -> None:
+    log = Log()
+    summary = run(None, starts=1, models=tmp_path / "none", reporter=log)
+    assert names(summary) == tuple(name for name in planner_names() if not name.startswith("nbv"))
+    (note,) = log.notes
+    assert note.startswith("left out: nbv-greedy, nbv-search, nbv, which need a gain field: ")
+    assert "`ehar train gain-field --data tiny" in note
+    log = Log()
+    run(None, starts=1, form="ctrgcn", reporter=log)
+    assert log.notes[0].endswith("gain fields are trained for the causal recogniser, and this is ctrgcn")
+
+
+def test_who_is_named_has_to_run(tmp_path: Path) -> None:
+    with pytest.raises(ModelError, match="no such file: expected a gain field"):
+        run(["no-act", "nbv"], models=tmp_path / "none")
+
+
+@pytest.mark.parametrize("planners", [None, ["nbv-greedy"]])
+def test_a_gain_field_of_another_recogniser_is_never_passed_over(models: Path, planners: list[str] | None) -> None:
+    save_models(models, recogniser_sha256="another")
+    with pytest.raises(ModelError, match="trained for another recogniser"):
+        run(planners, models=models)
+
+
+def test_a_gain_field_that_is_right_is_worth_following(models: Path) -> None:
+    summary = run(["no-act", "nbv-greedy", "nbv-search", "nbv"], models=models, starts=1)
+    no_act, *valuing = (planner.acc_mean for planner in summary.planners)
+    assert min(valuing) > no_act
+    assert [(of.planner, of.other) for of in summary.differences] == [
+        ("nbv", "no-act"),
+        ("nbv", "nbv-greedy"),
+        ("nbv", "nbv-search"),
+    ]
+
+
+def test_plans_are_counted_over_all_chunks(models: Path) -> None:
+    # 80 episodes of 10 frames: a plan for each of them at every frame that is a multiple of `replan`, but the last.
+    summary = run(["no-act", "nbv"], models=models, starts=2)
+    assert summary.episodes == 80 > CHUNK
+    assert summary.planner("no-act").solves is None
+    solves = summary.planner("nbv").solves
+    assert solves is not None
+    replan = NextBestView(model=model_of(peak_weights(np.array([8.0, 1.0, 1.0])))).replan
+    assert solves.total == 80 * len(range(0, 9, replan))
+
+
+def test_the_belief_is_scored_and_planners_act_the_same(models: Path, tmp_path: Path) -> None:
+    run(["no-act", "oracle"], models=models, out=tmp_path / "recogniser", starts=1)
+    summary = run(["no-act", "oracle"], models=models, readout="belief", out=tmp_path / "belief", starts=1)
+    seen, believed = (read_episodes(tmp_path / name / EPISODES) for name in ("recogniser", "belief"))
+    for name in seen:
+        np.testing.assert_array_equal(seen[name].viewpoint, believed[name].viewpoint)
+        assert not np.array_equal(seen[name].true_probability, believed[name].true_probability)
+    assert summary.readout == summary.to_json()["readout"] == "belief"
+    assert json.loads((tmp_path / "belief" / "config.json").read_text())["readout"] == "belief"
+    assert "readout belief" in (tmp_path / "belief" / "table.md").read_text()
+    # By hand: the belief of the fake recogniser's words from where no-act stands.
+    data = tiny_data(sequences=40)
+    scenarios = cut_scenarios(data, split_parts(data).test, 10, print)
+    episodes = random_starts(scenarios, 1, 0)
+    context = replace(tiny_context(episodes=32, length=10), frame_time=1 / data.fps)
+    record = rollout(NoAct(), episodes.batch(0), FakeRecogniser(), PerfectSensor(), GridMotion(), context)
+    probabilities = np.exp(readout(SLOW_TO_BELIEVE, record.log_probs, record.viewpoints))
+    true = np.take_along_axis(probabilities, episodes.chunk(0).labels[:, None, None], axis=2)[..., 0]
+    np.testing.assert_allclose(believed["no-act"].true_probability[:32], true, atol=1e-6)
+
+
+def test_the_belief_is_not_scored_without_a_model(tmp_path: Path) -> None:
+    for planners in (None, ["no-act"]):
+        with pytest.raises(ModelError, match="no such file: expected a gain field"):
+            run(planners, models=tmp_path / "none", readout="belief")
+
+
+def test_a_vehicle_flies_within_its_limits_and_the_records_say_so(tmp_path: Path) -> None:
+    summary = run(["no-act", "oracle"], track="px4-max", starts=1, out=tmp_path)
+    vehicle = VEHICLES["px4-max"]
+    config = json.loads((tmp_path / "config.json").read_text())
+    assert config["track"] == summary.track == "px4-max"
+    assert config["vehicle"] == asdict(vehicle)
+    still, oracle = (planner.flight for planner in summary.planners)
+    assert still == FlightSummary(0, 0, 0, 0, 0)
+    assert oracle is not None
+    assert 0 < oracle.peak_speed <= vehicle.speed
+    assert 0 < oracle.peak_acceleration <= vehicle.acceleration * (1 + 1e-6)
+    assert 0 < oracle.peak_jerk <= vehicle.jerk * (1 + 1e-6)
+    assert oracle.effort > 0
+    flights = read_episodes(tmp_path / EPISODES)["oracle"].flight
+    assert flights is not None
+    assert summarise_flights(flights) == oracle
+    assert "effort" in (tmp_path / "table.md").read_text()
+
+
+def test_a_vehicle_of_one_s_own_is_recorded_with_its_limits(tmp_path: Path) -> None:
+    path = tmp_path / "snail.json"
+    path.write_text(json.dumps(dict.fromkeys(FILE_KEYS, 0.5)))
+    summary = run(["no-act", "oracle"], track=str(path), starts=1, out=tmp_path / "run")
+    assert summary.track == "snail"
+    assert json.loads((tmp_path / "run" / "config.json").read_text())["vehicle"]["speed"] == 0.5
+
+
+def test_flights_are_compared_with_a_run_on_the_ideal_track(tmp_path: Path) -> None:
+    ideal = run(["no-act", "oracle"], out=tmp_path / "ideal")
+    flight = run(["no-act", "oracle"], track="tracking-drone", ideal=tmp_path / "ideal", out=tmp_path / "flight")
+    assert flight.planner("no-act").acc_mean == ideal.planner("no-act").acc_mean
+    gains = [of.planner("oracle").acc_mean - of.planner("no-act").acc_mean for of in (flight, ideal)]
+    assert flight.planner("oracle").accuracy_kept == pytest.approx(gains[0] / gains[1])
+    with pytest.raises(UsageError, match="differs in seed"):
+        run(["no-act"], track="tracking-drone", ideal=tmp_path / "ideal", seed=1)
+
+
+@pytest.mark.slow
+def test_two_workers_give_the_same_bytes_in_flight_with_beliefs_and_plans(models: Path, tmp_path: Path) -> None:
+    options: dict[str, Any] = {"models": models, "track": "px4-max", "readout": "belief", "starts": 2}
+    for workers in (1, 2):
+        run(["no-act", "nbv-greedy", "nbv"], out=tmp_path / str(workers), workers=workers, **options)
+    one, two = (json.loads((tmp_path / name / SUMMARY).read_text()) for name in "12")
+    assert file_hash(tmp_path / "1" / EPISODES) == file_hash(tmp_path / "2" / EPISODES)
+    assert [planner["solves"] for planner in one["planners"]] == [planner["solves"] for planner in two["planners"]]
 
 
 class Circling(Planner):
@@ -252,7 +407,9 @@ def test_a_class_without_test_sequence() -> None:
         ({"planners": []}, "got none"),
         ({"planners": [object()]}, "without name, privileged, reset, act"),
         ({"data": "trio"}, "unknown data 'trio'.*duo, solo"),
-        ({"track": "rail"}, "unknown track 'rail'; known: ideal"),
+        ({"track": "rail"}, "unknown track 'rail'; expected ideal, px4-auto, px4-max, tracking-drone"),
+        ({"readout": "tarot"}, "unknown readout 'tarot'; expected recogniser or belief"),
+        ({"ideal": "somewhere"}, "the track is ideal; expected a vehicle"),
         ({"sensor": "lidar"}, "unknown sensor 'lidar'"),
         ({"views": "birds"}, "unknown views 'birds'"),
         ({"form": "square"}, "unknown form 'square'"),

@@ -1,7 +1,6 @@
 import json
 import subprocess
 import sys
-import types
 from pathlib import Path
 
 import pytest
@@ -14,9 +13,7 @@ from eval.cli import main
 
 @pytest.fixture
 def tiny(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    module = types.ModuleType("recognition.storage")
-    module.load_recogniser = lambda *_, **__: HashedRecogniser()  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "recognition.storage", module)
+    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
     path = tmp_path / "tiny.npz"
     save_motion(path, tiny_data(sequences=20))
     return path
@@ -61,6 +58,14 @@ def test_headroom_prints_its_tables(tiny: Path, capsys: pytest.CaptureFixture[st
         (["--data", "trio"], "unknown data 'trio'"),
         (["--data", "absent.npz"], "absent.npz: no such file"),
         (["--track", "rail"], "unknown track 'rail'"),
+        (
+            ["no-act", "--track", "px4-max", "--ideal", "absent"],
+            "config.json: expected a run on the ideal track",
+        ),
+        (["no-act", "--ideal", "absent"], "the track is ideal; expected a vehicle"),
+        (["--readout", "tarot"], "unknown readout 'tarot'; expected recogniser or belief"),
+        (["--readout", "belief"], "expected a gain field, as made by `ehar train gain-field"),
+        (["nbv"], "expected a gain field, as made by `ehar train gain-field"),
         (["--length", "1000"], "at least 1000 frames"),
         (["absent.py:Mine"], "planner file absent.py"),
     ],
@@ -68,7 +73,8 @@ def test_headroom_prints_its_tables(tiny: Path, capsys: pytest.CaptureFixture[st
 def test_bad_input_ends_in_one_line(
     tiny: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
 ) -> None:
-    assert message in fails_with(["benchmark", "--data", str(tiny), "--workers", "1", *arguments], capsys)
+    options = ["--data", str(tiny), "--length", "10", "--workers", "1"]
+    assert message in fails_with(["benchmark", *options, *arguments], capsys)
 
 
 def test_a_planner_file_that_returns_nan_is_named(

@@ -5,24 +5,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fakes import CLASS_NAMES, FakeRecogniser, tiny_batch, tiny_context
+from gain_models import model_of, peak_weights
 
 from ehar.arrays import FloatArray
+from ehar.flight import FlightMotion
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation
 from ehar.rollout import Record, rollout
 from ehar.sensor import PerfectSensor
+from ehar.vehicle import VEHICLES
 from ehar.viewpoint import MOVES, STEP, Workspace, from_cells, to_cells, wrap_difference
 from planners.registry import make_planner, planner_names
 
 PAPER = Workspace()
 PRIVILEGED = ("oracle", "oracle-lookahead")
+FAR_SIGHTED = ("nbv-search", "nbv")  # head for more than a neighbouring cell
+SINGLE_MOVES = tuple(name for name in planner_names() if name not in FAR_SIGHTED)
 
 
 class Spy:
     """Passes everything on to a planner, and keeps what it was shown and what it answered."""
 
     def __init__(self, name: str) -> None:
-        self.planner = make_planner(name)
+        self.planner = make_planner(name, lambda: model_of(peak_weights(np.array([8.0, 1.0, 1.2]))))
         self.name = self.planner.name
         self.privileged = self.planner.privileged
         self.observations: list[Observation] = []
@@ -48,7 +53,7 @@ def run(planner: Spy, *, length: int = 12, seed: int = 0) -> Record:
     return rollout(planner, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), context)
 
 
-@pytest.mark.parametrize("name", planner_names())
+@pytest.mark.parametrize("name", SINGLE_MOVES)
 def test_targets_are_finite_neighbouring_cells_inside_the_workspace(name: str) -> None:
     spy = Spy(name)
     run(spy)
@@ -63,7 +68,30 @@ def test_targets_are_finite_neighbouring_cells_inside_the_workspace(name: str) -
             assert step in MOVES.tolist()
 
 
+@pytest.mark.parametrize("name", FAR_SIGHTED)
+def test_targets_are_finite_and_inside_the_workspace(name: str) -> None:
+    spy = Spy(name)
+    run(spy)
+    assert len(spy.targets) == 11
+    for target in spy.targets:
+        assert target.shape == (7, 3)
+        assert np.isfinite(target).all()
+        assert PAPER.contains(target, tolerance=1e-6).all()
+
+
 @pytest.mark.parametrize("name", planner_names())
+def test_every_planner_flies_and_keeps_the_vehicle_s_limits(name: str) -> None:
+    vehicle = VEHICLES["px4-max"]
+    motion, context = FlightMotion(vehicle=vehicle), tiny_context(episodes=7, length=12)
+    context = replace(context, frame_time=0.1, track=vehicle.name, vehicle=vehicle)
+    record = rollout(Spy(name), tiny_batch(episodes=7, length=12), FakeRecogniser(), PerfectSensor(), motion, context)
+    assert PAPER.contains(record.viewpoints).all()
+    assert (motion.telemetry.peak_speed <= vehicle.speed * (1 + 1e-6)).all()
+    assert (motion.telemetry.peak_jerk <= vehicle.jerk * (1 + 1e-6)).all()
+    assert (motion.telemetry.peak_speed.max() > 0.1) == (name != "no-act")
+
+
+@pytest.mark.parametrize("name", SINGLE_MOVES)
 def test_the_camera_gets_where_the_planner_wants_it(name: str) -> None:
     spy = Spy(name)
     viewpoints = run(spy).viewpoints

@@ -1,12 +1,17 @@
 """Planners by name, and from a user's file."""
 
+import subprocess
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from gain_models import model_of, peak_weights
 
 from ehar.errors import UsageError
+from planners.gain_model import GainModel
 from planners.oracle import OracleLookahead
-from planners.registry import make_planner, planner_names
+from planners.registry import make_planner, needs_gain_model, planner_names
 
 OWN = """
 from ehar.planner import Planner
@@ -38,10 +43,52 @@ def own(tmp_path: Path) -> Path:
     return path
 
 
+NAMES = (
+    "no-act",
+    "random",
+    "towards",
+    "h-rotate",
+    "v-rotate",
+    "nbv-greedy",
+    "nbv-search",
+    "nbv",
+    "oracle",
+    "oracle-lookahead",
+)
+
+
+def gain_model() -> GainModel:
+    return model_of(peak_weights(np.array([10.0, 1.0, 1.0])))
+
+
 def test_names_come_in_the_order_of_display_and_make_their_planners() -> None:
-    assert planner_names() == ("no-act", "random", "towards", "h-rotate", "v-rotate", "oracle", "oracle-lookahead")
-    assert [make_planner(name).name for name in planner_names()] == list(planner_names())
+    assert planner_names() == NAMES
+    assert [make_planner(name, gain_model).name for name in NAMES] == list(NAMES)
     assert make_planner("oracle") is not make_planner("oracle")
+
+
+def test_a_model_is_loaded_for_planners_that_value_views_only() -> None:
+    loaded: list[GainModel] = []
+
+    def load() -> GainModel:
+        loaded.append(gain_model())
+        return loaded[-1]
+
+    for name in NAMES:
+        before = len(loaded)
+        make_planner(name, load)
+        assert len(loaded) - before == needs_gain_model(name) == name.startswith("nbv")
+
+
+@pytest.mark.parametrize("name", ["nbv", "nbv-greedy", "nbv-search"])
+def test_a_planner_that_values_views_does_not_run_without_a_model(name: str) -> None:
+    with pytest.raises(UsageError, match=f"planner '{name}': expected a gain model"):
+        make_planner(name)
+
+
+def test_names_are_listed_without_torch_and_casadi() -> None:
+    code = "import sys; from planners.registry import *; planner_names(); print({'torch', 'casadi'} & set(sys.modules))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "set()\n"
 
 
 def test_a_planner_from_a_file(own: Path) -> None:

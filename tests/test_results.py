@@ -1,18 +1,25 @@
+import io
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from ehar.errors import DataError, UsageError
 from ehar.rollout import Record
+from eval.flight_records import FlightRecords
 from eval.records import DIGITS, EpisodeRecords, episode_lines, join_records, read_episodes, record_episodes
 from eval.results import CONFIG, EPISODES, SUMMARY, RunConfig, check_out, write_run, write_text
+from eval.solves import Solves
 from eval.summary import Conditions, Summary, summarise
-from eval.tables import benchmark_table, markdown_summary, paper_table
+from eval.tables import benchmark_table, markdown_summary, paper_table, render_summary
 
-CONDITIONS = Conditions(data="tiny (synthetic)", sensor="perfect", views="moving", track="ideal", form="causal")
+CONDITIONS = Conditions(
+    data="tiny (synthetic)", sensor="perfect", views="moving", track="ideal", form="causal", readout="recogniser"
+)
 CONFIG_OF_RUN = RunConfig(
     source="tiny",
     data="tiny (synthetic)",
@@ -23,6 +30,9 @@ CONFIG_OF_RUN = RunConfig(
     views="moving",
     form="causal",
     track="ideal",
+    vehicle=None,
+    readout="recogniser",
+    gain_model_sha256=None,
     starts=1,
     seed=0,
     length=4,
@@ -52,13 +62,19 @@ def three_planners() -> dict[str, EpisodeRecords]:
     return {"no-act": make_records(1), "mine": make_records(2, skill=1.0), "oracle": make_records(3, skill=2.0)}
 
 
-def summary_of(records: dict[str, EpisodeRecords]) -> Summary:
+def summary_of(records: dict[str, EpisodeRecords], **options: Any) -> Summary:
     return summarise(
         records,
         CONDITIONS,
         privileged={name: name == "oracle" for name in records},
         step_ms=dict.fromkeys(records, 0.25),
+        **options,
     )
+
+
+def flown(records: EpisodeRecords, seed: int = 0) -> EpisodeRecords:
+    numbers = np.random.default_rng(seed).random((5, len(records))).round(DIGITS)
+    return replace(records, flight=FlightRecords(*numbers))
 
 
 def test_records_keep_what_metrics_need() -> None:
@@ -111,7 +127,7 @@ def test_every_number_of_the_summary_can_be_recomputed_from_the_file(tmp_path: P
 
 def test_summary_json_has_the_fields_of_the_schema(tmp_path: Path) -> None:
     written = summary_of(three_planners()).to_json()
-    assert list(written) == ["data", "sensor", "views", "track", "episodes", "planners"]
+    assert list(written) == ["data", "sensor", "views", "track", "readout", "episodes", "planners", "differences"]
     assert list(written["planners"][0]) == [
         "name",
         "privileged",
@@ -124,7 +140,17 @@ def test_summary_json_has_the_fields_of_the_schema(tmp_path: Path) -> None:
         "ece",
         "path_length_m",
         "step_ms",
+        "accuracy_kept",
+        "accuracy_kept_ci95",
+        "peak_speed",
+        "peak_acceleration",
+        "peak_jerk",
+        "effort",
+        "limit_share",
+        "solves",
+        "fallback_share",
     ]
+    assert all(written["planners"][0][name] is None for name in list(written["planners"][0])[11:])
     assert list(written["planners"][0]["acc"]) == ["10", "30", "50", "70", "90", "100"]
     assert written["episodes"] == 9
     assert [planner["privileged"] for planner in written["planners"]] == [False, False, True]
@@ -179,6 +205,113 @@ def test_the_papers_rows_stand_beside_its_data_only() -> None:
     gaps = {row[0]: row[-1] for row in table.rows}
     # The paper's agent closes 46.4 % on ExPI, its best heuristic 7.0 %.
     assert (gaps["il-ppo"], gaps["v-rotate"], gaps["oracle*"]) == ("46.4", "7.0", "100.0")
+
+
+def test_what_flights_demanded_is_written_and_summarised_on_flight_tracks_only(tmp_path: Path) -> None:
+    records = {"no-act": flown(make_records(1)), "mine": flown(make_records(2), seed=5)}
+    summary = summary_of(records)
+    write_run(tmp_path, CONFIG_OF_RUN, records, summary)
+    back = read_episodes(tmp_path / EPISODES)
+    assert summary_of(back).to_json() == summary.to_json()
+    rows = [json.loads(line) for line in (tmp_path / EPISODES).read_text().splitlines()]
+    mine = summary.to_json()["planners"][1]
+    of = {
+        key: [row[key] for row in rows if row["planner"] == "mine"] for key in ("peak_speed", "effort", "limit_share")
+    }
+    assert mine["peak_speed"] == max(of["peak_speed"])
+    assert (mine["effort"], mine["limit_share"]) == pytest.approx((np.mean(of["effort"]), np.mean(of["limit_share"])))
+    assert "peak [m/s]" in benchmark_table(summary).header
+    on_grid = summary_of(three_planners())
+    assert not {"peak [m/s]", "kept % [95 %]"} & set(benchmark_table(on_grid).header)
+    assert "peak_speed" not in next(iter(episode_lines(three_planners())))
+
+
+def test_batches_of_flights_join_in_order() -> None:
+    whole = join_records([flown(make_records(1)), flown(make_records(2), seed=5)])
+    assert whole.flight is not None
+    np.testing.assert_array_equal(whole.flight.effort[9:], np.random.default_rng(5).random((5, 9)).round(DIGITS)[3])
+
+
+def test_half_of_a_flight_is_no_flight(tmp_path: Path) -> None:
+    lines = list(episode_lines({"mine": flown(make_records(0))}))
+    (tmp_path / EPISODES).write_text(lines[0].replace('"effort"', '"exertion"'))
+    with pytest.raises(DataError, match="line 1: expected all of the fields"):
+        read_episodes(tmp_path / EPISODES)
+    (tmp_path / EPISODES).write_text(lines[0] + next(iter(episode_lines({"mine": make_records(0)}))))
+    with pytest.raises(DataError, match="some episodes were flown, and others were not"):
+        read_episodes(tmp_path / EPISODES)
+
+
+def test_accuracy_kept_is_the_gain_in_flight_over_that_on_the_ideal_track() -> None:
+    on_ideal = {"no-act": make_records(1), "mine": make_records(2, skill=2.0)}
+    records = {"no-act": on_ideal["no-act"], "mine": make_records(2, skill=1.0), "other": make_records(3)}
+    summary = summary_of(records, on_ideal=on_ideal)
+    no_act, flying, ideal = (
+        100 * episodes.correct.mean() for episodes in (on_ideal["no-act"], records["mine"], on_ideal["mine"])
+    )
+    assert no_act < flying < ideal
+    mine = summary.planner("mine")
+    assert mine.accuracy_kept == pytest.approx((flying - no_act) / (ideal - no_act))
+    assert mine.accuracy_kept_ci95 is not None
+    assert mine.accuracy_kept_ci95[0] < mine.accuracy_kept < mine.accuracy_kept_ci95[1]
+    # No-act gains nothing to keep, and the third was not run on the ideal track.
+    assert summary.planner("no-act").accuracy_kept is None
+    assert summary.planner("other").accuracy_kept is None
+    assert "kept % [95 %]" in benchmark_table(summary).header
+    # A planner that does as well in flight keeps all, in every resample.
+    whole = summary_of({**records, "mine": on_ideal["mine"]}, on_ideal=on_ideal).planner("mine")
+    assert (whole.accuracy_kept, whole.accuracy_kept_ci95) == (1, (1, 1))
+
+
+def test_flights_are_compared_with_the_same_episodes_only() -> None:
+    records = three_planners()
+    other = {name: replace(episodes, start=episodes.start + 1) for name, episodes in records.items()}
+    with pytest.raises(DataError, match="'no-act on the ideal track': expected the same 9 episodes"):
+        summary_of(records, on_ideal=other)
+
+
+def test_nbv_is_compared_in_pairs_with_every_planner_that_is_not_privileged() -> None:
+    records = three_planners()
+    assert summary_of(records).differences == ()
+    records["nbv"] = make_records(4, skill=2.0)
+    records["twin"] = records["nbv"]
+    summary = summary_of(records)
+    assert [(of.planner, of.other) for of in summary.differences] == [
+        ("nbv", name) for name in ("no-act", "mine", "twin")
+    ]
+    to_no_act, _, to_twin = summary.differences
+    assert to_no_act.acc_mean == pytest.approx(summary.planner("nbv").acc_mean - summary.planner("no-act").acc_mean)
+    assert to_no_act.ci95[0] < to_no_act.acc_mean < to_no_act.ci95[1]
+    assert (to_twin.acc_mean, to_twin.ci95) == (0, (0, 0)), "a pair shares its resamples"
+    assert "| twin | +0.0 [0.0, 0.0] |" in markdown_summary(summary)
+    assert summary.to_json()["differences"][0]["other"] == "no-act"
+
+
+def test_fallbacks_are_stated_below_the_table() -> None:
+    counted = Solves({"infeasible": 2, "ipopt-fallback": 1, "optimal": 7}, 3)
+    summary = summary_of(three_planners(), solves={"no-act": None, "mine": counted, "oracle": None})
+    note = "mine: 3 of 10 plans fell back (infeasible 2, ipopt-fallback 1, optimal 7)."
+    assert benchmark_table(summary).footnotes[-1] == note
+    written = summary.to_json()["planners"]
+    assert (written[1]["solves"], written[1]["fallback_share"]) == (counted.counts, 0.3)
+    assert (written[0]["solves"], written[0]["fallback_share"]) == (None, None)
+    clean = Solves({"optimal": 10}, 0)
+    without = summary_of(three_planners(), solves={"no-act": None, "mine": clean, "oracle": None})
+    assert not [line for line in benchmark_table(without).footnotes if "fell back" in line]
+
+
+def test_the_title_says_whose_probabilities_were_scored_unless_the_recogniser_s() -> None:
+    summary = summary_of(three_planners())
+    assert "readout" not in benchmark_table(summary).title
+    assert "readout belief, 9 episodes" in benchmark_table(replace(summary, readout="belief")).title
+
+
+@pytest.mark.parametrize("width", range(90, 240, 7))
+def test_no_cell_is_cut_off_in_a_terminal_of_any_width(width: int) -> None:
+    records = {name: flown(episodes) for name, episodes in three_planners().items()}
+    console = Console(width=width, record=True, file=io.StringIO())
+    console.print(render_summary(summary_of(records, on_ideal=three_planners())))
+    assert "…" not in console.export_text()
 
 
 def test_a_folder_that_holds_another_run_is_refused(tmp_path: Path) -> None:

@@ -1,0 +1,67 @@
+"""What a flight is compared with: the finished run of the same planners on the same episodes, on the ideal track."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+from ehar.errors import UsageError
+from eval.records import EpisodeRecords, read_episodes
+from eval.results import CONFIG, EPISODES, RunConfig
+from eval.summary import NO_ACT
+from eval.tracks import IDEAL
+
+SAME = (  # of both runs' config.json; without the gain model, which not every run needs
+    "data_sha256",
+    "recogniser_sha256",
+    "sensor",
+    "views",
+    "form",
+    "readout",
+    "starts",
+    "seed",
+    "length",
+    "fps",
+)
+
+
+def read_ideal_run(directory: Path, config: RunConfig) -> dict[str, EpisodeRecords]:
+    """Return the records of each planner of a run on the ideal track that a flight may be compared with.
+
+    Args:
+        directory: of the run.
+        config: of the flight.
+
+    Raises:
+        UsageError: the flight's track is `ideal`, the folder holds no run, one on another track or under other
+            conditions, or one without no-act.
+        DataError: its episodes cannot be read.
+    """
+    if config.track == IDEAL:
+        raise UsageError(f"{directory}: a run to compare flights with, but the track is {IDEAL}; expected a vehicle")
+    try:
+        held = json.loads((directory / CONFIG).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"{directory / CONFIG}: expected a run on the {IDEAL} track, got: {error.strerror}") from error
+    except ValueError as error:
+        raise UsageError(f"{directory / CONFIG}: expected the JSON of a run, got {error}") from error
+    held = held if isinstance(held, dict) else {}
+    wanted = {"track": IDEAL, **{name: asdict(config)[name] for name in SAME}}
+    if config.gain_model_sha256 is not None and held.get("gain_model_sha256") is not None:
+        wanted["gain_model_sha256"] = config.gain_model_sha256
+    _check_same(directory, held, wanted)
+    records = read_episodes(directory / EPISODES)
+    if NO_ACT not in records:
+        raise UsageError(f"{directory}: expected a run with {NO_ACT} among its planners, got {', '.join(records)}")
+    return records
+
+
+def _check_same(directory: Path, held: Mapping[str, object], wanted: Mapping[str, object]) -> None:
+    """Raise a UsageError that says what differs."""
+    differing = [name for name, value in wanted.items() if held.get(name) != value]
+    if differing:
+        name = differing[0]
+        raise UsageError(
+            f"{directory}: expected a run under the flight's conditions, on the {IDEAL} track; it differs in "
+            f"{', '.join(differing)} ({name}: expected {wanted[name]!r}, got {held.get(name)!r})"
+        )

@@ -1,0 +1,65 @@
+"""What became of the plans of a planner that solves problems: how many ended how, and how many fell back."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, Protocol, runtime_checkable
+
+from ehar.planner import Planner
+
+
+class Statistics(Protocol):
+    """What a planner counts of its plans since its last reset; its own or, of `nbv`, those of its solver."""
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """How many plans ended in each status."""
+        ...
+
+    @property
+    def fallbacks(self) -> int:
+        """How many of them are not what the solver that was asked for has found."""
+        ...
+
+
+@runtime_checkable
+class CountsPlans(Protocol):
+    """A planner that counts its plans; a planner may do so, none has to."""
+
+    @property
+    def statistics(self) -> Statistics:
+        """What became of all plans since the last reset."""
+        ...
+
+
+class Solves(NamedTuple):
+    """What became of plans."""
+
+    counts: dict[str, int]  # by status, in alphabetical order
+    fallbacks: int
+
+    @property
+    def total(self) -> int:
+        """The number of plans."""
+        return sum(self.counts.values())
+
+    @property
+    def fallback_share(self) -> float:
+        """The share of plans that fell back; 0 without plans, as in episodes of one frame."""
+        return self.fallbacks / max(self.total, 1)
+
+
+def solves_of(planner: Planner) -> Solves | None:
+    """Return what a planner has counted since its last reset; None for one that counts nothing."""
+    if not isinstance(planner, CountsPlans):
+        return None
+    counts = {str(status): int(count) for status, count in planner.statistics.counts.items()}
+    return Solves(dict(sorted(counts.items())), planner.statistics.fallbacks)
+
+
+def join_solves(pieces: Sequence[Solves | None]) -> Solves | None:
+    """Return the counts of several batches of one planner as one."""
+    counted = [piece for piece in pieces if piece is not None]
+    if not counted:
+        return None
+    counts = sum((Counter(piece.counts) for piece in counted), Counter[str]())
+    return Solves(dict(sorted(counts.items())), sum(piece.fallbacks for piece in counted))
