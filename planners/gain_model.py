@@ -101,7 +101,7 @@ def load_gain_model(
         joints = len(data.skeleton.joint_names)
         if len(pairs) == 0 or pairs.min() < 0 or pairs.max() >= joints:
             raise ValueError(f"trunk: expected pairs of joints 0 to {joints - 1}, got {pairs.tolist()}")
-    except (ValueError, KeyError, TypeError, AttributeError, OSError, ModelError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, OSError, ModelError) as error:
         raise ModelError(
             f"{path.with_suffix('.json')}: expected the JSON that `ehar train gain-field` writes, got {error!r}"
         ) from error
