@@ -1,9 +1,10 @@
-"""How fast recognition and the world are: ratios that hold on any machine, and frames a second on this one.
+"""How fast recognition, the world and planning are: ratios that hold on any machine, and times on this one.
 
 Every measurement runs in processes of its own with one torch thread each, as the benchmark's workers do.
 """
 
 import json
+import math
 import multiprocessing
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -16,16 +17,25 @@ import numpy as np
 import torch
 
 from ehar.arrays import FloatArray
+from ehar.axis_limits import limits_to_target
 from ehar.datasets.source import load_data
 from ehar.errors import ModelError
 from ehar.motion import GridMotion
 from ehar.motion_data import MotionData
+from ehar.planner import Context
 from ehar.recogniser import Recogniser
 from ehar.scenario import windows
 from ehar.sensor import PerfectSensor, Sensed, SensorNoise, draw_noise
-from ehar.viewpoint import sample_starts
+from ehar.spherical_motion import SphericalState
+from ehar.time_optimal import TimeOptimal
+from ehar.vehicle import VEHICLES
+from ehar.viewpoint import Workspace, sample_starts
 from eval.results import write_text
 from eval.tables import Table
+from planners.camera_limits import camera_limits
+from planners.next_best_view import DEFAULT_HORIZON, FLIGHT_PLAN_TIME
+from planners.trajectory_solver import TrajectorySolver
+from planners.trajectory_timing import measure_solves
 from recognition.calibration import Temperature
 from recognition.causal import CausalCTRGCN
 from recognition.causal_layers import refreshes
@@ -38,6 +48,8 @@ from recognition.training_config import Form, Size
 DATA = "duo"  # 2 persons of 16 joints
 WORKERS = 2  # processes side by side, one a core, that are timed together
 EARLY = 5  # the frame, counted from 1, that the last one is compared with
+VEHICLE = VEHICLES["px4-auto"]
+PACE = 0.1  # share of the vehicle's speed and acceleration that each axis begins a flight with, at most
 
 
 @dataclass(frozen=True)
@@ -51,6 +63,8 @@ class Effort:
         small_episodes: run by both forms of the small network, which see every prefix.
         published_episodes: the same for the published widths.
         cameras: moved and seen through together when the world is measured alone.
+        flights: that Ruckig is asked for at once.
+        plans: that are solved on each track, each from the one before it, 15 in a row.
     """
 
     length: int = 60
@@ -59,6 +73,8 @@ class Effort:
     small_episodes: int = 32
     published_episodes: int = 2
     cameras: int = 2048
+    flights: int = 5000
+    plans: int = 600
 
 
 class Target(NamedTuple):
@@ -78,6 +94,10 @@ TARGETS = {
     "late_over_early_frame": Target(1.2, at_most=True),
     "recognised_frames_per_s": Target(3000.0),
     "world_frames_per_s": Target(500_000.0),
+    "nbv_solve_ms_median": Target(3.0, at_most=True),
+    "nbv_solve_ms_p95": Target(10.0, at_most=True),
+    "nbv_fallback_share": Target(0.01, at_most=True),
+    "ruckig_us_per_call": Target(5.0, at_most=True),
 }
 
 
@@ -92,6 +112,10 @@ def bench(out: Path, effort: Effort | None = None) -> dict[str, float]:
         refresh_over_plain_frame: its time for a frame that refreshes the topologies over that for another.
         recognised_frames_per_s: of `WORKERS` processes together, from sensing to calibrated probabilities.
         world_frames_per_s: of as many, moving cameras and sensing alone.
+        nbv_solve_ms_median, nbv_solve_ms_p95: one solve at the default horizon, over the plans on the grid and those
+            of a PX4 in mission mode.
+        nbv_fallback_share: of those plans, the share that was not what the solver that was asked for has found.
+        ruckig_us_per_call: one flight of that vehicle on three axes.
         shipped_weights: 1 if the streaming recogniser is the one that ships, 0 if it is untrained.
     """
     effort = effort or Effort()
@@ -104,12 +128,16 @@ def bench(out: Path, effort: Effort | None = None) -> dict[str, float]:
         frame_seconds = np.stack([future.result() for future in recognised])
         moved = [pool.submit(time_world, data, effort) for _ in range(WORKERS)]
         world_rate = sum(effort.cameras / future.result() for future in moved)
+        solves = pool.submit(time_solves, data, effort).result()
+        ruckig_seconds = pool.submit(time_ruckig, effort).result()
     figures = {
         **small._asdict(),
         **{f"{name}_published_widths": ratio for name, ratio in wide._asdict().items()},
         **frame_ratios(frame_seconds.mean(axis=0)),
         "recognised_frames_per_s": float((effort.episodes * effort.length / frame_seconds.sum(axis=1)).sum()),
         "world_frames_per_s": world_rate,
+        **solves,
+        "ruckig_us_per_call": 1e6 * ruckig_seconds,
         "shipped_weights": float(streaming_recogniser(data)[1]),
     }
     write_text(out, [json.dumps(figures, indent=1), "\n"])
@@ -173,6 +201,60 @@ def time_world(data: MotionData, effort: Effort) -> float:
         sensor.sense(positions[:, frame], viewpoint, noise.frame(frame))
         seconds[frame] = time.perf_counter() - begin
     return float(np.median(seconds))
+
+
+def time_solves(data: MotionData, effort: Effort) -> dict[str, float]:
+    """Return how long solves take on the grid and in flight together, and the share of plans that fell back."""
+    grid_node = math.ceil((effort.length - 1) / DEFAULT_HORIZON) / data.fps
+    seconds, plans, fallbacks = [], 0, 0
+    for vehicle, node_time in ((None, grid_node), (VEHICLE, FLIGHT_PLAN_TIME / DEFAULT_HORIZON)):
+        rng = np.random.default_rng(0)
+        context = Context(
+            episodes=1,
+            length=effort.length,
+            frame_time=1 / data.fps,
+            class_names=data.class_names,
+            skeleton=data.skeleton,
+            workspace=Workspace(),
+            track="ideal" if vehicle is None else vehicle.name,
+            rng=rng,
+            vehicle=vehicle,
+        )
+        limits = camera_limits(context, sample_starts(rng, 1)[0], node_time)
+        in_a_row = min(15, effort.plans)
+        statistics = measure_solves(
+            rng,
+            TrajectorySolver(horizon=DEFAULT_HORIZON),
+            limits,
+            node_time=node_time,
+            episodes=effort.plans // in_a_row,
+            plans=in_a_row,
+        )
+        seconds += statistics.solve_seconds
+        plans, fallbacks = plans + statistics.counts.total(), fallbacks + statistics.fallbacks
+    return {
+        "nbv_solve_ms_median": 1000 * float(np.median(seconds)),
+        "nbv_solve_ms_p95": 1000 * float(np.percentile(seconds, 95)),
+        "nbv_fallback_share": fallbacks / plans,
+    }
+
+
+def time_ruckig(effort: Effort) -> float:
+    """Return the seconds of one of Ruckig's calculations, between states and limits as flights meet them; median."""
+    rng, flights = np.random.default_rng(0), effort.flights
+    viewpoint, target = sample_starts(rng, flights), sample_starts(rng, flights)
+    per_axis = PACE * np.stack([np.ones(flights), 1 / viewpoint[:, 0], 1 / viewpoint[:, 0]], axis=1)
+    velocity, acceleration = per_axis * rng.uniform(-1, 1, (2, flights, 3))
+    state = SphericalState(
+        viewpoint, VEHICLE.speed * velocity, VEHICLE.acceleration * acceleration, np.zeros((flights, 3))
+    )
+    limits = limits_to_target(VEHICLE, state, target - viewpoint).select(0)
+    optimal, seconds = TimeOptimal(), np.empty(effort.repeats)
+    for repeat in range(effort.repeats):
+        begin = time.perf_counter()
+        optimal.durations(state, target, limits)
+        seconds[repeat] = time.perf_counter() - begin
+    return float(np.median(seconds) / flights)
 
 
 def streaming_recogniser(data: MotionData) -> tuple[Recogniser, bool]:

@@ -5,10 +5,21 @@ import numpy as np
 import pytest
 from fakes import tiny_data
 
-from eval.bench import TARGETS, WORKERS, Effort, bench, bench_table, compare_forms, frame_ratios, time_world
+from eval.bench import (
+    TARGETS,
+    WORKERS,
+    Effort,
+    bench,
+    bench_table,
+    compare_forms,
+    frame_ratios,
+    time_ruckig,
+    time_solves,
+    time_world,
+)
 from eval.tables import markdown
 
-BRIEF = Effort(length=6, episodes=2, repeats=1, small_episodes=1, published_episodes=1, cameras=2)
+BRIEF = Effort(length=6, episodes=2, repeats=1, small_episodes=1, published_episodes=1, cameras=2, flights=3, plans=2)
 
 
 def test_a_longer_episode_saves_more_operations() -> None:
@@ -38,6 +49,13 @@ def test_the_world_takes_time() -> None:
     assert 0 < time_world(tiny_data(frames=6), BRIEF) < 1
 
 
+def test_solves_and_flights_take_time() -> None:
+    solves = time_solves(tiny_data(frames=6), BRIEF)
+    assert 0 < solves["nbv_solve_ms_median"] <= solves["nbv_solve_ms_p95"]
+    assert 0 <= solves["nbv_fallback_share"] <= 1
+    assert 0 < time_ruckig(BRIEF) < 1
+
+
 def test_targets_are_bounds_from_their_side() -> None:
     assert TARGETS["time_ratio"].met(10.0)
     assert not TARGETS["time_ratio"].met(9.9)
@@ -56,7 +74,7 @@ def test_every_figure_is_written_and_printed(tmp_path: Path) -> None:
         "refresh_over_plain_frame",
         "shipped_weights",
     }
-    assert all(figure > 0 for name, figure in figures.items() if name != "shipped_weights")
+    assert all(figure > 0 for name, figure in figures.items() if name not in ("shipped_weights", "nbv_fallback_share"))
     printed = markdown(bench_table(figures))
     assert f"{WORKERS} processes" in printed
     assert all(name in printed for name in figures)
