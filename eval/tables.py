@@ -77,7 +77,7 @@ def differences_table(summary: Summary) -> Table | None:
     return Table(
         title=f"Mean accuracy of {NBV} minus that of others, on the same episodes, in points",
         header=("planner", "difference [95 %]"),
-        rows=tuple((of.other, f"{of.acc_mean:+.1f} {_ends(of.ci95)}") for of in summary.differences),
+        rows=tuple((of.other, f"{of.acc_mean:+.1f} {interval_text(of.ci95)}") for of in summary.differences),
         footnotes=(),
     )
 
@@ -156,14 +156,14 @@ def _row(planner: PlannerSummary, compared: bool) -> tuple[str, ...]:
     flight: tuple[str, ...] = ()
     if planner.flight is not None:
         peaks = (planner.flight.peak_speed, planner.flight.peak_acceleration, planner.flight.peak_jerk)
-        last = (f"{planner.flight.effort:.1f}", f"{100 * planner.flight.limit_share:.0f}")
+        last = (f"{planner.flight.effort:.1f}", f"{100 * planner.flight.limit_share:.1f}")
         flight = (*(f"{peak:.2f}" for peak in peaks), *last)
     return (
         planner.name + _MARK * planner.privileged,
         *(f"{planner.acc[str(percent)]:.1f}" for percent in ACC_AT),
-        f"{planner.acc_mean:.1f} {_ends(planner.acc_mean_ci95)}",
-        _share(planner.gap_closed, planner.gap_closed_ci95),
-        *((_share(planner.accuracy_kept, planner.accuracy_kept_ci95),) * compared),
+        f"{planner.acc_mean:.1f} {interval_text(planner.acc_mean_ci95)}",
+        share_text(planner.gap_closed, planner.gap_closed_ci95),
+        *((share_text(planner.accuracy_kept, planner.accuracy_kept_ci95),) * compared),
         f"{planner.nll:.2f}",
         f"{planner.ece:.3f}",
         f"{planner.path_length_m:.1f}",
@@ -172,14 +172,15 @@ def _row(planner: PlannerSummary, compared: bool) -> tuple[str, ...]:
     )
 
 
-def _share(share: float | None, ends: Interval | None) -> str:
+def share_text(share: float | None, ends: Interval | None) -> str:
     """Return a share and its interval in percent."""
     if share is None or ends is None:
         return _NONE
-    return f"{100 * share:.1f} {_ends((100 * ends[0], 100 * ends[1]))}"
+    return f"{100 * share:.1f} {interval_text((100 * ends[0], 100 * ends[1]))}"
 
 
-def _ends(interval: Interval) -> str:
+def interval_text(interval: Interval) -> str:
+    """Return the two ends of an interval, with one decimal."""
     return f"[{interval[0]:.1f}, {interval[1]:.1f}]"
 
 
