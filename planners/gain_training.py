@@ -11,7 +11,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
 from ehar.datasets.source import load_data
-from ehar.errors import UsageError
+from ehar.errors import DataError, UsageError
 from ehar.estimator import make_sensor
 from ehar.scenario import split_parts
 from planners.belief_fit import fit_belief
@@ -21,6 +21,8 @@ from planners.gain_fit import VARIANTS, Fit, fit_field
 from planners.gain_model import GainModel, gain_model_path, save_gain_model
 from planners.gain_training_config import GainTrainingConfig
 from recognition.storage import load_recogniser, write_whole
+
+LEAST_LENGTH = 3  # frames of an episode: views along a path spread only if there are two to come
 
 
 @dataclass(frozen=True)
@@ -41,22 +43,28 @@ def train_gain_field(config: GainTrainingConfig, report: Callable[[str, int, int
     Raises:
         EharError: data or recogniser are missing or do not fit, or a number is too small.
     """
-    for name in ("batches", "workers"):
-        if getattr(config, name) < 1:
-            raise UsageError(f"{name}: expected at least 1, got {getattr(config, name)}")
+    for name, least in (("batches", 1), ("workers", 1), ("length", LEAST_LENGTH), ("seed", 0)):
+        if getattr(config, name) < least:
+            raise UsageError(f"{name}: expected at least {least}, got {getattr(config, name)}")
     directory = config.out or config.models
     if directory is None:
         raise UsageError("train gain-field: expected --models DIR, or --out DIR where the shipped recogniser is used")
     data = load_data(config.data, fps=config.fps)
+    sensor = make_sensor(config.sensor, data.skeleton)
     recogniser = load_recogniser(config.models, data, sensor=config.sensor, views=config.views)
     policy = split_parts(data).policy
     sequences = policy[data.lengths[policy] >= config.length]
+    if len(sequences) < 2:  # a field is judged on others than it was fitted on
+        raise DataError(
+            f"{data.name}: expected at least 2 policy sequences of at least {config.length} frames, "
+            f"got {len(sequences)}"
+        )
     task = CollectionTask(
         data=data,
         sequences=sequences,
         length=config.length,
         recogniser=recogniser,
-        sensor=make_sensor(config.sensor, data.skeleton),
+        sensor=sensor,
         pairs=trunk_pairs(data, sequences),
         seed=config.seed,
     )
