@@ -1,10 +1,11 @@
-"""Where a vehicle heads in the direction of a move of the grid: farther than a cell, or it would hardly set off."""
+"""Where a camera heads in the direction of a move: the next cell, or for a vehicle farther than that."""
 
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
+from ehar.planner import Context
 from ehar.vehicle import Vehicle
-from ehar.viewpoint import DISTANCE, MOVES, Workspace
+from ehar.viewpoint import DISTANCE, MOVES, apply_moves
 
 HEADING_TIME = 1.0  # [s]; a vehicle brakes for a target, so one that is near is approached slowly
 
@@ -19,6 +20,15 @@ def axis_speeds(vehicle: Vehicle, viewpoint: FloatArray) -> FloatArray:
     return np.stack([speed, np.minimum(rate, vehicle.yaw_rate), rate], axis=-1)
 
 
-def heading(vehicle: Vehicle, viewpoint: FloatArray, moves: IntArray, workspace: Workspace) -> FloatArray:
-    """Return targets (..., 3) in the direction of moves (...,) of the grid, as far as the vehicle's speed takes it."""
-    return workspace.clip(viewpoint + MOVES[moves] * HEADING_TIME * axis_speeds(vehicle, viewpoint))
+def heading(context: Context, viewpoint: FloatArray, moves: IntArray) -> FloatArray:
+    """Return targets (..., 3) in the direction of moves (...,): the next cell, or as far as a vehicle's speed takes it.
+
+    Args:
+        context: names the track.
+        viewpoint: (..., 3), where the cameras are.
+        moves: indices into `MOVES`.
+    """
+    if context.vehicle is None:
+        return apply_moves(viewpoint, moves, context.workspace)
+    way = MOVES[moves] * HEADING_TIME * axis_speeds(context.vehicle, viewpoint)
+    return context.workspace.clip(viewpoint + way)

@@ -4,7 +4,8 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.planner import Context, Observation, Planner
-from ehar.viewpoint import MOVE_NAMES, MOVES, Workspace, apply_moves
+from ehar.viewpoint import MOVE_NAMES, MOVES
+from planners.heading import heading
 
 
 class NoAct(Planner):
@@ -26,14 +27,13 @@ class Random(Planner):
     name = "random"
 
     def reset(self, context: Context) -> None:
-        """Take the generator of these episodes, and the workspace."""
-        self._rng = context.rng
-        self._workspace = context.workspace
+        """Take the generator and the track of these episodes."""
+        self._context = context
 
     def act(self, observation: Observation) -> FloatArray:
         """Return where the drawn moves lead."""
-        moves = self._rng.integers(0, len(MOVES), size=len(observation.viewpoint))
-        return apply_moves(observation.viewpoint, moves, self._workspace)
+        moves = self._context.rng.integers(0, len(MOVES), size=len(observation.viewpoint))
+        return heading(self._context, observation.viewpoint, moves)
 
 
 class Towards(Planner):
@@ -42,12 +42,12 @@ class Towards(Planner):
     name = "towards"
 
     def reset(self, context: Context) -> None:
-        """Take the workspace."""
-        self._workspace = context.workspace
+        """Take the track."""
+        self._context = context
 
     def act(self, observation: Observation) -> FloatArray:
         """Return the next nearer viewpoints."""
-        return _repeat("distance-", observation, self._workspace)
+        return _repeat("distance-", observation, self._context)
 
 
 class HRotate(Planner):
@@ -56,12 +56,12 @@ class HRotate(Planner):
     name = "h-rotate"
 
     def reset(self, context: Context) -> None:
-        """Take the workspace."""
-        self._workspace = context.workspace
+        """Take the track."""
+        self._context = context
 
     def act(self, observation: Observation) -> FloatArray:
         """Return the next viewpoints on the circle."""
-        return _repeat("azimuth+", observation, self._workspace)
+        return _repeat("azimuth+", observation, self._context)
 
 
 class VRotate(Planner):
@@ -70,15 +70,15 @@ class VRotate(Planner):
     name = "v-rotate"
 
     def reset(self, context: Context) -> None:
-        """Take the workspace."""
-        self._workspace = context.workspace
+        """Take the track."""
+        self._context = context
 
     def act(self, observation: Observation) -> FloatArray:
         """Return the next lower viewpoints."""
-        return _repeat("polar+", observation, self._workspace)
+        return _repeat("polar+", observation, self._context)
 
 
-def _repeat(move_name: str, observation: Observation, workspace: Workspace) -> FloatArray:
+def _repeat(move_name: str, observation: Observation, context: Context) -> FloatArray:
     """Return where the same move leads in every episode, (B, 3)."""
     moves = np.full(len(observation.viewpoint), MOVE_NAMES.index(move_name))
-    return apply_moves(observation.viewpoint, moves, workspace)
+    return heading(context, observation.viewpoint, moves)

@@ -22,18 +22,15 @@ class Oracle(Planner):
     privileged = True
 
     def reset(self, context: Context) -> None:
-        """Take the workspace and the track."""
-        self._vehicle = context.vehicle
-        self._workspace = context.workspace
+        """Take the track."""
+        self._context = context
 
     def act(self, observation: Observation) -> FloatArray:
         """Return the best of the 7 neighbouring viewpoints of each episode; a vehicle heads a second that way."""
         truth = _truth(self, observation)
         frame = observation.frame + 1
-        candidates, _, best, _ = _try_moves(truth, truth.state, frame, observation.viewpoint, self._workspace)
-        if self._vehicle is not None:
-            return heading(self._vehicle, observation.viewpoint, best, self._workspace)
-        return candidates[np.arange(len(best)), best]
+        _, _, best, _ = _try_moves(truth, truth.state, frame, observation.viewpoint, self._context.workspace)
+        return heading(self._context, observation.viewpoint, best)
 
 
 class OracleLookahead(Planner):

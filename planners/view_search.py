@@ -8,6 +8,7 @@ from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import AZIMUTH, MOVES, STEP, Workspace, wrap_difference
 from planners.camera_limits import camera_limits
 from planners.gain_model import GainModel
+from planners.heading import heading
 from planners.view_basis import BASIS_SIZE, basis_at, mean_direction
 from planners.view_value import ViewValue, node_gains
 
@@ -41,11 +42,8 @@ class NextBestViewGreedy(Planner):
             EpisodeError: the field is not finite.
         """
         self._value.update(observation)
-        here, vehicle = observation.viewpoint, self._context.vehicle
-        step = np.broadcast_to(STEP, here.shape)
-        if vehicle is not None:
-            step = np.stack([camera_limits(self._context, viewpoint, 1.0).velocity for viewpoint in here])
-        there = self._context.workspace.clip(here[:, None] + MOVES * step[:, None])
+        here = np.repeat(observation.viewpoint[:, None], len(MOVES), axis=1)
+        there = heading(self._context, here, np.broadcast_to(np.arange(len(MOVES)), here.shape[:2]))
         values = np.einsum("bmk,bk->bm", basis_at(there), self._value.weights)
         _check_finite(values, self.name, observation.frame)
         best = np.argmax(values + 1e-12 * (MOVES == 0).all(axis=1), axis=1)  # a tie is no reason to move
