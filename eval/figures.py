@@ -22,6 +22,8 @@ _COLOURS = (  # Okabe and Ito's, told apart by colour-blind readers too; yellow 
     "#7F5539",
     "#6A51A3",
     "#4D4D4D",
+    "#882255",
+    "#999933",
 )
 _GREY = "#6B6B6B"
 
@@ -65,7 +67,8 @@ def draw_accuracy(curves: Mapping[str, FloatArray], summary: Summary, classes: i
     axes.set_xlabel("observed share of the episode [%]")
     axes.set_ylabel("accuracy [%]")
     axes.set_title(
-        f"{summary.data}, {summary.sensor} sensor, {summary.views} views, {summary.track} track",
+        f"{summary.data}, {summary.sensor} sensor, {summary.views} views, {summary.track} track"
+        + (", as believed" if summary.readout == "belief" else ""),
         fontsize=9.5,
         loc="left",
     )
