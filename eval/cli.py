@@ -1,4 +1,4 @@
-"""The command line: `ehar benchmark`, `headroom`, `explain`, `belief`, `data`, `train`, `bench`."""
+"""The command line: `ehar benchmark`, `headroom`, `explain`, `ablation`, `belief`, `data`, `train`, `bench`."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -11,7 +11,7 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, arg, subcommand
 from ehar.errors import EharError
 from eval.commands import Bench, Benchmark, HeadroomCommand, TrainGainField, TrainRecogniser
 from eval.data_commands import Describe, PrepareAistpp, PrepareBvh, PrepareExpi
-from eval.nbv_commands import BeliefCommand, Explain
+from eval.nbv_commands import AblationCommand, BeliefCommand, Explain
 from eval.results import package_version
 
 Prepare = (
@@ -63,6 +63,7 @@ Command = (
     Annotated[Benchmark, subcommand("benchmark")]
     | Annotated[HeadroomCommand, subcommand("headroom")]
     | Annotated[Explain, subcommand("explain")]
+    | Annotated[AblationCommand, subcommand("ablation")]
     | Annotated[BeliefCommand, subcommand("belief")]
     | Annotated[DataCommand, subcommand("data")]
     | Annotated[TrainCommand, subcommand("train")]

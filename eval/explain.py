@@ -20,9 +20,8 @@ from eval.progress import ConsoleReporter, Reporter
 from eval.run import check_options, load_setting
 from eval.tables import Table
 from planners.gain_model import GainModel, load_gain_model
-from planners.next_best_view import NextBestView
+from planners.registry import VALUING, make_planner, needs_gain_model
 from planners.view_basis import field_value
-from planners.view_search import NextBestViewGreedy, NextBestViewSearch
 from planners.view_value import ViewValue
 
 FIRST_MOMENT, LAST_MOMENT = 0.1, 0.9  # of the episode
@@ -177,6 +176,8 @@ def explain(
         EharError: one line that says what was got and what was expected.
     """
     check_options(seed=seed, workers=1)
+    if not needs_gain_model(planner):
+        raise UsageError(f"unknown planner {planner!r}; expected one that values views: {', '.join(VALUING)}")
     if length < 2 or not 1 <= frames <= length - 1:
         raise UsageError(f"frames: expected 1 to {length - 1} moments of episodes of {length} frames, got {frames}")
     setting = load_setting(data=data, models=models, sensor=sensor, views=views, form="causal", fps=fps)
@@ -203,7 +204,7 @@ def explain(
         track="ideal",
         rng=episodes.planner_rng(planner, episode // CHUNK),
     )
-    recorder = Recorder(make_valuing_planner(planner, model), model)
+    recorder = Recorder(make_planner(planner, lambda: model), model)
     record = rollout(recorder, batch, setting.recogniser, setting.sensor, motion, context)
     return _explanation(
         recorder,
@@ -214,22 +215,6 @@ def explain(
         label=int(batch.labels[0]),
         moments=moments(length, frames),
     )
-
-
-def make_valuing_planner(name: str, model: GainModel) -> Planner:
-    """Return a new planner that values views with a model.
-
-    Raises:
-        UsageError: no such planner does.
-    """
-    planners: dict[str, type[NextBestView | NextBestViewSearch | NextBestViewGreedy]] = {
-        "nbv": NextBestView,
-        NextBestViewSearch.name: NextBestViewSearch,
-        NextBestViewGreedy.name: NextBestViewGreedy,
-    }
-    if name not in planners:
-        raise UsageError(f"unknown planner {name!r}; expected one that values views: {', '.join(planners)}")
-    return planners[name](model=model)
 
 
 def moments(length: int, count: int) -> IntArray:

@@ -1,10 +1,15 @@
 """The commands that explain and take apart the planners that value views: `ehar explain`, `ablation`, `belief`."""
 
-from dataclasses import dataclass
+import os
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from eval.commands import output_console
 from eval.tables import Rendered
+
+
+def _cores() -> int:
+    return os.cpu_count() or 1
 
 
 @dataclass(frozen=True)
@@ -102,3 +107,56 @@ class BeliefCommand:
             out=self.out,
         )
         output_console().print(Rendered(*belief_tables(report)))
+
+
+@dataclass(frozen=True)
+class AblationCommand:
+    """Say what each part and setting of nbv is worth: its variants side by side on the same test episodes.
+
+    Args:
+        data: duo, solo, or the path of a prepared .npz.
+        models: folder of recogniser and gain field; by default those that ship, for duo and solo.
+        sensor: perfect or estimator.
+        views: the cameras the recogniser was trained on, moving or paper.
+        groups: of variants: knowledge, horizon, replan, effort, solver, search; none runs them all.
+        tracks: vehicles that nbv flies as well: px4-auto, px4-max, tracking-drone, or vehicle files.
+        starts: start viewpoints for each test scenario.
+        seed: of start viewpoints and noise.
+        length: frames in an episode.
+        fps: frame rate to resample to.
+        out: folder for config.json, episodes.jsonl, summary.json and table.md.
+        workers: processes; the numbers, but for times, are the same with any number.
+    """
+
+    data: str = "duo"
+    models: Path | None = None
+    sensor: str = "perfect"
+    views: str = "moving"
+    groups: tuple[str, ...] = ()
+    tracks: tuple[str, ...] = ()
+    starts: int = 1
+    seed: int = 0
+    length: int = 60
+    fps: float | None = None
+    out: Path | None = None
+    workers: int = field(default_factory=_cores)
+
+    def __call__(self) -> None:
+        """Run the variants and print the tables."""
+        from eval.ablation import GROUPS, ablation, ablation_tables
+
+        result = ablation(
+            data=self.data,
+            models=self.models,
+            sensor=self.sensor,
+            views=self.views,
+            groups=self.groups or GROUPS,
+            tracks=self.tracks,
+            starts=self.starts,
+            seed=self.seed,
+            length=self.length,
+            fps=self.fps,
+            out=self.out,
+            workers=self.workers,
+        )
+        output_console().print(Rendered(*ablation_tables(result)))
