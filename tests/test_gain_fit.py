@@ -178,18 +178,34 @@ def test_variants_depend_on_their_parts(variant: str, persons: int, monkeypatch:
     assert variant == "full" or set(PARTS) - set(field.parts) == {variant.removeprefix("no-")}
 
 
-def test_only_the_embedding_s_main_directions_are_used(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("parts", [("embedding",), ("belief", "embedding", "facing")])
+def test_only_the_embedding_s_main_directions_are_used(parts: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gain_fit, "EMBEDDING_DIRECTIONS", 2)
     rng = np.random.default_rng(7)
     collection = collected(rng)
     large = rng.normal(size=(300, 2))
     embedding = np.concatenate([10 * large, 0.1 * rng.normal(size=(300, 3)), np.ones((300, 1))], axis=1)
-    field = fit_field(
-        replace(collection, embedding=embedding, worth=rng.normal(size=(300, PATHS))), BELIEF, ("embedding",)
-    ).field
-    rows = field.absolute[1:, 1:]
+    collection = replace(collection, embedding=embedding, worth=rng.normal(size=(300, PATHS)))
+    field = fit_field(collection, BELIEF, parts).field
+    before = 1 + 3 * ("belief" in parts)
+    rows = field.absolute[before : before + 6, 1:]
     assert np.linalg.matrix_rank(rows, tol=1e-9) == 2
     assert np.abs(rows[:2] * 10).max() > 10 * np.abs(rows[2:] * 0.1).max()
+
+
+def test_neither_the_unit_of_an_embedding_nor_its_mean_matters() -> None:
+    rng = np.random.default_rng(10)
+    collection = collected(rng)
+    collection = replace(collection, worth=rng.normal(size=(300, PATHS)) + collection.embedding[:, :1])
+    other = replace(collection, embedding=7 * collection.embedding + np.arange(4))
+    first, second = (fit_field(each, BELIEF, ("ratio", "embedding")) for each in (collection, other))
+    assert second.penalties == first.penalties
+    assert second.explained == pytest.approx(first.explained, abs=1e-9)
+    np.testing.assert_allclose(
+        second.field.weights(fork_situations(other, BELIEF)),
+        first.field.weights(fork_situations(collection, BELIEF)),
+        atol=1e-8,
+    )
 
 
 def test_a_feature_that_never_changes_has_no_weight() -> None:

@@ -72,6 +72,15 @@ def test_the_camera_ends_at_the_best_view(make: Callable[..., Planner]) -> None:
     assert cells_off(viewpoints[:, -1], PEAK).max() <= 2.5
 
 
+@pytest.mark.parametrize("options", [{"max_iterations": 6}, {"solver": "ipopt"}, {"replan": 1}, {"replan": 25}])
+def test_so_it_does_with_every_way_to_solve_and_period(options: dict[str, Any]) -> None:
+    planner = NextBestView(model=model_of(peak_weights(PEAK)), **options)
+    viewpoints = run(planner, starting(EVERYWHERE[:2])).viewpoints
+    assert cells_off(viewpoints[:, -1], PEAK).max() <= 2.5
+    assert planner.statistics.fallbacks == 0
+    assert planner.statistics.violation <= (1e-3 if "max_iterations" in options else 1e-6)
+
+
 @pytest.mark.parametrize("make", PLANNERS)
 @pytest.mark.parametrize("start", [90, 8])
 def test_the_short_way_leads_across_azimuth_0(make: Callable[..., Planner], start: int) -> None:
