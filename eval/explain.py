@@ -277,8 +277,8 @@ def explain_table(explanation: Explanation) -> Table:
         rows=tuple(rows),
         footnotes=(
             f"True class: {explanation.class_names[explanation.label]}. Polar angle 0 is straight above, 90 level.",
-            "The field is gained probability of the true class, at the camera's present distance; "
-            "only differences mean anything.",
+            "The field is gained probability of the true class, at the camera's present distance; only differences "
+            "mean anything. That views which spread tell more is not in it.",
         ),
     )
 

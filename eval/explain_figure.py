@@ -186,7 +186,7 @@ def _map_key(persons: int) -> list[Any]:
         Line2D([], [], color="black", marker=">", linewidth=2, label="heads for"),
         Line2D([], [], color="white", linestyle=":", linewidth=1.6, path_effects=_thin(), label="path from here on"),
         Line2D([], [], color="white", linewidth=1.0, path_effects=_thin(), label="as good as here"),
-        Line2D([], [], marker="*", color="#F0E442", markersize=14, label="best view", **black),  # type: ignore[arg-type]
+        Line2D([], [], marker="*", color="#F0E442", markersize=14, label="best view at this distance", **black),  # type: ignore[arg-type]
         *people,
     ]
 
