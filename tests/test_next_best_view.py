@@ -114,6 +114,17 @@ def test_a_flat_field_is_no_reason_to_move(make: Callable[..., Planner]) -> None
         np.testing.assert_array_equal(viewpoints, np.repeat(viewpoints[:, :1], 20, axis=1))
 
 
+@pytest.mark.parametrize("make", [NextBestView, NextBestViewSearch])
+def test_a_good_view_near_by_is_left_for_a_better_one_behind_worse_ones(make: Callable[..., Planner]) -> None:
+    weights = np.zeros(BASIS_SIZE)
+    weights[15], weights[3] = 1.0, 1.0  # cos(3 azimuth) and cos(azimuth): peaks at 0, and lower at a third of a turn
+    start = [33, 33, 25]
+    cells = to_cells(run(make(model=model_of(weights)), starting([start], length=100)).viewpoints)[0]
+    assert abs((cells[-1, 1] + 50) % 100 - 50) <= 2
+    greedy = NextBestViewGreedy(model=model_of(weights))
+    assert abs(to_cells(run(greedy, starting([start], length=100)).viewpoints)[0, -1, 1] - 33) <= 5
+
+
 def test_views_that_spread_are_worth_a_move_where_the_field_is_flat() -> None:
     batch = starting([[33, 30, 22]], length=40)
     for make in (NextBestView, NextBestViewSearch):
