@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ehar.arrays import FloatArray
+from ehar.errors import UsageError
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import rollout
@@ -18,7 +19,7 @@ from ehar.vehicle import VEHICLES
 from ehar.viewpoint import MOVES, STEP, Workspace, from_cells, wrap_difference
 from planners.situation import frame_gains
 from planners.view_basis import BASIS_SIZE, field_value, mean_direction, view_basis
-from planners.view_search import GOALS, NextBestViewGreedy, goal_grid, search_goals, share_made
+from planners.view_search import GOALS, NextBestViewGreedy, NextBestViewSearch, goal_grid, search_goals, share_made
 from planners.view_value import ViewValue
 
 
@@ -135,3 +136,8 @@ def test_greedy_stays_at_the_peak() -> None:
         planner, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), tiny_context(episodes=1, length=5)
     ).viewpoints
     np.testing.assert_array_equal(viewpoints[0], np.tile(peak, (5, 1)))
+
+
+def test_a_search_is_made_every_frame_or_more_rarely() -> None:
+    with pytest.raises(UsageError, match=r"^nbv-search: expected .* every 1 frame or more, got 0$"):
+        NextBestViewSearch(model=model_of(np.zeros(BASIS_SIZE)), replan=0)
