@@ -31,8 +31,8 @@ class PlannerSummary:
         acc: accuracy [%] after 10 to 100 % of the frames.
         acc_mean: accuracy [%], the mean over all frames.
         acc_mean_ci95: its 95 % interval, bootstrap over sequences.
-        gap_closed: the share of the way from no-act to the oracle; None where one of them was not run, or the
-            oracle was no better.
+        gap_closed: the share of the way from no-act to the oracle, that of the ideal track for flights which are
+            compared with it; None where one of them was not run, or the oracle was no better.
         gap_closed_ci95: its 95 % interval.
         nll: mean negative log-likelihood of the true class [nat].
         ece: expected calibration error, 0 to 1.
@@ -169,7 +169,7 @@ def summarise(
     counts = resample_counts(np.random.default_rng(BOOTSTRAP_SEED), len(sequences))
     resampled = resampled_means(accuracy, clusters, counts)
     acc_ends = 100 * interval(resampled)
-    gaps, gap_ends = _gaps(list(records), accuracy.mean(axis=1), resampled)
+    gaps, gap_ends = _gaps(list(records), accuracy, clusters, counts, on_ideal)
     kept, kept_ends = _kept(list(records), accuracy, clusters, counts, on_ideal)
     planners = tuple(
         PlannerSummary(
@@ -206,12 +206,28 @@ def summarise(
     )
 
 
-def _gaps(names: list[str], acc: FloatArray, resampled: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return gap closed (planners,) and its intervals (planners, 2); NaN without both ends of the gap."""
-    if NO_ACT not in names or ORACLE not in names:
+def _gaps(
+    names: list[str],
+    accuracy: FloatArray,
+    clusters: IntArray,
+    counts: IntArray,
+    on_ideal: Mapping[str, EpisodeRecords] | None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return gap closed (planners,) and its intervals (planners, 2); NaN without both ends of the gap.
+
+    A flight's gap reaches up to the oracle on the ideal track where that was run: one that flies is no upper bound.
+    """
+    above = ORACLE in names or (on_ideal is not None and ORACLE in on_ideal)
+    if NO_ACT not in names or not above:
         return np.full(len(names), np.nan), np.full((len(names), 2), np.nan)
-    low, high = names.index(NO_ACT), names.index(ORACLE)
-    return gap_closed(acc, acc[low], acc[high]), interval(gap_closed(resampled, resampled[low], resampled[high]))
+    if on_ideal is not None and ORACLE in on_ideal:
+        oracle = mean_acc(on_ideal[ORACLE].correct)
+    else:
+        oracle = accuracy[names.index(ORACLE)]
+    no_act = accuracy[names.index(NO_ACT)]
+    low, high = (resampled_means(end, clusters, counts) for end in (no_act, oracle))
+    resampled = gap_closed(resampled_means(accuracy, clusters, counts), low, high)
+    return gap_closed(accuracy.mean(axis=1), no_act.mean(), oracle.mean()), interval(resampled)
 
 
 def _kept(

@@ -242,6 +242,16 @@ def test_half_of_a_flight_is_no_flight(tmp_path: Path) -> None:
         read_episodes(tmp_path / EPISODES)
 
 
+def test_the_gap_of_a_flight_reaches_up_to_the_oracle_of_the_ideal_track() -> None:
+    on_ideal = {"no-act": make_records(1), "oracle": make_records(2, skill=3.0)}
+    records = {"no-act": on_ideal["no-act"], "mine": make_records(3, skill=1.0), "oracle": make_records(4, skill=0.5)}
+    low, mine, high = (r.correct.mean() for r in (records["no-act"], records["mine"], on_ideal["oracle"]))
+    closed = summary_of(records, on_ideal=on_ideal).planner("mine").gap_closed
+    assert closed == pytest.approx((mine - low) / (high - low))
+    alone = summary_of(records).planner("mine").gap_closed
+    assert alone != pytest.approx(closed)
+
+
 def test_accuracy_kept_is_the_gain_in_flight_over_that_on_the_ideal_track() -> None:
     on_ideal = {"no-act": make_records(1), "mine": make_records(2, skill=2.0)}
     records = {"no-act": on_ideal["no-act"], "mine": make_records(2, skill=1.0), "other": make_records(3)}
