@@ -37,3 +37,13 @@ def test_the_environments_are_made() -> None:
     exec(python_blocks()[1], names)
     assert isinstance(names["env"].action_space, gym.spaces.Discrete)
     assert names["envs"].num_envs == 64
+
+
+@pytest.mark.slow
+def test_a_planner_of_other_arguments_is_made_and_runs() -> None:
+    names: dict[str, Any] = {}
+    exec(python_blocks()[2], names)
+    summary = benchmark([names["patient"], "no-act"], data="duo")
+    solves = summary.planner("patient").solves
+    assert solves is not None
+    assert sum(solves.values()) == 4 * summary.episodes  # frames 0, 15, 30 and 45
