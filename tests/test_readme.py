@@ -46,4 +46,4 @@ def test_a_planner_of_other_arguments_is_made_and_runs() -> None:
     summary = benchmark([names["patient"], "no-act"], data="duo")
     solves = summary.planner("patient").solves
     assert solves is not None
-    assert sum(solves.values()) == 4 * summary.episodes  # frames 0, 15, 30 and 45
+    assert solves.total == 4 * summary.episodes  # frames 0, 15, 30 and 45
