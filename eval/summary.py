@@ -224,10 +224,11 @@ def _gaps(
         oracle = mean_acc(on_ideal[ORACLE].correct)
     else:
         oracle = accuracy[names.index(ORACLE)]
-    no_act = accuracy[names.index(NO_ACT)]
-    low, high = (resampled_means(end, clusters, counts) for end in (no_act, oracle))
-    resampled = gap_closed(resampled_means(accuracy, clusters, counts), low, high)
-    return gap_closed(accuracy.mean(axis=1), no_act.mean(), oracle.mean()), interval(resampled)
+    rows = np.concatenate([accuracy, oracle[None]])
+    means, resampled = rows.mean(axis=1), resampled_means(rows, clusters, counts)
+    low = names.index(NO_ACT)
+    closed = gap_closed(means[:-1], means[low], means[-1])
+    return closed, interval(gap_closed(resampled[:-1], resampled[low], resampled[-1]))
 
 
 def _kept(
