@@ -19,7 +19,8 @@ from recognition.training_config import Form, TrainingConfig
 PIPED_WIDTH = 160  # columns where standard output is no terminal
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Return how many processes a command runs in by default."""
     return os.cpu_count() or 1
 
 
@@ -65,7 +66,7 @@ class Benchmark:
     length: int = 60
     fps: float | None = None
     out: Path | None = None
-    workers: int = field(default_factory=_cores)
+    workers: int = field(default_factory=cores)
 
     def __call__(self) -> None:
         """Run the benchmark and print its table."""
@@ -121,7 +122,7 @@ class HeadroomCommand:
     azimuths: int = 12
     polars: int = 6
     out: Path | None = None
-    workers: int = field(default_factory=_cores)
+    workers: int = field(default_factory=cores)
 
     def __call__(self) -> None:
         """Run the map and print its tables."""

@@ -1,15 +1,10 @@
 """The commands that explain and take apart the planners that value views: `ehar explain`, `ablation`, `belief`."""
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from eval.commands import output_console
+from eval.commands import cores, output_console
 from eval.tables import Rendered
-
-
-def _cores() -> int:
-    return os.cpu_count() or 1
 
 
 @dataclass(frozen=True)
@@ -139,7 +134,7 @@ class AblationCommand:
     length: int = 60
     fps: float | None = None
     out: Path | None = None
-    workers: int = field(default_factory=_cores)
+    workers: int = field(default_factory=cores)
 
     def __call__(self) -> None:
         """Run the variants and print the tables."""
