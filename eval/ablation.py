@@ -10,7 +10,7 @@ from ehar.motion_data import MotionData
 from ehar.planner import Planner
 from ehar.scenario import split_parts
 from eval.episodes import cut_scenarios, random_starts
-from eval.jobs import Interrupted, PlannerRun, World, run_planners
+from eval.jobs import PlannerRun, World, run_planners
 from eval.planner_choice import GainModelPlace
 from eval.progress import ConsoleReporter, Reporter
 from eval.records import episode_lines
@@ -144,15 +144,12 @@ def ablation(
     chosen = {group: planners for group, planners in variants(model).items() if group in groups}
     together = [NoAct(), nbv, *(planner for planners in chosen.values() for planner in planners), Oracle()]
     episodes = random_starts(scenarios, starts, seed)
-    try:
-        world = World(episodes, setting.recogniser, setting.sensor)
-        runs = run_planners(world, together, workers=workers, reporter=reporter)
-        for vehicle in vehicles:
-            world = World(episodes, setting.recogniser, setting.sensor, vehicle)
-            flying = NextBestView(model=model, name=vehicle.name)
-            runs |= run_planners(world, [flying], workers=workers, reporter=reporter)
-    except Interrupted:
-        raise KeyboardInterrupt("nothing was written") from None
+    world = World(episodes, setting.recogniser, setting.sensor)
+    runs = run_planners(world, together, workers=workers, reporter=reporter)
+    for vehicle in vehicles:
+        world = World(episodes, setting.recogniser, setting.sensor, vehicle)
+        flying = NextBestView(model=model, name=vehicle.name)
+        runs |= run_planners(world, [flying], workers=workers, reporter=reporter)
     result = Ablation(
         groups={group: tuple(planner.name for planner in planners) for group, planners in chosen.items()},
         tracks=config.tracks,

@@ -77,12 +77,12 @@ class _Done(NamedTuple):
     solves: Solves | None
 
 
-class Interrupted(Exception):
+class Interrupted(KeyboardInterrupt):
     """The user stopped the run; `runs` is what each planner had finished by then."""
 
     def __init__(self, runs: dict[str, PlannerRun]) -> None:
         """Keep what was finished."""
-        super().__init__("interrupted")
+        super().__init__("nothing was written")
         self.runs = runs
 
 

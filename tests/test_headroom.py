@@ -14,6 +14,7 @@ from ehar.viewpoint import AZIMUTH, POLAR
 from eval import headroom
 from eval.fixed_views import Headroom, best_per_class, viewpoint_map
 from eval.headroom_report import headroom_tables
+from eval.jobs import Interrupted
 
 
 def seen_from_the_side(viewpoint: FloatArray) -> FloatArray:
@@ -84,3 +85,15 @@ def test_it_writes_numbers_tables_and_a_figure(result: Headroom, tmp_path: Path)
     assert names == {"config.json", "headroom.json", "table.md", "headroom.png", "headroom.svg"}
     assert "tiny (synthetic)" in headroom_tables(result)[0].title
     assert "upper bound" in (tmp_path / "out" / "table.md").read_text()
+
+
+def test_who_keeps_nothing_when_interrupted_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise Interrupted({})
+
+    module = types.ModuleType("recognition.storage")
+    module.load_recogniser = lambda *_, **__: SidedRecogniser()  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "recognition.storage", module)
+    monkeypatch.setattr("eval.fixed_views.run_planners", interrupted)
+    with pytest.raises(KeyboardInterrupt, match="nothing was written"):
+        headroom(data=tiny_data(sequences=42), length=10, reporter=Log())
