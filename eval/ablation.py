@@ -9,6 +9,7 @@ from ehar.errors import UsageError
 from ehar.motion_data import MotionData
 from ehar.planner import Planner
 from ehar.scenario import split_parts
+from eval.differences import NBV, Difference
 from eval.episodes import cut_scenarios, random_starts
 from eval.jobs import PlannerRun, World, run_planners
 from eval.planner_choice import GainModelPlace
@@ -16,7 +17,7 @@ from eval.progress import ConsoleReporter, Reporter
 from eval.records import episode_lines
 from eval.results import CONFIG, EPISODES, SUMMARY, check_out, installed_versions, json_text, write_text
 from eval.run import check_options, load_setting
-from eval.summary import NBV, NO_ACT, Conditions, Difference, PlannerSummary, Summary, summarise
+from eval.summary import NO_ACT, Conditions, PlannerSummary, Summary, summarise
 from eval.tables import Table, interval_text, markdown, share_text
 from eval.tracks import IDEAL, load_track, track_name
 from planners.gain_model import GainModel

@@ -9,6 +9,9 @@ from ehar.arrays import FloatArray, IntArray
 
 RESAMPLES = 10_000  # R
 LEVEL = 95.0  # of the interval [%]
+BOOTSTRAP_SEED = 0  # intervals are properties of the records, not of a run
+
+Interval = tuple[float, float]
 
 
 def resample_counts(rng: np.random.Generator, clusters: int, resamples: int = RESAMPLES) -> IntArray:
@@ -40,3 +43,8 @@ def interval(resampled: FloatArray) -> FloatArray:
     exists = np.isfinite(resampled).any(axis=-1, keepdims=True)
     ends = np.nanpercentile(np.where(exists, resampled, 0.0), [tail, 100 - tail], axis=-1)
     return np.where(exists, np.moveaxis(ends, 0, -1), np.nan)
+
+
+def pair(ends: FloatArray) -> Interval:
+    """Return the two ends of one interval, (2,), as numbers."""
+    return float(ends[0]), float(ends[1])

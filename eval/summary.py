@@ -1,6 +1,6 @@
 """The numbers of a report, each a pure function of the records."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -8,49 +8,53 @@ import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import DataError
-from eval.flight_records import FlightSummary, flight_numbers, summarise_flights
+from eval.differences import Difference, differences
+from eval.flight_records import FlightSummary, flight_numbers, join_flights, summarise_flights
 from eval.metrics import ACC_AT, acc_at, ece, gap_closed, mean_acc, nll, path_length
 from eval.records import EpisodeRecords
-from eval.solves import Solves
-from eval.statistics import interval, resample_counts, resampled_means
+from eval.solves import Solves, join_solves
+from eval.statistics import BOOTSTRAP_SEED, Interval, interval, pair, resample_counts, resampled_means
+from eval.training_seeds import PlannerGroup, group_planners, mean_over_seeds, resample_seeds
 
 NO_ACT, ORACLE = "no-act", "oracle"  # the two ends of the gap
-NBV = "nbv"  # compared with every other planner
-BOOTSTRAP_SEED = 0  # intervals are properties of the records, not of a run
-
-Interval = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class PlannerSummary:
-    """How well one planner did.
+    """How well one planner did; of one that was trained with several seeds every number is the mean over them.
 
     Args:
-        name: the planner's.
+        name: the planner's, without seeds.
         privileged: whether it was handed the truth.
+        training_seeds: which it was trained with, in ascending order; empty for a planner that names none.
         acc: accuracy [%] after 10 to 100 % of the frames.
         acc_mean: accuracy [%], the mean over all frames.
-        acc_mean_ci95: its 95 % interval, bootstrap over sequences.
+        acc_mean_ci95: its 95 % interval, bootstrap over sequences and, where there are several, training seeds.
+        acc_mean_seed_sd: standard deviation (ddof 1) of `acc_mean` over training seeds [percentage points]; None below
+            two seeds.
         gap_closed: the share of the way from no-act to the oracle, that of the ideal track for flights which are
             compared with it; None where one of them was not run, or the oracle was no better.
         gap_closed_ci95: its 95 % interval.
         nll: mean negative log-likelihood of the true class [nat].
-        ece: expected calibration error, 0 to 1.
+        ece: expected calibration error, 0 to 1; each training's own, so that their errors do not cancel.
         path_length_m: mean distance travelled in an episode [m].
         step_ms: planning time of one frame of one episode [ms]; like `solves` not in the records.
-        flight: what its flights demanded of the vehicle; None on the ideal track.
+        flight: what its flights demanded of the vehicle, those of all seeds; None on the ideal track.
         accuracy_kept: the gap closed in flight over that on the ideal track, both of the ideal track's gap, so that
             the oracle cancels: (acc in flight - acc of no-act) / (acc on the ideal track - acc of no-act), mean
-            accuracies over frames. None without a run on the ideal track, or where the planner gained nothing there.
+            accuracies over frames. None without a run of each of its seeds on the ideal track, or where the planner
+            gained nothing there.
         accuracy_kept_ci95: its 95 % interval, over the resamples in which the planner gained on the ideal track.
-        solves: what became of its plans; None for a planner that counts none.
+        solves: what became of its plans, those of all seeds; None for a planner that counts none.
     """
 
     name: str
     privileged: bool
+    training_seeds: tuple[int, ...]
     acc: dict[str, float]
     acc_mean: float
     acc_mean_ci95: Interval
+    acc_mean_seed_sd: float | None
     gap_closed: float | None
     gap_closed_ci95: Interval | None
     nll: float
@@ -74,27 +78,10 @@ class PlannerSummary:
 
 
 @dataclass(frozen=True)
-class Difference:
-    """A paired difference: the same episodes, the same resamples.
-
-    Args:
-        planner: the one whose accuracy is the minuend.
-        other: the one whose accuracy is taken away.
-        acc_mean: the difference of their accuracies, the mean over all frames [percentage points].
-        ci95: its 95 % interval, bootstrap over sequences.
-    """
-
-    planner: str
-    other: str
-    acc_mean: float
-    ci95: Interval
-
-
-@dataclass(frozen=True)
 class Summary:
     """How well each planner did on the same episodes; what follows `differences` is for titles and stays unwritten.
 
-    `differences` are those of `nbv` and every other planner that is not privileged; none without `nbv`.
+    `differences` are those of `differences.SUBJECTS` and every other planner that is not privileged.
     """
 
     data: str
@@ -147,15 +134,15 @@ def summarise(
     """Compute a summary from the records of planners that ran the same episodes.
 
     Args:
-        records: of each planner.
+        records: by record name; trainings of one planner, `il-ppo/0`, `il-ppo/1`, ..., are summarised as one.
         conditions: under which they were made.
-        privileged: which planners were handed the truth.
-        step_ms: planning time of each.
-        solves: what became of the plans of those that count them.
+        privileged: which planners were handed the truth, by record name.
+        step_ms: planning time of each, by record name.
+        solves: what became of the plans of those that count them, by record name.
         on_ideal: records of the same episodes on the ideal track, no-act among them; flights are compared with them.
 
     Raises:
-        DataError: there are no records, or the planners' episodes differ.
+        DataError: there are no records, the planners' episodes differ, or one has records with and without a seed.
     """
     if not records:
         raise DataError("expected the records of at least one planner, got none")
@@ -164,32 +151,38 @@ def summarise(
         _check_same_episodes(name, episodes, reference)
     for name, episodes in (on_ideal or {}).items():
         _check_same_episodes(f"{name} on the ideal track", episodes, reference)
+    groups = group_planners(records)
+    trainings = [[records[name] for name in group.records] for group in groups]
     sequences, clusters = np.unique(reference.sequence, return_inverse=True)
     accuracy = np.stack([mean_acc(episodes.correct) for episodes in records.values()])
     counts = resample_counts(np.random.default_rng(BOOTSTRAP_SEED), len(sequences))
-    resampled = resampled_means(accuracy, clusters, counts)
+    acc_of_record = accuracy.mean(axis=1)
+    acc = mean_over_seeds(acc_of_record, groups)
+    resampled = resample_seeds(resampled_means(accuracy, clusters, counts), groups)
     acc_ends = 100 * interval(resampled)
-    gaps, gap_ends = _gaps(list(records), accuracy, clusters, counts, on_ideal)
-    kept, kept_ends = _kept(list(records), accuracy, clusters, counts, on_ideal)
+    gaps, gap_ends = _gaps(groups, accuracy, clusters, counts, on_ideal)
+    kept, kept_ends = _kept(groups, accuracy, clusters, counts, on_ideal)
     planners = tuple(
         PlannerSummary(
-            name=name,
-            privileged=privileged[name],
-            acc={str(percent): 100 * acc_at(episodes.correct, percent) for percent in ACC_AT},
-            acc_mean=100 * float(accuracy[row].mean()),
-            acc_mean_ci95=_pair(acc_ends[row]),
+            name=group.name,
+            privileged=any(privileged[name] for name in group.records),
+            training_seeds=group.seeds,
+            acc={str(percent): 100 * _mean(acc_at(one.correct, percent) for one in trained) for percent in ACC_AT},
+            acc_mean=100 * float(acc[row]),
+            acc_mean_ci95=pair(acc_ends[row]),
+            acc_mean_seed_sd=100 * float(acc_of_record[list(group.rows)].std(ddof=1)) if len(group.rows) > 1 else None,
             gap_closed=float(gaps[row]) if np.isfinite(gaps[row]) else None,
-            gap_closed_ci95=_pair(gap_ends[row]) if np.isfinite(gaps[row]) else None,
-            nll=nll(episodes.true_probability),
-            ece=ece(episodes.top_probability, episodes.correct),
-            path_length_m=float(path_length(episodes.viewpoint).mean()),
-            step_ms=step_ms[name],
-            flight=None if episodes.flight is None else summarise_flights(episodes.flight),
+            gap_closed_ci95=pair(gap_ends[row]) if np.isfinite(gaps[row]) else None,
+            nll=_mean(nll(one.true_probability) for one in trained),
+            ece=_mean(ece(one.top_probability, one.correct) for one in trained),
+            path_length_m=_mean(path_length(one.viewpoint).mean() for one in trained),
+            step_ms=_mean(step_ms[name] for name in group.records),
+            flight=_flights(trained),
             accuracy_kept=float(kept[row]) if np.isfinite(kept[row]) else None,
-            accuracy_kept_ci95=_pair(kept_ends[row]) if np.isfinite(kept[row]) else None,
-            solves=None if solves is None else solves[name],
+            accuracy_kept_ci95=pair(kept_ends[row]) if np.isfinite(kept[row]) else None,
+            solves=None if solves is None else join_solves([solves[name] for name in group.records]),
         )
-        for row, (name, episodes) in enumerate(records.items())
+        for row, (group, trained) in enumerate(zip(groups, trainings, strict=True))
     )
     return Summary(
         data=conditions.data,
@@ -199,89 +192,90 @@ def summarise(
         readout=conditions.readout,
         episodes=len(reference),
         planners=planners,
-        differences=_differences(list(records), privileged, accuracy.mean(axis=1), resampled),
+        differences=differences(
+            [planner.name for planner in planners],
+            {planner.name: planner.privileged for planner in planners},
+            acc,
+            resampled,
+        ),
         sequences=len(sequences),
         length=reference.predicted.shape[1],
         form=conditions.form,
     )
 
 
+def _mean(values: Iterable[float]) -> float:
+    return float(np.mean(list(values)))
+
+
+def _flights(trainings: Sequence[EpisodeRecords]) -> FlightSummary | None:
+    """Return what all flights of a planner demanded; None where it did not fly."""
+    flights = [episodes.flight for episodes in trainings if episodes.flight is not None]
+    return summarise_flights(join_flights(flights)) if flights else None
+
+
 def _gaps(
-    names: list[str],
+    groups: Sequence[PlannerGroup],
     accuracy: FloatArray,
     clusters: IntArray,
     counts: IntArray,
     on_ideal: Mapping[str, EpisodeRecords] | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return gap closed (planners,) and its intervals (planners, 2); NaN without both ends of the gap.
+    """Return gap closed (P,) and its intervals (P, 2); NaN without both ends of the gap.
 
     A flight's gap reaches up to the oracle on the ideal track where that was run: one that flies is no upper bound.
+
+    Args:
+        groups: P planners.
+        accuracy: (M, N) of each episode, by record name.
+        clusters: (N,) sequence of each episode.
+        counts: of resamples.
+        on_ideal: records on the ideal track.
     """
+    names = [group.name for group in groups]
     above = ORACLE in names or (on_ideal is not None and ORACLE in on_ideal)
     if NO_ACT not in names or not above:
         return np.full(len(names), np.nan), np.full((len(names), 2), np.nan)
     if on_ideal is not None and ORACLE in on_ideal:
         oracle = mean_acc(on_ideal[ORACLE].correct)
     else:
-        oracle = accuracy[names.index(ORACLE)]
+        oracle = accuracy[groups[names.index(ORACLE)].rows[0]]
     rows = np.concatenate([accuracy, oracle[None]])
-    means, resampled = rows.mean(axis=1), resampled_means(rows, clusters, counts)
+    ends = (*groups, PlannerGroup(name=ORACLE, seeds=(), records=(ORACLE,), rows=(len(accuracy),)))
+    means = mean_over_seeds(rows.mean(axis=1), ends)
+    resampled = resample_seeds(resampled_means(rows, clusters, counts), ends)
     low = names.index(NO_ACT)
     closed = gap_closed(means[:-1], means[low], means[-1])
     return closed, interval(gap_closed(resampled[:-1], resampled[low], resampled[-1]))
 
 
 def _kept(
-    names: list[str],
+    groups: Sequence[PlannerGroup],
     accuracy: FloatArray,
     clusters: IntArray,
     counts: IntArray,
     on_ideal: Mapping[str, EpisodeRecords] | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return accuracy kept (planners,) and its intervals (planners, 2); NaN without a run on the ideal track.
+    """Return accuracy kept (P,) and its intervals (P, 2); NaN without a run on the ideal track.
 
-    Args:
-        names: of the planners.
-        accuracy: (planners, N) of each episode in flight.
-        clusters: (N,) sequence of each episode.
-        counts: of resamples.
-        on_ideal: records on the ideal track.
+    The arguments are those of `_gaps`. A training is compared with itself: what is drawn in flight is also drawn on
+    the ideal track, and a planner is compared only where each of its trainings was run there.
     """
-    kept, ends = np.full(len(names), np.nan), np.full((len(names), 2), np.nan)
-    rows = [row for row, name in enumerate(names) if on_ideal is not None and name in on_ideal]
+    kept, ends = np.full(len(groups), np.nan), np.full((len(groups), 2), np.nan)
+    rows = [row for row, group in enumerate(groups) if on_ideal is not None and on_ideal.keys() >= {*group.records}]
     if on_ideal is None or not rows:
         return kept, ends
+    records = [name for row in rows for name in groups[row].records]
+    flown = accuracy[[row for chosen in rows for row in groups[chosen].rows]]
     low, high = (
-        np.stack([mean_acc(on_ideal[name].correct) for name in chosen])
-        for chosen in ([NO_ACT] * len(rows), [names[row] for row in rows])
+        np.stack([mean_acc(on_ideal[name].correct) for name in chosen]) for chosen in ([NO_ACT] * len(records), records)
     )
-    flown = accuracy[rows]
-    kept[rows] = gap_closed(flown.mean(axis=1), low.mean(axis=1), high.mean(axis=1))
-    ends[rows] = interval(gap_closed(*(resampled_means(values, clusters, counts) for values in (flown, low, high))))
+    compared = group_planners(records)
+    of_means = (mean_over_seeds(values.mean(axis=1), compared) for values in (flown, low, high))
+    resampled = (resample_seeds(resampled_means(values, clusters, counts), compared) for values in (flown, low, high))
+    kept[rows] = gap_closed(*of_means)
+    ends[rows] = interval(gap_closed(*resampled))
     return kept, ends
-
-
-def _differences(
-    names: list[str], privileged: Mapping[str, bool], acc: FloatArray, resampled: FloatArray
-) -> tuple[Difference, ...]:
-    """Return what nbv has more than each planner without the truth; nothing where it was not run."""
-    if NBV not in names:
-        return ()
-    nbv = names.index(NBV)
-    return tuple(
-        Difference(
-            planner=NBV,
-            other=name,
-            acc_mean=100 * float(acc[nbv] - acc[row]),
-            ci95=_pair(100 * interval(resampled[nbv] - resampled[row])),
-        )
-        for row, name in enumerate(names)
-        if name != NBV and not privileged[name]
-    )
-
-
-def _pair(ends: FloatArray) -> Interval:
-    return float(ends[0]), float(ends[1])
 
 
 def _check_same_episodes(name: str, episodes: EpisodeRecords, reference: EpisodeRecords) -> None:

@@ -10,21 +10,24 @@ from rich.text import Text
 
 from eval.metrics import ACC_AT
 from eval.paper import ROWS, PaperRow, paper_gap_closed
-from eval.summary import NBV, NO_ACT, ORACLE, Interval, PlannerSummary, Summary
+from eval.statistics import Interval
+from eval.summary import NO_ACT, ORACLE, PlannerSummary, Summary
 
 _MARK = "*"  # behind the name of a privileged planner
 _NONE = "-"
+_SPREAD = "±"
 _KEPT = ("kept % [95 %]",)
 _FLIGHT = ("peak [m/s]", "[m/s^2]", "[m/s^3]", "effort [m^2/s^3]", "at limit %")
 
 
 class Table(NamedTuple):
-    """A table as text: what both renderings print."""
+    """A table as text: what both renderings print; `bold` are (row, column) of cells that stand out."""
 
     title: str
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     footnotes: tuple[str, ...]
+    bold: frozenset[tuple[int, int]] = frozenset()
 
 
 def benchmark_table(summary: Summary) -> Table:
@@ -48,6 +51,7 @@ def benchmark_table(summary: Summary) -> Table:
 def _footnotes(summary: Summary, *, flown: bool, compared: bool) -> Iterator[str]:
     """Yield what a reader of the table has to know."""
     names = {planner.name for planner in summary.planners}
+    yield from _training_footnotes(summary)
     if any(planner.privileged for planner in summary.planners):
         yield f"{_MARK} privileged: is handed the label and the future."
     if any(planner.gap_closed is None for planner in summary.planners):
@@ -73,15 +77,43 @@ def _footnotes(summary: Summary, *, flown: bool, compared: bool) -> Iterator[str
             yield f"{planner.name}: {planner.solves.fallbacks} of {planner.solves.total} plans fell back ({counts})."
 
 
+def _training_footnotes(summary: Summary) -> Iterator[str]:
+    """Yield what the numbers of planners that were trained with seeds are about."""
+    several = [planner for planner in summary.planners if len(planner.training_seeds) > 1]
+    one = [planner for planner in summary.planners if len(planner.training_seeds) == 1]
+    if several:
+        counts = ", ".join(f"{planner.name} {len(planner.training_seeds)}" for planner in several)
+        yield (
+            f"Training seeds: {counts}. Numbers are means over seeds, behind {_SPREAD} stands the standard deviation "
+            "over seeds; intervals are a bootstrap over sequences and these seeds, elsewhere over sequences."
+        )
+    if one:
+        names = ", ".join(f"{planner.name} ({planner.training_seeds[0]})" for planner in one)
+        yield f"One training seed: {names}; its intervals do not say what another training would give."
+
+
 def differences_table(summary: Summary) -> Table | None:
-    """Return what `nbv` has more than each other planner; None where it was not run beside another."""
+    """Return how much more accurate each planner of interest is (columns) than each other (rows); None without any."""
     if not summary.differences:
         return None
+    found = {(of.other, of.planner): of for of in summary.differences}
+    columns = tuple(dict.fromkeys(of.planner for of in summary.differences))
+    rows = [planner.name for planner in summary.planners if any((planner.name, column) in found for column in columns)]
+    cells = [[found.get((row, column)) for column in columns] for row in rows]
     return Table(
-        title=f"Mean accuracy of {NBV} minus that of others, on the same episodes, in points",
-        header=("planner", "difference [95 %]"),
-        rows=tuple((of.other, f"{of.acc_mean:+.1f} {interval_text(of.ci95)}") for of in summary.differences),
-        footnotes=(),
+        title="Mean accuracy of the column's planner minus that of the row's, on the same episodes, in points [95 %]",
+        header=("planner", *columns),
+        rows=tuple(
+            (name, *("" if of is None else f"{of.acc_mean:+.1f} {interval_text(of.ci95)}" for of in row))
+            for name, row in zip(rows, cells, strict=True)
+        ),
+        footnotes=("Bold: the interval excludes zero.",),
+        bold=frozenset(
+            (row, column)
+            for row, differences in enumerate(cells)
+            for column, of in enumerate(differences, 1)
+            if of is not None and of.is_clear
+        ),
     )
 
 
@@ -113,8 +145,9 @@ class Rendered:
                 block = RichTable(box=SIMPLE_HEAD, padding=(0, 1), collapse_padding=True, pad_edge=False)
                 for index in columns:
                     block.add_column(Text(table.header[index]), justify="right" if index else "left", no_wrap=True)
-                for row in table.rows:
-                    block.add_row(*(Text(row[index]) for index in columns))
+                for number, row in enumerate(table.rows):
+                    styles = ("bold" if (number, index) in table.bold else "" for index in columns)
+                    block.add_row(*(Text(row[index], style) for index, style in zip(columns, styles, strict=True)))
                 yield block
             yield from (Text(note) for note in table.footnotes)
 
@@ -145,9 +178,16 @@ def _blocks(table: Table, width: int) -> list[list[int]]:
 def markdown(table: Table) -> str:
     """Return a table in Markdown."""
     rule = ("---", *("--:" for _ in table.header[1:]))
-    lines = [f"| {' | '.join(cells)} |".replace(_MARK, rf"\{_MARK}") for cells in (table.header, rule, *table.rows)]
-    notes = [note.replace(_MARK, rf"\{_MARK}") for note in table.footnotes]
+    rows = [[_escaped(cell) for cell in row] for row in table.rows]
+    for row, column in table.bold:
+        rows[row][column] = f"**{rows[row][column]}**"
+    lines = [f"| {' | '.join(cells)} |" for cells in (map(_escaped, table.header), rule, *rows)]
+    notes = [_escaped(note) for note in table.footnotes]
     return "\n\n".join([f"**{table.title}**", "\n".join(lines), *notes]) + "\n"
+
+
+def _escaped(text: str) -> str:
+    return text.replace(_MARK, rf"\{_MARK}")
 
 
 def markdown_summary(summary: Summary) -> str:
@@ -161,10 +201,11 @@ def _row(planner: PlannerSummary, compared: bool) -> tuple[str, ...]:
         peaks = (planner.flight.peak_speed, planner.flight.peak_acceleration, planner.flight.peak_jerk)
         last = (f"{planner.flight.effort:.1f}", f"{100 * planner.flight.limit_share:.1f}")
         flight = (*(f"{peak:.2f}" for peak in peaks), *last)
+    spread = "" if planner.acc_mean_seed_sd is None else f" {_SPREAD} {planner.acc_mean_seed_sd:.1f}"
     return (
         planner.name + _MARK * planner.privileged,
         *(f"{planner.acc[str(percent)]:.1f}" for percent in ACC_AT),
-        f"{planner.acc_mean:.1f} {interval_text(planner.acc_mean_ci95)}",
+        f"{planner.acc_mean:.1f}{spread} {interval_text(planner.acc_mean_ci95)}",
         share_text(planner.gap_closed, planner.gap_closed_ci95),
         *((share_text(planner.accuracy_kept, planner.accuracy_kept_ci95),) * compared),
         f"{planner.nll:.2f}",

@@ -131,9 +131,11 @@ def test_summary_json_has_the_fields_of_the_schema(tmp_path: Path) -> None:
     assert list(written["planners"][0]) == [
         "name",
         "privileged",
+        "training_seeds",
         "acc",
         "acc_mean",
         "acc_mean_ci95",
+        "acc_mean_seed_sd",
         "gap_closed",
         "gap_closed_ci95",
         "nll",
@@ -150,7 +152,7 @@ def test_summary_json_has_the_fields_of_the_schema(tmp_path: Path) -> None:
         "solves",
         "fallback_share",
     ]
-    assert all(written["planners"][0][name] is None for name in list(written["planners"][0])[11:])
+    assert all(written["planners"][0][name] is None for name in list(written["planners"][0])[13:])
     assert list(written["planners"][0]["acc"]) == ["10", "30", "50", "70", "90", "100"]
     assert written["episodes"] == 9
     assert [planner["privileged"] for planner in written["planners"]] == [False, False, True]
