@@ -41,9 +41,9 @@ def draw_accuracy(curves: Mapping[str, FloatArray], summary: Summary, classes: i
     axes = figure.add_subplot()
     ratios = 100 * np.arange(1, summary.length + 1) / summary.length
     colours = dict(zip(curves, _cycle(len(curves)), strict=True))
-    for name, curve in curves.items():
-        dashed = "--" if summary.planner(name).privileged else "-"
-        axes.plot(ratios, 100 * curve, dashed, color=colours[name], linewidth=1.6)
+    for index, (name, curve) in enumerate(curves.items()):
+        line = _line(index, privileged=summary.planner(name).privileged)
+        axes.plot(ratios, 100 * curve, line, color=colours[name], linewidth=1.6)
     chance = 100 / classes
     axes.axhline(chance, color=_GREY, linewidth=0.8, linestyle=":")
     axes.annotate("chance", (100, chance), (0, 3), textcoords="offset points", ha="right", color=_GREY, fontsize=8)
@@ -90,6 +90,13 @@ def save_figure(figure: Figure, stem: Path) -> None:
 
 def _cycle(count: int) -> list[str]:
     return [_COLOURS[index % len(_COLOURS)] for index in range(count)]
+
+
+def _line(index: int, *, privileged: bool) -> str:
+    """Return a line style: dashed for the privileged, dash-dotted where colours begin anew."""
+    if privileged:
+        return "--"
+    return "-" if index < len(_COLOURS) else "-."
 
 
 def _spread(heights: Mapping[str, float], *, gap: float, high: float) -> dict[str, float]:
