@@ -1,0 +1,154 @@
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fakes import tiny_data
+from test_benchmark import HashedRecogniser, Log
+
+from ehar.arrays import FloatArray
+from ehar.errors import DataError, UsageError
+from ehar.motion_file import save_motion
+from ehar.planner import Context, Observation, Planner
+from ehar.viewpoint import AZIMUTH
+from eval import benchmark
+from eval.agent_states import AgentStates, agent_states, load_agent, map_states, neighbour_purity
+from eval.finished_run import read_run
+from eval.results import CONFIG
+
+
+class Seeing(Planner):
+    """Turns the way that it drew at the beginning; its state is what it sees and the frame."""
+
+    name = "seeing"
+
+    def __init__(self, step: float = 0.1) -> None:
+        self.step = step
+
+    def reset(self, context: Context) -> None:
+        self._way = context.rng.choice([-self.step, self.step], size=context.episodes)
+        self.state: FloatArray = np.empty((context.episodes, 0))
+
+    def act(self, observation: Observation) -> FloatArray:
+        frame = np.full((len(observation.viewpoint), 1), observation.frame)
+        self.state = np.hstack([observation.log_probs, observation.viewpoint, frame])
+        target = observation.viewpoint.copy()
+        target[:, AZIMUTH] += self._way
+        return target
+
+
+class Stateless(Seeing):
+    def act(self, observation: Observation) -> FloatArray:
+        target = super().act(observation)
+        del self.state
+        return target
+
+
+@pytest.fixture(autouse=True)
+def fake_weights(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
+
+
+@pytest.fixture
+def directory(tmp_path: Path) -> Path:
+    """Return a run of 60 episodes, two chunks."""
+    save_motion(tmp_path / "tiny.npz", tiny_data(sequences=30))
+    planners = ["no-act", Seeing()]
+    benchmark(planners, data=tmp_path / "tiny.npz", length=10, starts=2, out=tmp_path / "run", reporter=Log())
+    return tmp_path / "run"
+
+
+def change(directory: Path, **values: Any) -> None:
+    held = json.loads((directory / CONFIG).read_text())
+    (directory / CONFIG).write_text(json.dumps({**held, **values}))
+
+
+def test_states_are_those_of_the_runs_own_episodes(directory: Path) -> None:
+    run = read_run(directory)
+    recorded = run.records["seeing"]
+    states = agent_states(run, "seeing", Seeing(), reporter=Log(), every=4)
+    assert len(recorded) > 32  # more than one chunk
+    frames = [0, 4, 8]  # of 9 that are planned upon
+    assert states.frame.tolist() == frames * len(recorded)
+    assert states.sequence[::3].tolist() == list(recorded.sequence)
+    np.testing.assert_array_equal(states.label[::3], recorded.label)
+    seen = states.state.reshape(len(recorded), 3, -1)
+    np.testing.assert_allclose(seen[..., 3:6], recorded.viewpoint[:, frames], atol=1e-6)
+    np.testing.assert_array_equal(seen[..., 6], np.tile(frames, (len(recorded), 1)))
+    np.testing.assert_array_equal(seen[..., :3].argmax(axis=-1), recorded.predicted[:, frames])
+
+
+def test_a_planner_that_goes_elsewhere_is_refused(directory: Path) -> None:
+    with pytest.raises(DataError, match=r"expected seeing to go where it went, in 60 of 60 episodes"):
+        agent_states(read_run(directory), "seeing", Seeing(step=0.0), reporter=Log())
+
+
+@pytest.mark.parametrize(
+    ("changed", "expected"),
+    [
+        ({"data_sha256": "other"}, "expected the data of the run, sha256 other"),
+        ({"recogniser_sha256": "other"}, "expected the recogniser of the run"),
+        ({"track": "px4-max"}, "expected a run on the ideal track"),
+        ({"seed": 1}, "expected to make its episodes once more"),
+    ],
+)
+def test_another_run_is_refused(directory: Path, changed: dict[str, Any], expected: str) -> None:
+    change(directory, **changed)
+    with pytest.raises(DataError, match=expected):
+        agent_states(read_run(directory), "seeing", Seeing(), reporter=Log())
+
+
+def test_a_planner_without_states_or_of_another_name_is_refused(directory: Path) -> None:
+    run = read_run(directory)
+    with pytest.raises(UsageError, match="with a state after each frame"):
+        agent_states(run, "seeing", Stateless(), reporter=Log())
+    with pytest.raises(UsageError, match="no planner 'seen'; expected one of: no-act, seeing"):
+        agent_states(run, "seen", Seeing(), reporter=Log())
+    with pytest.raises(UsageError, match="seeing"):
+        load_agent(run.conditions, "seeing")
+
+
+def states_of(positions: list[float], labels: list[int], sequences: list[str]) -> AgentStates:
+    state = np.array(positions)[:, None]
+    return AgentStates(state, np.array(labels), np.array(sequences), np.zeros(len(labels), dtype=int))
+
+
+def test_neighbours_of_the_same_sequence_do_not_count() -> None:
+    # The nearest of 0, 1, 10, 11 in another sequence: 1, 0, 11, 10; of 0.1, which shares a sequence with 0, it is 1.
+    states = states_of([0, 0.1, 1, 10, 11], [0, 0, 1, 1, 1], ["a", "a", "b", "c", "d"])
+    purity = neighbour_purity(states, 1)
+    # 0 and 0.1 find 1 (wrong), 1 finds 0.1 (wrong), 10 and 11 find each other.
+    assert purity.purity == pytest.approx(2 / 5)
+    # Others: of 0, 0.1: 3 states, none of their class; of 1, 10, 11: 4 states, 2 of theirs.
+    assert purity.chance == pytest.approx((0 + 0 + 3 * 2 / 4) / 5)
+    with pytest.raises(DataError, match="two sequences"):
+        neighbour_purity(states_of([0, 1], [0, 0], ["a", "a"]))
+
+
+def test_classes_apart_are_pure_and_noise_is_as_chance() -> None:
+    rng = np.random.default_rng(0)
+    labels = np.repeat(np.arange(3), 200)
+    names = np.array([f"s{index}" for index in range(600)])
+    noise = rng.normal(size=(600, 4))
+    apart = neighbour_purity(AgentStates(noise + 50 * np.eye(4)[labels], labels, names, labels))
+    mixed = neighbour_purity(AgentStates(noise, labels, names, labels))
+    assert apart.purity == 1 and apart.neighbours == 10
+    assert mixed.purity == pytest.approx(mixed.chance, abs=0.03) == pytest.approx(1 / 3, abs=0.03)
+
+
+def test_a_sample_keeps_rows_together() -> None:
+    states = states_of(list(range(50)), list(range(50)), [str(index) for index in range(50)])
+    sample = states.sample(np.random.default_rng(0), 20)
+    assert len(set(sample.label.tolist())) == 20
+    assert sample.state[:, 0].tolist() == sample.label.tolist() == [int(name) for name in sample.sequence]
+    assert states.sample(np.random.default_rng(0), 50) is states
+
+
+def test_the_map_is_the_same_each_time_and_keeps_classes_apart() -> None:
+    state = np.random.default_rng(0).normal(size=(60, 5)) + 20 * np.eye(5)[np.repeat([0, 1], 30)]
+    mapped = map_states(state)
+    np.testing.assert_array_equal(mapped, map_states(state))
+    one, other = mapped[:30], mapped[30:]
+    within = np.linalg.norm(one - one.mean(axis=0), axis=1).max()
+    assert np.linalg.norm(one.mean(axis=0) - other.mean(axis=0)) > within
