@@ -19,6 +19,7 @@ from eval.records import EpisodeRecords
 from eval.results import RunConfig, check_out, installed_versions, planner_config, write_run, write_text
 from eval.summary import Summary, summarise
 from eval.tracks import IDEAL, load_track, track_name
+from eval.training_seeds import curves
 from recognition.training_config import FORMS, Form
 from recognition.views import REGIMES
 
@@ -207,6 +208,4 @@ def _write_all(out: Path, config: RunConfig, runs: dict[str, PlannerRun], summar
     records = {name: run.records for name, run in runs.items()}
     write_run(out, config, records, summary)
     write_text(out / "table.md", [markdown_summary(summary)])
-    draw_accuracy(
-        {name: episodes.correct.mean(axis=0) for name, episodes in records.items()}, summary, classes, out / "accuracy"
-    )
+    draw_accuracy(curves(records), summary, classes, out / "accuracy")
