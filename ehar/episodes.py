@@ -9,13 +9,13 @@ from gymnasium import spaces
 from ehar.arrays import BoolArray, FloatArray
 from ehar.controls import Controls
 from ehar.errors import EpisodeError, UsageError
+from ehar.observations import Observations as Observations
+from ehar.observations import shown
 from ehar.recogniser import Recogniser
 from ehar.rollout import Batch
 from ehar.scenario import Scenarios
-from ehar.sensor import Sensed, Sensor, draw_noise
-from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, sample_starts
-
-Observations = dict[str, FloatArray]
+from ehar.sensor import Sensor, SensorNoise, draw_noise
+from ehar.viewpoint import sample_starts
 
 
 def reward(correct_now: BoolArray, correct_before: BoolArray, length: int, *, first: bool) -> FloatArray:
@@ -56,12 +56,15 @@ class Episodes:
         recogniser: sees every frame.
         sensor: what the recogniser sees.
         controls: what actions mean, and where the camera may be.
+        copies: episodes in a row that differ in the agent's actions only: the same scenario, start and noise.
 
     Raises:
         UsageError: there is no scenario, episodes have no step, or the recogniser knows other classes.
     """
 
-    def __init__(self, *, scenarios: Scenarios, recogniser: Recogniser, sensor: Sensor, controls: Controls) -> None:
+    def __init__(
+        self, *, scenarios: Scenarios, recogniser: Recogniser, sensor: Sensor, controls: Controls, copies: int = 1
+    ) -> None:
         """Create the task; nothing is drawn before `begin`."""
         data = scenarios.data
         if len(scenarios) == 0:
@@ -74,6 +77,7 @@ class Episodes:
         self.recogniser = recogniser
         self.sensor = sensor
         self.controls = controls
+        self.copies = copies
         self.workspace = controls.motion.workspace
         self.frame = -1  # no episode has begun
 
@@ -100,15 +104,22 @@ class Episodes:
         return self.frame in (-1, self.scenarios.length - 1)
 
     def begin(self, episodes: int, rng: np.random.Generator) -> Observations:
-        """Draw scenarios, starts and noise of `episodes` new episodes, and see frame 1."""
-        data = self.scenarios.data
-        indices = rng.integers(0, len(self.scenarios), size=episodes)
-        leading = (episodes, self.scenarios.length)
+        """Draw scenarios, starts and noise of `episodes` new episodes, and see frame 1.
+
+        Raises:
+            UsageError: their number is no multiple of the copies.
+        """
+        if episodes % self.copies:
+            raise UsageError(f"episodes: expected a multiple of {self.copies} copies, got {episodes}")
+        data, drawn = self.scenarios.data, episodes // self.copies
+        indices = rng.integers(0, len(self.scenarios), size=drawn).repeat(self.copies)
+        leading = (drawn, self.scenarios.length)
+        noise = draw_noise(rng, leading, data.persons, len(data.skeleton.joint_names))
         self._batch = Batch(
             positions=self.scenarios.positions(indices),
             labels=self.scenarios.labels[indices],
-            starts=self.workspace.clip(sample_starts(rng, episodes)),
-            noise=draw_noise(rng, leading, data.persons, len(data.skeleton.joint_names)),
+            starts=self.workspace.clip(sample_starts(rng, drawn).repeat(self.copies, axis=0)),
+            noise=SensorNoise(*(draws.repeat(self.copies, axis=0) for draws in noise)),
             names=tuple(data.sequence_names[sequence] for sequence in self.scenarios.sequence[indices]),
         )
         self.frame = 0
@@ -147,26 +158,15 @@ class Episodes:
         recognition, self._state = self.recogniser.step(self._state, sensed, self.viewpoint)
         self.correct = np.argmax(recognition.log_probs, axis=1) == self._batch.labels
         return {
-            "joints": self._scaled_joints(sensed),
-            "confidence": sensed.confidence.astype(np.float32),
-            "viewpoint": self._scaled_viewpoint(),
-            "probabilities": np.clip(np.exp(recognition.log_probs), 0, 1).astype(np.float32),
-            "embedding": recognition.embedding.astype(np.float32),
-            "ratio": np.full((len(self.correct), 1), (self.frame + 1) / self.scenarios.length, dtype=np.float32),
+            **shown(
+                joints_2d=sensed.joints_2d,
+                confidence=sensed.confidence,
+                viewpoint=self.viewpoint,
+                log_probs=recognition.log_probs,
+                embedding=recognition.embedding,
+                ratio=(self.frame + 1) / self.scenarios.length,
+                workspace=self.workspace,
+                camera=self.sensor.camera,
+            ),
             **self.controls.observations(),
         }
-
-    def _scaled_joints(self, sensed: Sensed) -> FloatArray:
-        camera = self.sensor.camera
-        centre = np.array([camera.width / 2, camera.height / 2])
-        scaled: FloatArray = (sensed.joints_2d - centre) / (camera.width / 2)
-        return scaled.astype(np.float32)
-
-    def _scaled_viewpoint(self) -> FloatArray:
-        workspace, azimuth = self.workspace, self.viewpoint[:, AZIMUTH]
-        distance = (self.viewpoint[:, DISTANCE] - workspace.distance_min) / max(
-            workspace.distance_max - workspace.distance_min, 1e-9
-        )
-        polar = (self.viewpoint[:, POLAR] - workspace.polar_min) / max(workspace.polar_max - workspace.polar_min, 1e-9)
-        scaled = np.stack([np.clip(distance, 0, 1), np.sin(azimuth), np.cos(azimuth), np.clip(polar, 0, 1)], axis=1)
-        return scaled.astype(np.float32)

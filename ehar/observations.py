@@ -1,0 +1,62 @@
+"""What an agent is shown of a frame: the observation of the Gymnasium environments, scaled for networks."""
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.camera import Camera
+from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, Workspace
+
+Observations = dict[str, FloatArray]
+
+
+def shown(
+    *,
+    joints_2d: FloatArray,
+    confidence: FloatArray,
+    viewpoint: FloatArray,
+    log_probs: FloatArray,
+    embedding: FloatArray,
+    ratio: float,
+    workspace: Workspace,
+    camera: Camera,
+) -> Observations:
+    """Return what is shown of one frame of B episodes, each array in float32 with a leading B.
+
+    Args:
+        joints_2d: (B, P, J, 2) [px].
+        confidence: (B, P, J) in [0, 1].
+        viewpoint: (B, 3).
+        log_probs: (B, K), the recogniser's.
+        embedding: (B, D), the recogniser's.
+        ratio: the share of the episode that has been observed, in (0, 1].
+        workspace: over which viewpoints are scaled.
+        camera: whose image joints are scaled by.
+
+    Returns:
+        joints (B, P, J, 2) from the image centre in half image widths, confidence (B, P, J), viewpoint (B, 4),
+        probabilities (B, K), embedding (B, D) and ratio (B, 1).
+    """
+    centre = np.array([camera.width / 2, camera.height / 2])
+    joints = (joints_2d - centre) / (camera.width / 2)
+    return {
+        "joints": joints.astype(np.float32),
+        "confidence": confidence.astype(np.float32),
+        "viewpoint": scaled_viewpoint(viewpoint, workspace),
+        "probabilities": np.clip(np.exp(log_probs), 0, 1).astype(np.float32),
+        "embedding": embedding.astype(np.float32),
+        "ratio": np.full((len(viewpoint), 1), ratio, dtype=np.float32),
+    }
+
+
+def scaled_viewpoint(viewpoint: FloatArray, workspace: Workspace) -> FloatArray:
+    """Return (B, 4) of viewpoints (B, 3): distance and polar angle from 0 to 1 over the workspace, first and last.
+
+    Between them stand sine and cosine of the azimuth.
+    """
+    azimuth = viewpoint[:, AZIMUTH]
+    distance = (viewpoint[:, DISTANCE] - workspace.distance_min) / max(
+        workspace.distance_max - workspace.distance_min, 1e-9
+    )
+    polar = (viewpoint[:, POLAR] - workspace.polar_min) / max(workspace.polar_max - workspace.polar_min, 1e-9)
+    scaled = np.stack([np.clip(distance, 0, 1), np.sin(azimuth), np.cos(azimuth), np.clip(polar, 0, 1)], axis=1)
+    return scaled.astype(np.float32)
