@@ -12,7 +12,7 @@ from ehar.scenario import split_parts
 from eval.differences import NBV, Difference
 from eval.episodes import cut_scenarios, random_starts
 from eval.jobs import PlannerRun, World, run_planners
-from eval.planner_choice import GainModelPlace
+from eval.planner_choice import ModelPlace
 from eval.progress import ConsoleReporter, Reporter
 from eval.records import episode_lines
 from eval.results import CONFIG, EPISODES, SUMMARY, check_out, installed_versions, json_text, write_text
@@ -114,14 +114,14 @@ def ablation(
         raise UsageError(f"tracks: expected vehicles, each once and none of them {IDEAL}, got {', '.join(tracks)}")
     setting = load_setting(data=data, models=models, sensor=sensor, views=views, form="causal", fps=fps)
     scenarios = cut_scenarios(setting.data, split_parts(setting.data).test, length, reporter.note)
-    model = GainModelPlace(
+    model = ModelPlace(
         models=None if models is None else Path(models),
         data=setting.data,
         sensor=sensor,
         views=views,
         form="causal",
         recogniser_sha256=setting.recogniser_sha256,
-    ).load()
+    ).load_gain_model()
     config = AblationConfig(
         source=setting.source,
         data=setting.data.title,

@@ -1,4 +1,4 @@
-"""The command line: `ehar benchmark`, `headroom`, `explain`, `ablation`, `belief`, `data`, `train`, `bench`."""
+"""The command line: `ehar benchmark`, `headroom`, `explain`, `ablation`, `belief`, `analyse`, `data`, `train`, `bench`."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -9,7 +9,8 @@ import tyro
 from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, arg, subcommand
 
 from ehar.errors import EharError
-from eval.commands import Bench, Benchmark, HeadroomCommand, TrainGainField, TrainRecogniser
+from eval.analyse_commands import AnalyseCommand
+from eval.commands import Bench, Benchmark, HeadroomCommand, TrainAgent, TrainGainField, TrainRecogniser
 from eval.data_commands import Describe, PrepareAistpp, PrepareBvh, PrepareExpi
 from eval.nbv_commands import AblationCommand, BeliefCommand, Explain
 from eval.results import package_version
@@ -47,10 +48,12 @@ class DataCommand:
 
 @dataclass(frozen=True)
 class TrainCommand:
-    """Train a recogniser, or what planners need to value views with it."""
+    """Train a recogniser, and what planners learn with it."""
 
     action: Annotated[
-        Annotated[TrainRecogniser, subcommand("recogniser")] | Annotated[TrainGainField, subcommand("gain-field")],
+        Annotated[TrainRecogniser, subcommand("recogniser")]
+        | Annotated[TrainGainField, subcommand("gain-field")]
+        | Annotated[TrainAgent, subcommand("agent")],
         arg(name=""),
     ]
 
@@ -65,6 +68,7 @@ Command = (
     | Annotated[Explain, subcommand("explain")]
     | Annotated[AblationCommand, subcommand("ablation")]
     | Annotated[BeliefCommand, subcommand("belief")]
+    | Annotated[AnalyseCommand, subcommand("analyse")]
     | Annotated[DataCommand, subcommand("data")]
     | Annotated[TrainCommand, subcommand("train")]
     | Annotated[Bench, subcommand("bench")]

@@ -13,6 +13,7 @@ from rich.console import Console
 
 from eval.progress import StageProgress, TrainingProgress
 from eval.tables import Rendered, render_summary
+from planners.agent_training_config import AgentTrainingConfig
 from planners.gain_training_config import GainTrainingConfig
 from recognition.training_config import Form, TrainingConfig
 
@@ -190,6 +191,25 @@ class TrainGainField:
                 f"{100 * fit.chosen_gain:.2f} % in probability, of {100 * fit.best_gain:.2f} % in hindsight"
             )
         print(f"in cross-validation over sequences; written to {result.path}")
+
+
+@dataclass(frozen=True)
+class TrainAgent:
+    """Train the paper's agent: imitation, PPO, and PPO after imitation; stopped and started again, it resumes.
+
+    Args:
+        config: how.
+    """
+
+    config: tyro.conf.OmitArgPrefixes[AgentTrainingConfig]
+
+    def __call__(self) -> None:
+        """Train what is missing."""
+        from planners.agent_training import train_agents
+
+        with StageProgress() as progress:
+            paths = train_agents(self.config, progress.report, progress.note)
+        print(f"{len(paths)} agents are in {paths[0].parent}: {', '.join(path.stem for path in paths)}")
 
 
 @dataclass(frozen=True)

@@ -8,17 +8,19 @@ from typing import TYPE_CHECKING
 from ehar.errors import ModelError, UsageError
 from ehar.motion_data import MotionData
 from ehar.planner import Planner
-from planners.registry import check_spec, make_planner, needs_gain_model, planner_names
+from eval.training_seeds import record_name, split_record_name
+from planners.registry import check_spec, is_learned, make_planner, needs_gain_model, planner_names
 
 if TYPE_CHECKING:
+    from planners.agent import Agent
     from planners.gain_model import GainModel
 
 READOUTS = ("recogniser", "belief")
 
 
 @dataclass(frozen=True, eq=False)
-class GainModelPlace:
-    """Where a gain model lies, and what it has to fit.
+class ModelPlace:
+    """Where gain models and agents lie, and what they have to fit.
 
     Args:
         models: folder of weights; None takes those that ship with ehar.
@@ -26,7 +28,7 @@ class GainModelPlace:
         sensor: that they see through.
         views: the recogniser's.
         form: the recogniser's.
-        recogniser_sha256: that the model was trained for.
+        recogniser_sha256: that they were trained for.
     """
 
     models: Path | None
@@ -36,8 +38,8 @@ class GainModelPlace:
     form: str
     recogniser_sha256: str
 
-    def load(self) -> "GainModel":
-        """Return the model.
+    def load_gain_model(self) -> "GainModel":
+        """Return the gain model.
 
         Raises:
             ModelError: there is none, or it belongs to another recogniser.
@@ -52,8 +54,42 @@ class GainModelPlace:
             recogniser_sha256=self.recogniser_sha256,
         )
 
-    def reason_for_none(self) -> str | None:
-        """Return why there can be no model here, and what to do about it; None where there is one."""
+    def load_agent(self, spec: str) -> "Agent":
+        """Return one training of a learned planner, `il-ppo/0`; of `il-ppo` alone the first, by that name.
+
+        Raises:
+            ModelError: there is none, or it belongs to other data or another recogniser.
+        """
+        from planners.agent_storage import load_agent  # brings torch
+
+        name, seed = split_record_name(spec)
+        if seed is None:
+            seed = next(iter(self.seeds(name)), 0)
+        agent = load_agent(
+            self.models,
+            self.data,
+            name,
+            sensor=self.sensor,
+            views=self.views,
+            recogniser_sha256=self.recogniser_sha256,
+            seed=seed,
+        )
+        agent.name = spec
+        return agent
+
+    def seeds(self, name: str) -> tuple[int, ...]:
+        """Return with which seeds a learned planner was trained here."""
+        from planners.agent_storage import agent_seeds  # brings torch
+
+        return agent_seeds(self.models, self.data, name, sensor=self.sensor, views=self.views)
+
+    def expanded(self, spec: str) -> tuple[str, ...]:
+        """Return the trainings of a learned planner that is named without one, or at least the first."""
+        name, seed = split_record_name(spec)
+        return (spec,) if seed is not None else tuple(record_name(name, seed) for seed in self.seeds(name) or (0,))
+
+    def reason_for_no_gain_model(self) -> str | None:
+        """Return why there can be no gain model here, and what to do about it; None where there is one."""
         from planners.gain_model import SHIPPED, gain_model_path
 
         if self.form != "causal":
@@ -62,10 +98,21 @@ class GainModelPlace:
         if path.is_file():
             return None
         try:
-            self.load()
+            self.load_gain_model()
         except ModelError as error:
             return str(error)
         return None
+
+    def reason_for_no_agent(self, name: str) -> str | None:
+        """Return why a learned planner cannot run here, and what to do about it; None where it can."""
+        if self.form != "causal":
+            return f"agents are trained for the causal recogniser, and this is {self.form}"
+        if self.seeds(name):
+            return None
+        return (
+            f"no agent was trained for this recogniser: expected those of `ehar train agent --data {self.data.name} "
+            f"--models {self.models or 'DIR'} --sensor {self.sensor} --views {self.views}`"
+        )
 
 
 def check_planners(planners: Sequence[str | Planner] | None) -> None:
@@ -83,7 +130,7 @@ def check_planners(planners: Sequence[str | Planner] | None) -> None:
 
 
 def choose_planners(
-    planners: Sequence[str | Planner] | None, place: GainModelPlace, *, readout: str, note: Callable[[str], None]
+    planners: Sequence[str | Planner] | None, place: ModelPlace, *, readout: str, note: Callable[[str], None]
 ) -> tuple[list[Planner], "GainModel | None"]:
     """Return the planners that run and, where one of them or the readout needs it, the gain model.
 
@@ -99,26 +146,61 @@ def choose_planners(
             one that belongs to another recogniser.
     """
     specs = list(planner_names() if planners is None else planners)
-    valuing = [spec for spec in specs if isinstance(spec, str) and needs_gain_model(spec)]
-    if planners is None and readout != "belief":
-        reason = place.reason_for_none()
-        if reason is not None:
-            note(f"left out: {', '.join(valuing)}, which need a gain field: {reason}")
-            specs, valuing = [spec for spec in specs if spec not in valuing], []
-    model = place.load() if valuing or readout == "belief" else None
-    return make_planners(specs, model), model
+    if planners is None:
+        specs = _those_that_can(specs, place, with_gain_model=readout == "belief", note=note)
+    valuing = any(isinstance(spec, str) and needs_gain_model(spec) for spec in specs)
+    model = place.load_gain_model() if valuing or readout == "belief" else None
+    return make_planners(specs, model, place), model
 
 
-def make_planners(specs: Sequence[str | Planner], model: "GainModel | None" = None) -> list[Planner]:
-    """Return planners, made where they were named.
+def _those_that_can(
+    specs: Sequence[str | Planner], place: ModelPlace, *, with_gain_model: bool, note: Callable[[str], None]
+) -> list[str | Planner]:
+    """Return the planners for which something was trained, or nothing has to be; tell of the others.
+
+    Args:
+        specs: of all planners.
+        place: of what was trained.
+        with_gain_model: whether a gain model has to be there anyway.
+        note: told who is left out.
+    """
+    missing: dict[str, list[str]] = {}  # what is missing, and who would need it
+    can: list[str | Planner] = []
+    for spec in specs:
+        reason = None
+        if isinstance(spec, str) and needs_gain_model(spec) and not with_gain_model:
+            reason = place.reason_for_no_gain_model()
+        elif _learned(spec):
+            reason = place.reason_for_no_agent(str(spec))
+        if reason is None:
+            can.append(spec)
+        else:
+            missing.setdefault(reason, []).append(str(spec))
+    for reason, names in missing.items():
+        note(f"left out: {', '.join(names)}: {reason}")
+    return can
+
+
+def make_planners(
+    specs: Sequence[str | Planner], model: "GainModel | None" = None, place: ModelPlace | None = None
+) -> list[Planner]:
+    """Return planners, made where they were named; of a learned one, each training that lies in `place`.
 
     Raises:
         UsageError: one cannot be made, there are none, or two share a name.
+        ModelError: an agent is missing, or belongs to other data or another recogniser.
     """
+    if place is not None:
+        specs = [one for spec in specs for one in (place.expanded(str(spec)) if _learned(spec) else (spec,))]
+    load_agent = None if place is None else place.load_agent
     load_model = None if model is None else lambda: model
-    chosen = [make_planner(spec, load_model) if isinstance(spec, str) else spec for spec in specs]
+    chosen = [make_planner(spec, load_model, load_agent) if isinstance(spec, str) else spec for spec in specs]
     names = [planner.name for planner in chosen]
     twice = sorted({name for name in names if names.count(name) > 1})
     if not names or twice:
         raise UsageError(f"planners: expected each once, got {twice[0]!r} twice" if twice else "planners: got none")
     return chosen
+
+
+def _learned(spec: str | Planner) -> bool:
+    return isinstance(spec, str) and is_learned(spec)

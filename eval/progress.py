@@ -131,3 +131,7 @@ class StageProgress:
         self._bar.update(self._tasks[stage], completed=done, total=total)
         if done == total:
             self._console.print(f"{stage}: {total} done", highlight=False)
+
+    def note(self, line: str) -> None:
+        """Print a line."""
+        self._console.print(line, markup=False, highlight=False, soft_wrap=True)

@@ -27,6 +27,7 @@ class PlannerConfig:
     name: str
     privileged: bool
     implementation: str  # module and class
+    weights_sha256: str | None = None  # of a trained agent
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class RunConfig:
 def planner_config(planner: Planner) -> PlannerConfig:
     """Return what config.json says of a planner."""
     implementation = f"{type(planner).__module__}.{type(planner).__qualname__}"
-    return PlannerConfig(planner.name, planner.privileged, implementation)
+    return PlannerConfig(planner.name, planner.privileged, implementation, getattr(planner, "sha256", None))
 
 
 def installed_versions() -> dict[str, str]:

@@ -13,7 +13,7 @@ from ehar.sensor import Sensor
 from eval.accuracy_kept import read_ideal_run
 from eval.episodes import cut_scenarios, random_starts
 from eval.jobs import Interrupted, PlannerRun, World, run_planners
-from eval.planner_choice import READOUTS, GainModelPlace, check_planners, choose_planners
+from eval.planner_choice import READOUTS, ModelPlace, check_planners, choose_planners
 from eval.progress import ConsoleReporter, Reporter
 from eval.records import EpisodeRecords
 from eval.results import RunConfig, check_out, installed_versions, planner_config, write_run, write_text
@@ -76,7 +76,7 @@ def benchmark(
     vehicle = load_track(track)
     setting = load_setting(data=data, models=models, sensor=sensor, views=views, form=form, fps=fps)
     scenarios = cut_scenarios(setting.data, split_parts(setting.data).test, length, reporter.note)
-    place = GainModelPlace(
+    place = ModelPlace(
         models=None if models is None else Path(models),
         data=setting.data,
         sensor=sensor,

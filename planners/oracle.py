@@ -27,9 +27,9 @@ class Oracle(Planner):
 
     def act(self, observation: Observation) -> FloatArray:
         """Return the best of the 7 neighbouring viewpoints of each episode; a vehicle heads a second that way."""
-        truth = _truth(self, observation)
+        truth = truth_of(self, observation)
         frame = observation.frame + 1
-        _, _, best, _ = _try_moves(truth, truth.state, frame, observation.viewpoint, self._context.workspace)
+        _, _, best, _ = try_moves(truth, truth.state, frame, observation.viewpoint, self._context.workspace)
         return heading(self._context, observation.viewpoint, best)
 
 
@@ -74,7 +74,7 @@ class OracleLookahead(Planner):
 
     def _plan(self, observation: Observation) -> FloatArray:
         """Return the best path of each episode, (B, H, 3)."""
-        truth = _truth(self, observation)
+        truth = truth_of(self, observation)
         horizon = min(self.horizon, observation.length - 1 - observation.frame)
         straight, straight_worth = self._repeat_moves(truth, observation, horizon)
         greedy, greedy_worth = self._follow_greedy(truth, observation, horizon)
@@ -96,7 +96,7 @@ class OracleLookahead(Planner):
             viewpoint = apply_moves(viewpoint, moves, self._workspace)
             recognition, state = truth.recogniser.step(state, truth.sense(frame, viewpoint), viewpoint)
             path[:, :, step] = viewpoint
-            worth += _worth(recognition.log_probs, truth)
+            worth += frame_worth(recognition.log_probs, truth)
         return path, worth / horizon
 
     def _follow_greedy(self, truth: Truth, observation: Observation, horizon: int) -> tuple[FloatArray, FloatArray]:
@@ -107,21 +107,21 @@ class OracleLookahead(Planner):
         worth = np.zeros(len(episodes))
         for step in range(horizon):
             frame = observation.frame + 1 + step
-            candidates, log_probs, best, forked = _try_moves(truth, state, frame, viewpoint, self._workspace)
+            candidates, log_probs, best, forked = try_moves(truth, state, frame, viewpoint, self._workspace)
             viewpoint, state = candidates[episodes, best], forked.select(best)
             path[:, step] = viewpoint
-            worth += _worth(log_probs, truth)[episodes, best]
+            worth += frame_worth(log_probs, truth)[episodes, best]
         return path, worth / horizon
 
 
-def _truth(planner: Planner, observation: Observation) -> Truth:
+def truth_of(planner: Planner, observation: Observation) -> Truth:
     """Return what only a privileged planner is handed, or say that it was not."""
     if observation.truth is None:
         raise EpisodeError(f"planner {planner.name!r}, frame {observation.frame}: expected the truth, got None")
     return observation.truth
 
 
-def _try_moves(
+def try_moves(
     truth: Truth, state: Any, frame: int, viewpoint: FloatArray, workspace: Workspace
 ) -> tuple[FloatArray, FloatArray, IntArray, Any]:
     """Try all moves from viewpoints (B, 3).
@@ -132,17 +132,23 @@ def _try_moves(
     """
     candidates = neighbours(viewpoint, workspace)
     recognition, forked = truth.recogniser.step(state.fork(len(MOVES)), truth.sense(frame, candidates), candidates)
-    best = np.argmax(_true_log_probs(recognition.log_probs, truth), axis=1)
+    best = np.argmax(true_log_probs(recognition.log_probs, truth), axis=1)
     return candidates, recognition.log_probs, best, forked
 
 
-def _true_log_probs(log_probs: FloatArray, truth: Truth) -> FloatArray:
+def true_log_probs(log_probs: FloatArray, truth: Truth) -> FloatArray:
     """Return the log-probabilities of the true labels, (B, F), from those of all, (B, F, K)."""
     return np.take_along_axis(log_probs, truth.labels[:, None, None], axis=2)[..., 0]
 
 
-def _worth(log_probs: FloatArray, truth: Truth) -> FloatArray:
-    """Return what one frame is worth, (B, F), in [0, 2]: correct or not, plus the true label's probability."""
+def frame_worth(log_probs: FloatArray, truth: Truth, *, on_top: float = 1.0) -> FloatArray:
+    """Return what one frame is worth, (B, F): the true label's probability, and `on_top` where it is the most probable.
+
+    Args:
+        log_probs: (B, F, K).
+        truth: whose labels (B,) are meant.
+        on_top: what being right is worth beside that.
+    """
     correct = np.argmax(log_probs, axis=2) == truth.labels[:, None]
-    worth: FloatArray = correct + np.exp(_true_log_probs(log_probs, truth))
-    return worth
+    total: FloatArray = on_top * correct + np.exp(true_log_probs(log_probs, truth))
+    return total

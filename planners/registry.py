@@ -8,21 +8,25 @@ from typing import TYPE_CHECKING, Any
 
 from ehar.errors import UsageError
 from ehar.planner import Planner
+from planners.agent_inputs import ENCODED
 from planners.heuristic import HRotate, NoAct, Random, Towards, VRotate
 from planners.oracle import Oracle, OracleLookahead
 
 if TYPE_CHECKING:
+    from planners.agent import Agent
     from planners.gain_model import GainModel
 
 HEURISTICS = (NoAct, Random, Towards, HRotate, VRotate)
 VALUING = ("nbv-greedy", "nbv-search", "nbv")
+LEARNED = ("il", "ppo", "il-ppo")
+ABLATED = tuple(f"{name}-no-{encoder}" for name in LEARNED for encoder in ENCODED)  # Table 3
 ORACLES = (Oracle, OracleLookahead)
 FILE_FORM = "path/to/file.py:ClassName"
 
 
 def planner_names() -> tuple[str, ...]:
     """Return the names of the planners that come with the project, in the order of display."""
-    return (*(planner.name for planner in HEURISTICS), *VALUING, *(planner.name for planner in ORACLES))
+    return (*(planner.name for planner in HEURISTICS), *VALUING, *LEARNED, *(planner.name for planner in ORACLES))
 
 
 def needs_gain_model(spec: str) -> bool:
@@ -30,26 +34,37 @@ def needs_gain_model(spec: str) -> bool:
     return spec in VALUING
 
 
+def is_learned(spec: str) -> bool:
+    """Return whether a planner is a trained agent: one of `LEARNED` or `ABLATED`, or a single training of it, il/0."""
+    name, slash, seed = spec.partition("/")
+    return name in (*LEARNED, *ABLATED) and (not slash or seed.isdecimal())
+
+
 def check_spec(spec: str) -> None:
     """Raise a UsageError that lists what is known unless `make_planner` might make a planner of this."""
     path, colon, _ = spec.rpartition(":")
-    if spec not in planner_names() and not (colon and path.endswith(".py")):
+    if spec not in planner_names() and not is_learned(spec) and not (colon and path.endswith(".py")):
         known = ", ".join(planner_names())
         raise UsageError(f"unknown planner {spec!r}; expected one of: {known}, or {FILE_FORM}")
 
 
-def make_planner(spec: str, load_model: Callable[[], "GainModel"] | None = None) -> Planner:
+def make_planner(
+    spec: str,
+    load_model: Callable[[], "GainModel"] | None = None,
+    load_agent: Callable[[str], "Agent"] | None = None,
+) -> Planner:
     """Return a new planner.
 
     Args:
         spec: one of `planner_names()`, or `path/to/file.py:ClassName` for a class of one's own, which is made
             without arguments.
         load_model: called for planners that value views only.
+        load_agent: called for learned planners only, with their name.
 
     Raises:
         UsageError: the name is unknown, the file does not define such a planner, or a planner that values views
-            is made without `load_model`.
-        ModelError: from `load_model`.
+            is made without `load_model`, or a learned one without `load_agent`.
+        ModelError: from `load_model` or `load_agent`.
     """
     check_spec(spec)
     for planner in (*HEURISTICS, *ORACLES):
@@ -59,6 +74,10 @@ def make_planner(spec: str, load_model: Callable[[], "GainModel"] | None = None)
         if load_model is None:
             raise UsageError(f"planner {spec!r}: expected a gain model to value views with, got none")
         return _make_valuing(spec, load_model())
+    if is_learned(spec):
+        if load_agent is None:
+            raise UsageError(f"planner {spec!r}: expected a trained agent, got none")
+        return load_agent(spec)
     path, _, class_name = spec.rpartition(":")
     return _load_planner(Path(path), class_name)
 

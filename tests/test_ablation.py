@@ -30,7 +30,7 @@ def model() -> GainModel:
 @pytest.fixture(autouse=True)
 def known_weights(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
-    monkeypatch.setattr("eval.planner_choice.GainModelPlace.load", lambda _: model())
+    monkeypatch.setattr("eval.planner_choice.ModelPlace.load_gain_model", lambda _: model())
 
 
 def ablated(**options: Any) -> Ablation:

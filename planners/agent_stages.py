@@ -1,0 +1,282 @@
+"""One stage of one agent's training: where its result and its checkpoint lie, and how it is run."""
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import torch
+
+from ehar.controls import GridControls
+from ehar.datasets.source import load_data
+from ehar.env import EpisodeVectorEnv
+from ehar.episodes import Episodes
+from ehar.errors import DataError, ModelError, UsageError
+from ehar.estimator import make_sensor
+from ehar.motion_data import MotionData
+from ehar.scenario import Scenarios, split_parts, windows
+from ehar.sensor import Sensor
+from planners.agent_inputs import InputSizes
+from planners.agent_network import AgentNetwork, AgentSpec
+from planners.agent_storage import agent_name, agent_path, load_agent, save_agent
+from planners.agent_training_config import AgentTrainingConfig, Stage
+from planners.demonstrations import Demonstrations
+from planners.imitation import clone
+from recognition.storage import load_recogniser
+from recognition.streaming import PrefixRecogniser, StreamingRecogniser
+
+if TYPE_CHECKING:
+    from planners.ppo import PPOProgress
+
+KEEP_EVERY = 5  # rollouts, that a checkpoint is kept
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingWorld:
+    """What agents are trained in: the policy part of some data, seen by a recogniser."""
+
+    data: MotionData
+    scenarios: Scenarios
+    recogniser: StreamingRecogniser | PrefixRecogniser
+    sensor: Sensor
+
+    @staticmethod
+    def load(config: AgentTrainingConfig) -> "TrainingWorld":
+        """Load it.
+
+        Raises:
+            EharError: data or recogniser are missing or malformed, or no policy sequence is long enough.
+        """
+        data = load_data(config.data, fps=config.fps)
+        recogniser = load_recogniser(config.models, data, sensor=config.sensor, views=config.views)
+        scenarios = windows(data, split_parts(data).policy, config.length, 1)
+        if len(scenarios) == 0:
+            raise DataError(f"{data.name}: expected policy sequences of at least {config.length} frames, got none")
+        return TrainingWorld(data, scenarios, recogniser, make_sensor(config.sensor, data.skeleton))
+
+    def make_env(self, episodes: int, *, copies: int = 1) -> EpisodeVectorEnv:
+        """Return a natively batched environment on the grid."""
+        task = Episodes(
+            scenarios=self.scenarios,
+            recogniser=self.recogniser,
+            sensor=self.sensor,
+            controls=GridControls(),
+            copies=copies,
+        )
+        return EpisodeVectorEnv(episodes, task)
+
+    def network(self, config: AgentTrainingConfig, seed: int) -> AgentNetwork:
+        """Return an untrained network."""
+        data, classes = self.data, len(self.data.class_names)
+        sizes = InputSizes.of(
+            persons=data.persons,
+            joints=len(data.skeleton.joint_names),
+            classes=classes,
+            embedding=self.recogniser.embedding_size,
+        )
+        without = () if config.without == "none" else (config.without,)
+        return AgentNetwork(AgentSpec(sizes, without, classes + 2 if config.ppo.hindsight else 0), seed=seed)
+
+
+@dataclass(frozen=True, eq=False)
+class StageRun:
+    """One stage of the training of one agent.
+
+    Args:
+        stage: il, ppo or il-ppo.
+        seed: of the training.
+        config: how all agents are trained.
+        path: where the agent's weights will lie.
+        identity: all that decides the result, for JSON.
+    """
+
+    stage: Stage
+    seed: int
+    config: AgentTrainingConfig
+    path: Path
+    identity: dict[str, Any]
+
+    @staticmethod
+    def of(config: AgentTrainingConfig, world: TrainingWorld, stage: Stage, seed: int) -> "StageRun":
+        """Return the run of a stage."""
+        return StageRun(stage, seed, config, _path(config, stage, seed), _identity(config, world, stage, seed))
+
+    @property
+    def title(self) -> str:
+        """What lines that are shown call it."""
+        return f"{agent_name(self.stage, self.config.without)} seed {self.seed}"
+
+    @property
+    def checkpoint(self) -> Path:
+        """Where a run that was stopped left off."""
+        return self.path.with_suffix(".checkpoint")
+
+    def finished(self) -> bool:
+        """Return whether this very run has finished.
+
+        Raises:
+            UsageError: the result of another run lies in its place.
+        """
+        description = self.path.with_suffix(".json")
+        if not description.is_file() or not self.path.is_file():
+            return False
+        try:
+            held = json.loads(description.read_text())["training"]["run"]
+        except (ValueError, KeyError, TypeError):
+            held = {}
+        wanted = json.loads(json.dumps(self.identity))
+        if held == wanted:
+            return True
+        differing = sorted(key for key in wanted.keys() | held.keys() if held.get(key) != wanted.get(key))
+        raise UsageError(
+            f"{description}: holds another training, which differs in {', '.join(differing)}: "
+            f"remove it, or choose another --out"
+        )
+
+    def imitate(self, world: TrainingWorld, demonstrations: Demonstrations) -> None:
+        """Clone, and save the result."""
+        network = world.network(self.config, self.seed)
+        history = clone(network, demonstrations, self.config.imitation, seed=self.seed)
+        self.save(world, network, history)
+
+    def start(self, world: TrainingWorld) -> AgentNetwork:
+        """Return the network that optimisation begins with: untrained, or as cloned with the same seed.
+
+        Raises:
+            ModelError: there is no cloned policy, or it does not fit.
+        """
+        if self.stage == "ppo":
+            return world.network(self.config, self.seed)
+        return load_agent(
+            _path(self.config, "il", self.seed).parent,
+            world.data,
+            agent_name("il", self.config.without),
+            sensor=self.config.sensor,
+            views=self.config.views,
+            recogniser_sha256=world.recogniser.sha256,
+            seed=self.seed,
+        ).network
+
+    def optimise(
+        self,
+        world: TrainingWorld,
+        *,
+        workers: int,
+        note: Callable[[str], None],
+        report: Callable[[str, int, int], None],
+    ) -> None:
+        """Train by PPO from the start or the checkpoint, and save the result.
+
+        Args:
+            world: that episodes are drawn from.
+            workers: processes that environments run in; 0 runs them here.
+            note: hears the diagnostics, in lines.
+            report: hears of which run how many rollouts are done, of how many.
+        """
+        # Here, as stable-baselines3 takes a second to import.
+        from planners.ppo import PPOProgress, diagnostics_line, rollouts_of, train_ppo
+
+        torch.set_num_threads(1)
+        network = self.start(world)
+        network.train()
+        progress = PPOProgress(network)
+        self._resume(progress)
+        logs = self.config.tensorboard
+        setting, moves = self.config.ppo, world.scenarios.length - 1
+        total = rollouts_of(setting, moves)
+
+        def keep(reached: PPOProgress) -> None:
+            report(self.title, reached.rollouts, total)
+            if reached.rollouts % KEEP_EVERY == 0 and reached.rollouts < total:
+                self._save_checkpoint(reached)
+                note(f"{self.title}, {diagnostics_line(reached, total)}")
+
+        train_ppo(
+            progress,
+            partial(world.make_env, copies=setting.copies),
+            moves=moves,
+            setting=setting,
+            seed=self.seed,
+            fine_tune=self.stage == "il-ppo",
+            keep=keep,
+            workers=workers,
+            device=self.config.device,
+            tensorboard=str(logs / self.path.stem) if logs else None,
+        )
+        self.save(world, network, progress.history)
+        self.checkpoint.unlink(missing_ok=True)
+
+    def save(self, world: TrainingWorld, network: AgentNetwork, history: list[dict[str, float]]) -> None:
+        """Write the agent, with how it came about beside it."""
+        save_agent(
+            self.path,
+            network,
+            world.data,
+            recogniser_sha256=world.recogniser.sha256,
+            history={"data": world.data.title, "run": self.identity, "history": history},
+        )
+
+    def _save_checkpoint(self, progress: "PPOProgress") -> None:
+        """Keep everything that the rollouts to come depend on."""
+        self.checkpoint.parent.mkdir(parents=True, exist_ok=True)
+        temporary = self.checkpoint.with_suffix(".part")
+        kept = {
+            "run": json.dumps(self.identity, sort_keys=True),
+            "network": progress.network.state_dict(),
+            "optimiser": progress.optimiser,
+            "rollouts": progress.rollouts,
+            "history": progress.history,
+        }
+        torch.save(kept, temporary)
+        temporary.replace(self.checkpoint)
+
+    def _resume(self, progress: "PPOProgress") -> None:
+        """Go on from the checkpoint, if there is one of this very run."""
+        if not self.checkpoint.is_file():
+            return
+        try:
+            kept = torch.load(self.checkpoint, weights_only=True, map_location="cpu")
+            same = kept["run"] == json.dumps(self.identity, sort_keys=True)
+            if same:
+                progress.network.load_state_dict(kept["network"])
+                progress.optimiser, progress.rollouts = kept["optimiser"], kept["rollouts"]
+                progress.history = kept["history"]
+        except Exception as error:  # torch raises what the damage happens to cause, at length
+            reason = f"{type(error).__name__}: {error}".splitlines()[0][:120]
+            raise ModelError(f"{self.checkpoint}: expected a training checkpoint, got {reason}") from error
+        if not same:
+            raise UsageError(
+                f"{self.checkpoint}: a checkpoint of a run with other options, data or recogniser: "
+                f"run with those, remove it, or choose another --out"
+            )
+
+
+def _path(config: AgentTrainingConfig, stage: Stage, seed: int) -> Path:
+    name = agent_name(stage, config.without)
+    return agent_path(config.directory, name, sensor=config.sensor, views=config.views, seed=seed)
+
+
+def _identity(config: AgentTrainingConfig, world: TrainingWorld, stage: Stage, seed: int) -> dict[str, Any]:
+    """Return what decides the result of a stage, for JSON: neither where files lie nor on what it is computed."""
+    decisive: dict[str, Any] = {
+        "stage": stage,
+        "seed": seed,
+        "sensor": config.sensor,
+        "views": config.views,
+        "length": config.length,
+        "fps": config.fps,
+        "without": config.without,
+        "data_sha256": world.data.sha256,
+        "recogniser_sha256": world.recogniser.sha256,
+    }
+    if stage != "ppo":
+        decisive["imitation"] = asdict(config.imitation)
+    if stage != "il":
+        decisive["ppo"] = asdict(config.ppo)
+    if stage == "il-ppo":  # what it starts from
+        start = _path(config, "il", seed)
+        decisive["start_sha256"] = hashlib.sha256(start.read_bytes()).hexdigest() if start.is_file() else None
+    return decisive

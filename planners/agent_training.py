@@ -1,0 +1,132 @@
+"""Train agents for one recogniser: demonstrations, imitation, and policy optimisation, for each of several seeds."""
+
+import hashlib
+import json
+import multiprocessing
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, wait
+from dataclasses import asdict
+from multiprocessing.queues import Queue
+from pathlib import Path
+from queue import Empty
+from typing import Any
+
+from planners.agent_stages import StageRun, TrainingWorld
+from planners.agent_training_config import AgentTrainingConfig
+from planners.demonstration_files import collect
+from planners.demonstrations import EPISODES, Demonstrations, DemonstrationTask, join
+from planners.imitation import clone
+
+Report = Callable[[str, int, int], None]  # what is done, how much of it, of how much
+Note = Callable[[str], None]
+DAGGER_SEED = 0  # of the agent that acts in demonstrations, and of all that is drawn in them
+
+
+def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> list[Path]:
+    """Train and save agents; what is done is skipped, and what was stopped goes on from its last checkpoint.
+
+    Args:
+        config: how.
+        report: hears of progress: what is done, how much of it, of how much.
+        note: hears lines: which stages are skipped, and the diagnostics of those that are not.
+
+    Returns:
+        the files of all agents that were asked for, stage by stage and seed by seed.
+
+    Raises:
+        EharError: data or recogniser are missing or do not fit, a number is too small, a loss is not finite, or
+            the result of another training lies where one would be written.
+    """
+    config.check()
+    world = TrainingWorld.load(config)
+    paths: list[Path] = []
+    for stage in config.stage_names:
+        runs = [StageRun.of(config, world, stage, seed) for seed in range(config.seeds)]
+        paths += [run.path for run in runs]
+        missing = [run for run in runs if not run.finished()]
+        if len(missing) < len(runs):
+            note(f"{stage}: {len(runs) - len(missing)} of {len(runs)} seeds are done")
+        if not missing:
+            continue
+        if stage == "il":
+            demonstrations = demonstrations_of(config, world, report)
+            for done, run in enumerate(missing, 1):
+                run.imitate(world, demonstrations)
+                report(stage, done, len(missing))
+        else:
+            _optimise(missing, world, config.workers, report, note)
+    return paths
+
+
+def demonstrations_of(config: AgentTrainingConfig, world: TrainingWorld, report: Report) -> Demonstrations:
+    """Return all rounds of demonstrations; from the second on an agent acts that was cloned from those before."""
+    setting = config.imitation
+    key = json.dumps([asdict(setting), config.length, config.fps, config.without], sort_keys=True)
+    digest = hashlib.sha256(f"{key} {world.data.sha256} {world.recogniser.sha256}".encode()).hexdigest()
+    batches = max(1, round(setting.episodes / EPISODES / setting.rounds))
+    rounds: list[Demonstrations] = []
+    for number in range(setting.rounds):
+        agent = None
+        if rounds:
+            agent = world.network(config, DAGGER_SEED)
+            clone(agent, join(rounds), setting, seed=DAGGER_SEED)
+        task = DemonstrationTask(
+            scenarios=world.scenarios,
+            recogniser=world.recogniser,
+            sensor=world.sensor,
+            teacher=setting.teacher,
+            agent=agent,
+            seed=(DAGGER_SEED, number),
+        )
+        name = f"demonstrations-{config.sensor}-{config.views}-{digest[:8]}-round{number}"
+        rounds.append(collect(task, batches, config.directory / name, workers=config.workers, report=report))
+    return join(rounds)
+
+
+def _optimise(runs: Sequence[StageRun], world: TrainingWorld, workers: int, report: Report, note: Note) -> None:
+    """Run PPO for several seeds: each in a process of its own or, if there is but one, its environments in several."""
+    for run in runs:
+        run.start(world)  # so that what is missing is said at once
+    if len(runs) == 1 or workers == 1:
+        for run in runs:
+            run.optimise(
+                world,
+                workers=0 if workers == 1 else workers,
+                note=note,
+                report=report,
+            )
+        return
+    context = multiprocessing.get_context("spawn")
+    heard: Queue[Any] = context.Queue()
+    count = min(workers, len(runs))
+    with ProcessPoolExecutor(count, mp_context=context, initializer=_start, initargs=(heard,)) as pool:
+        futures = [pool.submit(_optimise_here, run) for run in runs]
+        waiting = set(futures)
+        while waiting:
+            waiting = wait(waiting, timeout=0.5).not_done
+            while True:
+                try:
+                    what = heard.get_nowait()
+                except Empty:
+                    break
+                if isinstance(what, str):
+                    note(what)
+                else:
+                    report(*what)
+        for future in futures:
+            future.result()
+
+
+_heard: "Queue[Any]"
+
+
+def _start(heard: "Queue[Any]") -> None:
+    """Receive where progress is reported to, once a process."""
+    global _heard
+    _heard = heard
+
+
+def _optimise_here(run: StageRun) -> None:
+    """Run PPO for one seed in this process."""
+    world = TrainingWorld.load(run.config)
+    run.optimise(world, workers=0, note=_heard.put, report=lambda *heard: _heard.put(heard))

@@ -1,0 +1,177 @@
+"""How agents are trained. Without torch, so that the command line can show it at once."""
+
+import os
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal, get_args
+
+from ehar.errors import UsageError
+
+Stage = Literal["il", "ppo", "il-ppo"]
+Teacher = Literal["oracle", "oracle-lookahead"]
+Labels = Literal["best", "soft"]
+Setting = Literal["quick", "paper"]
+Left = Literal["none", "recognition", "vision", "position"]
+STAGES: tuple[Stage, ...] = get_args(Stage)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImitationSetting:
+    """What is imitated, and how; the defaults were compared on validation scenarios.
+
+    Args:
+        teacher: oracle tries the 7 moves on the next frame, as in the paper; oracle-lookahead repeats each of them
+            for 15 frames.
+        labels: best is the teacher's best move, as in the paper; soft is what it found each of the 7 moves worth.
+        episodes: that are demonstrated, in all rounds together.
+        rounds: the first is the teacher's, or where it only tries moves a wanderer's; in those that follow the agent
+            cloned so far acts, and the teacher says what it should have done (DAgger). 1 is plain cloning.
+        epochs: passes over the demonstrations.
+        batch: frames of a gradient step.
+        learning_rate: at first; it falls to 0 linearly.
+        entropy: weight of the policy's entropy with soft labels, in standard deviations of a move's worth.
+    """
+
+    teacher: Teacher = "oracle-lookahead"
+    labels: Labels = "soft"
+    episodes: int = 1920
+    rounds: int = 3
+    epochs: int = 20
+    batch: int = 256
+    learning_rate: float = 1e-3
+    entropy: float = 0.03
+
+
+@dataclass(frozen=True, kw_only=True)
+class PPOSetting:
+    """How the policy is optimised; the defaults were compared on validation scenarios.
+
+    Args:
+        frames: environment frames in all.
+        num_envs: episodes of a rollout.
+        epochs: passes over each rollout.
+        minibatches: of each pass.
+        learning_rate: at first; it falls to 0 linearly.
+        clip: of the probability ratio.
+        entropy: weight of the entropy bonus.
+        gamma: discount.
+        gae_lambda: of the generalised advantage estimate.
+        critic_rollouts: at the beginning of a fine-tuning, in which only the critic learns.
+        hindsight: whether the critic is shown the label in training; the actor never is.
+        hold: frames for which a move that was drawn is made again and again; one frame's move alone changes too little
+            for a reward to tell which was good.
+        copies: episodes that differ in the moves only, and are rewarded relative to each other.
+    """
+
+    frames: int = 400_000
+    num_envs: int = 64
+    epochs: int = 4
+    minibatches: int = 4
+    learning_rate: float = 7e-4
+    clip: float = 0.2
+    entropy: float = 0.005
+    gamma: float = 0.99
+    gae_lambda: float = 0.95
+    critic_rollouts: int = 0
+    hindsight: bool = True
+    hold: int = 5
+    copies: int = 8
+
+
+PAPER_IMITATION = ImitationSetting(teacher="oracle", labels="best", episodes=10_000, rounds=1)
+PAPER_PPO = PPOSetting(frames=10_000_000, hindsight=False, hold=1, copies=1, critic_rollouts=3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentTrainingConfig:
+    """How agents are trained.
+
+    Args:
+        data: "duo", "solo", or an .npz file.
+        models: directory of the recogniser, written to as well; without it, the recogniser that ships is used.
+        out: directory to write to instead.
+        sensor: "perfect" or "estimator".
+        views: the recogniser's, "moving" or "paper".
+        length: L, frames of an episode.
+        fps: resample the motion first; None keeps its rate.
+        stages: what is trained, as "il,ppo,il-ppo": il clones, ppo starts from scratch, il-ppo from what il has cloned.
+        seeds: training seeds 0 to seeds - 1, each an agent of its own; they share the demonstrations.
+        without: encoder that is left out (Table 3); such agents are named after it.
+        setting: quick is for 2 CPU cores; paper is as published, for a GPU or much patience.
+        teacher: quick takes oracle-lookahead, paper the oracle.
+        labels: quick takes soft ones, paper the best move.
+        episodes: demonstrated; quick 1,920, paper 10,000.
+        rounds: of demonstrations, from the second on by the agent (DAgger); quick 3, paper 1.
+        frames: of PPO; quick 400,000, paper 10 million.
+        workers: processes; the result is the same with any number.
+        device: of PPO's network, "cpu" or "cuda".
+        tensorboard: folder for TensorBoard's logs, where it is installed.
+    """
+
+    data: str
+    models: Path | None = None
+    out: Path | None = None
+    sensor: str = "perfect"
+    views: str = "moving"
+    length: int = 60
+    fps: float | None = None
+    stages: str = ",".join(STAGES)
+    seeds: int = 1
+    without: Left = "none"
+    setting: Setting = "quick"
+    teacher: Teacher | None = None
+    labels: Labels | None = None
+    episodes: int | None = None
+    rounds: int | None = None
+    frames: int | None = None
+    workers: int = field(default_factory=lambda: os.cpu_count() or 1)
+    device: str = "cpu"
+    tensorboard: Path | None = None
+
+    @property
+    def directory(self) -> Path:
+        """Where agents are written to.
+
+        Raises:
+            UsageError: neither `models` nor `out` says so.
+        """
+        directory = self.out or self.models
+        if directory is None:
+            raise UsageError("train agent: expected --models DIR, or --out DIR where the shipped recogniser is used")
+        return directory
+
+    @property
+    def stage_names(self) -> tuple[Stage, ...]:
+        """The stages, in the order in which they follow each other.
+
+        Raises:
+            UsageError: one is unknown.
+        """
+        named = self.stages.split(",")
+        for name in named:
+            if name not in STAGES:
+                raise UsageError(f"--stages {self.stages}: expected some of {','.join(STAGES)}, got {name!r}")
+        return tuple(stage for stage in STAGES if stage in named)
+
+    def check(self) -> None:
+        """Raise a UsageError if a number is too small, or there is no such device."""
+        least = {"length": 3, "seeds": 1, "workers": 1, "episodes": 1, "rounds": 1, "frames": 1}
+        for name, bound in least.items():
+            value = getattr(self, name)
+            if value is not None and value < bound:
+                raise UsageError(f"--{name}: got {value}, expected at least {bound}")
+        if self.device.partition(":")[0] not in ("cpu", "cuda"):
+            raise UsageError(f"--device {self.device}: expected cpu or cuda")
+
+    @property
+    def imitation(self) -> ImitationSetting:
+        """How is imitated: the setting's defaults, and what was asked for instead."""
+        chosen = ImitationSetting() if self.setting == "quick" else PAPER_IMITATION
+        named = {"teacher": self.teacher, "labels": self.labels, "episodes": self.episodes, "rounds": self.rounds}
+        return replace(chosen, **{name: value for name, value in named.items() if value is not None})  # type: ignore[arg-type]
+
+    @property
+    def ppo(self) -> PPOSetting:
+        """How the policy is optimised: likewise."""
+        chosen = PPOSetting() if self.setting == "quick" else PAPER_PPO
+        return chosen if self.frames is None else replace(chosen, frames=self.frames)
