@@ -1,4 +1,4 @@
-"""The command line: `ehar benchmark`, `headroom`, `explain`, `ablation`, `belief`, `analyse`, `data`, `train`, `bench`."""
+"""The command line of `ehar`: `benchmark`, `headroom`, `explain`, `ablation`, `belief`, `analyse`, `data`, `train`."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -10,7 +10,7 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, arg, subcommand
 
 from ehar.errors import EharError
 from eval.analyse_commands import AnalyseCommand
-from eval.commands import Bench, Benchmark, HeadroomCommand, TrainAgent, TrainGainField, TrainRecogniser
+from eval.commands import Bench, Benchmark, HeadroomCommand, TrainAgent, TrainAll, TrainGainField, TrainRecogniser
 from eval.data_commands import Describe, PrepareAistpp, PrepareBvh, PrepareExpi
 from eval.nbv_commands import AblationCommand, BeliefCommand, Explain
 from eval.results import package_version
@@ -53,7 +53,8 @@ class TrainCommand:
     action: Annotated[
         Annotated[TrainRecogniser, subcommand("recogniser")]
         | Annotated[TrainGainField, subcommand("gain-field")]
-        | Annotated[TrainAgent, subcommand("agent")],
+        | Annotated[TrainAgent, subcommand("agent")]
+        | Annotated[TrainAll, subcommand("all")],
         arg(name=""),
     ]
 

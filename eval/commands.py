@@ -3,7 +3,6 @@
 What a command needs is imported when it runs, so that `ehar --help` waits for none of it.
 """
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -11,18 +10,15 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
+from ehar.cores import cores
 from eval.progress import StageProgress, TrainingProgress
 from eval.tables import Rendered, render_summary
+from eval.train_all import TrainAllConfig
 from planners.agent_training_config import AgentTrainingConfig
 from planners.gain_training_config import GainTrainingConfig
 from recognition.training_config import Form, TrainingConfig
 
 PIPED_WIDTH = 160  # columns where standard output is no terminal
-
-
-def cores() -> int:
-    """Return how many processes a command runs in by default."""
-    return os.cpu_count() or 1
 
 
 def output_console() -> Console:
@@ -210,6 +206,25 @@ class TrainAgent:
         with StageProgress() as progress:
             paths = train_agents(self.config, progress.report, progress.note)
         print(f"{len(paths)} agents are in {paths[0].parent}: {', '.join(path.stem for path in paths)}")
+
+
+@dataclass(frozen=True)
+class TrainAll:
+    """Train all that planners need on your data: recogniser, gain field, il, ppo, il-ppo; what is done is skipped.
+
+    Args:
+        config: how.
+    """
+
+    config: tyro.conf.OmitArgPrefixes[TrainAllConfig]
+
+    def __call__(self) -> None:
+        """Train what is missing, and say what to do with it."""
+        from eval.train_all import train_all
+
+        train_all(self.config, lambda line: print(line, flush=True))
+        options = f"--data {self.config.data} --models {self.config.out} --sensor {self.config.sensor}"
+        print(f"next: ehar benchmark {options} --views {self.config.views}")
 
 
 @dataclass(frozen=True)

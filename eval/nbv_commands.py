@@ -3,7 +3,8 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from eval.commands import cores, output_console
+from ehar.cores import cores
+from eval.commands import output_console
 from eval.tables import Rendered
 
 

@@ -1,10 +1,10 @@
 """How agents are trained. Without torch, so that the command line can show it at once."""
 
-import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
 
+from ehar.cores import cores
 from ehar.errors import UsageError
 
 Stage = Literal["il", "ppo", "il-ppo"]
@@ -124,7 +124,7 @@ class AgentTrainingConfig:
     episodes: int | None = None
     rounds: int | None = None
     frames: int | None = None
-    workers: int = field(default_factory=lambda: os.cpu_count() or 1)
+    workers: int = field(default_factory=cores)
     device: str = "cpu"
     tensorboard: Path | None = None
 

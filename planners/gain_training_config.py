@@ -1,12 +1,9 @@
 """How gain fields are trained. Without torch, so that the command line can show it at once."""
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
-
-def _cores() -> int:
-    return os.cpu_count() or 1
+from ehar.cores import cores
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,4 +32,4 @@ class GainTrainingConfig:
     fps: float | None = None
     batches: int = 24
     seed: int = 0
-    workers: int = field(default_factory=_cores)
+    workers: int = field(default_factory=cores)

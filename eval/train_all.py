@@ -1,0 +1,150 @@
+"""Everything that planners need on someone's own data, trained in order: recogniser, gain field, and agents."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ehar.cores import cores
+from ehar.errors import ModelError
+from eval.progress import StageProgress, TrainingProgress
+from planners.agent_training_config import AgentTrainingConfig, Setting
+from planners.gain_training_config import GainTrainingConfig
+from recognition.training_config import TrainingConfig
+
+PAPER_CLIPS = 200_000  # about as many as 32 views of each training scenario of ExPI (Sec. 4.2 and 5.1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainAllConfig:
+    """How everything is trained.
+
+    Args:
+        data: "duo", "solo", or an .npz file.
+        out: models directory to write to.
+        sensor: "perfect" or "estimator".
+        views: "moving" or "paper".
+        length: L, frames of an episode.
+        fps: resample the motion first; None keeps its rate.
+        seeds: training seeds of the agents.
+        setting: quick is for 2 CPU cores; paper has the published widths and lengths, for a GPU.
+        workers: processes; the result is the same with any number.
+        device: of the recogniser's and of PPO's network, "cpu" or "cuda".
+    """
+
+    data: str
+    out: Path
+    sensor: str = "perfect"
+    views: str = "moving"
+    length: int = 60
+    fps: float | None = None
+    seeds: int = 1
+    setting: Setting = "quick"
+    workers: int = field(default_factory=cores)
+    device: str = "cpu"
+
+    @property
+    def recogniser(self) -> TrainingConfig:
+        """How the recogniser is trained."""
+        return TrainingConfig(
+            data=self.data,
+            out=self.out,
+            sensor=self.sensor,
+            views=self.views,
+            size="small" if self.setting == "quick" else "published",
+            length=self.length,
+            fps=self.fps,
+            clips=TrainingConfig.clips if self.setting == "quick" else PAPER_CLIPS,
+            device=self.device,
+        )
+
+    @property
+    def gain_field(self) -> GainTrainingConfig:
+        """How the gain field is trained."""
+        return GainTrainingConfig(
+            data=self.data,
+            models=self.out,
+            sensor=self.sensor,
+            views=self.views,
+            length=self.length,
+            fps=self.fps,
+            workers=self.workers,
+        )
+
+    @property
+    def agents(self) -> AgentTrainingConfig:
+        """How the agents are trained."""
+        return AgentTrainingConfig(
+            data=self.data,
+            models=self.out,
+            sensor=self.sensor,
+            views=self.views,
+            length=self.length,
+            fps=self.fps,
+            seeds=self.seeds,
+            setting=self.setting,
+            workers=self.workers,
+            device=self.device,
+        )
+
+
+def train_all(config: TrainAllConfig, note: Callable[[str], None]) -> None:
+    """Train recogniser, gain field, il, ppo and il-ppo; what is there is kept, what was stopped goes on.
+
+    Args:
+        config: how.
+        note: hears what is kept, and what comes next.
+
+    Raises:
+        EharError: as the trainings do.
+    """
+    # Here, as they bring torch, which `ehar --help` does not wait for.
+    from planners.agent_training import train_agents
+    from planners.gain_training import train_gain_field
+    from recognition.training import train_recogniser
+
+    if has_recogniser(config):
+        note(f"1 of 3: the recogniser in {config.out} is kept")
+    else:
+        note("1 of 3: the recogniser")
+        with TrainingProgress() as training:
+            train_recogniser(config.recogniser, training.report)
+    if has_gain_field(config):
+        note(f"2 of 3: the gain field in {config.out} is kept")
+    else:
+        note("2 of 3: the gain field")
+        with StageProgress() as stages:
+            train_gain_field(config.gain_field, stages.report)
+    note("3 of 3: the agents il, ppo and il-ppo")
+    with StageProgress() as stages:
+        train_agents(config.agents, stages.report, stages.note)
+
+
+def has_recogniser(config: TrainAllConfig) -> bool:
+    """Return whether a recogniser that fits the data is there.
+
+    Raises:
+        EharError: there is one, and it does not fit.
+    """
+    from ehar.datasets.source import load_data
+    from recognition.storage import load_recogniser, recogniser_path
+
+    path = recogniser_path(config.out, form="causal", sensor=config.sensor, views=config.views)
+    if not (path.is_file() and path.with_suffix(".json").is_file()):
+        return False
+    load_recogniser(config.out, load_data(config.data, fps=config.fps), sensor=config.sensor, views=config.views)
+    return True
+
+
+def has_gain_field(config: TrainAllConfig) -> bool:
+    """Return whether a gain field for the recogniser is there; one for another recogniser is trained anew."""
+    from ehar.datasets.source import load_data
+    from planners.gain_model import load_gain_model
+    from recognition.storage import load_recogniser
+
+    data = load_data(config.data, fps=config.fps)
+    sha256 = load_recogniser(config.out, data, sensor=config.sensor, views=config.views).sha256
+    try:
+        load_gain_model(config.out, data, sensor=config.sensor, views=config.views, recogniser_sha256=sha256)
+    except ModelError:
+        return False
+    return True
