@@ -5,21 +5,13 @@ import numpy as np
 import pytest
 from fakes import tiny_data
 
-from eval.bench import (
-    TARGETS,
-    WORKERS,
-    Effort,
-    bench,
-    bench_table,
-    compare_forms,
-    frame_ratios,
-    time_ruckig,
-    time_solves,
-    time_world,
-)
+from eval.bench import TARGETS, bench, bench_table
+from eval.bench_effort import WORKERS, Effort
+from eval.bench_planning import time_ruckig, time_solves
+from eval.bench_recognition import compare_forms, frame_ratios, time_world
 from eval.tables import markdown
 
-BRIEF = Effort(length=6, episodes=2, repeats=1, small_episodes=1, published_episodes=1, cameras=2, flights=3, plans=2)
+BRIEF = Effort(length=6, episodes=2, repeats=1, small_episodes=1, published_episodes=1, cameras=2, flights=3, plans=2, rollouts=1)
 
 
 def test_a_longer_episode_saves_more_operations() -> None:

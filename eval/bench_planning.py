@@ -1,0 +1,129 @@
+"""How fast planning is: solves of the optimal control problem, Ruckig's flights, and PPO's training."""
+
+import math
+import time
+from functools import partial
+
+import numpy as np
+import torch
+
+from ehar.axis_limits import limits_to_target
+from ehar.controls import GridControls
+from ehar.env import EpisodeVectorEnv
+from ehar.episodes import Episodes
+from ehar.motion_data import MotionData
+from ehar.planner import Context
+from ehar.scenario import split_parts, windows
+from ehar.sensor import PerfectSensor
+from ehar.spherical_motion import SphericalState
+from ehar.time_optimal import TimeOptimal
+from ehar.vehicle import VEHICLES
+from ehar.viewpoint import Workspace, sample_starts
+from eval.bench_effort import WORKERS, Effort
+from eval.bench_recognition import streaming_recogniser
+from planners.agent_inputs import InputSizes
+from planners.agent_network import AgentNetwork, AgentSpec
+from planners.agent_training_config import PPOSetting
+from planners.camera_limits import camera_limits
+from planners.next_best_view import DEFAULT_HORIZON, FLIGHT_PLAN_TIME
+from planners.ppo import PPOProgress, train_ppo
+from planners.trajectory_solver import TrajectorySolver
+from planners.trajectory_timing import measure_solves
+
+VEHICLE = VEHICLES["px4-auto"]
+PACE = 0.1  # share of the vehicle's speed and acceleration that each axis begins a flight with, at most
+
+
+def time_solves(data: MotionData, effort: Effort) -> dict[str, float]:
+    """Return how long solves take on the grid and in flight together, and the share of plans that fell back."""
+    grid_node = math.ceil((effort.length - 1) / DEFAULT_HORIZON) / data.fps
+    seconds, plans, fallbacks = [], 0, 0
+    for vehicle, node_time in ((None, grid_node), (VEHICLE, FLIGHT_PLAN_TIME / DEFAULT_HORIZON)):
+        rng = np.random.default_rng(0)
+        context = Context(
+            episodes=1,
+            length=effort.length,
+            frame_time=1 / data.fps,
+            class_names=data.class_names,
+            skeleton=data.skeleton,
+            workspace=Workspace(),
+            track="ideal" if vehicle is None else vehicle.name,
+            rng=rng,
+            vehicle=vehicle,
+        )
+        limits = camera_limits(context, sample_starts(rng, 1)[0], node_time)
+        in_a_row = min(15, effort.plans)
+        statistics = measure_solves(
+            rng,
+            TrajectorySolver(horizon=DEFAULT_HORIZON),
+            limits,
+            node_time=node_time,
+            episodes=effort.plans // in_a_row,
+            plans=in_a_row,
+        )
+        seconds += statistics.solve_seconds
+        plans, fallbacks = plans + statistics.counts.total(), fallbacks + statistics.fallbacks
+    return {
+        "nbv_solve_ms_median": 1000 * float(np.median(seconds)),
+        "nbv_solve_ms_p95": 1000 * float(np.percentile(seconds, 95)),
+        "nbv_fallback_share": fallbacks / plans,
+    }
+
+
+def time_ruckig(effort: Effort) -> float:
+    """Return the seconds of one of Ruckig's calculations, between states and limits as flights meet them; median."""
+    rng, flights = np.random.default_rng(0), effort.flights
+    viewpoint, target = sample_starts(rng, flights), sample_starts(rng, flights)
+    per_axis = PACE * np.stack([np.ones(flights), 1 / viewpoint[:, 0], 1 / viewpoint[:, 0]], axis=1)
+    velocity, acceleration = per_axis * rng.uniform(-1, 1, (2, flights, 3))
+    state = SphericalState(
+        viewpoint, VEHICLE.speed * velocity, VEHICLE.acceleration * acceleration, np.zeros((flights, 3))
+    )
+    limits = limits_to_target(VEHICLE, state, target - viewpoint).select(0)
+    optimal, seconds = TimeOptimal(), np.empty(effort.repeats)
+    for repeat in range(effort.repeats):
+        begin = time.perf_counter()
+        optimal.durations(state, target, limits)
+        seconds[repeat] = time.perf_counter() - begin
+    return float(np.median(seconds) / flights)
+
+
+def time_ppo(data: MotionData, effort: Effort) -> float:
+    """Return the environment frames a second of PPO at its default setting, with the recogniser in the loop.
+
+    Its environments run in `WORKERS` processes, and its updates between them in as many threads.
+    """
+    recogniser, _ = streaming_recogniser(data)
+    scenarios = windows(data, split_parts(data).policy, effort.length, 1)
+    classes, moves = len(data.class_names), effort.length - 1
+    sizes = InputSizes.of(
+        persons=data.persons,
+        joints=len(data.skeleton.joint_names),
+        classes=classes,
+        embedding=recogniser.embedding_size,
+    )
+    default = PPOSetting()
+    frames = default.num_envs * moves
+    setting = PPOSetting(frames=(effort.rollouts + 1) * frames)
+    task = Episodes(
+        scenarios=scenarios,
+        recogniser=recogniser,
+        sensor=PerfectSensor(),
+        controls=GridControls(),
+        copies=setting.copies,
+    )
+    ends: list[float] = []
+    threads = torch.get_num_threads()
+    torch.set_num_threads(WORKERS)
+    train_ppo(
+        PPOProgress(AgentNetwork(AgentSpec(sizes, hindsight=classes + 2 if setting.hindsight else 0))),
+        partial(EpisodeVectorEnv, episodes=task),
+        moves=moves,
+        setting=setting,
+        seed=0,
+        fine_tune=False,
+        keep=lambda _: ends.append(time.perf_counter()),
+        workers=WORKERS,
+    )
+    torch.set_num_threads(threads)
+    return effort.rollouts * frames / (ends[-1] - ends[0])
