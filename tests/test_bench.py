@@ -11,7 +11,9 @@ from eval.bench_planning import time_ruckig, time_solves
 from eval.bench_recognition import compare_forms, frame_ratios, time_world
 from eval.tables import markdown
 
-BRIEF = Effort(length=6, episodes=2, repeats=1, small_episodes=1, published_episodes=1, cameras=2, flights=3, plans=2, rollouts=1)
+BRIEF = Effort(
+    length=6, episodes=2, repeats=1, small_episodes=1, published_episodes=1, cameras=2, flights=3, plans=2, rollouts=1
+)
 
 
 def test_a_longer_episode_saves_more_operations() -> None:
