@@ -5,6 +5,8 @@ groups are spread over.
 """
 
 import multiprocessing
+import pickle
+import signal
 from collections.abc import Callable, Iterable, Sequence
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
@@ -18,7 +20,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.env import EpisodeVectorEnv
-from ehar.errors import UsageError
+from ehar.errors import EpisodeError, UsageError
 from ehar.observations import Observations
 from planners.agent_inputs import AgentInputs, Inputs, InputSizes
 
@@ -116,7 +118,7 @@ class AgentVecEnv(VecEnv):
 
     Args:
         make_env: makes a natively batched environment of so many episodes.
-        num_envs: episodes at a time, a multiple of `GROUP` or less than it.
+        num_envs: episodes at a time, 1 to `GROUP` or a multiple of it.
         seed: of all that is drawn.
         first: the number of the first batch of episodes: what follows does not depend on those before.
         hold: frames for which each move is made again and again.
@@ -124,7 +126,10 @@ class AgentVecEnv(VecEnv):
 
     Raises:
         UsageError: the number of environments is not as described.
+        EpisodeError: a worker process has ended; any error in one is raised here.
     """
+
+    render_mode = None
 
     def __init__(
         self, make_env: MakeEnv, *, num_envs: int, seed: int, first: int = 0, hold: int = 1, workers: int = 0
@@ -132,7 +137,7 @@ class AgentVecEnv(VecEnv):
         """Create the environments."""
         size = min(GROUP, num_envs)
         if num_envs < 1 or num_envs % size:
-            raise UsageError(f"environments: expected less than {GROUP}, or a multiple of it, got {num_envs}")
+            raise UsageError(f"environments: expected 1 to {GROUP}, or a multiple of {GROUP}, got {num_envs}")
         groups = [(size, (seed, group), first, hold) for group in range(num_envs // size)]
         probe = make_env(1)
         super().__init__(num_envs, _input_space(probe), probe.single_action_space)
@@ -178,8 +183,12 @@ class AgentVecEnv(VecEnv):
             share.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Return an attribute of this object for each environment; there are no objects behind them."""
-        return [getattr(self, attr_name, None)] * len(list(self._get_indices(indices)))
+        """Return an attribute of this object for each environment; there are no objects behind them.
+
+        Raises:
+            AttributeError: there is none of that name, as `has_attr` wants to know.
+        """
+        return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Refuse: environments have no objects of their own."""
@@ -244,33 +253,65 @@ class _Remote:
         self._process = context.Process(target=_serve, args=(theirs, cloudpickle.dumps((make_env, list(groups)))))
         self._process.daemon = True
         self._process.start()
+        theirs.close()  # so that only the process holds it, and its end is noticed here
 
     def send(self, moves: IntArray | None) -> None:
-        self._pipe.send(moves)
+        try:
+            self._pipe.send(moves)
+        except OSError as error:
+            raise self._ended() from error
 
     def receive(self) -> list[Any]:
-        answer = self._pipe.recv()
+        try:
+            answer = self._pipe.recv()
+        except (EOFError, OSError) as error:
+            raise self._ended() from error
         if isinstance(answer, Exception):
             raise answer
         return list(answer)
 
     def close(self) -> None:
-        if self._process.is_alive():
-            self._pipe.close()  # which ends the loop over there
-            self._process.join()
+        self._pipe.close()  # which ends the loop over there
+        self._process.join()
+
+    def _ended(self) -> EpisodeError:
+        self._process.join(timeout=1)  # a killed process needs a moment to have an exit code
+        return EpisodeError(
+            f"environments: a worker process has ended, with exit code {self._process.exitcode}: expected an answer"
+        )
 
 
 def _serve(pipe: Connection, payload: bytes) -> None:
-    """Answer calls until told to close, or until the other end is gone."""
+    """Answer calls until the other end is closed, or its process is gone; an error answers all calls after it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears Ctrl-C too, and closes the pipe
     torch.set_num_threads(1)
-    here = _Here(*cloudpickle.loads(payload))
+    failed: Exception | None = None
+    try:
+        here = _Here(*cloudpickle.loads(payload))
+    except Exception as error:
+        failed = _sendable(error)
     while True:
         try:
             moves = pipe.recv()
-        except (EOFError, KeyboardInterrupt):
+        except (EOFError, OSError):
             return
+        answer: Any = failed
+        if failed is None:
+            try:
+                here.send(moves)
+                answer = here.receive()
+            except Exception as error:
+                answer = failed = _sendable(error)
         try:
-            here.send(moves)
-            pipe.send(here.receive())
-        except Exception as error:
-            pipe.send(error)
+            pipe.send(answer)
+        except OSError:
+            return
+
+
+def _sendable(error: Exception) -> Exception:
+    """Return the error, or where a pipe would not carry it over what it says."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return EpisodeError(f"environments: {type(error).__name__}: {error}")
+    return error
