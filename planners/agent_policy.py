@@ -9,6 +9,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.type_aliases import PyTorchObs, Schedule
 from torch import Tensor
 
+from ehar.errors import ModelError
 from planners.agent_network import AgentNetwork
 from planners.vector_env import HINDSIGHT
 
@@ -23,6 +24,9 @@ class AgentPolicy(ActorCriticPolicy):
         network: what is trained, in place.
         generator: of the moves that are drawn.
         **others: what every policy of stable-baselines3 is handed.
+
+    Raises:
+        ModelError: moves are to be drawn, and their probabilities are not finite.
     """
 
     def __init__(
@@ -74,6 +78,8 @@ class AgentPolicy(ActorCriticPolicy):
         return state, torch.log_softmax(self.network.logits(state), dim=1)
 
     def _drawn(self, log_probs: Tensor, deterministic: bool) -> Tensor:
+        if not bool(log_probs.isfinite().all()):
+            raise ModelError("policy: expected finite probabilities of the moves, got others")
         if deterministic:
             return log_probs.argmax(dim=1)
         return torch.multinomial(log_probs.exp(), 1, generator=self.generator)[:, 0]

@@ -75,14 +75,17 @@ def train_ppo(
         setting: how.
         seed: of episodes, moves and minibatches.
         fine_tune: whether the policy has been cloned before: its critic, which has not, then learns first.
-        keep: handed the progress after every rollout.
+        keep: handed the progress after every rollout; its tensors change with the next one.
         workers: processes that environments run in; 0 runs them here.
         device: a torch device.
         tensorboard: a folder for TensorBoard's logs, where it is installed.
 
     Raises:
-        ModelError: a loss or a weight is not finite; what was kept before stays.
+        ModelError: a loss or a weight is not finite, and what was kept before stays; or TensorBoard is not installed.
     """
+    if progress.rollouts >= rollouts_of(setting, moves):
+        return
+    logger = _logger(tensorboard)
     env = AgentVecEnv(
         make_env,
         num_envs=setting.num_envs,
@@ -91,6 +94,37 @@ def train_ppo(
         hold=setting.hold,
         workers=workers,
     )
+    try:
+        with _global_numpy_state():
+            _learn(
+                progress,
+                env,
+                moves=moves,
+                setting=setting,
+                seed=seed,
+                critic_rollouts=setting.critic_rollouts if fine_tune else 0,
+                keep=keep,
+                device=device,
+                logger=logger,
+            )
+    finally:
+        progress.network.requires_grad_(True)
+        env.close()
+
+
+def _learn(
+    progress: PPOProgress,
+    env: AgentVecEnv,
+    *,
+    moves: int,
+    setting: PPOSetting,
+    seed: int,
+    critic_rollouts: int,
+    keep: Callable[[PPOProgress], None],
+    device: str,
+    logger: Logger,
+) -> None:
+    """Let stable-baselines3 go on from the progress."""
     steps = math.ceil(moves / setting.hold)  # each holds its move for several frames
     per_rollout = steps * setting.num_envs
     total = rollouts_of(setting, moves) * per_rollout
@@ -107,21 +141,16 @@ def train_ppo(
         gae_lambda=setting.gae_lambda,
         clip_range=setting.clip,
         ent_coef=setting.entropy,
+        stats_window_size=setting.num_envs,  # the return of this rollout, not of those before
         policy_kwargs={"network": progress.network, "generator": generator},
         device=device,
     )
     if progress.optimiser is not None:
         model.policy.optimizer.load_state_dict(progress.optimiser)
     model.num_timesteps = progress.rollouts * per_rollout
-    model.set_logger(_logger(tensorboard))
-    callback = _Rollouts(
-        progress, keep, seed, setting.critic_rollouts if fine_tune else 0, frames=moves * setting.num_envs
-    )
-    try:
-        with _global_numpy_state():
-            model.learn(total - model.num_timesteps, callback=callback, reset_num_timesteps=False)
-    finally:
-        env.close()
+    model.set_logger(logger)
+    callback = _Rollouts(progress, keep, seed, critic_rollouts, frames=moves * setting.num_envs)
+    model.learn(total - model.num_timesteps, callback=callback, reset_num_timesteps=False)
 
 
 def rollouts_of(setting: PPOSetting, moves: int) -> int:
