@@ -5,12 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
-from ehar.errors import DataError
+from ehar.errors import DataError, UsageError
 from ehar.motion_data import UNKNOWN_SUBJECT, MotionData
 
 VALIDATION_SHARE = 0.15  # Sec. 5.1: train : validation = 0.85 : 0.15
 RECOGNISER_SHARE = 0.4  # Sec. 5.1: recogniser training : policy training = 0.4 : 0.6
 TEST_SHARE = 1 / 3  # where the data names no split, as AIST++ (7 of 21)
+TEST = "test"
+PARTS = ("recogniser", "policy", "validation", TEST)
 SPLIT_SEED = 0  # the parts are properties of the data, not of a run
 
 
@@ -98,6 +100,18 @@ def split_parts(data: MotionData) -> Parts:
         test=np.flatnonzero(is_test),
         **{name: np.sort(np.concatenate(members)) for name, members in parts.items()},
     )
+
+
+def part_of(data: MotionData, part: str) -> IntArray:
+    """Return the sequences of one of the `PARTS`.
+
+    Raises:
+        UsageError: it is none of these.
+    """
+    if part not in PARTS:
+        raise UsageError(f"unknown part {part!r}; expected one of: {', '.join(PARTS)}")
+    sequences: IntArray = getattr(split_parts(data), part)
+    return sequences
 
 
 def _hold_out(data: MotionData, rng: np.random.Generator) -> BoolArray:

@@ -18,6 +18,7 @@ SAME = (  # of both runs' config.json; without the gain model, which not every r
     "views",
     "form",
     "readout",
+    "part",
     "starts",
     "seed",
     "length",
@@ -34,7 +35,7 @@ def read_ideal_run(directory: Path, config: RunConfig) -> dict[str, EpisodeRecor
 
     Raises:
         UsageError: the flight's track is `ideal`, the folder holds no run, one on another track or under other
-            conditions, or one without no-act.
+            conditions or with other weights of a learned planner, or one without no-act.
         DataError: its episodes cannot be read.
     """
     if config.track == IDEAL:
@@ -50,10 +51,25 @@ def read_ideal_run(directory: Path, config: RunConfig) -> dict[str, EpisodeRecor
     if config.gain_model_sha256 is not None and held.get("gain_model_sha256") is not None:
         wanted["gain_model_sha256"] = config.gain_model_sha256
     _check_same(directory, held, wanted)
+    _check_weights(directory, held, config)
     records = read_episodes(directory / EPISODES)
     if NO_ACT not in records:
         raise UsageError(f"{directory}: expected a run with {NO_ACT} among its planners, got {', '.join(records)}")
     return records
+
+
+def _check_weights(directory: Path, held: Mapping[str, object], config: RunConfig) -> None:
+    """Raise a UsageError that names the first planner of both runs whose trained weights differ."""
+    listed = held.get("planners")
+    planners = [planner for planner in listed if isinstance(planner, dict)] if isinstance(listed, list) else []
+    weights = {str(planner.get("name")): planner.get("weights_sha256") for planner in planners}
+    for planner in config.planners:
+        on_ideal = weights.get(planner.name, planner.weights_sha256)
+        if on_ideal != planner.weights_sha256:
+            raise UsageError(
+                f"{directory}: expected the planners of the flight; the weights of {planner.name} differ: "
+                f"expected sha256 {planner.weights_sha256}, got {on_ideal}"
+            )
 
 
 def _check_same(directory: Path, held: Mapping[str, object], wanted: Mapping[str, object]) -> None:

@@ -6,16 +6,21 @@ Records do not hold them, so the planner runs its episodes once more; it has to 
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.errors import DataError, UsageError
 from ehar.planner import Context, Observation, Planner
-from ehar.scenario import split_parts
+from ehar.scenario import part_of
 from eval.finished_run import FinishedRun, RunConditions, same_episodes
+from eval.planner_choice import ModelPlace
 from eval.progress import Reporter
+from planners.registry import LEARNED, is_learned
+
+if TYPE_CHECKING:
+    from eval.run import Setting
 
 EVERY = 5  # frames, of which one is kept: consecutive states differ little
 MOST = 3000  # points that are drawn
@@ -112,9 +117,22 @@ def load_agent(conditions: RunConditions, name: str) -> Planner:
     """Return the learned planner that a run has under a record name such as `il-ppo/0`.
 
     Raises:
-        UsageError: it cannot be made.
+        UsageError: the name is not that of a learned planner.
+        DataError: the data cannot be read.
+        ModelError: there is no such agent or no recogniser, or the agent belongs to another data set or recogniser.
     """
-    raise UsageError(f"planner {name!r}: expected a learned planner of the run on {conditions.data}, none can be made")
+    if not is_learned(name):
+        raise UsageError(f"planner {name!r}: expected a learned one, such as {LEARNED[-1]}/0, whose states can be kept")
+    setting = _setting(conditions)
+    place = ModelPlace(
+        models=None if conditions.models is None else Path(conditions.models),
+        data=setting.data,
+        sensor=conditions.sensor,
+        views=conditions.views,
+        form=conditions.form,
+        recogniser_sha256=setting.recogniser_sha256,
+    )
+    return place.load_agent(name)
 
 
 def agent_states(
@@ -136,28 +154,20 @@ def agent_states(
     """
     from eval.episodes import cut_scenarios, random_starts  # these bring what `ehar --help` does not wait for
     from eval.jobs import World, run_planners
-    from eval.run import load_setting
 
     conditions = run.conditions
     if name not in run.records:
         raise UsageError(f"{run.directory}: no planner {name!r}; expected one of: {', '.join(run.records)}")
     if run.flown:
         raise DataError(f"{run.directory}: states: expected a run on the ideal track, got {conditions.track}")
-    setting = load_setting(
-        data=conditions.source,
-        models=None if conditions.models is None else Path(conditions.models),
-        sensor=conditions.sensor,
-        views=conditions.views,
-        form="ctrgcn" if conditions.form == "ctrgcn" else "causal",
-        fps=conditions.fps,
-    )
+    setting = _setting(conditions)
     for what, held, wanted in (
         ("data", setting.data.sha256, conditions.data_sha256),
         ("recogniser", setting.recogniser_sha256, conditions.recogniser_sha256),
     ):
         if held != wanted:
             raise DataError(f"{run.directory}: expected the {what} of the run, sha256 {wanted}, got {held}")
-    scenarios = cut_scenarios(setting.data, split_parts(setting.data).test, conditions.length, reporter.note)
+    scenarios = cut_scenarios(setting.data, part_of(setting.data, conditions.part), conditions.length, reporter.note)
     episodes = random_starts(scenarios, conditions.starts, conditions.seed)
     keeper = StateKeeper(planner, name=name, every=every)
     # In this process, as the states stay in it.
@@ -180,6 +190,20 @@ def agent_states(
         label=np.repeat(recorded.label, frames),
         sequence=np.repeat(np.array(recorded.sequence), frames),
         frame=np.tile(every * np.arange(frames), count),
+    )
+
+
+def _setting(conditions: RunConditions) -> "Setting":
+    """Load what a run took place in, as far as it is still there."""
+    from eval.run import load_setting  # here, as it brings what `ehar --help` does not wait for
+
+    return load_setting(
+        data=conditions.source,
+        models=None if conditions.models is None else Path(conditions.models),
+        sensor=conditions.sensor,
+        views=conditions.views,
+        form="ctrgcn" if conditions.form == "ctrgcn" else "causal",
+        fps=conditions.fps,
     )
 
 

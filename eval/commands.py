@@ -41,7 +41,8 @@ class Benchmark:
         track: how cameras move: ideal is the paper's grid; px4-auto, px4-max, tracking-drone, or a vehicle file.
         ideal: folder of a finished run on the ideal track, to say how much of its accuracy flights keep.
         readout: whose probabilities are scored, the recogniser's or those of the belief; planners act the same.
-        starts: start viewpoints for each test scenario.
+        part: whose scenarios: test; validation to develop on; policy and recogniser, on which something was trained.
+        starts: start viewpoints for each scenario.
         seed: of start viewpoints, noise and random planners.
         length: frames in an episode.
         fps: frame rate to resample to.
@@ -58,6 +59,7 @@ class Benchmark:
     track: str = "ideal"
     ideal: Path | None = None
     readout: str = "recogniser"
+    part: str = "test"
     starts: int = 1
     seed: int = 0
     length: int = 60
@@ -79,6 +81,7 @@ class Benchmark:
             track=self.track,
             ideal=self.ideal,
             readout=self.readout,
+            part=self.part,
             starts=self.starts,
             seed=self.seed,
             length=self.length,

@@ -29,6 +29,7 @@ class RunConditions:
     form: str
     track: str
     readout: str
+    part: str
     starts: int
     seed: int
     length: int

@@ -45,6 +45,7 @@ class RunConfig:
     track: str  # "ideal" or the vehicle's name
     vehicle: Vehicle | None  # its limits
     readout: str  # what was scored: "recogniser" or "belief"
+    part: str  # whose scenarios ran: "test", or another of ehar.scenario.PARTS
     gain_model_sha256: str | None  # None where neither a planner nor the readout needed one
     starts: int
     seed: int
@@ -63,6 +64,7 @@ class RunConfig:
             track=self.track,
             form=self.form,
             readout=self.readout,
+            part=self.part,
         )
 
 

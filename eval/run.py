@@ -8,7 +8,7 @@ from ehar.errors import UsageError
 from ehar.motion_data import MotionData
 from ehar.planner import Planner
 from ehar.recogniser import Recogniser
-from ehar.scenario import split_parts
+from ehar.scenario import part_of
 from ehar.sensor import Sensor
 from eval.accuracy_kept import read_ideal_run
 from eval.episodes import cut_scenarios, random_starts
@@ -35,6 +35,7 @@ def benchmark(
     track: str = IDEAL,
     ideal: Path | None = None,
     readout: str = "recogniser",
+    part: str = "test",
     starts: int = 1,
     seed: int = 0,
     length: int = 60,
@@ -58,7 +59,9 @@ def benchmark(
             flights kept.
         readout: whose probabilities are scored, the `recogniser`'s or those of the `belief`, which were fitted on
             the policy part of the training data; planners act the same with either.
-        starts: start viewpoints for each test scenario.
+        part: whose scenarios: `test`; or to develop on `validation`, or `policy` or `recogniser`, on which something
+            was trained.
+        starts: start viewpoints for each scenario.
         seed: of start viewpoints, the sensor's noise and the planners' own draws.
         length: L, frames in an episode.
         fps: frame rate to resample to [1/s]; None keeps the data's.
@@ -75,7 +78,7 @@ def benchmark(
     check_planners(planners)
     vehicle = load_track(track)
     setting = load_setting(data=data, models=models, sensor=sensor, views=views, form=form, fps=fps)
-    scenarios = cut_scenarios(setting.data, split_parts(setting.data).test, length, reporter.note)
+    scenarios = cut_scenarios(setting.data, part_of(setting.data, part), length, reporter.note)
     place = ModelPlace(
         models=None if models is None else Path(models),
         data=setting.data,
@@ -97,6 +100,7 @@ def benchmark(
         track=track_name(vehicle),
         vehicle=vehicle,
         readout=readout,
+        part=part,
         gain_model_sha256=None if model is None else model.sha256,
         starts=starts,
         seed=seed,

@@ -8,6 +8,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import DataError
+from ehar.scenario import TEST
 from eval.differences import Difference, differences
 from eval.flight_records import FlightSummary, flight_numbers, join_flights, summarise_flights
 from eval.metrics import ACC_AT, acc_at, ece, gap_closed, mean_acc, nll, path_length
@@ -95,6 +96,7 @@ class Summary:
     sequences: int
     length: int
     form: str
+    part: str
 
     def to_json(self) -> dict[str, Any]:
         """Return what summary.json holds."""
@@ -120,6 +122,7 @@ class Conditions:
     track: str
     form: str
     readout: str
+    part: str = TEST
 
 
 def summarise(
@@ -201,6 +204,7 @@ def summarise(
         sequences=len(sequences),
         length=reference.predicted.shape[1],
         form=conditions.form,
+        part=conditions.part,
     )
 
 

@@ -8,6 +8,7 @@ from rich.console import Console, ConsoleOptions, RenderResult
 from rich.table import Table as RichTable
 from rich.text import Text
 
+from ehar.scenario import TEST
 from eval.metrics import ACC_AT
 from eval.paper import ROWS, PaperRow, paper_gap_closed
 from eval.statistics import Interval
@@ -40,6 +41,7 @@ def benchmark_table(summary: Summary) -> Table:
             f"{summary.data}: sensor {summary.sensor}, views {summary.views}, track {summary.track}, "
             f"{'' if summary.form == 'causal' else f'recogniser {summary.form}, '}"
             f"{'' if summary.readout == 'recogniser' else f'readout {summary.readout}, '}"
+            f"{'' if summary.part == TEST else f'{summary.part} part, '}"
             f"{summary.episodes} episodes of {summary.length} frames from {summary.sequences} sequences"
         ),
         header=(*header, *(_KEPT * compared), "NLL", "ECE", "path [m]", *(_FLIGHT * flown), "ms/step"),

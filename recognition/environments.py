@@ -4,15 +4,12 @@ from pathlib import Path
 
 from ehar.datasets.source import load_data
 from ehar.env import FlightEnv, FlightVectorEnv, GridEnv, GridVectorEnv
-from ehar.errors import UsageError
 from ehar.estimator import make_sensor
 from ehar.recogniser import Recogniser
-from ehar.scenario import Scenarios, split_parts, windows
+from ehar.scenario import Scenarios, part_of, windows
 from ehar.sensor import Sensor
 from ehar.vehicle import load_vehicle
 from recognition.storage import load_recogniser
-
-PARTS = ("recogniser", "policy", "validation", "test")
 
 
 def grid_env(
@@ -113,10 +110,8 @@ def flight_vector_env(
 def _load(
     data: str | Path, fps: float | None, sensor: str, views: str, models: str | Path | None, part: str, length: int
 ) -> tuple[Scenarios, Recogniser, Sensor]:
-    if part not in PARTS:
-        raise UsageError(f"unknown part {part!r}; expected one of: {', '.join(PARTS)}")
     motion = load_data(data, fps=fps)
-    scenarios = windows(motion, getattr(split_parts(motion), part), length, 1)
+    scenarios = windows(motion, part_of(motion, part), length, 1)
     directory = None if models is None else Path(models)
     recogniser = load_recogniser(directory, motion, sensor=sensor, views=views)
     return scenarios, recogniser, make_sensor(sensor, motion.skeleton)

@@ -6,16 +6,29 @@ from typing import Any
 
 import numpy as np
 import pytest
+from agents import untrained_agent
 from rich.console import Console
 
 from ehar.errors import DataError, UsageError
 from ehar.rollout import Record
 from eval.flight_records import FlightRecords
 from eval.records import DIGITS, EpisodeRecords, episode_lines, join_records, read_episodes, record_episodes
-from eval.results import CONFIG, EPISODES, SUMMARY, RunConfig, check_out, write_run, write_text
+from eval.results import (
+    CONFIG,
+    EPISODES,
+    SUMMARY,
+    PlannerConfig,
+    RunConfig,
+    check_out,
+    planner_config,
+    write_run,
+    write_text,
+)
 from eval.solves import Solves
 from eval.summary import Conditions, Summary, summarise
 from eval.tables import benchmark_table, markdown_summary, paper_table, render_summary
+from planners.heuristic import NoAct
+from planners.oracle import Oracle
 
 CONDITIONS = Conditions(
     data="tiny (synthetic)", sensor="perfect", views="moving", track="ideal", form="causal", readout="recogniser"
@@ -32,6 +45,7 @@ CONFIG_OF_RUN = RunConfig(
     track="ideal",
     vehicle=None,
     readout="recogniser",
+    part="test",
     gain_model_sha256=None,
     starts=1,
     seed=0,
@@ -324,6 +338,13 @@ def test_no_cell_is_cut_off_in_a_terminal_of_any_width(width: int) -> None:
     console = Console(width=width, record=True, file=io.StringIO())
     console.print(render_summary(summary_of(records, on_ideal=three_planners())))
     assert "…" not in console.export_text()
+
+
+def test_config_says_which_weights_a_planner_had() -> None:
+    assert planner_config(NoAct()) == PlannerConfig("no-act", False, "planners.heuristic.NoAct", None)
+    assert planner_config(Oracle()) == PlannerConfig("oracle", True, "planners.oracle.Oracle", None)
+    learned = planner_config(untrained_agent("il-ppo/0"))
+    assert learned == PlannerConfig("il-ppo/0", False, "planners.agent.Agent", "of il-ppo/0")
 
 
 def test_a_folder_that_holds_another_run_is_refused(tmp_path: Path) -> None:
