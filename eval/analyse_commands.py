@@ -1,4 +1,4 @@
-"""The command that analyses a finished run as the paper does: `ehar analyse`."""
+"""The commands that read finished runs: `ehar analyse` and `ehar overview`."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 
 from eval.commands import output_console
-from eval.tables import Rendered
+from eval.tables import Rendered, markdown
 
 
 @dataclass(frozen=True)
@@ -34,3 +34,29 @@ class AnalyseCommand:
         analysis = analyse(self.run, planners=self.planners, states=self.states, out=self.out)
         output_console().print(Rendered(*analysis_tables(analysis)))
         print(f"written to {self.out or self.run / FOLDER}")
+
+
+@dataclass(frozen=True)
+class OverviewCommand:
+    """Show several finished runs side by side: one column a run, one row a planner.
+
+    Args:
+        runs: folders of runs of ehar benchmark.
+        planner: whose paired differences from the others are shown too.
+        out: a Markdown file to write as well.
+    """
+
+    runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    planner: str | None = None
+    out: Path | None = None
+
+    def __call__(self) -> None:
+        """Read the summaries and print the tables."""
+        from eval.overview import difference_table, gap_table, read_overview
+        from eval.results import write_text
+
+        read = read_overview(self.runs)
+        tables = [gap_table(read), *([] if self.planner is None else [difference_table(read, self.planner)])]
+        output_console().print(Rendered(*tables))
+        if self.out is not None:
+            write_text(self.out, ["\n".join(markdown(table) for table in tables)])

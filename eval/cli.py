@@ -1,4 +1,4 @@
-"""The command line of `ehar`: `benchmark`, `headroom`, `explain`, `ablation`, `belief`, `analyse`, `data`, `train`."""
+"""The command line, `ehar`: one subcommand for each thing to do."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -9,7 +9,7 @@ import tyro
 from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, arg, subcommand
 
 from ehar.errors import EharError
-from eval.analyse_commands import AnalyseCommand
+from eval.analyse_commands import AnalyseCommand, OverviewCommand
 from eval.commands import Bench, Benchmark, HeadroomCommand, TrainAgent, TrainAll, TrainGainField, TrainRecogniser
 from eval.data_commands import Describe, PrepareAistpp, PrepareBvh, PrepareExpi
 from eval.nbv_commands import AblationCommand, BeliefCommand, Explain
@@ -70,6 +70,7 @@ Command = (
     | Annotated[AblationCommand, subcommand("ablation")]
     | Annotated[BeliefCommand, subcommand("belief")]
     | Annotated[AnalyseCommand, subcommand("analyse")]
+    | Annotated[OverviewCommand, subcommand("overview")]
     | Annotated[DataCommand, subcommand("data")]
     | Annotated[TrainCommand, subcommand("train")]
     | Annotated[Bench, subcommand("bench")]
