@@ -2,6 +2,7 @@
 
 import importlib.util
 import inspect
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,7 +38,7 @@ def needs_gain_model(spec: str) -> bool:
 def is_learned(spec: str) -> bool:
     """Return whether a planner is a trained agent: one of `LEARNED` or `ABLATED`, or a single training of it, il/0."""
     name, slash, seed = spec.partition("/")
-    return name in (*LEARNED, *ABLATED) and (not slash or seed.isdecimal())
+    return name in (*LEARNED, *ABLATED) and (not slash or re.fullmatch("0|[1-9][0-9]*", seed) is not None)
 
 
 def check_spec(spec: str) -> None:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from agents import untrained_agent
 from fakes import CLASS_NAMES, FakeRecogniser, tiny_batch, tiny_context
 from gain_models import model_of, peak_weights
 
@@ -20,14 +21,16 @@ from planners.registry import make_planner, planner_names
 PAPER = Workspace()
 PRIVILEGED = ("oracle", "oracle-lookahead")
 FAR_SIGHTED = ("nbv-search", "nbv")  # head for more than a neighbouring cell
-SINGLE_MOVES = tuple(name for name in planner_names() if name not in FAR_SIGHTED)
+NAMES = (*planner_names(), "il-ppo-no-recognition", "il-ppo-no-vision", "il-ppo-no-position")
+SINGLE_MOVES = tuple(name for name in NAMES if name not in FAR_SIGHTED)
 
 
 class Spy:
     """Passes everything on to a planner, and keeps what it was shown and what it answered."""
 
     def __init__(self, name: str) -> None:
-        self.planner = make_planner(name, lambda: model_of(peak_weights(np.array([8.0, 1.0, 1.2]))))
+        model = model_of(peak_weights(np.array([8.0, 1.0, 1.2])))
+        self.planner = make_planner(name, lambda: model, untrained_agent)
         self.name = self.planner.name
         self.privileged = self.planner.privileged
         self.observations: list[Observation] = []
@@ -79,7 +82,7 @@ def test_targets_are_finite_and_inside_the_workspace(name: str) -> None:
         assert PAPER.contains(target, tolerance=1e-6).all()
 
 
-@pytest.mark.parametrize("name", planner_names())
+@pytest.mark.parametrize("name", NAMES)
 def test_every_planner_flies_and_keeps_the_vehicle_s_limits(name: str) -> None:
     vehicle = VEHICLES["px4-max"]
     motion, context = FlightMotion(vehicle=vehicle), tiny_context(episodes=7, length=12)
@@ -99,7 +102,7 @@ def test_the_camera_gets_where_the_planner_wants_it(name: str) -> None:
         np.testing.assert_array_equal(to_cells(viewpoints[:, frame + 1]), to_cells(target))
 
 
-@pytest.mark.parametrize("name", planner_names())
+@pytest.mark.parametrize("name", NAMES)
 def test_the_truth_is_for_privileged_planners_only(name: str) -> None:
     spy = Spy(name)
     assert spy.privileged == (name in PRIVILEGED)
@@ -108,7 +111,7 @@ def test_the_truth_is_for_privileged_planners_only(name: str) -> None:
         assert (observation.truth is not None) == spy.privileged
 
 
-@pytest.mark.parametrize("name", planner_names())
+@pytest.mark.parametrize("name", NAMES)
 def test_observations_are_what_the_contract_says(name: str) -> None:
     spy = Spy(name)
     run(spy)
@@ -121,7 +124,7 @@ def test_observations_are_what_the_contract_says(name: str) -> None:
         assert observation.embedding.shape == (7, FakeRecogniser.embedding_size)
 
 
-@pytest.mark.parametrize("name", planner_names())
+@pytest.mark.parametrize("name", NAMES)
 def test_the_same_episodes_and_generator_give_the_same_and_a_planner_can_be_used_again(name: str) -> None:
     spy = Spy(name)
     once, again = run(spy), run(spy)
@@ -129,7 +132,7 @@ def test_the_same_episodes_and_generator_give_the_same_and_a_planner_can_be_used
     np.testing.assert_array_equal(once.log_probs, again.log_probs)
 
 
-@pytest.mark.parametrize("name", planner_names())
+@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("length", [1, 2, 3])
 def test_short_episodes(name: str, length: int) -> None:
     assert run(Spy(name), length=length).viewpoints.shape == (7, length, 3)

@@ -6,12 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from agents import untrained_agent
 from gain_models import model_of, peak_weights
 
 from ehar.errors import UsageError
+from eval.seed_accuracy import TABLE_3
+from eval.training_seeds import record_name, split_record_name
+from planners.agent import Agent
 from planners.gain_model import GainModel
 from planners.oracle import OracleLookahead
-from planners.registry import make_planner, needs_gain_model, planner_names
+from planners.registry import ABLATED, LEARNED, is_learned, make_planner, needs_gain_model, planner_names
 
 OWN = """
 from ehar.planner import Planner
@@ -52,6 +56,9 @@ NAMES = (
     "nbv-greedy",
     "nbv-search",
     "nbv",
+    "il",
+    "ppo",
+    "il-ppo",
     "oracle",
     "oracle-lookahead",
 )
@@ -63,7 +70,7 @@ def gain_model() -> GainModel:
 
 def test_names_come_in_the_order_of_display_and_make_their_planners() -> None:
     assert planner_names() == NAMES
-    assert [make_planner(name, gain_model).name for name in NAMES] == list(NAMES)
+    assert [make_planner(name, gain_model, untrained_agent).name for name in NAMES] == list(NAMES)
     assert make_planner("oracle") is not make_planner("oracle")
 
 
@@ -76,7 +83,7 @@ def test_a_model_is_loaded_for_planners_that_value_views_only() -> None:
 
     for name in NAMES:
         before = len(loaded)
-        make_planner(name, load)
+        make_planner(name, load, untrained_agent)
         assert len(loaded) - before == needs_gain_model(name) == name.startswith("nbv")
 
 
@@ -84,6 +91,52 @@ def test_a_model_is_loaded_for_planners_that_value_views_only() -> None:
 def test_a_planner_that_values_views_does_not_run_without_a_model(name: str) -> None:
     with pytest.raises(UsageError, match=f"planner '{name}': expected a gain model"):
         make_planner(name)
+
+
+def test_an_agent_is_loaded_for_learned_planners_only_and_by_the_name_they_were_asked_for() -> None:
+    loaded: list[str] = []
+
+    def load(spec: str) -> Agent:
+        loaded.append(spec)
+        return untrained_agent(spec)
+
+    for spec in (*NAMES, "il-ppo/2", "ppo-no-vision", "il-no-position/0"):
+        make_planner(spec, gain_model, load)
+    assert loaded == ["il", "ppo", "il-ppo", "il-ppo/2", "ppo-no-vision", "il-no-position/0"]
+
+
+@pytest.mark.parametrize("spec", ["il", "il-ppo/0", "il-ppo-no-vision"])
+def test_a_learned_planner_does_not_run_untrained(spec: str) -> None:
+    with pytest.raises(UsageError, match=f"planner '{spec}': expected a trained agent, got none"):
+        make_planner(spec, gain_model)
+
+
+def test_what_is_learned_and_what_only_looks_so() -> None:
+    assert all(map(is_learned, (*LEARNED, *ABLATED, "il/0", "il-ppo/12", "ppo-no-vision/3")))
+    assert set(TABLE_3) <= {*LEARNED, *ABLATED}
+    for spec in (
+        "il/",
+        "il/x",
+        "il/-1",
+        "il/00",
+        "il/1/2",
+        "il/\u0663",
+        "/0",
+        "nbv/0",
+        "il-no-sound",
+        "il-no-vision-no-x",
+    ):
+        assert not is_learned(spec)
+        with pytest.raises(UsageError, match="unknown planner") as error:
+            make_planner(spec, gain_model, untrained_agent)
+        assert repr(spec) in str(error.value)
+
+
+@pytest.mark.parametrize("seed", [0, 9, 10, 123])
+def test_record_names_are_learned_planners(seed: int) -> None:
+    for name in (*LEARNED, *ABLATED):
+        assert is_learned(record_name(name, seed))
+        assert split_record_name(record_name(name, seed)) == (name, seed)
 
 
 def test_names_are_listed_without_torch_and_casadi() -> None:
