@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from ehar.errors import ModelError
 from ehar.viewpoint import MOVES
 from planners.agent_inputs import ENCODED, RECOGNITION, InputSizes
 
@@ -21,11 +22,21 @@ class AgentSpec:
         sizes: of its inputs.
         without: encoders that are left out (Table 3).
         hindsight: numbers that the critic is shown in training beside the state; none plays a part in acting.
+
+    Raises:
+        ModelError: a size is not positive, hindsight is negative, or an encoder is unknown or none is left.
     """
 
     sizes: InputSizes
     without: tuple[str, ...] = ()
     hindsight: int = 0
+
+    def __post_init__(self) -> None:
+        """Check it."""
+        if min(vars(self.sizes).values()) < 1 or self.hindsight < 0:
+            raise ModelError(f"agent: expected sizes of at least 1, got {self.sizes}, hindsight {self.hindsight}")
+        if not set(self.without) <= set(ENCODED) or not self.encoded:
+            raise ModelError(f"agent: without: expected some of {', '.join(ENCODED)} but not all, got {self.without}")
 
     @property
     def encoded(self) -> tuple[str, ...]:

@@ -5,15 +5,16 @@ import json
 import re
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import torch
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save
 
 from ehar.errors import ModelError
 from ehar.motion_data import MotionData
 from planners.agent import Agent
-from planners.agent_inputs import ENCODED, InputSizes
+from planners.agent_inputs import InputSizes
 from planners.agent_network import AgentNetwork, AgentSpec
 from planners.gain_model import SHIPPED
 from recognition.storage import write_whole
@@ -32,8 +33,9 @@ def agent_path(directory: Path, name: str, *, sensor: str, views: str, seed: int
 def agent_seeds(directory: Path | None, data: MotionData, name: str, *, sensor: str, views: str) -> tuple[int, ...]:
     """Return the training seeds of which there is an agent of that name, in order."""
     folder = directory or SHIPPED / data.name
-    form = re.compile(re.escape(agent_path(folder, name, sensor=sensor, views=views, seed=0).stem[:-1]) + r"(\d+)")
-    found = (form.fullmatch(path.stem) for path in folder.glob(f"agent-{name}-*.safetensors"))
+    first = agent_path(folder, name, sensor=sensor, views=views, seed=0).stem
+    form = re.compile(re.escape(first.removesuffix("0")) + r"(0|[1-9][0-9]*)")
+    found = (form.fullmatch(path.stem) for path in folder.glob("agent-*.safetensors"))
     return tuple(sorted(int(match[1]) for match in found if match))
 
 
@@ -47,7 +49,7 @@ def save_agent(
         network: trained.
         data: that it was trained on.
         recogniser_sha256: of the recogniser that it was trained with.
-        history: how it was trained; kept for people, not read back.
+        history: how it was trained; not read back with the agent.
     """
     description = {
         "spec": asdict(network.spec),
@@ -77,7 +79,7 @@ def load_agent(
         seed: of its training.
 
     Raises:
-        ModelError: the files are missing or malformed, or belong to other data, skeletons or recognisers.
+        ModelError: the files are missing or malformed, or belong to another data set or recogniser.
     """
     path = agent_path(directory or SHIPPED / data.name, name, sensor=sensor, views=views, seed=seed)
     for file in (path, path.with_suffix(".json")):
@@ -86,50 +88,82 @@ def load_agent(
                 f"{file}: no such file: expected an agent, as made by `ehar train agent --data {data.name} "
                 f"--models {directory or 'DIR'} --sensor {sensor} --views {views}`"
             )
-    network = _network(path, data, recogniser_sha256)
+    held = _read_description(path.with_suffix(".json"))
+    _check_fit(path, held, data, recogniser_sha256)
+    network = _load_network(path, held.spec)
     content = path.read_bytes() + path.with_suffix(".json").read_bytes()
     return Agent(name=name, network=network, sha256=hashlib.sha256(content).hexdigest())
 
 
-def _network(path: Path, data: MotionData, recogniser_sha256: str) -> AgentNetwork:
-    """Return the network of a file that fits the data and the recogniser."""
-    description_path = path.with_suffix(".json")
+class _Description(NamedTuple):
+    """What lies beside the weights: what the network was built and trained for."""
+
+    spec: AgentSpec
+    skeleton: tuple[str, ...]
+    classes: tuple[str, ...]
+    data_sha256: str
+    recogniser_sha256: str
+
+
+def _read_description(path: Path) -> _Description:
+    """Read the JSON beside the weights."""
     try:
-        description = json.loads(description_path.read_text())
-        spec = description["spec"]
-        sizes = InputSizes(**{size: int(value) for size, value in spec["sizes"].items()})
-        without = tuple(str(left) for left in spec["without"])
-        if not set(without) <= set(ENCODED):
-            raise ValueError(f"without: expected some of {', '.join(ENCODED)}, got {without}")
-        agent_spec = AgentSpec(sizes, without, int(spec["hindsight"]))
-        fits = (
-            ("data", str(description["data_sha256"]), data.sha256),
-            ("recogniser", str(description["recogniser_sha256"]), recogniser_sha256),
+        held = json.loads(path.read_text())
+        spec = held["spec"]
+        return _Description(
+            spec=AgentSpec(
+                sizes=InputSizes(**{name: int(size) for name, size in spec["sizes"].items()}),
+                without=tuple(spec["without"]),
+                hindsight=int(spec["hindsight"]),
+            ),
+            skeleton=tuple(held["skeleton"]),
+            classes=tuple(held["classes"]),
+            data_sha256=str(held["data_sha256"]),
+            recogniser_sha256=str(held["recogniser_sha256"]),
         )
-        skeleton, classes = tuple(description["skeleton"]), tuple(description["classes"])
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, OSError) as error:
-        raise ModelError(
-            f"{description_path}: expected the JSON that `ehar train agent` writes, got {error!r}"
-        ) from error
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, OSError, ModelError) as error:
+        raise ModelError(f"{path}: expected the JSON that `ehar train agent` writes, got {error!r}") from error
+
+
+def _check_fit(path: Path, held: _Description, data: MotionData, recogniser_sha256: str) -> None:
+    """Raise a ModelError that names what differs; names before hashes, as they say more."""
     for what, trained, given in (
-        ("skeleton", skeleton, data.skeleton.joint_names),
-        ("classes", classes, data.class_names),
+        ("skeleton", held.skeleton, data.skeleton.joint_names),
+        ("set of classes", held.classes, data.class_names),
     ):
         if trained != given:
             raise ModelError(f"{path}: trained for another {what}: {trained}, {data.name} has {given}")
-    for what, hash_trained, hash_given in fits:
-        if hash_trained != hash_given:
+    for what, sha256, given_sha256 in (
+        ("data set", held.data_sha256, data.sha256),
+        ("recogniser", held.recogniser_sha256, recogniser_sha256),
+    ):
+        if sha256 != given_sha256:
             raise ModelError(
-                f"{path}: trained for another {what}: "
-                f"its sha256 was {hash_trained[:12]}..., this one's is {hash_given[:12]}...; "
-                f"train the agent again"
+                f"{path}: trained for another {what}: its sha256 was {sha256[:12]}..., "
+                f"this one's is {given_sha256[:12]}...; train the agent again"
             )
-    network = AgentNetwork(agent_spec)
+
+
+def _load_network(path: Path, spec: AgentSpec) -> AgentNetwork:
+    """Build a network and load its weights."""
     try:
         state = load_file(path)
-        network.load_state_dict(state)
-    except (SafetensorError, OSError, RuntimeError) as error:
-        raise ModelError(f"{path}: expected the weights of an agent, got {str(error).splitlines()[0]}") from error
-    if not all(bool(weight.isfinite().all()) for weight in network.parameters()):
-        raise ModelError(f"{path}: expected finite weights, got others")
+        with torch.device("meta"):  # no memory is taken for sizes that the weights may not have
+            network = AgentNetwork(spec)
+    except (SafetensorError, OSError, RuntimeError, TypeError) as error:
+        raise ModelError(f"{path}: expected the weights of an agent, got {error}".splitlines()[0]) from error
+    wanted = network.state_dict()
+    wrong = sorted(
+        name
+        for name in wanted.keys() | state.keys()
+        if name not in state
+        or name not in wanted
+        or (state[name].shape, state[name].dtype) != (wanted[name].shape, wanted[name].dtype)
+    )
+    if wrong:
+        raise ModelError(f"{path}: {len(wrong)} tensors do not fit the agent that is expected, first {wrong[0]!r}")
+    for name, tensor in state.items():
+        if not tensor.isfinite().all():
+            raise ModelError(f"{path}: tensor {name!r} is not finite everywhere")
+    network.load_state_dict(state, assign=True)
     return network
