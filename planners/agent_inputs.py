@@ -50,7 +50,11 @@ class AgentInputs:
         self._frames = 0
 
     def see(self, shown: Observations) -> Inputs:
-        """Return the inputs after one more frame, each (B, size) in float32, from what `ehar.observations.shown`."""
+        """Return the inputs after one more frame, each (B, size) in float32.
+
+        Args:
+            shown: of that frame, as `ehar.observations.shown` returns it.
+        """
         embedding = shown["embedding"].astype(np.float64)
         self._total = embedding if self._total is None else self._total + embedding
         self._frames += 1
@@ -74,7 +78,7 @@ def _bodies(joints: FloatArray, confidence: FloatArray) -> FloatArray:
     count = np.maximum(seen.sum(axis=2, keepdims=True), 1)
     place = (joints * seen).sum(axis=2, keepdims=True) / count
     within = (joints - place) * seen
-    size = np.sqrt((within**2).sum(axis=(2, 3), keepdims=True) / count[..., :1]) + 1e-3
+    size = np.sqrt((within**2).sum(axis=(2, 3), keepdims=True) / count) + 1e-3
     episodes = len(joints)
     pieces = [within / size, confidence, place, np.log(size), seen.mean(axis=2)]
     return np.concatenate([piece.reshape(episodes, -1) for piece in pieces], axis=1).astype(np.float32)
