@@ -1,4 +1,4 @@
-"""Which planners run: those that are named, or all that can; and the gain model that some of them need."""
+"""Which planners run: those that are named, or all that can; and the trained weights that some of them need."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ehar.errors import ModelError, UsageError
 from ehar.motion_data import MotionData
 from ehar.planner import Planner
-from eval.training_seeds import record_name, split_record_name
+from eval.training_seeds import group_planners, record_name, split_record_name
 from planners.registry import check_spec, is_learned, make_planner, needs_gain_model, planner_names
 
 if TYPE_CHECKING:
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from planners.gain_model import GainModel
 
 READOUTS = ("recogniser", "belief")
+_CAUSAL_AGENTS = "agents are trained for the causal recogniser"
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +59,12 @@ class ModelPlace:
         """Return one training of a learned planner, `il-ppo/0`; of `il-ppo` alone the first, by that name.
 
         Raises:
-            ModelError: there is none, or it belongs to other data or another recogniser.
+            ModelError: there is none, it belongs to another data set or recogniser, or none could be trained.
         """
         from planners.agent_storage import load_agent  # brings torch
 
+        if self.form != "causal":
+            raise ModelError(f"planner {spec!r}: {_CAUSAL_AGENTS}, and this is {self.form}")
         name, seed = split_record_name(spec)
         if seed is None:
             seed = next(iter(self.seeds(name)), 0)
@@ -106,7 +109,7 @@ class ModelPlace:
     def reason_for_no_agent(self, name: str) -> str | None:
         """Return why a learned planner cannot run here, and what to do about it; None where it can."""
         if self.form != "causal":
-            return f"agents are trained for the causal recogniser, and this is {self.form}"
+            return f"{_CAUSAL_AGENTS}, and this is {self.form}"
         if self.seeds(name):
             return None
         return (
@@ -136,46 +139,37 @@ def choose_planners(
 
     Args:
         planners: names and instances, all of which have to run; None is all of ours that can.
-        place: of the gain model.
+        place: of gain models and agents.
         readout: one of `READOUTS`.
         note: told who is left out where `planners` is None.
 
     Raises:
         UsageError: a planner cannot be made, or two share a name.
-        ModelError: a planner that was named, or the readout, needs a gain model and there is none; or there is
-            one that belongs to another recogniser.
+        ModelError: a planner that was named, or the readout, needs what was not trained; or what was trained
+            belongs to another recogniser.
+        DataError: a planner is there both with and without a training seed.
     """
-    specs = list(planner_names() if planners is None else planners)
-    if planners is None:
-        specs = _those_that_can(specs, place, with_gain_model=readout == "belief", note=note)
-    valuing = any(isinstance(spec, str) and needs_gain_model(spec) for spec in specs)
-    model = place.load_gain_model() if valuing or readout == "belief" else None
+    model = place.load_gain_model() if readout == "belief" else None
+    specs = list(_those_that_can(place, note) if planners is None else planners)
+    if model is None and any(isinstance(spec, str) and needs_gain_model(spec) for spec in specs):
+        model = place.load_gain_model()
     return make_planners(specs, model, place), model
 
 
-def _those_that_can(
-    specs: Sequence[str | Planner], place: ModelPlace, *, with_gain_model: bool, note: Callable[[str], None]
-) -> list[str | Planner]:
-    """Return the planners for which something was trained, or nothing has to be; tell of the others.
-
-    Args:
-        specs: of all planners.
-        place: of what was trained.
-        with_gain_model: whether a gain model has to be there anyway.
-        note: told who is left out.
-    """
+def _those_that_can(place: ModelPlace, note: Callable[[str], None]) -> list[str]:
+    """Return the names of our planners for which something was trained, or nothing has to be; tell of the others."""
     missing: dict[str, list[str]] = {}  # what is missing, and who would need it
-    can: list[str | Planner] = []
-    for spec in specs:
+    can: list[str] = []
+    for name in planner_names():
         reason = None
-        if isinstance(spec, str) and needs_gain_model(spec) and not with_gain_model:
+        if needs_gain_model(name):
             reason = place.reason_for_no_gain_model()
-        elif _learned(spec):
-            reason = place.reason_for_no_agent(str(spec))
+        elif is_learned(name):
+            reason = place.reason_for_no_agent(name)
         if reason is None:
-            can.append(spec)
+            can.append(name)
         else:
-            missing.setdefault(reason, []).append(str(spec))
+            missing.setdefault(reason, []).append(name)
     for reason, names in missing.items():
         note(f"left out: {', '.join(names)}: {reason}")
     return can
@@ -188,7 +182,8 @@ def make_planners(
 
     Raises:
         UsageError: one cannot be made, there are none, or two share a name.
-        ModelError: an agent is missing, or belongs to other data or another recogniser.
+        ModelError: an agent is missing, or belongs to another data set or recogniser.
+        DataError: a planner is there both with and without a training seed.
     """
     if place is not None:
         specs = [one for spec in specs for one in (place.expanded(str(spec)) if _learned(spec) else (spec,))]
@@ -199,6 +194,7 @@ def make_planners(
     twice = sorted({name for name in names if names.count(name) > 1})
     if not names or twice:
         raise UsageError(f"planners: expected each once, got {twice[0]!r} twice" if twice else "planners: got none")
+    group_planners(names)  # so that what no summary could be made of does not run
     return chosen
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from agents import save_untrained
 from fakes import FakeRecogniser, tiny_context, tiny_data
 from gain_models import model_of, peak_weights
 
@@ -106,6 +107,7 @@ def test_a_run_leaves_everything_needed_to_read_and_repeat_it(tmp_path: Path) ->
         "name": "no-act",
         "privileged": False,
         "implementation": "planners.heuristic.NoAct",
+        "weights_sha256": None,
     }
 
 
@@ -160,10 +162,26 @@ def names(summary: Summary) -> tuple[str, ...]:
     return tuple(planner.name for planner in summary.planners)
 
 
-def test_without_names_every_planner_runs(models: Path, tmp_path: Path) -> None:
-    log = Log()
-    assert names(run(None, starts=1, models=models, out=tmp_path / "run", reporter=log)) == planner_names()
+def with_agents(models: Path) -> dict[str, str]:
+    """Add agents of the fake recogniser to a models folder, and return their hashes by record name."""
+    hashes = {}
+    for name, seed in (("il", 0), ("ppo", 3), ("il-ppo", 0), ("il-ppo", 1), ("il-ppo-no-vision", 0)):
+        path = save_untrained(models, tiny_data(sequences=40), name, seed=seed)
+        content = path.read_bytes() + path.with_suffix(".json").read_bytes()
+        hashes[f"{name}/{seed}"] = hashlib.sha256(content).hexdigest()
+    return hashes
+
+
+def test_without_names_every_planner_runs_each_training_of_a_learned_one(models: Path, tmp_path: Path) -> None:
+    log, hashes = Log(), with_agents(models)
+    summary = run(None, starts=1, models=models, out=tmp_path / "run", reporter=log)
+    ran = {*log.done}
+    assert ran == {*planner_names()} - {"il", "ppo", "il-ppo"} | {"il/0", "ppo/3", "il-ppo/0", "il-ppo/1"}
+    assert names(summary) == planner_names(), "the trainings of a planner are one row"
     assert log.notes == []
+    for planner in json.loads((tmp_path / "run" / "config.json").read_text())["planners"]:
+        assert planner["weights_sha256"] == hashes.get(planner["name"])
+        assert not planner["privileged"] or planner["name"].startswith("oracle")
     config = json.loads((tmp_path / "run" / "config.json").read_text())
     weights = gain_model_path(models, sensor="perfect", views="moving")
     content = weights.read_bytes() + weights.with_suffix(".json").read_bytes()
@@ -171,21 +189,28 @@ def test_without_names_every_planner_runs(models: Path, tmp_path: Path) -> None:
     assert {"casadi", "filterpy", "ruckig"} <= config["versions"].keys()
 
 
-def test_without_a_gain_field_those_who_need_it_are_left_out_aloud(tmp_path: Path) -> None:
+def test_those_for_whom_nothing_was_trained_are_left_out_aloud(tmp_path: Path) -> None:
     log = Log()
     summary = run(None, starts=1, models=tmp_path / "none", reporter=log)
-    assert names(summary) == tuple(name for name in planner_names() if not name.startswith("nbv"))
-    (note,) = log.notes
-    assert note.startswith("left out: nbv-greedy, nbv-search, nbv, which need a gain field: ")
-    assert "`ehar train gain-field --data tiny" in note
+    trained = ("nbv", "il", "ppo")
+    assert names(summary) == tuple(name for name in planner_names() if not name.startswith(trained))
+    valuing, learned = log.notes
+    assert valuing.startswith("left out: nbv-greedy, nbv-search, nbv: ")
+    assert "`ehar train gain-field --data tiny" in valuing
+    assert learned.startswith("left out: il, ppo, il-ppo: no agent was trained for this recogniser: ")
+    assert "`ehar train agent --data tiny" in learned
     log = Log()
     run(None, starts=1, form="ctrgcn", reporter=log)
-    assert log.notes[0].endswith("gain fields are trained for the causal recogniser, and this is ctrgcn")
+    valuing, learned = log.notes
+    assert valuing.endswith("gain fields are trained for the causal recogniser, and this is ctrgcn")
+    assert learned.endswith("agents are trained for the causal recogniser, and this is ctrgcn")
 
 
 def test_who_is_named_has_to_run(tmp_path: Path) -> None:
     with pytest.raises(ModelError, match="no such file: expected a gain field"):
         run(["no-act", "nbv"], models=tmp_path / "none")
+    with pytest.raises(ModelError, match=r"agent-il-ppo-perfect-moving-seed0\.safetensors: no such file"):
+        run(["no-act", "il-ppo"], models=tmp_path / "none")
 
 
 @pytest.mark.parametrize("planners", [None, ["nbv-greedy"]])
@@ -281,6 +306,18 @@ def test_flights_are_compared_with_a_run_on_the_ideal_track(tmp_path: Path) -> N
         run(["no-act"], track="tracking-drone", ideal=tmp_path / "ideal", seed=1)
 
 
+def test_the_flight_of_an_agent_is_compared_with_the_same_agent(tmp_path: Path) -> None:
+    models = tmp_path / "models"
+    with_agents(models)
+    options: dict[str, Any] = {"planners": ["no-act", "oracle", "il-ppo"], "models": models, "starts": 1}
+    run(**options, out=tmp_path / "ideal")
+    flight = run(**options, track="tracking-drone", ideal=tmp_path / "ideal")
+    assert flight.planner("il-ppo").accuracy_kept is not None
+    save_untrained(models, tiny_data(sequences=40), "il-ppo", seed=1, like="another")
+    with pytest.raises(UsageError, match="the weights of il-ppo/1 differ"):
+        run(**options, track="tracking-drone", ideal=tmp_path / "ideal")
+
+
 @pytest.mark.slow
 def test_two_workers_give_the_same_bytes_in_flight_with_beliefs_and_plans(models: Path, tmp_path: Path) -> None:
     options: dict[str, Any] = {"models": models, "track": "px4-max", "readout": "belief", "starts": 2}
@@ -307,6 +344,20 @@ def test_planners_of_ones_own_run_beside_the_named_ones() -> None:
     summary = run(["no-act", Circling()])
     assert [planner.name for planner in summary.planners] == ["no-act", "circling"]
     assert summary.planner("circling").path_length_m > 0
+
+
+@pytest.mark.slow
+def test_trainings_that_are_named_run_alone_and_agents_reach_the_workers(tmp_path: Path) -> None:
+    with_agents(tmp_path)
+    for workers in (1, 2):
+        log = Log()
+        chosen = ["no-act", "il-ppo/1", "il-ppo-no-vision"]
+        run(chosen, models=tmp_path, starts=1, out=tmp_path / str(workers), workers=workers, reporter=log)
+        assert {*log.done} == {"no-act", "il-ppo/1", "il-ppo-no-vision/0"}
+    assert file_hash(tmp_path / "1" / EPISODES) == file_hash(tmp_path / "2" / EPISODES)
+    ways = {name: episodes.viewpoint for name, episodes in read_episodes(tmp_path / "1" / EPISODES).items()}
+    assert not np.array_equal(ways["il-ppo/1"], ways["no-act"])
+    assert not np.array_equal(ways["il-ppo/1"], ways["il-ppo-no-vision/0"])
 
 
 @pytest.mark.slow
