@@ -9,7 +9,7 @@ from test_results import CONFIG_OF_RUN, make_records, three_planners
 from ehar.errors import UsageError
 from ehar.vehicle import VEHICLES
 from eval.accuracy_kept import SAME, read_ideal_run
-from eval.results import CONFIG, write_run
+from eval.results import CONFIG, PlannerConfig, write_run
 
 FLIGHT = replace(CONFIG_OF_RUN, track="px4-max", vehicle=VEHICLES["px4-max"])
 
@@ -33,6 +33,41 @@ def test_another_gain_field_is_refused(tmp_path: Path) -> None:
     write_run(tmp_path, replace(CONFIG_OF_RUN, gain_model_sha256="2"), three_planners(), None)
     with pytest.raises(UsageError, match="differs in gain_model_sha256"):
         read_ideal_run(tmp_path, replace(FLIGHT, gain_model_sha256="3"))
+
+
+def of(**hashes: str | None) -> tuple[PlannerConfig, ...]:
+    """Return planners by name, _ for what no name may hold."""
+    return tuple(PlannerConfig(name.replace("_", "/"), False, "", sha256) for name, sha256 in hashes.items())
+
+
+@pytest.mark.parametrize(
+    ("ideal", "flight", "differs"),
+    [
+        (of(il_0="a"), of(il_0="a"), None),
+        (of(il_0="a", il_1="b"), of(il_1="b", il_2="c", mine=None), None),  # only planners in both are compared
+        (of(mine=None), of(mine=None), None),
+        (of(il_0="a", il_1="b"), of(il_0="a", il_1="c"), "il/1 differ: expected sha256 c, got b"),
+        (of(il_0="a"), of(il_0=None), "il/0 differ: expected sha256 None, got a"),  # one of one's own by that name
+        (of(il_0=None), of(il_0="a"), "il/0 differ: expected sha256 a, got None"),
+    ],
+)
+def test_other_weights_of_a_learned_planner_are_refused(
+    tmp_path: Path, ideal: tuple[PlannerConfig, ...], flight: tuple[PlannerConfig, ...], differs: str | None
+) -> None:
+    write_run(tmp_path, replace(CONFIG_OF_RUN, planners=ideal), three_planners(), None)
+    if differs is None:
+        assert list(read_ideal_run(tmp_path, replace(FLIGHT, planners=flight))) == ["no-act", "mine", "oracle"]
+        return
+    with pytest.raises(UsageError, match=f"the weights of {differs}"):
+        read_ideal_run(tmp_path, replace(FLIGHT, planners=flight))
+
+
+@pytest.mark.parametrize("planners", [None, {}, ["il/0"], [{}], [{"name": ["il/0"]}]])
+def test_a_run_that_does_not_say_which_weights_has_none_that_differ(tmp_path: Path, planners: object) -> None:
+    write_run(tmp_path, CONFIG_OF_RUN, three_planners(), None)
+    held = json.loads((tmp_path / CONFIG).read_text())
+    (tmp_path / CONFIG).write_text(json.dumps({**held, "planners": planners}))
+    assert len(read_ideal_run(tmp_path, replace(FLIGHT, planners=of(il_0="a")))) == 3
 
 
 def test_only_a_flight_is_compared_and_only_with_the_ideal_track(tmp_path: Path) -> None:

@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from agents import save_untrained
 from fakes import tiny_data
 from test_benchmark import HashedRecogniser, Log
 
 from ehar.arrays import FloatArray
-from ehar.errors import DataError, UsageError
+from ehar.errors import DataError, ModelError, UsageError
 from ehar.motion_file import save_motion
 from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import AZIMUTH
@@ -16,6 +17,7 @@ from eval import benchmark
 from eval.agent_states import AgentStates, agent_states, load_agent, map_states, neighbour_purity
 from eval.finished_run import read_run
 from eval.results import CONFIG
+from planners.agent_network import STATE
 
 
 class Seeing(Planner):
@@ -105,8 +107,46 @@ def test_a_planner_without_states_or_of_another_name_is_refused(directory: Path)
         agent_states(run, "seeing", Stateless(), reporter=Log())
     with pytest.raises(UsageError, match="no planner 'seen'; expected one of: no-act, seeing"):
         agent_states(run, "seen", Seeing(), reporter=Log())
-    with pytest.raises(UsageError, match="seeing"):
+    with pytest.raises(UsageError, match="planner 'seeing': expected a learned one, such as il-ppo/0"):
         load_agent(run.conditions, "seeing")
+
+
+@pytest.fixture
+def learned(tmp_path: Path) -> Path:
+    """Return a run of two trainings of an agent."""
+    data, models = tiny_data(sequences=30), tmp_path / "models"
+    save_motion(tmp_path / "tiny.npz", data)
+    for seed in (0, 1):
+        save_untrained(models, data, "il-ppo", seed=seed)
+    source = tmp_path / "tiny.npz"
+    benchmark(["no-act", "il-ppo"], data=source, models=models, length=10, out=tmp_path / "run", reporter=Log())
+    return tmp_path / "run"
+
+
+def test_the_agent_of_a_run_is_loaded_by_its_record_name(learned: Path) -> None:
+    run = read_run(learned)
+    found = {}
+    for name in ("il-ppo/0", "il-ppo/1"):
+        agent = load_agent(run.conditions, name)
+        assert agent.name == name
+        states = agent_states(run, name, agent, reporter=Log())
+        assert states.state.shape == (2 * len(run.records[name]), STATE)  # frames 0 and 5 of 9
+        found[name] = states.state
+    assert not np.isclose(*found.values()).all(axis=1).any()
+    with pytest.raises(DataError, match="expected il-ppo/1 to go where it went"):
+        agent_states(run, "il-ppo/1", load_agent(run.conditions, "il-ppo/0"), reporter=Log())
+
+
+def test_an_agent_that_is_gone_or_of_another_recogniser_is_named(learned: Path) -> None:
+    conditions = read_run(learned).conditions
+    with pytest.raises(ModelError, match=r"agent-il-ppo-perfect-moving-seed2\.safetensors: no such file"):
+        load_agent(conditions, "il-ppo/2")
+    save_untrained(learned.parent / "models", tiny_data(sequences=30), "il-ppo", recogniser="another")
+    with pytest.raises(ModelError, match="trained for another recogniser"):
+        load_agent(conditions, "il-ppo/0")
+    save_motion(learned.parent / "tiny.npz", tiny_data(sequences=24))
+    with pytest.raises(ModelError, match="trained for another data set"):
+        load_agent(conditions, "il-ppo/1")
 
 
 def states_of(positions: list[float], labels: list[int], sequences: list[str]) -> AgentStates:

@@ -6,6 +6,7 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 import pytest
+from agents import save_untrained
 from fakes import CLASS_NAMES, tiny_data
 from test_agent_states import Seeing
 from test_benchmark import HashedRecogniser, Log
@@ -19,6 +20,7 @@ from eval.analyse_commands import AnalyseCommand
 from eval.finished_run import read_run
 from eval.records import EpisodeRecords
 from eval.results import CONFIG, write_run
+from planners.agent_network import STATE
 
 
 @pytest.fixture(autouse=True)
@@ -82,8 +84,23 @@ def test_the_states_of_a_learned_planner_are_drawn(tmp_path: Path) -> None:
     assert 0 <= analysis.states.purity.purity <= 1
     assert matplotlib.image.imread(tmp_path / "out" / "states.png").std() > 0.02
     assert "by chance [%]" in (tmp_path / "out" / "analysis.md").read_text()
-    with pytest.raises(UsageError, match="seeing"):
-        analyse(directory, planners=["seeing"], states="seeing", reporter=Log())  # none can be made yet
+    with pytest.raises(UsageError, match="planner 'seeing': expected a learned one"):
+        analyse(directory, planners=["seeing"], states="seeing", reporter=Log())
+
+
+def test_the_states_of_an_agent_are_drawn_by_its_record_name(tmp_path: Path) -> None:
+    data = tiny_data(sequences=30)
+    save_motion(tmp_path / "tiny.npz", data)
+    save_untrained(tmp_path, data, "il-ppo", seed=1)
+    directory = tmp_path / "run"
+    source = tmp_path / "tiny.npz"
+    benchmark(["no-act", "il-ppo"], data=source, models=tmp_path, length=10, out=directory, reporter=Log())
+    AnalyseCommand(directory, states="il-ppo/1")()
+    result = json.loads((directory / "analysis" / "analysis.json").read_text())
+    assert result["states"]["planner"] == "il-ppo/1"
+    assert result["states"]["size"] == STATE
+    assert [row["name"] for row in result["table_3"]] == ["il-ppo"]
+    assert (directory / "analysis" / "states.png").exists()
 
 
 def test_training_seeds_are_taken_together(tmp_path: Path) -> None:
