@@ -33,7 +33,7 @@ def clone(
         of each epoch the mean loss, and how often the policy's best move is the teacher's.
 
     Raises:
-        ModelError: the loss is not finite; the message names the step.
+        ModelError: a demonstration or the loss is not finite; the message names the step.
     """
     inputs = {name: torch.from_numpy(values).float() for name, values in demonstrations.inputs.items()}
     values = torch.from_numpy(demonstrations.values).float()
@@ -58,8 +58,10 @@ def clone(
                 loss = functional.cross_entropy(logits, best[rows])
             else:
                 loss = expected_loss(logits, advantage[rows], setting.entropy)
+            if not bool(values[rows].isfinite().all()):  # the best of them would be the one that is none
+                raise ModelError(f"imitation: expected finite worths of moves, got others at step {step}")
             if not bool(loss.isfinite()):
-                raise ModelError(f"imitation: the loss is {float(loss)} at step {step}: expected a finite one")
+                raise ModelError(f"imitation: the loss is {float(loss.detach())} at step {step}: expected a finite one")
             optimiser.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
             optimiser.step()
