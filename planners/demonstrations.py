@@ -1,9 +1,8 @@
 """Demonstrations: what the agent saw, and what a teacher who knows the label found its 7 moves worth."""
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, fields
-from multiprocessing import get_context
 
 import numpy as np
 import torch
@@ -22,6 +21,7 @@ from planners.agent_network import AgentNetwork
 from planners.agent_training_config import Teacher
 from planners.gain_collection import random_viewpoints
 from planners.oracle import frame_worth, true_log_probs, truth_of, try_moves
+from planners.worker_pool import worker_pool
 
 EPISODES = 32  # that run in lockstep
 HORIZON = 15  # frames for which the teacher that looks ahead repeats a move
@@ -158,7 +158,7 @@ def demonstrate(
         for batch in batches:
             yield batch, demonstrate_batch(task, batch)
         return
-    with ProcessPoolExecutor(min(workers, len(batches)), mp_context=get_context("spawn")) as pool:
+    with worker_pool(min(workers, len(batches))) as pool:
         futures = {pool.submit(demonstrate_batch, task, batch): batch for batch in batches}
         for future in as_completed(futures):
             yield futures[future], future.result()
