@@ -18,7 +18,7 @@ from ehar.motion import GridMotion
 from ehar.motion_data import MotionData
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import rollout
-from ehar.scenario import split_parts
+from ehar.scenario import part_of, split_parts
 from ehar.sensor import PerfectSensor
 from ehar.vehicle import FILE_KEYS, VEHICLES
 from ehar.viewpoint import cartesian
@@ -28,6 +28,7 @@ from eval.flight_records import FlightSummary, summarise_flights
 from eval.records import read_episodes
 from eval.results import EPISODES, SUMMARY
 from eval.summary import Summary
+from eval.tables import markdown_summary
 from planners.belief import BeliefModel, readout
 from planners.gain_model import gain_model_path, save_gain_model
 from planners.heuristic import NoAct
@@ -129,6 +130,15 @@ def test_only_test_sequences_are_tested_and_each_from_so_many_starts(tmp_path: P
     assert set(episodes.first) == {0, 10}
     scenarios = list(zip(episodes.sequence, episodes.first, strict=True))
     assert all(scenarios.count(scenario) == 4 for scenario in set(scenarios))
+
+
+def test_other_parts_run_by_name_and_the_table_says_so(tmp_path: Path) -> None:
+    data = tiny_data(sequences=40)
+    validation = {data.sequence_names[sequence] for sequence in part_of(data, "validation")}
+    summary = run(["no-act"], part="validation", out=tmp_path)
+    assert set(read_episodes(tmp_path / EPISODES)["no-act"].sequence) == validation
+    assert "validation part" in markdown_summary(summary)
+    assert "part," not in markdown_summary(run(["no-act"]))
 
 
 def test_what_the_fake_rewards_is_what_the_table_says() -> None:
@@ -458,6 +468,7 @@ def test_a_class_without_test_sequence() -> None:
         ({"planners": []}, "got none"),
         ({"planners": [object()]}, "without name, privileged, reset, act"),
         ({"data": "trio"}, "unknown data 'trio'.*duo, solo"),
+        ({"part": "training"}, "unknown part .training.; expected one of: recogniser, policy, validation, test"),
         ({"track": "rail"}, "unknown track 'rail'; expected ideal, px4-auto, px4-max, tracking-drone"),
         ({"readout": "tarot"}, "unknown readout 'tarot'; expected recogniser or belief"),
         ({"ideal": "somewhere"}, "the track is ideal; expected a vehicle"),
