@@ -124,15 +124,14 @@ class StageRun:
         if not description.is_file() or not self.path.is_file():
             return False
         try:
-            held = json.loads(description.read_text())["training"]["run"]
+            held = dict(json.loads(description.read_text())["training"]["run"])
         except (ValueError, KeyError, TypeError):
             held = {}
         wanted = json.loads(json.dumps(self.identity))
         if held == wanted:
             return True
-        differing = sorted(key for key in wanted.keys() | held.keys() if held.get(key) != wanted.get(key))
         raise UsageError(
-            f"{description}: holds another training, which differs in {', '.join(differing)}: "
+            f"{description}: holds another training, which differs in {_differing(held, wanted)}: "
             f"remove it, or choose another --out"
         )
 
@@ -148,9 +147,10 @@ class StageRun:
         Raises:
             ModelError: there is no cloned policy, or it does not fit.
         """
+        network = world.network(self.config, self.seed)
         if self.stage == "ppo":
-            return world.network(self.config, self.seed)
-        return load_agent(
+            return network
+        cloned = load_agent(
             _path(self.config, "il", self.seed).parent,
             world.data,
             agent_name("il", self.config.without),
@@ -159,6 +159,12 @@ class StageRun:
             recogniser_sha256=world.recogniser.sha256,
             seed=self.seed,
         ).network
+        if (cloned.spec.sizes, cloned.spec.without) != (network.spec.sizes, network.spec.without):
+            raise ModelError(f"{_path(self.config, 'il', self.seed)}: expected an agent of other inputs, or encoders")
+        # But for the critic, which cloning does not train, and which a setting may show more than that of il did.
+        policy = {name: w for name, w in cloned.state_dict().items() if not name.startswith("critic.")}
+        network.load_state_dict(policy, strict=False)
+        return network
 
     def optimise(
         self,
@@ -239,19 +245,33 @@ class StageRun:
             return
         try:
             kept = torch.load(self.checkpoint, weights_only=True, map_location="cpu")
-            same = kept["run"] == json.dumps(self.identity, sort_keys=True)
-            if same:
+            held, wanted = dict(json.loads(kept["run"])), json.loads(json.dumps(self.identity))
+            if held == wanted:
                 progress.network.load_state_dict(kept["network"])
                 progress.optimiser, progress.rollouts = kept["optimiser"], kept["rollouts"]
                 progress.history = kept["history"]
         except Exception as error:  # torch raises what the damage happens to cause, at length
             reason = f"{type(error).__name__}: {error}".splitlines()[0][:120]
-            raise ModelError(f"{self.checkpoint}: expected a training checkpoint, got {reason}") from error
-        if not same:
+            raise ModelError(
+                f"{self.checkpoint}: expected a training checkpoint, got {reason}: remove it to start anew"
+            ) from error
+        if held != wanted:
             raise UsageError(
-                f"{self.checkpoint}: a checkpoint of a run with other options, data or recogniser: "
-                f"run with those, remove it, or choose another --out"
+                f"{self.checkpoint}: a checkpoint of another training, which differs in {_differing(held, wanted)}: "
+                f"train with its options, data and recogniser, remove it, or choose another --out"
             )
+
+
+def _differing(held: dict[str, Any], wanted: dict[str, Any]) -> str:
+    """Return the names of what two identities differ in, those of settings with the options within."""
+    names: list[str] = []
+    for key in sorted(wanted.keys() | held.keys()):
+        one, other = held.get(key), wanted.get(key)
+        if isinstance(one, dict) and isinstance(other, dict):
+            names += [f"{key}.{option}" for option in _differing(one, other).split(", ") if option]
+        elif one != other:
+            names.append(key)
+    return ", ".join(names)
 
 
 def _path(config: AgentTrainingConfig, stage: Stage, seed: int) -> Path:

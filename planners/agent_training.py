@@ -4,7 +4,7 @@ import hashlib
 import json
 import multiprocessing
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, wait
+from concurrent.futures import wait
 from dataclasses import asdict
 from multiprocessing.queues import Queue
 from pathlib import Path
@@ -16,6 +16,7 @@ from planners.agent_training_config import AgentTrainingConfig
 from planners.demonstration_files import collect
 from planners.demonstrations import EPISODES, Demonstrations, DemonstrationTask, join
 from planners.imitation import clone
+from planners.worker_pool import worker_pool
 
 Report = Callable[[str, int, int], None]  # what is done, how much of it, of how much
 Note = Callable[[str], None]
@@ -34,7 +35,7 @@ def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> lis
         the files of all agents that were asked for, stage by stage and seed by seed.
 
     Raises:
-        EharError: data or recogniser are missing or do not fit, a number is too small, a loss is not finite, or
+        EharError: data or recogniser are missing or do not fit, an option makes no sense, a loss is not finite, or
             the result of another training lies where one would be written.
     """
     config.check()
@@ -96,25 +97,29 @@ def _optimise(runs: Sequence[StageRun], world: TrainingWorld, workers: int, repo
                 report=report,
             )
         return
-    context = multiprocessing.get_context("spawn")
-    heard: Queue[Any] = context.Queue()
-    count = min(workers, len(runs))
-    with ProcessPoolExecutor(count, mp_context=context, initializer=_start, initargs=(heard,)) as pool:
+    heard: Queue[Any] = multiprocessing.get_context("spawn").Queue()
+    with worker_pool(min(workers, len(runs)), _start, (heard,)) as pool:
         futures = [pool.submit(_optimise_here, run) for run in runs]
         waiting = set(futures)
         while waiting:
             waiting = wait(waiting, timeout=0.5).not_done
-            while True:
-                try:
-                    what = heard.get_nowait()
-                except Empty:
-                    break
-                if isinstance(what, str):
-                    note(what)
-                else:
-                    report(*what)
+            _pass_on(heard, report, note)
         for future in futures:
             future.result()
+    _pass_on(heard, report, note)  # processes that have ended have sent all they had
+
+
+def _pass_on(heard: "Queue[Any]", report: Report, note: Note) -> None:
+    """Report what processes have sent so far."""
+    while True:
+        try:
+            what = heard.get_nowait()
+        except Empty:
+            return
+        if isinstance(what, str):
+            note(what)
+        else:
+            report(*what)
 
 
 _heard: "Queue[Any]"
