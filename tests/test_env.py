@@ -11,7 +11,9 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
-from ehar.env import GridEnv, GridVectorEnv, reward
+from ehar.controls import GridControls
+from ehar.env import EpisodeVectorEnv, GridEnv, GridVectorEnv, reward
+from ehar.episodes import Episodes
 from ehar.errors import EpisodeError, UsageError
 from ehar.estimator import make_sensor
 from ehar.scenario import Scenarios, windows
@@ -210,3 +212,42 @@ def test_a_recogniser_of_other_classes() -> None:
     scenarios: Scenarios = tiny_scenarios()
     with pytest.raises(UsageError, match="tiny: expected a recogniser of its 3 classes"):
         GridEnv(scenarios=scenarios, recogniser=recogniser, sensor=PerfectSensor())
+
+
+@pytest.mark.parametrize("sensor", ["perfect", "estimator"])
+def test_copies_differ_in_the_moves_only(sensor: str) -> None:
+    """The same scenario, start and noise: what moves alike sees alike, and what does not, does not."""
+    episodes = Episodes(**parts(sensor, persons=2), controls=GridControls(), copies=3)
+    env = EpisodeVectorEnv(6, episodes)
+    observations, info = env.reset(seed=0)
+    moves = np.random.default_rng(0).integers(0, 7, (LENGTH - 1, 6))
+    moves[:, 1] = moves[:, 0]  # the second moves as the first, the third as it likes
+    for step in (None, *moves):
+        if step is not None:
+            observations, rewards, _, _, info = env.step(step)
+            assert rewards[0] == rewards[1]
+        assert (info["label"].reshape(2, 3) == info["label"][::3, None]).all()
+        for values in observations.values():
+            np.testing.assert_array_equal(values[0], values[1])
+            if step is None:
+                np.testing.assert_array_equal(values.reshape(2, 3, -1), values[::3].reshape(2, 1, -1).repeat(3, axis=1))
+    assert not np.array_equal(observations["viewpoint"][0], observations["viewpoint"][2])
+    assert not np.array_equal(observations["joints"][0], observations["joints"][3])
+
+
+def test_an_episode_and_its_copies_are_drawn_as_one_would_be() -> None:
+    """With the same seed, B episodes are those that 3 B with three copies are copies of."""
+    one = EpisodeVectorEnv(2, Episodes(**parts("estimator"), controls=GridControls()))
+    three = EpisodeVectorEnv(6, Episodes(**parts("estimator"), controls=GridControls(), copies=3))
+    singles, copied = one.reset(seed=4)[0], three.reset(seed=4)[0]
+    for move in (4, 2, 0):
+        for key, values in singles.items():
+            np.testing.assert_array_equal(copied[key], values.repeat(3, axis=0))
+        singles, copied = one.step(np.full(2, move))[0], three.step(np.full(6, move))[0]
+
+
+@pytest.mark.parametrize("episodes", [1, 2, 4])
+def test_episodes_that_copies_do_not_divide(episodes: int) -> None:
+    env = EpisodeVectorEnv(episodes, Episodes(**parts(), controls=GridControls(), copies=3))
+    with pytest.raises(UsageError, match=f"episodes: expected a multiple of 3 copies, got {episodes}"):
+        env.reset(seed=0)
