@@ -1,5 +1,6 @@
 """How agents are trained. Without torch, so that the command line can show it at once."""
 
+import importlib.util
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
@@ -13,6 +14,7 @@ Labels = Literal["best", "soft"]
 Setting = Literal["quick", "paper"]
 Left = Literal["none", "recognition", "vision", "position"]
 STAGES: tuple[Stage, ...] = get_args(Stage)
+LEAST_LOOKAHEAD = 5  # frames of an episode in which the teacher that looks ahead is asked at all
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,14 +156,26 @@ class AgentTrainingConfig:
         return tuple(stage for stage in STAGES if stage in named)
 
     def check(self) -> None:
-        """Raise a UsageError if a number is too small, or there is no such device."""
+        """Raise a UsageError if an option makes no sense, or asks for what is not there."""
+        _ = self.directory
+        stages = self.stage_names
         least = {"length": 3, "seeds": 1, "workers": 1, "episodes": 1, "rounds": 1, "frames": 1}
+        if "il" in stages and self.imitation.teacher == "oracle-lookahead":
+            least["length"] = LEAST_LOOKAHEAD
         for name, bound in least.items():
             value = getattr(self, name)
             if value is not None and value < bound:
                 raise UsageError(f"--{name}: got {value}, expected at least {bound}")
-        if self.device.partition(":")[0] not in ("cpu", "cuda"):
+        kind = self.device.partition(":")[0]
+        if kind not in ("cpu", "cuda"):
             raise UsageError(f"--device {self.device}: expected cpu or cuda")
+        if kind == "cuda":
+            import torch  # here, as the command line waits for this file
+
+            if not torch.cuda.is_available():
+                raise UsageError(f"--device {self.device}: expected a GPU that torch can use, got none")
+        if self.tensorboard is not None and importlib.util.find_spec("tensorboard") is None:
+            raise UsageError(f"--tensorboard {self.tensorboard}: expected TensorBoard to be installed, it is not")
 
     @property
     def imitation(self) -> ImitationSetting:
