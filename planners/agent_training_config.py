@@ -36,8 +36,8 @@ class ImitationSetting:
 
     teacher: Teacher = "oracle-lookahead"
     labels: Labels = "soft"
-    episodes: int = 1920
-    rounds: int = 3
+    episodes: int = 1536
+    rounds: int = 2
     epochs: int = 20
     batch: int = 256
     learning_rate: float = 1e-3
@@ -56,7 +56,7 @@ class PPOSetting:
         learning_rate: at first; it falls to 0 linearly.
         clip: of the probability ratio.
         entropy: weight of the entropy bonus.
-        gamma: discount.
+        gamma: discount of one decision, which is held for `hold` frames.
         gae_lambda: of the generalised advantage estimate.
         critic_rollouts: at the beginning of a fine-tuning, in which only the critic learns.
         hindsight: whether the critic is shown the label in training; the actor never is.
@@ -65,15 +65,15 @@ class PPOSetting:
         copies: episodes that differ in the moves only, and are rewarded relative to each other.
     """
 
-    frames: int = 400_000
+    frames: int = 300_000
     num_envs: int = 64
     epochs: int = 4
     minibatches: int = 4
-    learning_rate: float = 7e-4
+    learning_rate: float = 5e-4
     clip: float = 0.2
     entropy: float = 0.005
-    gamma: float = 0.99
-    gae_lambda: float = 0.95
+    gamma: float = 0.8
+    gae_lambda: float = 0.9
     critic_rollouts: int = 0
     hindsight: bool = True
     hold: int = 5
@@ -81,7 +81,9 @@ class PPOSetting:
 
 
 PAPER_IMITATION = ImitationSetting(teacher="oracle", labels="best", episodes=10_000, rounds=1)
-PAPER_PPO = PPOSetting(frames=10_000_000, hindsight=False, hold=1, copies=1, critic_rollouts=3)
+PAPER_PPO = PPOSetting(
+    frames=10_000_000, hindsight=False, gamma=0.99, gae_lambda=0.95, hold=1, copies=1, critic_rollouts=3
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,9 +104,9 @@ class AgentTrainingConfig:
         setting: quick is for 2 CPU cores; paper is as published, for a GPU or much patience.
         teacher: quick takes oracle-lookahead, paper the oracle.
         labels: quick takes soft ones, paper the best move.
-        episodes: demonstrated; quick 1,920, paper 10,000.
-        rounds: of demonstrations, from the second on by the agent (DAgger); quick 3, paper 1.
-        frames: of PPO; quick 400,000, paper 10 million.
+        episodes: demonstrated; quick 1,536, paper 10,000.
+        rounds: of demonstrations, from the second on by the agent (DAgger); quick 2, paper 1.
+        frames: of PPO; quick 300,000, paper 10 million.
         workers: processes; the result is the same with any number.
         device: of PPO's network, "cpu" or "cuda".
         tensorboard: folder for TensorBoard's logs, where it is installed.
