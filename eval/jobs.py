@@ -4,10 +4,8 @@ Whatever the number of workers, a job computes the same numbers: its chunk, its 
 do not depend on where it runs.
 """
 
-import multiprocessing
-import signal
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
@@ -26,6 +24,7 @@ from eval.progress import Reporter
 from eval.records import EpisodeRecords, join_records, record_episodes
 from eval.solves import Solves, join_solves, solves_of
 from eval.tracks import track_name
+from planners.worker_pool import worker_pool
 
 if TYPE_CHECKING:
     from ehar.flight import FlightMotion
@@ -192,25 +191,12 @@ def _run_in_workers(
     """Run the jobs in processes of their own, each of which is handed the world once."""
     # cloudpickle, so that planners and recognisers defined in a notebook or a script arrive too.
     payloads = [cloudpickle.dumps(planner) for planner in planners]
-    others = set(multiprocessing.active_children())
-    executor = ProcessPoolExecutor(
-        min(workers, len(jobs)),
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_start_worker,
-        initargs=(cloudpickle.dumps(world),),
-    )
     futures: dict[Future[_Done], _Job] = {}
-    try:
+    with worker_pool(min(workers, len(jobs)), _start_worker, (cloudpickle.dumps(world),)) as pool:
         for job in jobs:
-            futures[executor.submit(_run_in_worker, payloads[job.planner], job.chunk)] = job
+            futures[pool.submit(_run_in_worker, payloads[job.planner], job.chunk)] = job
         for future in as_completed(futures):
             yield futures[future], future.result()
-        executor.shutdown()
-    finally:
-        # Interrupted, or a planner failed: what has not finished is not waited for.
-        executor.shutdown(wait=False, cancel_futures=True)
-        for process in set(multiprocessing.active_children()) - others:
-            process.terminate()
 
 
 _worker_world: World
@@ -218,7 +204,6 @@ _worker_world: World
 
 def _start_worker(payload: bytes) -> None:
     """Receive the world, once a process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears Ctrl-C too, and ends its workers
     import torch
 
     global _worker_world

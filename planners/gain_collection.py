@@ -1,9 +1,8 @@
 """What looking from elsewhere would have given: rollouts on training scenarios that branch to many viewpoints."""
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, fields
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from ehar.viewpoint import Workspace, apply_moves, sample_starts
 from planners.body_filter import BodyFilter
 from planners.situation import frame_gains
 from planners.view_basis import basis_at
+from planners.worker_pool import worker_pool
 
 EPISODES = 32  # that run in lockstep
 PATHS = 8  # that branch off at a fork, one of which stays where it is
@@ -186,7 +186,7 @@ def run_batches(task: CollectionTask, batches: Sequence[int], *, workers: int = 
         for batch in batches:
             yield batch, collect_batch(task, batch)
         return
-    with ProcessPoolExecutor(min(workers, len(batches)), mp_context=get_context("spawn")) as pool:
+    with worker_pool(min(workers, len(batches))) as pool:
         futures = {pool.submit(collect_batch, task, batch): batch for batch in batches}
         for future in as_completed(futures):
             yield futures[future], future.result()
