@@ -6,7 +6,6 @@ do not depend on where it runs.
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, as_completed
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -165,24 +164,13 @@ def _flight(vehicle: Vehicle) -> "FlightMotion":
 
 
 def _run_here(world: World, planners: Sequence[Planner], jobs: Sequence[_Job]) -> Iterator[tuple[_Job, _Done]]:
-    """Run the jobs in this process."""
+    """Run the jobs in this process, with one torch thread as in a worker."""
+    from recognition.torch_threads import one_torch_thread  # here, as torch takes seconds to import
+
     for job in jobs:
-        with _one_torch_thread():
+        with one_torch_thread():
             result = _run_chunk(world, planners[job.planner], job.chunk)
         yield job, result
-
-
-@contextmanager
-def _one_torch_thread() -> Iterator[None]:
-    """Let torch use one thread, as in a worker: sums in another order would change the last digits."""
-    import torch  # here, as it takes seconds and nothing else in this folder needs it
-
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
 
 
 def _run_in_workers(

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from ehar.errors import ModelError
 from planners.agent_network import AgentNetwork
-from planners.vector_env import HINDSIGHT
+from planners.episode_groups import HINDSIGHT
 
 
 class AgentPolicy(ActorCriticPolicy):

@@ -27,6 +27,7 @@ from planners.demonstrations import Demonstrations
 from planners.imitation import clone
 from recognition.storage import load_recogniser
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
+from recognition.torch_threads import one_torch_thread
 
 if TYPE_CHECKING:
     from planners.ppo import PPOProgress
@@ -166,6 +167,7 @@ class StageRun:
         network.load_state_dict(policy, strict=False)
         return network
 
+    @one_torch_thread()
     def optimise(
         self,
         world: TrainingWorld,
@@ -185,7 +187,6 @@ class StageRun:
         # Here, as stable-baselines3 takes a second to import.
         from planners.ppo import PPOProgress, diagnostics_line, rollouts_of, train_ppo
 
-        torch.set_num_threads(1)
         network = self.start(world)
         network.train()
         progress = PPOProgress(network)

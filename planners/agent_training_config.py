@@ -30,7 +30,7 @@ class ImitationSetting:
             cloned so far acts, and the teacher says what it should have done (DAgger). 1 is plain cloning.
         epochs: passes over the demonstrations.
         batch: frames of a gradient step.
-        learning_rate: at first; it falls to 0 linearly.
+        learning_rate: at first; it falls linearly.
         entropy: weight of the policy's entropy with soft labels, in standard deviations of a move's worth.
     """
 
@@ -41,7 +41,7 @@ class ImitationSetting:
     epochs: int = 20
     batch: int = 256
     learning_rate: float = 1e-3
-    entropy: float = 0.03
+    entropy: float = 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +53,7 @@ class PPOSetting:
         num_envs: episodes of a rollout.
         epochs: passes over each rollout.
         minibatches: of each pass.
-        learning_rate: at first; it falls to 0 linearly.
+        learning_rate: at first; it falls linearly.
         clip: of the probability ratio.
         entropy: weight of the entropy bonus.
         gamma: discount of one decision, which is held for `hold` frames.

@@ -9,8 +9,10 @@ from ehar.errors import ModelError
 from planners.agent_network import AgentNetwork
 from planners.agent_training_config import ImitationSetting
 from planners.demonstrations import Demonstrations
+from recognition.torch_threads import one_torch_thread
 
 
+@one_torch_thread()
 def clone(
     network: AgentNetwork, demonstrations: Demonstrations, setting: ImitationSetting, *, seed: int
 ) -> list[dict[str, float]]:

@@ -21,7 +21,8 @@ from ehar.errors import ModelError
 from planners.agent_network import AgentNetwork
 from planners.agent_policy import AgentPolicy
 from planners.agent_training_config import PPOSetting
-from planners.vector_env import AgentVecEnv, MakeEnv
+from planners.episode_groups import MakeEnv
+from planners.vector_env import AgentVecEnv
 
 DIAGNOSTICS = {  # of each rollout, by the names that people know, and what stable-baselines3 logs them as
     "return": "rollout/ep_rew_mean",
@@ -133,7 +134,8 @@ def _learn(
     model = PPO(
         AgentPolicy,
         env,
-        learning_rate=lambda remaining: setting.learning_rate * remaining,
+        # What remains is counted after a rollout: that of the last is none, and it is to be learned from too.
+        learning_rate=lambda remaining: setting.learning_rate * min(1.0, remaining + per_rollout / total),
         n_steps=steps,
         batch_size=math.ceil(per_rollout / setting.minibatches),
         n_epochs=setting.epochs,

@@ -1,112 +1,19 @@
-"""The natively batched environment as stable-baselines3 wants it: a VecEnv that shows the agent's inputs.
+"""The natively batched environment as stable-baselines3 wants it: a VecEnv that shows the agent's inputs."""
 
-Episodes run in groups, each with its own random numbers, so that results do not depend on how many processes the
-groups are spread over.
-"""
+from collections.abc import Sequence
+from typing import Any
 
-import multiprocessing
-import pickle
-import signal
-from collections.abc import Callable, Iterable, Sequence
-from multiprocessing.connection import Connection
-from typing import Any, NamedTuple
-
-import cloudpickle
 import numpy as np
-import torch
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
-from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.arrays import BoolArray, IntArray
 from ehar.env import EpisodeVectorEnv
-from ehar.errors import EpisodeError, UsageError
-from ehar.observations import Observations
-from planners.agent_inputs import AgentInputs, Inputs, InputSizes
-
-HINDSIGHT = "hindsight"  # what a critic may be shown in training: label, its probability, whether it is recognised
-GROUP = 32  # episodes that share random numbers and a recogniser's batch
-
-MakeEnv = Callable[[int], EpisodeVectorEnv]  # of a number of episodes
-
-
-class Seen(NamedTuple):
-    """What one step of a group shows."""
-
-    inputs: Inputs
-    rewards: FloatArray  # (B,), of Eq. 1
-    relative: FloatArray  # (B,), what they are above those of the copies
-    over: bool
-    last: Inputs | None  # the inputs after the last frame, where a new episode has begun in its place
-
-
-class Group:
-    """Some of the environments: one natively batched environment, and the inputs that its episodes give.
-
-    Args:
-        env: the environment.
-        seed: of all that is drawn, beside the number of the batch of episodes.
-        first: the number of the first batch, for a run that goes on.
-        hold: frames for which a move is made again and again.
-    """
-
-    def __init__(self, env: EpisodeVectorEnv, *, seed: Sequence[int], first: int, hold: int) -> None:
-        """Create the group; nothing is drawn before `reset`."""
-        self._env, self._seed, self._next, self._hold = env, tuple(seed), first, hold
-
-    def reset(self) -> Inputs:
-        """Begin the next batch of episodes."""
-        entropy = np.random.SeedSequence([*self._seed, self._next]).generate_state(1)[0]
-        self._next += 1
-        self._inputs = AgentInputs()
-        observations, info = self._env.reset(seed=int(entropy))
-        return self._see(observations, info)
-
-    def step(self, moves: IntArray) -> Seen:
-        """Carry out moves (B,), and begin the next episodes at once where these are over."""
-        rewards: FloatArray = np.zeros(len(moves))
-        over = False
-        for _ in range(self._hold):
-            observations, reward, terminated, _, info = self._env.step(moves)
-            inputs = self._see(observations, info)
-            rewards += reward
-            over = bool(terminated[0])
-            if over:
-                break
-        relative = relative_rewards(rewards, self._env.episodes.copies)
-        if over:
-            return Seen(self.reset(), rewards, relative, over, inputs)
-        return Seen(inputs, rewards, relative, over, None)
-
-    def _see(self, observations: Observations, info: dict[str, Any]) -> Inputs:
-        return self._inputs.see(observations) | {HINDSIGHT: hindsight(observations["probabilities"], info)}
-
-
-def relative_rewards(rewards: FloatArray, copies: int) -> FloatArray:
-    """Return by how much rewards (B,) exceed the mean of the other copies of their episode; without copies, them.
-
-    What the others were rewarded does not depend on one's own moves, so it is a baseline that leaves the policy
-    gradient unbiased (Kool et al. 2019), and one that knows the people and the noise: all that is left is where the
-    cameras went.
-    """
-    if copies == 1:
-        return rewards
-    together = rewards.reshape(-1, copies)
-    relative: FloatArray = (together - together.mean(axis=1, keepdims=True)) * copies / (copies - 1)
-    return relative.ravel()
-
-
-def hindsight(probabilities: FloatArray, info: dict[str, Any]) -> FloatArray:
-    """Return what only a critic is shown (B, K + 2): the label as one of K, its probability, and whether it is on top.
-
-    Args:
-        probabilities: (B, K), the recogniser's.
-        info: of the environment.
-    """
-    label, correct = info["label"], info["correct"]
-    of_label = np.take_along_axis(probabilities, label[:, None], axis=1)
-    one_hot = np.eye(probabilities.shape[1])[label]
-    return np.concatenate([one_hot, of_label, correct[:, None]], axis=1).astype(np.float32)
+from ehar.errors import UsageError
+from planners.agent_inputs import Inputs, InputSizes
+from planners.episode_groups import GROUP, HINDSIGHT, GroupSetting, MakeEnv, Seen
+from planners.group_workers import GroupsHere, GroupsThere
 
 
 class AgentVecEnv(VecEnv):
@@ -138,12 +45,12 @@ class AgentVecEnv(VecEnv):
         size = min(GROUP, num_envs)
         if num_envs < 1 or num_envs % size:
             raise UsageError(f"environments: expected 1 to {GROUP}, or a multiple of {GROUP}, got {num_envs}")
-        groups = [(size, (seed, group), first, hold) for group in range(num_envs // size)]
+        groups = [GroupSetting(size, (seed, group), first, hold) for group in range(num_envs // size)]
         probe = make_env(1)
         super().__init__(num_envs, _input_space(probe), probe.single_action_space)
         parts = np.array_split(np.arange(len(groups)), max(1, min(workers, len(groups))))
         shares = [[groups[group] for group in part] for part in parts]
-        self._shares = [_Remote(make_env, share) if workers else _Here(make_env, share) for share in shares]
+        self._shares = [GroupsThere(make_env, share) if workers else GroupsHere(make_env, share) for share in shares]
         self._ends = np.cumsum([len(share) * size for share in shares])[:-1]
         self._returns = np.zeros(num_envs)
         self._frames = 0
@@ -222,96 +129,3 @@ def _input_space(env: EpisodeVectorEnv) -> spaces.Dict:
             for name, size in (*vars(sizes).items(), (HINDSIGHT, classes + 2))
         }
     )
-
-
-class _Here:
-    """Groups in this process."""
-
-    def __init__(self, make_env: MakeEnv, groups: Iterable[tuple[int, tuple[int, int], int, int]]) -> None:
-        self._groups = [Group(make_env(size), seed=seed, first=first, hold=hold) for size, seed, first, hold in groups]
-
-    def send(self, moves: IntArray | None) -> None:
-        if moves is None:
-            self._answer: list[Any] = [group.reset() for group in self._groups]
-        else:
-            pieces = np.split(moves, len(self._groups))
-            self._answer = [group.step(piece) for group, piece in zip(self._groups, pieces, strict=True)]
-
-    def receive(self) -> list[Any]:
-        return self._answer
-
-    def close(self) -> None:
-        pass
-
-
-class _Remote:
-    """Groups in a process of their own, behind the same calls."""
-
-    def __init__(self, make_env: MakeEnv, groups: Iterable[tuple[int, tuple[int, int], int, int]]) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, cloudpickle.dumps((make_env, list(groups)))))
-        self._process.daemon = True
-        self._process.start()
-        theirs.close()  # so that only the process holds it, and its end is noticed here
-
-    def send(self, moves: IntArray | None) -> None:
-        try:
-            self._pipe.send(moves)
-        except OSError as error:
-            raise self._ended() from error
-
-    def receive(self) -> list[Any]:
-        try:
-            answer = self._pipe.recv()
-        except (EOFError, OSError) as error:
-            raise self._ended() from error
-        if isinstance(answer, Exception):
-            raise answer
-        return list(answer)
-
-    def close(self) -> None:
-        self._pipe.close()  # which ends the loop over there
-        self._process.join()
-
-    def _ended(self) -> EpisodeError:
-        self._process.join(timeout=1)  # a killed process needs a moment to have an exit code
-        return EpisodeError(
-            f"environments: a worker process has ended, with exit code {self._process.exitcode}: expected an answer"
-        )
-
-
-def _serve(pipe: Connection, payload: bytes) -> None:
-    """Answer calls until the other end is closed, or its process is gone; an error answers all calls after it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears Ctrl-C too, and closes the pipe
-    torch.set_num_threads(1)
-    failed: Exception | None = None
-    try:
-        here = _Here(*cloudpickle.loads(payload))
-    except Exception as error:
-        failed = _sendable(error)
-    while True:
-        try:
-            moves = pipe.recv()
-        except (EOFError, OSError):
-            return
-        answer: Any = failed
-        if failed is None:
-            try:
-                here.send(moves)
-                answer = here.receive()
-            except Exception as error:
-                answer = failed = _sendable(error)
-        try:
-            pipe.send(answer)
-        except OSError:
-            return
-
-
-def _sendable(error: Exception) -> Exception:
-    """Return the error, or where a pipe would not carry it over what it says."""
-    try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:
-        return EpisodeError(f"environments: {type(error).__name__}: {error}")
-    return error

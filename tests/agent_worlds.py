@@ -14,7 +14,8 @@ from ehar.episodes import Episodes
 from ehar.estimator import make_sensor
 from ehar.viewpoint import POLAR
 from planners.agent_network import AgentNetwork
-from planners.vector_env import AgentVecEnv, MakeEnv
+from planners.episode_groups import MakeEnv
+from planners.vector_env import AgentVecEnv
 
 LENGTH = 10
 UP, DOWN = 4, 5  # the moves towards level, and away

@@ -16,7 +16,8 @@ from ehar.errors import ModelError
 from planners.agent_inputs import ENCODED
 from planners.agent_network import AgentNetwork
 from planners.agent_policy import AgentPolicy
-from planners.vector_env import HINDSIGHT, AgentVecEnv
+from planners.episode_groups import HINDSIGHT
+from planners.vector_env import AgentVecEnv
 
 HINTS = 5  # 3 classes, the label's probability, and whether it is on top
 

@@ -15,8 +15,8 @@ from agents import untrained_network
 from ehar.errors import ModelError, UsageError
 from planners.agent_network import AgentNetwork
 from planners.agent_training_config import PPOSetting
+from planners.episode_groups import MakeEnv
 from planners.ppo import DIAGNOSTICS, PPOProgress, diagnostics_line, rollouts_of, train_ppo
-from planners.vector_env import MakeEnv
 
 MOVES = 9
 SMALL = PPOSetting(frames=6 * MOVES * 8, num_envs=8, hold=2, copies=4, learning_rate=3e-3)  # 6 rollouts
@@ -202,7 +202,7 @@ def test_the_diagnostics_are_those_of_each_rollout() -> None:
         assert 0 <= of_one["clip_fraction"] <= 1
         # the return is a mean over 8 episodes of 10 frames, each a multiple of a tenth
         assert of_one["return"] * 80 == pytest.approx(round(of_one["return"] * 80), abs=1e-6)
-    assert progress.history[-1]["approx_kl"] == pytest.approx(0, abs=1e-6)  # the learning rate has come down to 0
+    assert progress.history[-1]["approx_kl"] > 1e-6  # the last rollout is learned from too
     line = diagnostics_line(progress, 6)
     assert line.startswith("rollout 6 of 6: return ")
     assert line.endswith(f"{progress.frames_per_s:,.0f} frames/s")

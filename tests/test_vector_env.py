@@ -18,7 +18,8 @@ from ehar.env import EpisodeVectorEnv
 from ehar.errors import EpisodeError, UsageError
 from planners import vector_env
 from planners.agent_inputs import AgentInputs, Inputs
-from planners.vector_env import HINDSIGHT, AgentVecEnv, Group, hindsight, relative_rewards
+from planners.episode_groups import HINDSIGHT, Group, GroupSetting, hindsight, relative_rewards
+from planners.vector_env import AgentVecEnv
 
 STEPS = LENGTH - 1
 
@@ -293,7 +294,7 @@ def test_a_group_runs_alone() -> None:
     """A group is told all that it depends on."""
     moves = random_moves(STEPS, 6)
     rewards = run(adapter(), moves)[1]
-    group = Group(tiny_env(6), seed=(3, 0), first=0, hold=1)
+    group = Group(lambda size: tiny_env(size), GroupSetting(6, (3, 0), first=0, hold=1))
     group.reset()
     for of_step, expected in zip(moves, rewards, strict=True):
         np.testing.assert_allclose(group.step(of_step).rewards, expected, rtol=1e-6)
