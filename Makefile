@@ -31,31 +31,51 @@ lint: setup
 # A recogniser for exact joints from scratch, and from it, in a third of the clips, one for what an estimator sees.
 FINE_TUNE := --sensor estimator --clips 6000 --learning-rate 1e-3 --init
 
-# The weights that ship in recognition/weights and planners/weights, trained anew into models: about 15 minutes a
-# recogniser and 5 minutes a gain field on 2 cores.
+# The weights that ship in recognition/weights and planners/weights, trained anew into models: on 2 cores about 15
+# minutes a recogniser, 5 minutes a gain field and 5 minutes a seed of agents. Of the agents, seed 0 ships.
 weights: setup
 	set -e; for data in duo solo; do for views in moving paper; do options="--data $$data --views $$views"; \
 	  train="$(RUN)ehar train recogniser $$options --out models/$$data"; \
 	  $$train; $$train $(FINE_TUNE) models/$$data/causal-perfect-$$views.safetensors; \
 	  for sensor in perfect estimator; do \
-	    $(RUN)ehar train gain-field $$options --sensor $$sensor --models models/$$data; done; done; done
+	    for what in gain-field agent; do \
+	      $(RUN)ehar train $$what $$options --sensor $$sensor --models models/$$data; done; done; done; done
 
-# The models and tables of docs/results.md on real motion; DATA is a folder with hdm05, bandai2 and sbu.npz. The short
-# sequences of sbu are cheap, and few: more rollouts.
+# The models and tables of docs/results.md; DATA is a folder with hdm05, bandai2 and sbu.npz. The short sequences of sbu
+# are cheap, and few: more rollouts for its gain field.
 DATA ?= ../shared/data
 STARTS ?= 5
-PLANNERS := no-act random towards h-rotate v-rotate nbv-greedy nbv-search nbv oracle
+SEEDS ?= 5
+PLANNERS := no-act random towards h-rotate v-rotate nbv-greedy nbv-search nbv il ppo il-ppo oracle oracle-lookahead
+
+# Train agents in models/$(1) under the conditions $(2), and compare all planners in runs/agents-$(1)-$(3).
+compare = $(RUN)ehar train agent $(2) --models models/$(1) --seeds $(SEEDS) && \
+  $(RUN)ehar benchmark $(PLANNERS) $(2) --models models/$(1) --starts $(STARTS) --out runs/agents-$(1)-$(3)
+
+# Train recognisers and gain fields on real motion in models/$(1), with the options $(2) and $(3) batches of rollouts.
+prepare = $(RUN)ehar train recogniser $(2) --out models/$(1) && \
+  $(RUN)ehar train recogniser $(2) --out models/$(1) $(FINE_TUNE) models/$(1)/causal-perfect-moving.safetensors && \
+  $(RUN)ehar train gain-field $(2) --models models/$(1) --batches $(3) && \
+  $(RUN)ehar train gain-field $(2) --models models/$(1) --batches $(3) --sensor estimator
+
+HDM05 := --data $(DATA)/hdm05.npz
+BANDAI2 := --data $(DATA)/bandai2.npz
+SBU := --data $(DATA)/sbu.npz --fps 30 --length 30
+
 results: setup
-	set -e; for set in hdm05 bandai2 'sbu --fps 30 --length 30'; do name=$${set%% *}; \
-	  options="--data $(DATA)/$$name.npz $${set#$$name}"; train="$(RUN)ehar train recogniser --out models/$$name $$options"; \
-	  $$train; $$train $(FINE_TUNE) models/$$name/causal-perfect-moving.safetensors; \
-	  batches=$$([ $$name = sbu ] && echo 40 || echo 24); \
-	  for sensor in perfect estimator; do \
-	    $(RUN)ehar train gain-field $$options --models models/$$name --sensor $$sensor --batches $$batches; \
-	    $(RUN)ehar benchmark $(PLANNERS) $$options --sensor $$sensor --models models/$$name --starts $(STARTS) \
-	      --out runs/nbv-$$name-$$sensor; done; done
-	set -e; for name in duo solo; do for sensor in perfect estimator; do \
-	  $(RUN)ehar benchmark $(PLANNERS) --data $$name --sensor $$sensor --starts $(STARTS) --out runs/nbv-$$name-$$sensor; done; done
+	$(call prepare,hdm05,$(HDM05),24)
+	$(call prepare,bandai2,$(BANDAI2),24)
+	$(call prepare,sbu,$(SBU),40)
+	$(call compare,hdm05,$(HDM05) --sensor estimator,estimator)
+	$(call compare,bandai2,$(BANDAI2) --sensor estimator,estimator)
+	$(call compare,sbu,$(SBU) --sensor estimator,estimator)
+	for name in duo solo; do mkdir -p models/$$name && cp recognition/weights/$$name/* planners/weights/$$name/* models/$$name; done
+	$(call compare,duo,--data duo --sensor estimator,estimator)
+	$(call compare,solo,--data solo --sensor estimator,estimator)
+	$(call compare,duo,--data duo --views paper,paper)
+	$(call compare,solo,--data solo --views paper,paper)
+	$(call compare,duo,--data duo,perfect)
+	$(call compare,solo,--data solo,perfect)
 
 clean:
 	rm -rf $(VENV)
