@@ -46,7 +46,7 @@ weights: setup
 DATA ?= ../shared/data
 STARTS ?= 5
 SEEDS ?= 5
-PLANNERS := no-act random towards h-rotate v-rotate nbv-greedy nbv-search nbv il ppo il-ppo oracle oracle-lookahead
+PLANNERS := no-act random towards h-rotate v-rotate nbv-greedy nbv-search nbv il ppo il-ppo dagger oracle oracle-lookahead
 
 # Train agents in models/$(1) under the conditions $(2), and compare all planners in runs/agents-$(1)-$(3).
 compare = $(RUN)ehar train agent $(2) --models models/$(1) --seeds $(SEEDS) && \

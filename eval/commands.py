@@ -194,7 +194,7 @@ class TrainGainField:
 
 @dataclass(frozen=True)
 class TrainAgent:
-    """Train the paper's agent: imitation, PPO, and PPO after imitation; stopped and started again, it resumes.
+    """Train the paper's agent by imitation, PPO, or one after the other, and by DAgger; what was stopped goes on.
 
     Args:
         config: how.
@@ -213,7 +213,7 @@ class TrainAgent:
 
 @dataclass(frozen=True)
 class TrainAll:
-    """Train all that planners need on your data: recogniser, gain field, il, ppo, il-ppo; what is done is skipped.
+    """Train all that planners need on your data: recogniser, gain field and agents; what is done is skipped.
 
     Args:
         config: how.

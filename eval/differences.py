@@ -7,7 +7,7 @@ from ehar.arrays import FloatArray
 from eval.statistics import Interval, interval, pair
 
 NBV = "nbv"
-SUBJECTS = ("il-ppo", NBV, "il", "ppo")  # compared with every other planner; the earlier one is the minuend
+SUBJECTS = ("il-ppo", "dagger", NBV, "il", "ppo")  # compared with every other planner; the earlier one is the minuend
 
 
 @dataclass(frozen=True)

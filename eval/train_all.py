@@ -88,7 +88,7 @@ class TrainAllConfig:
 
 
 def train_all(config: TrainAllConfig, note: Callable[[str], None]) -> None:
-    """Train recogniser, gain field, il, ppo and il-ppo; what is there is kept, what was stopped goes on.
+    """Train recogniser, gain field and the four agents; what is there is kept, what was stopped goes on.
 
     Args:
         config: how.
@@ -114,7 +114,7 @@ def train_all(config: TrainAllConfig, note: Callable[[str], None]) -> None:
         note("2 of 3: the gain field")
         with StageProgress() as stages:
             train_gain_field(config.gain_field, stages.report)
-    note("3 of 3: the agents il, ppo and il-ppo")
+    note("3 of 3: the agents il, ppo, il-ppo and dagger")
     with StageProgress() as stages:
         train_agents(config.agents, stages.report, stages.note)
 

@@ -87,7 +87,7 @@ class StageRun:
     """One stage of the training of one agent.
 
     Args:
-        stage: il, ppo or il-ppo.
+        stage: il, ppo, il-ppo or dagger.
         seed: of the training.
         config: how all agents are trained.
         path: where the agent's weights will lie.
@@ -139,7 +139,7 @@ class StageRun:
     def imitate(self, world: TrainingWorld, demonstrations: Demonstrations) -> None:
         """Clone, and save the result."""
         network = world.network(self.config, self.seed)
-        history = clone(network, demonstrations, self.config.imitation, seed=self.seed)
+        history = clone(network, demonstrations, self.config.imitation(self.stage), seed=self.seed)
         self.save(world, network, history)
 
     def start(self, world: TrainingWorld) -> AgentNetwork:
@@ -294,8 +294,8 @@ def _identity(config: AgentTrainingConfig, world: TrainingWorld, stage: Stage, s
         "recogniser_sha256": world.recogniser.sha256,
     }
     if stage != "ppo":
-        decisive["imitation"] = asdict(config.imitation)
-    if stage != "il":
+        decisive["imitation"] = asdict(config.imitation(stage))
+    if stage in ("ppo", "il-ppo"):
         decisive["ppo"] = asdict(config.ppo)
     if stage == "il-ppo":  # what it starts from
         start = _path(config, "il", seed)

@@ -12,7 +12,7 @@ from queue import Empty
 from typing import Any
 
 from planners.agent_stages import StageRun, TrainingWorld
-from planners.agent_training_config import AgentTrainingConfig
+from planners.agent_training_config import AgentTrainingConfig, ImitationSetting
 from planners.demonstration_files import collect
 from planners.demonstrations import EPISODES, Demonstrations, DemonstrationTask, join
 from planners.imitation import clone
@@ -49,8 +49,9 @@ def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> lis
             note(f"{stage}: {len(runs) - len(missing)} of {len(runs)} seeds are done")
         if not missing:
             continue
-        if stage == "il":
-            demonstrations = demonstrations_of(config, world, report)
+        if stage in ("il", "dagger"):
+            setting = config.imitation(stage)
+            demonstrations = demonstrations_of(config, setting, world, report)
             for done, run in enumerate(missing, 1):
                 run.imitate(world, demonstrations)
                 report(stage, done, len(missing))
@@ -59,9 +60,10 @@ def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> lis
     return paths
 
 
-def demonstrations_of(config: AgentTrainingConfig, world: TrainingWorld, report: Report) -> Demonstrations:
+def demonstrations_of(
+    config: AgentTrainingConfig, setting: ImitationSetting, world: TrainingWorld, report: Report
+) -> Demonstrations:
     """Return all rounds of demonstrations; from the second on an agent acts that was cloned from those before."""
-    setting = config.imitation
     key = json.dumps([asdict(setting), config.length, config.fps, config.without], sort_keys=True)
     digest = hashlib.sha256(f"{key} {world.data.sha256} {world.recogniser.sha256}".encode()).hexdigest()
     batches = max(1, round(setting.episodes / EPISODES / setting.rounds))

@@ -8,7 +8,7 @@ from typing import Literal, get_args
 from ehar.cores import cores
 from ehar.errors import UsageError
 
-Stage = Literal["il", "ppo", "il-ppo"]
+Stage = Literal["il", "ppo", "il-ppo", "dagger"]
 Teacher = Literal["oracle", "oracle-lookahead"]
 Labels = Literal["best", "soft"]
 Setting = Literal["quick", "paper"]
@@ -19,12 +19,11 @@ LEAST_LOOKAHEAD = 5  # frames of an episode in which the teacher that looks ahea
 
 @dataclass(frozen=True, kw_only=True)
 class ImitationSetting:
-    """What is imitated, and how; the defaults were compared on validation scenarios.
+    """What is imitated, and how; the defaults are the paper's, but for the number of episodes.
 
     Args:
-        teacher: oracle tries the 7 moves on the next frame, as in the paper; oracle-lookahead repeats each of them
-            for 15 frames.
-        labels: best is the teacher's best move, as in the paper; soft is what it found each of the 7 moves worth.
+        teacher: oracle tries the 7 moves on the next frame; oracle-lookahead repeats each of them for 15 frames.
+        labels: best is the teacher's best move; soft is what it found each of the 7 moves worth.
         episodes: that are demonstrated, in all rounds together.
         rounds: the first is the teacher's, or where it only tries moves a wanderer's; in those that follow the agent
             cloned so far acts, and the teacher says what it should have done (DAgger). 1 is plain cloning.
@@ -34,14 +33,18 @@ class ImitationSetting:
         entropy: weight of the policy's entropy with soft labels, in standard deviations of a move's worth.
     """
 
-    teacher: Teacher = "oracle-lookahead"
-    labels: Labels = "soft"
+    teacher: Teacher = "oracle"
+    labels: Labels = "best"
     episodes: int = 1536
-    rounds: int = 2
+    rounds: int = 1
     epochs: int = 20
     batch: int = 256
     learning_rate: float = 1e-3
     entropy: float = 0.2
+
+
+DAGGER = ImitationSetting(teacher="oracle-lookahead", labels="soft", rounds=2)
+PAPER_EPISODES = 10_000  # Sec. 4.2: "10k trajectories of oracle"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +83,6 @@ class PPOSetting:
     copies: int = 8
 
 
-PAPER_IMITATION = ImitationSetting(teacher="oracle", labels="best", episodes=10_000, rounds=1)
 PAPER_PPO = PPOSetting(
     frames=10_000_000, hindsight=False, gamma=0.99, gae_lambda=0.95, hold=1, copies=1, critic_rollouts=3
 )
@@ -98,14 +100,15 @@ class AgentTrainingConfig:
         views: the recogniser's, "moving" or "paper".
         length: L, frames of an episode.
         fps: resample the motion first; None keeps its rate.
-        stages: what is trained, as "il,ppo,il-ppo": il clones, ppo starts from scratch, il-ppo from what il has cloned.
+        stages: what is trained, as "il,ppo,il-ppo,dagger": il clones the oracle, ppo starts from scratch, il-ppo from
+            what il has cloned; dagger clones what moves are worth, in states that it comes to itself.
         seeds: training seeds 0 to seeds - 1, each an agent of its own; they share the demonstrations.
         without: encoder that is left out (Table 3); such agents are named after it.
         setting: quick is for 2 CPU cores; paper is as published, for a GPU or much patience.
-        teacher: quick takes oracle-lookahead, paper the oracle.
-        labels: quick takes soft ones, paper the best move.
+        teacher: whom il clones.
+        labels: what il clones, the teacher's best move or, soft, what it found each of them worth.
+        rounds: of il's demonstrations; from the second on the agent acts.
         episodes: demonstrated; quick 1,536, paper 10,000.
-        rounds: of demonstrations, from the second on by the agent (DAgger); quick 2, paper 1.
         frames: of PPO; quick 300,000, paper 10 million.
         workers: processes; the result is the same with any number.
         device: of PPO's network, "cpu" or "cuda".
@@ -123,10 +126,10 @@ class AgentTrainingConfig:
     seeds: int = 1
     without: Left = "none"
     setting: Setting = "quick"
-    teacher: Teacher | None = None
-    labels: Labels | None = None
+    teacher: Teacher = ImitationSetting.teacher
+    labels: Labels = ImitationSetting.labels
+    rounds: int = ImitationSetting.rounds
     episodes: int | None = None
-    rounds: int | None = None
     frames: int | None = None
     workers: int = field(default_factory=cores)
     device: str = "cpu"
@@ -162,7 +165,7 @@ class AgentTrainingConfig:
         _ = self.directory
         stages = self.stage_names
         least = {"length": 3, "seeds": 1, "workers": 1, "episodes": 1, "rounds": 1, "frames": 1}
-        if "il" in stages and self.imitation.teacher == "oracle-lookahead":
+        if any(stage != "ppo" and self.imitation(stage).teacher == "oracle-lookahead" for stage in stages):
             least["length"] = LEAST_LOOKAHEAD
         for name, bound in least.items():
             value = getattr(self, name)
@@ -179,12 +182,13 @@ class AgentTrainingConfig:
         if self.tensorboard is not None and importlib.util.find_spec("tensorboard") is None:
             raise UsageError(f"--tensorboard {self.tensorboard}: expected TensorBoard to be installed, it is not")
 
-    @property
-    def imitation(self) -> ImitationSetting:
-        """How is imitated: the setting's defaults, and what was asked for instead."""
-        chosen = ImitationSetting() if self.setting == "quick" else PAPER_IMITATION
-        named = {"teacher": self.teacher, "labels": self.labels, "episodes": self.episodes, "rounds": self.rounds}
-        return replace(chosen, **{name: value for name, value in named.items() if value is not None})  # type: ignore[arg-type]
+    def imitation(self, stage: Stage) -> ImitationSetting:
+        """How is imitated in a stage, or before it: `dagger` by its own setting, `il` and `il-ppo` as was asked for."""
+        default = ImitationSetting.episodes if self.setting == "quick" else PAPER_EPISODES
+        episodes = default if self.episodes is None else self.episodes
+        if stage == "dagger":
+            return replace(DAGGER, episodes=episodes)
+        return ImitationSetting(teacher=self.teacher, labels=self.labels, rounds=self.rounds, episodes=episodes)
 
     @property
     def ppo(self) -> PPOSetting:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 HEURISTICS = (NoAct, Random, Towards, HRotate, VRotate)
 VALUING = ("nbv-greedy", "nbv-search", "nbv")
-LEARNED = ("il", "ppo", "il-ppo")
+LEARNED = ("il", "ppo", "il-ppo", "dagger")
 ABLATED = tuple(f"{name}-no-{encoder}" for name in LEARNED for encoder in ENCODED)  # Table 3
 ORACLES = (Oracle, OracleLookahead)
 FILE_FORM = "path/to/file.py:ClassName"

@@ -75,7 +75,7 @@ def test_the_same_data_and_conditions_go_into_every_training(tmp_path: Path) -> 
     for part in (config.recogniser, config.gain_field, config.agents):
         assert (part.data, part.sensor, part.views, part.length, part.fps) == ("x.npz", "estimator", "paper", 30, 30.0)
     assert config.recogniser.size == "published"
-    assert config.agents.seeds == 3 and config.agents.imitation.episodes == 10_000
+    assert config.agents.seeds == 3 and config.agents.imitation("il").episodes == 10_000
     assert config.agents.directory == config.gain_field.models == config.recogniser.out == tmp_path
 
 
