@@ -20,18 +20,18 @@ from random_networks import randomised
 
 from ehar.errors import DataError, EharError, ModelError, UsageError
 from ehar.motion_file import save_motion
-from planners import agent_stages, agent_training, agent_training_config
+from planners import agent_stages, agent_training
 from planners.agent_stages import StageRun, TrainingWorld
 from planners.agent_storage import agent_path
 from planners.agent_training import train_agents
-from planners.agent_training_config import AgentTrainingConfig, ImitationSetting, PPOSetting
+from planners.agent_training_config import DAGGER, AgentTrainingConfig, ImitationSetting, PPOSetting, Stage
 from recognition.calibration import Temperature
 from recognition.networks import NetworkSpec
 from recognition.storage import recogniser_path, save_recogniser
 
 LENGTH = 8
 PPO = PPOSetting(frames=7 * 7 * 8, num_envs=8, hold=2, copies=4)  # 7 rollouts, a checkpoint after the fifth
-IMITATION = ImitationSetting(episodes=96, rounds=2, epochs=2, batch=32)  # 2 rounds of 2 batches
+IMITATION = replace(DAGGER, episodes=96, epochs=2, batch=32)  # 2 rounds of 2 batches
 
 
 @pytest.fixture(autouse=True)
@@ -41,8 +41,14 @@ def little_of_everything(monkeypatch: pytest.MonkeyPatch) -> None:
         setting = replace(PPO, hindsight=False, hold=1, copies=1, critic_rollouts=1) if paper else PPO
         return setting if config.frames is None else replace(setting, frames=config.frames)
 
+    def imitated(config: AgentTrainingConfig, stage: Stage) -> ImitationSetting:
+        if stage == "dagger":
+            return replace(DAGGER, episodes=96, epochs=2, batch=32)
+        named = {"teacher": config.teacher, "labels": config.labels, "rounds": config.rounds}
+        return replace(IMITATION, episodes=config.episodes or IMITATION.episodes, **named)
+
     monkeypatch.setattr(AgentTrainingConfig, "ppo", property(chosen))
-    monkeypatch.setattr(agent_training_config, "ImitationSetting", lambda: IMITATION)
+    monkeypatch.setattr(AgentTrainingConfig, "imitation", imitated)
 
 
 @pytest.fixture
@@ -56,7 +62,15 @@ def config(tmp_path: Path) -> AgentTrainingConfig:
     path = recogniser_path(tmp_path / "models", form="causal", sensor="perfect", views="moving")
     save_recogniser(path, network, spec, Temperature(), {})
     return AgentTrainingConfig(
-        data=str(tmp_path / "tiny.npz"), models=tmp_path / "models", out=tmp_path / "out", length=LENGTH, workers=1
+        data=str(tmp_path / "tiny.npz"),
+        models=tmp_path / "models",
+        out=tmp_path / "out",
+        length=LENGTH,
+        stages="il,ppo,il-ppo",
+        teacher=IMITATION.teacher,
+        labels=IMITATION.labels,
+        rounds=IMITATION.rounds,
+        workers=1,
     )
 
 
@@ -305,6 +319,16 @@ def test_seeds_differ_and_share_the_demonstrations(
         train(replace(config, stages="il", seeds=4))  # the fourth needs them again, from their files
 
 
+def test_dagger_has_a_setting_of_its_own(config: AgentTrainingConfig) -> None:
+    chosen = replace(config, stages="dagger", teacher="oracle", labels="best", rounds=1)
+    written = train(chosen)
+    assert len(list(config.directory.glob("demonstrations-*"))) == DAGGER.rounds
+    run = json.loads(written["agent-dagger-perfect-moving-seed0.json"])["training"]["run"]
+    assert run["imitation"]["teacher"] == "oracle-lookahead" and run["imitation"]["labels"] == "soft"
+    assert "ppo" not in run
+    assert train(replace(chosen, labels="soft")) == written  # options of il are none of dagger's
+
+
 def quick(config: AgentTrainingConfig, **changes: Any) -> AgentTrainingConfig:
     """Return what takes seconds with the settings as they are; other processes know of no others."""
     return replace(config, episodes=64, rounds=1, frames=7 * 7 * 64, **changes)
@@ -398,7 +422,7 @@ def test_killed_at_any_moment_it_ends_as_if_it_had_not_been(
         ({"frames": 0}, "--frames: got 0, expected at least 1"),
         ({"length": 4}, "--length: got 4, expected at least 5"),  # the teacher that looks ahead would not be asked
         ({"length": 2, "stages": "ppo"}, "--length: got 2, expected at least 3"),
-        ({"stages": "il,sarsa"}, "--stages il,sarsa: expected some of il,ppo,il-ppo, got 'sarsa'"),
+        ({"stages": "il,sarsa"}, "--stages il,sarsa: expected some of il,ppo,il-ppo,dagger, got 'sarsa'"),
         ({"device": "abacus"}, "--device abacus: expected cpu or cuda"),
         ({"models": None, "out": None}, "train agent: expected --models DIR, or --out DIR"),
     ],

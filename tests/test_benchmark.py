@@ -175,7 +175,7 @@ def names(summary: Summary) -> tuple[str, ...]:
 def with_agents(models: Path) -> dict[str, str]:
     """Add agents of the fake recogniser to a models folder, and return their hashes by record name."""
     hashes = {}
-    for name, seed in (("il", 0), ("ppo", 3), ("il-ppo", 0), ("il-ppo", 1), ("il-ppo-no-vision", 0)):
+    for name, seed in (("il", 0), ("ppo", 3), ("il-ppo", 0), ("il-ppo", 1), ("dagger", 0), ("il-ppo-no-vision", 0)):
         path = save_untrained(models, tiny_data(sequences=40), name, seed=seed)
         content = path.read_bytes() + path.with_suffix(".json").read_bytes()
         hashes[f"{name}/{seed}"] = hashlib.sha256(content).hexdigest()
@@ -186,7 +186,8 @@ def test_without_names_every_planner_runs_each_training_of_a_learned_one(models:
     log, hashes = Log(), with_agents(models)
     summary = run(None, starts=1, models=models, out=tmp_path / "run", reporter=log)
     ran = {*log.done}
-    assert ran == {*planner_names()} - {"il", "ppo", "il-ppo"} | {"il/0", "ppo/3", "il-ppo/0", "il-ppo/1"}
+    trainings = {"il/0", "ppo/3", "il-ppo/0", "il-ppo/1", "dagger/0"}
+    assert ran == {*planner_names()} - {"il", "ppo", "il-ppo", "dagger"} | trainings
     assert names(summary) == planner_names(), "the trainings of a planner are one row"
     assert log.notes == []
     for planner in json.loads((tmp_path / "run" / "config.json").read_text())["planners"]:
@@ -202,12 +203,12 @@ def test_without_names_every_planner_runs_each_training_of_a_learned_one(models:
 def test_those_for_whom_nothing_was_trained_are_left_out_aloud(tmp_path: Path) -> None:
     log = Log()
     summary = run(None, starts=1, models=tmp_path / "none", reporter=log)
-    trained = ("nbv", "il", "ppo")
+    trained = ("nbv", "il", "ppo", "dagger")
     assert names(summary) == tuple(name for name in planner_names() if not name.startswith(trained))
     valuing, learned = log.notes
     assert valuing.startswith("left out: nbv-greedy, nbv-search, nbv: ")
     assert "`ehar train gain-field --data tiny" in valuing
-    assert learned.startswith("left out: il, ppo, il-ppo: no agent was trained for this recogniser: ")
+    assert learned.startswith("left out: il, ppo, il-ppo, dagger: no agent was trained for this recogniser: ")
     assert "`ehar train agent --data tiny" in learned
     log = Log()
     run(None, starts=1, form="ctrgcn", reporter=log)

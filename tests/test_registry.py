@@ -59,6 +59,7 @@ NAMES = (
     "il",
     "ppo",
     "il-ppo",
+    "dagger",
     "oracle",
     "oracle-lookahead",
 )
@@ -102,7 +103,7 @@ def test_an_agent_is_loaded_for_learned_planners_only_and_by_the_name_they_were_
 
     for spec in (*NAMES, "il-ppo/2", "ppo-no-vision", "il-no-position/0"):
         make_planner(spec, gain_model, load)
-    assert loaded == ["il", "ppo", "il-ppo", "il-ppo/2", "ppo-no-vision", "il-no-position/0"]
+    assert loaded == ["il", "ppo", "il-ppo", "dagger", "il-ppo/2", "ppo-no-vision", "il-no-position/0"]
 
 
 @pytest.mark.parametrize("spec", ["il", "il-ppo/0", "il-ppo-no-vision"])

@@ -248,7 +248,7 @@ def all_subjects() -> dict[str, EpisodeRecords]:
 def test_subjects_are_compared_with_all_others_each_pair_once() -> None:
     summary = summary_of(all_subjects())
     pairs = [(of.planner, of.other) for of in summary.differences]
-    assert SUBJECTS == ("il-ppo", "nbv", "il", "ppo")
+    assert SUBJECTS == ("il-ppo", "dagger", "nbv", "il", "ppo")
     assert pairs == [
         *(("il-ppo", other) for other in ("no-act", "ppo", "towards", "nbv", "il")),
         *(("nbv", other) for other in ("no-act", "ppo", "towards", "il")),
