@@ -226,8 +226,7 @@ class TrainAll:
         from eval.train_all import train_all
 
         train_all(self.config, lambda line: print(line, flush=True))
-        options = f"--data {self.config.data} --models {self.config.out} --sensor {self.config.sensor}"
-        print(f"next: ehar benchmark {options} --views {self.config.views}")
+        print(f"next: ehar benchmark {self.config.benchmark_options}")
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,15 @@ class TrainAllConfig:
     device: str = "cpu"
 
     @property
+    def benchmark_options(self) -> str:
+        """The options with which a benchmark runs under these conditions; its own defaults are left out."""
+        options = {"data": self.data, "models": self.out}
+        for name in ("sensor", "views", "length", "fps"):
+            if getattr(self, name) != getattr(TrainAllConfig, name):
+                options[name] = getattr(self, name)
+        return " ".join(f"--{name} {value}" for name, value in options.items())
+
+    @property
     def recogniser(self) -> TrainingConfig:
         """How the recogniser is trained."""
         return TrainingConfig(

@@ -79,6 +79,13 @@ def test_the_same_data_and_conditions_go_into_every_training(tmp_path: Path) -> 
     assert config.agents.directory == config.gain_field.models == config.recogniser.out == tmp_path
 
 
+def test_the_benchmark_that_follows_runs_under_the_same_conditions(tmp_path: Path) -> None:
+    config = TrainAllConfig(data="x.npz", out=Path("m"))
+    assert config.benchmark_options == "--data x.npz --models m"
+    short = TrainAllConfig(data="x.npz", out=Path("m"), sensor="estimator", length=30, fps=30.0)
+    assert short.benchmark_options == "--data x.npz --models m --sensor estimator --length 30 --fps 30.0"
+
+
 def test_missing_data_are_an_error_of_ours(tmp_path: Path) -> None:
     with pytest.raises(EharError, match=r"missing\.npz"):
         train_all(TrainAllConfig(data=str(tmp_path / "missing.npz"), out=tmp_path), lambda line: None)
