@@ -4,7 +4,7 @@ import hashlib
 import json
 import multiprocessing
 from collections.abc import Callable, Sequence
-from concurrent.futures import wait
+from concurrent.futures import as_completed, wait
 from dataclasses import asdict
 from multiprocessing.queues import Queue
 from pathlib import Path
@@ -51,10 +51,7 @@ def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> lis
             continue
         if stage in ("il", "dagger"):
             setting = config.imitation(stage)
-            demonstrations = demonstrations_of(config, setting, world, report)
-            for done, run in enumerate(missing, 1):
-                run.imitate(world, demonstrations)
-                report(stage, done, len(missing))
+            _imitate(missing, world, demonstrations_of(config, setting, world, report), config.workers, report)
         else:
             _optimise(missing, world, config.workers, report, note)
     return paths
@@ -64,26 +61,61 @@ def demonstrations_of(
     config: AgentTrainingConfig, setting: ImitationSetting, world: TrainingWorld, report: Report
 ) -> Demonstrations:
     """Return all rounds of demonstrations; from the second on an agent acts that was cloned from those before."""
-    key = json.dumps([asdict(setting), config.length, config.fps, config.without], sort_keys=True)
+    acts = config.without if setting.rounds > 1 else "none"  # without which encoder, where an agent acts
+    key = json.dumps([asdict(setting), config.length, config.fps, acts], sort_keys=True)
     digest = hashlib.sha256(f"{key} {world.data.sha256} {world.recogniser.sha256}".encode()).hexdigest()
     batches = max(1, round(setting.episodes / EPISODES / setting.rounds))
     rounds: list[Demonstrations] = []
-    for number in range(setting.rounds):
+
+    def task() -> DemonstrationTask:
+        """Return the next round's."""
         agent = None
         if rounds:
             agent = world.network(config, DAGGER_SEED)
             clone(agent, join(rounds), setting, seed=DAGGER_SEED)
-        task = DemonstrationTask(
+        return DemonstrationTask(
             scenarios=world.scenarios,
             recogniser=world.recogniser,
             sensor=world.sensor,
             teacher=setting.teacher,
             agent=agent,
-            seed=(DAGGER_SEED, number),
+            seed=(DAGGER_SEED, len(rounds)),
         )
+
+    for number in range(setting.rounds):
         name = f"demonstrations-{config.sensor}-{config.views}-{digest[:8]}-round{number}"
         rounds.append(collect(task, batches, config.directory / name, workers=config.workers, report=report))
     return join(rounds)
+
+
+def _imitate(
+    runs: Sequence[StageRun], world: TrainingWorld, demonstrations: Demonstrations, workers: int, report: Report
+) -> None:
+    """Clone for several seeds, each in a process of its own."""
+    if len(runs) == 1 or workers == 1:
+        for done, run in enumerate(runs, 1):
+            run.imitate(world, demonstrations)
+            report(run.stage, done, len(runs))
+        return
+    with worker_pool(min(workers, len(runs)), _start_imitating, (runs[0].config, demonstrations)) as pool:
+        futures = [pool.submit(_imitate_here, run) for run in runs]
+        for done, future in enumerate(as_completed(futures), 1):
+            future.result()
+            report(runs[0].stage, done, len(runs))
+
+
+_imitated: tuple[TrainingWorld, Demonstrations]
+
+
+def _start_imitating(config: AgentTrainingConfig, demonstrations: Demonstrations) -> None:
+    """Receive what is cloned, once a process."""
+    global _imitated
+    _imitated = TrainingWorld.load(config), demonstrations
+
+
+def _imitate_here(run: StageRun) -> None:
+    """Clone for one seed in this process."""
+    run.imitate(*_imitated)
 
 
 def _optimise(runs: Sequence[StageRun], world: TrainingWorld, workers: int, report: Report, note: Note) -> None:

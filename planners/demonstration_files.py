@@ -13,14 +13,20 @@ from recognition.storage import write_whole
 
 
 def collect(
-    task: DemonstrationTask, batches: int, folder: Path, *, workers: int, report: Callable[[str, int, int], None]
+    task: Callable[[], DemonstrationTask],
+    batches: int,
+    folder: Path,
+    *,
+    workers: int,
+    report: Callable[[str, int, int], None],
 ) -> Demonstrations:
     """Return the demonstrations of so many batches: those that lie in the folder, and those that are missing there.
 
     A file that was cut short, or is none of ours, counts as missing and is written anew.
 
     Args:
-        task: what is demonstrated.
+        task: returns what is demonstrated; called only if something is missing, as an agent that acts in it takes
+            time to clone.
         batches: how many.
         folder: of this very task.
         workers: processes.
@@ -29,7 +35,7 @@ def collect(
     pieces = {batch: piece for batch in range(batches) if (piece := read_batch(folder / f"{batch}.safetensors"))}
     missing = [batch for batch in range(batches) if batch not in pieces]
     report(folder.name, len(pieces), batches)
-    for batch, piece in demonstrate(task, missing, workers=workers):
+    for batch, piece in demonstrate(task(), missing, workers=workers) if missing else ():
         pieces[batch] = piece
         tensors = {field.name: np.ascontiguousarray(getattr(piece, field.name)) for field in fields(Demonstrations)}
         write_whole(folder / f"{batch}.safetensors", save(tensors))
