@@ -17,7 +17,7 @@ from ehar.scenario import part_of
 from eval.finished_run import FinishedRun, RunConditions, same_episodes
 from eval.planner_choice import ModelPlace
 from eval.progress import Reporter
-from planners.registry import LEARNED, is_learned
+from planners.registry import is_learned
 
 if TYPE_CHECKING:
     from eval.run import Setting
@@ -122,7 +122,7 @@ def load_agent(conditions: RunConditions, name: str) -> Planner:
         ModelError: there is no such agent or no recogniser, or the agent belongs to another data set or recogniser.
     """
     if not is_learned(name):
-        raise UsageError(f"planner {name!r}: expected a learned one, such as {LEARNED[-1]}/0, whose states can be kept")
+        raise UsageError(f"planner {name!r}: expected a learned one, such as il-ppo/0, whose states can be kept")
     setting = _setting(conditions)
     place = ModelPlace(
         models=None if conditions.models is None else Path(conditions.models),

@@ -2,7 +2,6 @@
 
 import importlib.util
 import json
-import os
 import subprocess
 import sys
 import time
@@ -372,19 +371,19 @@ def command(config: AgentTrainingConfig) -> "subprocess.Popen[bytes]":
         "out": config.out,
         "length": config.length,
         "stages": config.stages,
+        "teacher": config.teacher,
+        "labels": config.labels,
         "episodes": config.episodes,
         "rounds": config.rounds,
         "frames": config.frames,
         "workers": config.workers,
     }
     given = [part for name, value in options.items() for part in (f"--{name}", str(value))]
-    # One thread, as here: sums in another order would change the last digits.
     return subprocess.Popen(
         [sys.executable, "-m", "eval.cli", "train", "agent", *given],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         cwd=Path(__file__).parent.parent,
-        env=os.environ | {"OMP_NUM_THREADS": "1"},
     )
 
 
