@@ -46,11 +46,16 @@ weights: setup
 DATA ?= ../shared/data
 STARTS ?= 5
 SEEDS ?= 5
+ENCODERS := recognition vision position
 PLANNERS := no-act random towards h-rotate v-rotate nbv-greedy nbv-search nbv il ppo il-ppo dagger oracle oracle-lookahead
 
 # Train agents in models/$(1) under the conditions $(2), and compare all planners in runs/agents-$(1)-$(3).
 compare = $(RUN)ehar train agent $(2) --models models/$(1) --seeds $(SEEDS) && \
   $(RUN)ehar benchmark $(PLANNERS) $(2) --models models/$(1) --starts $(STARTS) --out runs/agents-$(1)-$(3)
+
+# Compare them as a vehicle, on the episodes of runs/agents-$(1)-estimator.
+fly = $(RUN)ehar benchmark $(PLANNERS) $(2) --sensor estimator --models models/$(1) --starts $(STARTS) \
+  --track tracking-drone --ideal runs/agents-$(1)-estimator --out runs/agents-$(1)-drone
 
 # Train recognisers and gain fields on real motion in models/$(1), with the options $(2) and $(3) batches of rollouts.
 prepare = $(RUN)ehar train recogniser $(2) --out models/$(1) && \
@@ -76,6 +81,15 @@ results: setup
 	$(call compare,solo,--data solo --views paper,paper)
 	$(call compare,duo,--data duo,perfect)
 	$(call compare,solo,--data solo,perfect)
+	$(call fly,hdm05,$(HDM05))
+	$(call fly,bandai2,$(BANDAI2))
+	$(call fly,sbu,$(SBU))
+	$(call fly,duo,--data duo)
+	$(call fly,solo,--data solo)
+	for encoder in $(ENCODERS); do $(RUN)ehar train agent --data solo --views paper --models models/solo --seeds $(SEEDS) \
+	  --without $$encoder --stages il,il-ppo || exit 1; done
+	$(RUN)ehar benchmark no-act il il-ppo $(foreach encoder,$(ENCODERS),il-no-$(encoder) il-ppo-no-$(encoder)) oracle \
+	  --data solo --views paper --models models/solo --starts $(STARTS) --out runs/encoders-solo-paper
 
 clean:
 	rm -rf $(VENV)
