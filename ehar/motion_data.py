@@ -88,9 +88,18 @@ class MotionData:
             motion = self.sequence(index)
             duration = (len(motion) - 1) / self.fps
             times = np.arange(int(np.floor(duration * fps + 1e-6)) + 1) * (self.fps / fps)
-            before = np.minimum(times.astype(np.int64), len(motion) - 1)
-            after = np.minimum(before + 1, len(motion) - 1)
-            share = (times - before).astype(np.float32)[:, None, None, None]
-            pieces.append(motion[before] * (1 - share) + motion[after] * share)
+            pieces.append(interpolated(motion, times))
         offsets = np.concatenate([[0], np.cumsum([len(piece) for piece in pieces])]).astype(np.int64)
         return replace(self, positions=np.concatenate(pieces), offsets=offsets, fps=float(fps))
+
+
+def interpolated(motion: FloatArray, times: FloatArray) -> FloatArray:
+    """Return motion (T, P, J, 3) at `times` (S,), in frames from its first, linearly interpolated: (S, P, J, 3).
+
+    Times after the last frame show the last frame.
+    """
+    before = np.minimum(times.astype(np.int64), len(motion) - 1)
+    after = np.minimum(before + 1, len(motion) - 1)
+    share = (times - before).astype(np.float32)[:, None, None, None]
+    between: FloatArray = motion[before] * (1 - share) + motion[after] * share
+    return between

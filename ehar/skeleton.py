@@ -1,6 +1,7 @@
 """The skeleton of one person: joint names, bones, and which joints are each other's mirror image."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -38,13 +39,18 @@ class Skeleton:
 
         Read from the names: `left_hip`/`right_hip`, `lhip`/`rhip`, `Hand_L`/`Hand_R`, whatever their case.
         """
-        index = {name.lower(): i for i, name in enumerate(self.joint_names)}
-        mirror = np.arange(len(self.joint_names))
-        for name, left in index.items():
-            for pattern, right_word in _LEFT_TO_RIGHT:
-                match = re.match(pattern, name)
-                right = index.get(f"{match[1] or ''}{right_word}{match[2]}") if match else None
-                if right is not None:
-                    mirror[left], mirror[right] = right, left
-                    break
-        return mirror
+        return counterparts(self.joint_names)
+
+
+def counterparts(names: Sequence[str]) -> IntArray:
+    """Return for each of N names the index of the one that says right where it says left, or its own, (N,)."""
+    index = {name.lower(): i for i, name in enumerate(names)}
+    other = np.arange(len(names))
+    for name, left in index.items():
+        for pattern, right_word in _LEFT_TO_RIGHT:
+            match = re.match(pattern, name)
+            right = index.get(f"{match[1] or ''}{right_word}{match[2]}") if match else None
+            if right is not None:
+                other[left], other[right] = right, left
+                break
+    return other

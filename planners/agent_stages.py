@@ -10,76 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
-from ehar.controls import GridControls
-from ehar.datasets.source import load_data
-from ehar.env import EpisodeVectorEnv
-from ehar.episodes import Episodes
-from ehar.errors import DataError, ModelError, UsageError
-from ehar.estimator import make_sensor
-from ehar.motion_data import MotionData
-from ehar.scenario import Scenarios, split_parts, windows
-from ehar.sensor import Sensor
-from planners.agent_inputs import InputSizes
-from planners.agent_network import AgentNetwork, AgentSpec
+from ehar.errors import ModelError, UsageError
+from planners.agent_network import AgentNetwork
 from planners.agent_storage import agent_name, agent_path, load_agent, save_agent
 from planners.agent_training_config import AgentTrainingConfig, Stage
 from planners.demonstrations import Demonstrations
 from planners.imitation import clone
-from recognition.storage import load_recogniser
-from recognition.streaming import PrefixRecogniser, StreamingRecogniser
+from planners.training_world import TrainingWorld
 from recognition.torch_threads import one_torch_thread
 
 if TYPE_CHECKING:
     from planners.ppo import PPOProgress
 
 KEEP_EVERY = 5  # rollouts, that a checkpoint is kept
-
-
-@dataclass(frozen=True, eq=False)
-class TrainingWorld:
-    """What agents are trained in: the policy part of some data, seen by a recogniser."""
-
-    data: MotionData
-    scenarios: Scenarios
-    recogniser: StreamingRecogniser | PrefixRecogniser
-    sensor: Sensor
-
-    @staticmethod
-    def load(config: AgentTrainingConfig) -> "TrainingWorld":
-        """Load it.
-
-        Raises:
-            EharError: data or recogniser are missing or malformed, or no policy sequence is long enough.
-        """
-        data = load_data(config.data, fps=config.fps)
-        recogniser = load_recogniser(config.models, data, sensor=config.sensor, views=config.views)
-        scenarios = windows(data, split_parts(data).policy, config.length, 1)
-        if len(scenarios) == 0:
-            raise DataError(f"{data.name}: expected policy sequences of at least {config.length} frames, got none")
-        return TrainingWorld(data, scenarios, recogniser, make_sensor(config.sensor, data.skeleton))
-
-    def make_env(self, episodes: int, *, copies: int = 1) -> EpisodeVectorEnv:
-        """Return a natively batched environment on the grid."""
-        task = Episodes(
-            scenarios=self.scenarios,
-            recogniser=self.recogniser,
-            sensor=self.sensor,
-            controls=GridControls(),
-            copies=copies,
-        )
-        return EpisodeVectorEnv(episodes, task)
-
-    def network(self, config: AgentTrainingConfig, seed: int) -> AgentNetwork:
-        """Return an untrained network."""
-        data, classes = self.data, len(self.data.class_names)
-        sizes = InputSizes.of(
-            persons=data.persons,
-            joints=len(data.skeleton.joint_names),
-            classes=classes,
-            embedding=self.recogniser.embedding_size,
-        )
-        without = () if config.without == "none" else (config.without,)
-        return AgentNetwork(AgentSpec(sizes, without, classes + 2 if config.ppo.hindsight else 0), seed=seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -289,6 +232,7 @@ def _identity(config: AgentTrainingConfig, world: TrainingWorld, stage: Stage, s
         "views": config.views,
         "length": config.length,
         "fps": config.fps,
+        "variations": config.variations_of_each,
         "without": config.without,
         "data_sha256": world.data.sha256,
         "recogniser_sha256": world.recogniser.sha256,

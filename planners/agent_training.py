@@ -11,11 +11,12 @@ from pathlib import Path
 from queue import Empty
 from typing import Any
 
-from planners.agent_stages import StageRun, TrainingWorld
+from planners.agent_stages import StageRun
 from planners.agent_training_config import AgentTrainingConfig, ImitationSetting
 from planners.demonstration_files import collect
 from planners.demonstrations import EPISODES, Demonstrations, DemonstrationTask, join
 from planners.imitation import clone
+from planners.training_world import TrainingWorld
 from planners.worker_pool import worker_pool
 
 Report = Callable[[str, int, int], None]  # what is done, how much of it, of how much
@@ -62,7 +63,7 @@ def demonstrations_of(
 ) -> Demonstrations:
     """Return all rounds of demonstrations; from the second on an agent acts that was cloned from those before."""
     acts = config.without if setting.rounds > 1 else "none"  # without which encoder, where an agent acts
-    key = json.dumps([asdict(setting), config.length, config.fps, acts], sort_keys=True)
+    key = json.dumps([asdict(setting), config.variations_of_each, config.length, config.fps, acts], sort_keys=True)
     digest = hashlib.sha256(f"{key} {world.data.sha256} {world.recogniser.sha256}".encode()).hexdigest()
     batches = max(1, round(setting.episodes / EPISODES / setting.rounds))
     rounds: list[Demonstrations] = []

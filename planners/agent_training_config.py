@@ -44,6 +44,7 @@ class ImitationSetting:
 
 
 DAGGER = ImitationSetting(teacher="oracle-lookahead", labels="soft", rounds=2)
+VARIATIONS = 3  # of each sequence of the policy part, in the quick setting; on validation, solo gains 2 points by them
 PAPER_EPISODES = 10_000  # Sec. 4.2: "10k trajectories of oracle"
 
 
@@ -110,6 +111,7 @@ class AgentTrainingConfig:
         rounds: of il's demonstrations; from the second on the agent acts.
         episodes: demonstrated; quick 1,536, paper 10,000.
         frames: of PPO; quick 300,000, paper 10 million.
+        variations: of each sequence trained on, mirrored, faster or slower, larger or smaller; quick 3, paper none.
         workers: processes; the result is the same with any number.
         device: of PPO's network, "cpu" or "cuda".
         tensorboard: folder for TensorBoard's logs, where it is installed.
@@ -131,6 +133,7 @@ class AgentTrainingConfig:
     rounds: int = ImitationSetting.rounds
     episodes: int | None = None
     frames: int | None = None
+    variations: int | None = None
     workers: int = field(default_factory=cores)
     device: str = "cpu"
     tensorboard: Path | None = None
@@ -164,7 +167,7 @@ class AgentTrainingConfig:
         """Raise a UsageError if an option makes no sense, or asks for what is not there."""
         _ = self.directory
         stages = self.stage_names
-        least = {"length": 3, "seeds": 1, "workers": 1, "episodes": 1, "rounds": 1, "frames": 1}
+        least = {"length": 3, "seeds": 1, "workers": 1, "episodes": 1, "rounds": 1, "frames": 1, "variations": 0}
         if any(stage != "ppo" and self.imitation(stage).teacher == "oracle-lookahead" for stage in stages):
             least["length"] = LEAST_LOOKAHEAD
         for name, bound in least.items():
@@ -189,6 +192,12 @@ class AgentTrainingConfig:
         if stage == "dagger":
             return replace(DAGGER, episodes=episodes)
         return ImitationSetting(teacher=self.teacher, labels=self.labels, rounds=self.rounds, episodes=episodes)
+
+    @property
+    def variations_of_each(self) -> int:
+        """How many variations of each sequence are trained on beside it."""
+        default = VARIATIONS if self.setting == "quick" else 0
+        return default if self.variations is None else self.variations
 
     @property
     def ppo(self) -> PPOSetting:

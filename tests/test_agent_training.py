@@ -20,10 +20,11 @@ from random_networks import randomised
 from ehar.errors import DataError, EharError, ModelError, UsageError
 from ehar.motion_file import save_motion
 from planners import agent_stages, agent_training
-from planners.agent_stages import StageRun, TrainingWorld
+from planners.agent_stages import StageRun
 from planners.agent_storage import agent_path
 from planners.agent_training import train_agents
 from planners.agent_training_config import DAGGER, AgentTrainingConfig, ImitationSetting, PPOSetting, Stage
+from planners.training_world import TrainingWorld
 from recognition.calibration import Temperature
 from recognition.networks import NetworkSpec
 from recognition.storage import recogniser_path, save_recogniser
@@ -243,7 +244,8 @@ def test_a_checkpoint_without_what_belongs_in_it(config: AgentTrainingConfig) ->
     ("changes", "named"),
     [
         ({"frames": 1000}, "ppo.frames"),
-        ({"setting": "paper"}, "ppo.copies, ppo.critic_rollouts, ppo.hindsight, ppo.hold"),
+        ({"setting": "paper"}, "ppo.copies, ppo.critic_rollouts, ppo.hindsight, ppo.hold, variations"),
+        ({"variations": 1}, "variations"),
         ({"length": 7}, "length"),
         ({"data": "other"}, "data_sha256"),
     ],
@@ -419,6 +421,7 @@ def test_killed_at_any_moment_it_ends_as_if_it_had_not_been(
         ({"episodes": 0}, "--episodes: got 0, expected at least 1"),
         ({"rounds": 0}, "--rounds: got 0, expected at least 1"),
         ({"frames": 0}, "--frames: got 0, expected at least 1"),
+        ({"variations": -1}, "--variations: got -1, expected at least 0"),
         ({"length": 4}, "--length: got 4, expected at least 5"),  # the teacher that looks ahead would not be asked
         ({"length": 2, "stages": "ppo"}, "--length: got 2, expected at least 3"),
         ({"stages": "il,sarsa"}, "--stages il,sarsa: expected some of il,ppo,il-ppo,dagger, got 'sarsa'"),

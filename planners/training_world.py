@@ -1,0 +1,70 @@
+"""What agents are trained in: motion, recogniser and sensor, and the environments and networks that fit them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ehar.controls import GridControls
+from ehar.datasets.source import load_data
+from ehar.env import EpisodeVectorEnv
+from ehar.episodes import Episodes
+from ehar.errors import DataError
+from ehar.estimator import make_sensor
+from ehar.motion_data import MotionData
+from ehar.scenario import Scenarios, split_parts, windows
+from ehar.sensor import Sensor
+from ehar.variations import with_variations
+from planners.agent_inputs import InputSizes
+from planners.agent_network import AgentNetwork, AgentSpec
+from planners.agent_training_config import AgentTrainingConfig
+from recognition.storage import load_recogniser
+from recognition.streaming import PrefixRecogniser, StreamingRecogniser
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingWorld:
+    """What agents are trained in: the policy part of some data and variations of it, seen by a recogniser."""
+
+    data: MotionData
+    scenarios: Scenarios
+    recogniser: StreamingRecogniser | PrefixRecogniser
+    sensor: Sensor
+
+    @staticmethod
+    def load(config: AgentTrainingConfig) -> "TrainingWorld":
+        """Load it.
+
+        Raises:
+            EharError: data or recogniser are missing or malformed, or no policy sequence is long enough.
+        """
+        data = load_data(config.data, fps=config.fps)
+        recogniser = load_recogniser(config.models, data, sensor=config.sensor, views=config.views)
+        policy = split_parts(data).policy
+        if not (data.lengths[policy] >= config.length).any():
+            raise DataError(f"{data.name}: expected policy sequences of at least {config.length} frames, got none")
+        motion = with_variations(data, policy, config.variations_of_each)
+        scenarios = windows(motion, np.arange(len(motion.labels)), config.length, 1)
+        return TrainingWorld(data, scenarios, recogniser, make_sensor(config.sensor, data.skeleton))
+
+    def make_env(self, episodes: int, *, copies: int = 1) -> EpisodeVectorEnv:
+        """Return a natively batched environment on the grid."""
+        task = Episodes(
+            scenarios=self.scenarios,
+            recogniser=self.recogniser,
+            sensor=self.sensor,
+            controls=GridControls(),
+            copies=copies,
+        )
+        return EpisodeVectorEnv(episodes, task)
+
+    def network(self, config: AgentTrainingConfig, seed: int) -> AgentNetwork:
+        """Return an untrained network."""
+        data, classes = self.data, len(self.data.class_names)
+        sizes = InputSizes.of(
+            persons=data.persons,
+            joints=len(data.skeleton.joint_names),
+            classes=classes,
+            embedding=self.recogniser.embedding_size,
+        )
+        without = () if config.without == "none" else (config.without,)
+        return AgentNetwork(AgentSpec(sizes, without, classes + 2 if config.ppo.hindsight else 0), seed=seed)
