@@ -31,6 +31,7 @@ from planners.trajectory_solver import TrajectorySolver
 from planners.trajectory_timing import measure_solves
 
 VEHICLE = VEHICLES["px4-auto"]
+ENVIRONMENTS = 64  # of which the frames a second of PPO are told
 PACE = 0.1  # share of the vehicle's speed and acceleration that each axis begins a flight with, at most
 
 
@@ -102,9 +103,8 @@ def time_ppo(data: MotionData, effort: Effort) -> float:
         classes=classes,
         embedding=recogniser.embedding_size,
     )
-    default = PPOSetting()
-    frames = default.num_envs * moves
-    setting = PPOSetting(frames=(effort.rollouts + 1) * frames)
+    frames = ENVIRONMENTS * moves
+    setting = PPOSetting(frames=(effort.rollouts + 1) * frames, num_envs=ENVIRONMENTS)
     task = Episodes(
         scenarios=scenarios,
         recogniser=recogniser,

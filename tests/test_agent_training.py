@@ -332,7 +332,7 @@ def test_dagger_has_a_setting_of_its_own(config: AgentTrainingConfig) -> None:
 
 def quick(config: AgentTrainingConfig, **changes: Any) -> AgentTrainingConfig:
     """Return what takes seconds with the settings as they are; other processes know of no others."""
-    return replace(config, episodes=64, rounds=1, frames=7 * 7 * 64, **changes)
+    return replace(config, episodes=64, rounds=1, frames=7 * 7 * PPOSetting.num_envs, **changes)
 
 
 @pytest.mark.slow
@@ -394,7 +394,7 @@ def test_killed_at_any_moment_it_ends_as_if_it_had_not_been(
     config: AgentTrainingConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.undo()
-    killed = replace(quick(config, stages="il,ppo"), frames=40 * 7 * 64, out=tmp_path / "killed")
+    killed = replace(quick(config, stages="il,ppo"), frames=15 * 7 * PPOSetting.num_envs, out=tmp_path / "killed")
     rng = np.random.default_rng()  # any moment, and another one in each run of this test
     for pattern in ("demonstrations-*/*.safetensors", "*.checkpoint"):
         process = command(killed)
