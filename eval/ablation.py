@@ -18,7 +18,7 @@ from eval.records import episode_lines
 from eval.results import CONFIG, EPISODES, SUMMARY, check_out, installed_versions, json_text, write_text
 from eval.run import check_options, load_setting
 from eval.summary import NO_ACT, Conditions, PlannerSummary, Summary, summarise
-from eval.tables import Table, interval_text, markdown, share_text
+from eval.tables import Table, interval_text, markdown, no_interval_footnotes, share_text
 from eval.tracks import IDEAL, load_track, track_name
 from planners.gain_model import GainModel
 from planners.heuristic import NoAct
@@ -205,6 +205,7 @@ def ablation_tables(result: Ablation) -> list[Table]:
             footnotes=(
                 f"nbv: {result.setting}. Each variant differs in what it is called after.",
                 "* privileged: is handed the label and the future.",
+                *no_interval_footnotes(summary.no_intervals),
             ),
         )
     ]
@@ -235,8 +236,8 @@ def _row(planner: PlannerSummary, difference: Difference | None) -> tuple[str, .
     """Return the cells behind a planner's name; nbv's difference to it is turned around."""
     minus = "-"
     if difference is not None:
-        low, high = difference.ci95
-        minus = f"{-difference.acc_mean:+.1f} {interval_text((-high, -low))}"
+        turned = None if difference.ci95 is None else (-difference.ci95[1], -difference.ci95[0])
+        minus = f"{-difference.acc_mean:+.1f} {interval_text(turned)}"
     solves = planner.solves
     return (
         f"{planner.acc_mean:.1f} {interval_text(planner.acc_mean_ci95)}",

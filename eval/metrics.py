@@ -11,7 +11,12 @@ CALIBRATION_BINS = 15  # as in Guo et al., On Calibration of Modern Neural Netwo
 
 
 def acc_at(correct: BoolArray, percent: int) -> float:
-    """Return the share of episodes recognised after `percent` of the frames: the first frame not before it.
+    """Return the share of episodes recognised after `percent` of the frames; the arguments are those of `right_at`."""
+    return float(right_at(correct, percent).mean())
+
+
+def right_at(correct: BoolArray, percent: int) -> BoolArray:
+    """Return which episodes are recognised after `percent` of the frames, (N,): in the first frame not before it.
 
     Args:
         correct: (N, L), whether the predicted class is the true one.
@@ -19,7 +24,8 @@ def acc_at(correct: BoolArray, percent: int) -> float:
     """
     length = correct.shape[1]
     frame = max(-(-percent * length // 100), 1) - 1
-    return float(correct[:, frame].mean())
+    right: BoolArray = correct[:, frame]
+    return right
 
 
 def mean_acc(correct: BoolArray) -> FloatArray:

@@ -1,15 +1,16 @@
 """Several runs side by side: one column a run, one row a planner, from their summary.json."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ehar.errors import DataError, UsageError
 from eval.results import SUMMARY
+from eval.statistics import Interval
 from eval.summary import NO_ACT, ORACLE
-from eval.tables import Table
+from eval.tables import Table, interval_text, no_interval_footnotes
 
 CONDITIONS = ("sensor", "views", "track", "readout")  # named in a column where the runs differ in them
 
@@ -23,12 +24,14 @@ class RunOverview:
         planners: what summary.json says of each, by name.
         differences: what it says of pairs, by (minuend, subtrahend).
         episodes: how many there are.
+        no_intervals: why intervals cannot be had, or None.
     """
 
     title: str
     planners: Mapping[str, Mapping[str, Any]]
     differences: Mapping[tuple[str, str], Mapping[str, Any]]
     episodes: int
+    no_intervals: str | None
 
 
 def read_overview(directories: Sequence[Path]) -> list[RunOverview]:
@@ -67,6 +70,7 @@ def _overview(summary: Mapping[str, Any], differing: Sequence[str], path: Path) 
             planners=planners,
             differences={(of["planner"], of["other"]): of for of in summary["differences"]},
             episodes=int(summary["episodes"]),
+            no_intervals=summary.get("no_intervals"),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(f"{path}: expected the summary that `ehar benchmark` writes, got {error!r}") from error
@@ -94,7 +98,10 @@ def gap_table(runs: Sequence[RunOverview]) -> Table:
             ("no-act to oracle, mean acc", *(_ends(run) for run in runs)),
             ("episodes", *(str(run.episodes) for run in runs)),
         ),
-        footnotes=("Bold: the best planner without the truth. * privileged: is handed the label and the future.",),
+        footnotes=(
+            "Bold: the best planner without the truth. * privileged: is handed the label and the future.",
+            *_no_interval_footnotes(runs),
+        ),
         bold=frozenset(bold),
     )
 
@@ -116,17 +123,23 @@ def difference_table(runs: Sequence[RunOverview], planner: str) -> Table:
         title=f"Mean accuracy of {planner} minus that of the row's planner, on the same episodes, in points [95 %]",
         header=("planner", *(run.title for run in runs)),
         rows=tuple(
-            (name, *("" if of is None else f"{of[0]:+.1f} [{of[1]:.1f}, {of[2]:.1f}]" for of in row))
+            (name, *("" if of is None else f"{of[0]:+.1f} {interval_text(of[1])}" for of in row))
             for name, row in zip(others, cells, strict=True)
         ),
-        footnotes=("Bold: the interval excludes zero.",),
+        footnotes=("Bold: the interval excludes zero.", *_no_interval_footnotes(runs)),
         bold=frozenset(
             (row, column)
             for row, differences in enumerate(cells)
             for column, of in enumerate(differences, 1)
-            if of is not None and not of[1] <= 0 <= of[2]
+            if of is not None and of[1] is not None and not of[1][0] <= 0 <= of[1][1]
         ),
     )
+
+
+def _no_interval_footnotes(runs: Sequence[RunOverview]) -> Iterator[str]:
+    """Yield which runs have no intervals, and why."""
+    for run in runs:
+        yield from no_interval_footnotes(None if run.no_intervals is None else f"{run.title}, {run.no_intervals}")
 
 
 def _names(runs: Sequence[RunOverview]) -> list[str]:
@@ -140,8 +153,9 @@ def _privileged(runs: Sequence[RunOverview], name: str) -> bool:
 def _gap(planner: Mapping[str, Any] | None) -> str:
     if planner is None or planner["gap_closed"] is None:
         return "-"
-    low, high = planner["gap_closed_ci95"]
-    return f"{100 * planner['gap_closed']:.0f} [{100 * low:.0f}, {100 * high:.0f}]"
+    ci95 = planner["gap_closed_ci95"]
+    ends = None if ci95 is None else (100 * float(ci95[0]), 100 * float(ci95[1]))
+    return f"{100 * planner['gap_closed']:.0f} {interval_text(ends, 0)}"
 
 
 def _ends(run: RunOverview) -> str:
@@ -150,7 +164,7 @@ def _ends(run: RunOverview) -> str:
     return " to ".join(found)
 
 
-def _difference(run: RunOverview, planner: str, other: str) -> tuple[float, float, float] | None:
+def _difference(run: RunOverview, planner: str, other: str) -> tuple[float, Interval | None] | None:
     """Return a difference and its interval [points]; a pair that was compared the other way round is turned."""
     if (planner, other) in run.differences:
         of, sign = run.differences[planner, other], 1
@@ -158,5 +172,5 @@ def _difference(run: RunOverview, planner: str, other: str) -> tuple[float, floa
         of, sign = run.differences[other, planner], -1
     else:
         return None
-    low, high = sorted(sign * float(end) for end in of["ci95"])
-    return sign * float(of["acc_mean"]), low, high
+    ends = None if of["ci95"] is None else (sign * float(of["ci95"][0]), sign * float(of["ci95"][1]))
+    return sign * float(of["acc_mean"]), None if ends is None else (min(ends), max(ends))

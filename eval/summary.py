@@ -12,9 +12,11 @@ from ehar.scenario import TEST
 from eval.differences import Difference, differences
 from eval.flight_records import FlightSummary, flight_numbers, join_flights, summarise_flights
 from eval.metrics import ACC_AT, acc_at, ece, gap_closed, mean_acc, nll, path_length
+from eval.planner_accuracy import planner_accuracy, resample_sequences
 from eval.records import EpisodeRecords
+from eval.sequence_scores import interquartile_mean, resampled_interquartile_means
 from eval.solves import Solves, join_solves
-from eval.statistics import BOOTSTRAP_SEED, Interval, interval, pair, resample_counts, resampled_means
+from eval.statistics import Interval, interval, pair, resampled_means
 from eval.training_seeds import PlannerGroup, group_planners, mean_over_seeds, resample_seeds
 
 NO_ACT, ORACLE = "no-act", "oracle"  # the two ends of the gap
@@ -30,9 +32,12 @@ class PlannerSummary:
         training_seeds: which it was trained with, in ascending order; empty for a planner that names none.
         acc: accuracy [%] after 10 to 100 % of the frames.
         acc_mean: accuracy [%], the mean over all frames.
-        acc_mean_ci95: its 95 % interval, bootstrap over sequences and, where there are several, training seeds.
+        acc_mean_ci95: its 95 % interval, bootstrap over sequences and, where there are several, training seeds; None,
+            like all intervals, where they cannot be had.
         acc_mean_seed_sd: standard deviation (ddof 1) of `acc_mean` over training seeds [percentage points]; None below
             two seeds.
+        acc_iqm: accuracy [%], the interquartile mean over sequences and training seeds, each sequence counting once.
+        acc_iqm_ci95: its 95 % interval.
         gap_closed: the share of the way from no-act to the oracle, that of the ideal track for flights which are
             compared with it; None where one of them was not run, or the oracle was no better.
         gap_closed_ci95: its 95 % interval.
@@ -54,8 +59,10 @@ class PlannerSummary:
     training_seeds: tuple[int, ...]
     acc: dict[str, float]
     acc_mean: float
-    acc_mean_ci95: Interval
+    acc_mean_ci95: Interval | None
     acc_mean_seed_sd: float | None
+    acc_iqm: float
+    acc_iqm_ci95: Interval | None
     gap_closed: float | None
     gap_closed_ci95: Interval | None
     nll: float
@@ -82,7 +89,8 @@ class PlannerSummary:
 class Summary:
     """How well each planner did on the same episodes; what follows `differences` is for titles and stays unwritten.
 
-    `differences` are those of `differences.SUBJECTS` and every other planner that is not privileged.
+    `differences` are those of `differences.SUBJECTS` and every other planner that is not privileged; `no_intervals`
+    says why intervals cannot be had, None where they can.
     """
 
     data: str
@@ -91,6 +99,7 @@ class Summary:
     track: str
     readout: str
     episodes: int
+    no_intervals: str | None
     planners: tuple[PlannerSummary, ...]
     differences: tuple[Difference, ...]
     sequences: int
@@ -100,7 +109,7 @@ class Summary:
 
     def to_json(self) -> dict[str, Any]:
         """Return what summary.json holds."""
-        written = ("data", "sensor", "views", "track", "readout", "episodes")
+        written = ("data", "sensor", "views", "track", "readout", "episodes", "no_intervals")
         return {
             **{name: getattr(self, name) for name in written},
             "planners": [planner.to_json() for planner in self.planners],
@@ -156,13 +165,11 @@ def summarise(
         _check_same_episodes(f"{name} on the ideal track", episodes, reference)
     groups = group_planners(records)
     trainings = [[records[name] for name in group.records] for group in groups]
-    sequences, clusters = np.unique(reference.sequence, return_inverse=True)
+    resamples = resample_sequences(list(records.values()))
+    clusters, counts = resamples.clusters, resamples.counts
+    compared = [planner_accuracy(group, records, resamples) for group in groups]
     accuracy = np.stack([mean_acc(episodes.correct) for episodes in records.values()])
-    counts = resample_counts(np.random.default_rng(BOOTSTRAP_SEED), len(sequences))
     acc_of_record = accuracy.mean(axis=1)
-    acc = mean_over_seeds(acc_of_record, groups)
-    resampled = resample_seeds(resampled_means(accuracy, clusters, counts), groups)
-    acc_ends = 100 * interval(resampled)
     gaps, gap_ends = _gaps(groups, accuracy, clusters, counts, on_ideal)
     kept, kept_ends = _kept(groups, accuracy, clusters, counts, on_ideal)
     planners = tuple(
@@ -171,9 +178,11 @@ def summarise(
             privileged=any(privileged[name] for name in group.records),
             training_seeds=group.seeds,
             acc={str(percent): 100 * _mean(acc_at(one.correct, percent) for one in trained) for percent in ACC_AT},
-            acc_mean=100 * float(acc[row]),
-            acc_mean_ci95=pair(acc_ends[row]),
+            acc_mean=100 * of.mean,
+            acc_mean_ci95=pair(100 * interval(of.resampled)),
             acc_mean_seed_sd=100 * float(acc_of_record[list(group.rows)].std(ddof=1)) if len(group.rows) > 1 else None,
+            acc_iqm=100 * interquartile_mean(of.by_sequence),
+            acc_iqm_ci95=pair(100 * interval(resampled_interquartile_means(of.by_sequence, counts, of.draws))),
             gap_closed=float(gaps[row]) if np.isfinite(gaps[row]) else None,
             gap_closed_ci95=pair(gap_ends[row]) if np.isfinite(gaps[row]) else None,
             nll=_mean(nll(one.true_probability) for one in trained),
@@ -185,7 +194,7 @@ def summarise(
             accuracy_kept_ci95=pair(kept_ends[row]) if np.isfinite(kept[row]) else None,
             solves=None if solves is None else join_solves([solves[name] for name in group.records]),
         )
-        for row, (group, trained) in enumerate(zip(groups, trainings, strict=True))
+        for row, (group, trained, of) in enumerate(zip(groups, trainings, compared, strict=True))
     )
     return Summary(
         data=conditions.data,
@@ -194,14 +203,10 @@ def summarise(
         track=conditions.track,
         readout=conditions.readout,
         episodes=len(reference),
+        no_intervals=resamples.why_none,
         planners=planners,
-        differences=differences(
-            [planner.name for planner in planners],
-            {planner.name: planner.privileged for planner in planners},
-            acc,
-            resampled,
-        ),
-        sequences=len(sequences),
+        differences=differences(compared, {planner.name: planner.privileged for planner in planners}, resamples),
+        sequences=len(set(reference.sequence)),
         length=reference.predicted.shape[1],
         form=conditions.form,
         part=conditions.part,

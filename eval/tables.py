@@ -1,6 +1,6 @@
 """The benchmark's table, for the terminal and in Markdown."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from rich.box import SIMPLE_HEAD
@@ -9,6 +9,7 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from ehar.scenario import TEST
+from eval.differences import Difference
 from eval.metrics import ACC_AT
 from eval.paper import ROWS, PaperRow, paper_gap_closed
 from eval.statistics import Interval
@@ -16,6 +17,7 @@ from eval.summary import NO_ACT, ORACLE, PlannerSummary, Summary
 
 _MARK = "*"  # behind the name of a privileged planner
 _NONE = "-"
+_NO_INTERVAL = "[-]"
 _SPREAD = "±"
 _KEPT = ("kept % [95 %]",)
 _FLIGHT = ("peak [m/s]", "[m/s^2]", "[m/s^3]", "effort [m^2/s^3]", "at limit %")
@@ -53,6 +55,7 @@ def benchmark_table(summary: Summary) -> Table:
 def _footnotes(summary: Summary, *, flown: bool, compared: bool) -> Iterator[str]:
     """Yield what a reader of the table has to know."""
     names = {planner.name for planner in summary.planners}
+    yield from no_interval_footnotes(summary.no_intervals)
     yield from _training_footnotes(summary)
     if any(planner.privileged for planner in summary.planners):
         yield f"{_MARK} privileged: is handed the label and the future."
@@ -77,6 +80,12 @@ def _footnotes(summary: Summary, *, flown: bool, compared: bool) -> Iterator[str
         if planner.solves is not None and planner.solves.fallbacks:
             counts = ", ".join(f"{status} {count}" for status, count in planner.solves.counts.items())
             yield f"{planner.name}: {planner.solves.fallbacks} of {planner.solves.total} plans fell back ({counts})."
+
+
+def no_interval_footnotes(reason: str | None) -> Iterator[str]:
+    """Yield why intervals are missing, where they are."""
+    if reason is not None:
+        yield f"{_NO_INTERVAL} No intervals: {reason}."
 
 
 def _training_footnotes(summary: Summary) -> Iterator[str]:
@@ -109,7 +118,11 @@ def differences_table(summary: Summary) -> Table | None:
             (name, *("" if of is None else f"{of.acc_mean:+.1f} {interval_text(of.ci95)}" for of in row))
             for name, row in zip(rows, cells, strict=True)
         ),
-        footnotes=("Bold: the interval excludes zero.",),
+        footnotes=(
+            "Bold: the interval excludes zero.",
+            *no_interval_footnotes(summary.no_intervals),
+            *smallest_footnotes(summary.differences),
+        ),
         bold=frozenset(
             (row, column)
             for row, differences in enumerate(cells)
@@ -117,6 +130,15 @@ def differences_table(summary: Summary) -> Table | None:
             if of is not None and of.is_clear
         ),
     )
+
+
+def smallest_footnotes(found: Sequence[Difference]) -> Iterator[str]:
+    """Yield how small true differences could have been and still have shown."""
+    smallest = sorted(of.smallest for of in found if of.smallest is not None)
+    if smallest:
+        low, high = f"{smallest[0]:.1f}", f"{smallest[-1]:.1f}"
+        span = f"{low} points" if low == high else f"{low} to {high} points, depending on the pair"
+        yield f"Smallest difference that a run like this shows 8 times in 10: {span}."
 
 
 def paper_table(summary: Summary) -> Table | None:
@@ -220,14 +242,14 @@ def _row(planner: PlannerSummary, compared: bool) -> tuple[str, ...]:
 
 def share_text(share: float | None, ends: Interval | None) -> str:
     """Return a share and its interval in percent."""
-    if share is None or ends is None:
+    if share is None:
         return _NONE
-    return f"{100 * share:.1f} {interval_text((100 * ends[0], 100 * ends[1]))}"
+    return f"{100 * share:.1f} {interval_text(None if ends is None else (100 * ends[0], 100 * ends[1]))}"
 
 
-def interval_text(interval: Interval) -> str:
-    """Return the two ends of an interval, with one decimal."""
-    return f"[{interval[0]:.1f}, {interval[1]:.1f}]"
+def interval_text(interval: Interval | None, digits: int = 1) -> str:
+    """Return the two ends of an interval."""
+    return _NO_INTERVAL if interval is None else f"[{interval[0]:.{digits}f}, {interval[1]:.{digits}f}]"
 
 
 def _paper_row(row: PaperRow, rows: tuple[PaperRow, ...]) -> tuple[str, ...]:

@@ -88,6 +88,16 @@ def test_flights_are_compared_with_nbv_on_the_ideal_track() -> None:
     assert cells["minus nbv [95 %]"] != "-"
 
 
+def test_missing_intervals_are_said_to_be_missing() -> None:
+    result = ablated(groups=[])
+    without = tuple(replace(of, ci95=None) for of in result.summary.differences)
+    (table,) = ablation_tables(
+        result._replace(summary=replace(result.summary, differences=without, no_intervals="why"))
+    )
+    assert table.rows[0][table.header.index("minus nbv [95 %]")].endswith(" [-]")
+    assert table.footnotes[-1] == "[-] No intervals: why."
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

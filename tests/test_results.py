@@ -141,7 +141,8 @@ def test_every_number_of_the_summary_can_be_recomputed_from_the_file(tmp_path: P
 
 def test_summary_json_has_the_fields_of_the_schema(tmp_path: Path) -> None:
     written = summary_of(three_planners()).to_json()
-    assert list(written) == ["data", "sensor", "views", "track", "readout", "episodes", "planners", "differences"]
+    conditions = ["data", "sensor", "views", "track", "readout", "episodes", "no_intervals"]
+    assert list(written) == [*conditions, "planners", "differences"]
     assert list(written["planners"][0]) == [
         "name",
         "privileged",
@@ -150,6 +151,8 @@ def test_summary_json_has_the_fields_of_the_schema(tmp_path: Path) -> None:
         "acc_mean",
         "acc_mean_ci95",
         "acc_mean_seed_sd",
+        "acc_iqm",
+        "acc_iqm_ci95",
         "gap_closed",
         "gap_closed_ci95",
         "nll",
@@ -166,7 +169,7 @@ def test_summary_json_has_the_fields_of_the_schema(tmp_path: Path) -> None:
         "solves",
         "fallback_share",
     ]
-    assert all(written["planners"][0][name] is None for name in list(written["planners"][0])[13:])
+    assert all(written["planners"][0][name] is None for name in list(written["planners"][0])[15:])
     assert list(written["planners"][0]["acc"]) == ["10", "30", "50", "70", "90", "100"]
     assert written["episodes"] == 9
     assert [planner["privileged"] for planner in written["planners"]] == [False, False, True]
