@@ -11,6 +11,7 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, arg, subcommand
 from ehar.errors import EharError
 from eval.analyse_commands import AnalyseCommand, OverviewCommand
 from eval.commands import Bench, Benchmark, HeadroomCommand, TrainAgent, TrainAll, TrainGainField, TrainRecogniser
+from eval.compare_command import CompareCommand
 from eval.data_commands import Describe, PrepareAistpp, PrepareBvh, PrepareExpi
 from eval.nbv_commands import AblationCommand, BeliefCommand, Explain
 from eval.results import package_version
@@ -71,6 +72,7 @@ Command = (
     | Annotated[BeliefCommand, subcommand("belief")]
     | Annotated[AnalyseCommand, subcommand("analyse")]
     | Annotated[OverviewCommand, subcommand("overview")]
+    | Annotated[CompareCommand, subcommand("compare")]
     | Annotated[DataCommand, subcommand("data")]
     | Annotated[TrainCommand, subcommand("train")]
     | Annotated[Bench, subcommand("bench")]
