@@ -13,7 +13,7 @@ from eval.planner_accuracy import PlannerAccuracy, Resamples, planner_accuracy, 
 from eval.results import CONFIG
 from eval.training_seeds import PlannerGroup, group_planners
 
-EPISODES = ("data_sha256", "part", "starts", "seed", "length", "fps", "sensor")  # what decides what planners meet
+SAME_EPISODES = ("data_sha256", "part", "starts", "seed", "length", "fps", "sensor")  # what decides what planners meet
 MAY_DIFFER = ("recogniser_sha256", "views", "form", "readout", "track", "gain_model_sha256", "versions")  # said aloud
 _SHOWN = 12  # digits of a hash
 
@@ -130,7 +130,7 @@ def _read(directory: Path) -> _Run:
 def _check_same_episodes(a: _Run, b: _Run) -> None:
     """Raise an error that says in what the episodes of two runs differ, with both values."""
     where = f"{a.run.directory} and {b.run.directory}"
-    differing = [name for name in EPISODES if a.config.get(name) != b.config.get(name)]
+    differing = [name for name in SAME_EPISODES if a.config.get(name) != b.config.get(name)]
     if differing:
         got = ", ".join(f"{_label(name)} ({_value(name, a.config)}, {_value(name, b.config)})" for name in differing)
         raise UsageError(f"{where}: expected runs of the same episodes; they differ in {got}")

@@ -12,7 +12,7 @@ from test_results import CONFIG_OF_RUN, make_records, summary_of
 
 from ehar.errors import DataError, UsageError
 from eval.cli import main
-from eval.compare import EPISODES, MAY_DIFFER, Comparison, compare
+from eval.compare import MAY_DIFFER, SAME_EPISODES, Comparison, compare
 from eval.compare_table import compare_table
 from eval.records import EpisodeRecords
 from eval.results import CONFIG, PlannerConfig, write_run
@@ -96,7 +96,7 @@ def test_runs_without_a_planner_in_common_are_refused(tmp_path: Path) -> None:
 OTHER = {"data_sha256": "9", "part": "policy", "starts": 2, "seed": 7, "length": 5, "fps": 25.0, "sensor": "estimator"}
 
 
-@pytest.mark.parametrize("name", EPISODES)
+@pytest.mark.parametrize("name", SAME_EPISODES)
 def test_other_episodes_are_refused_with_both_values(tmp_path: Path, name: str) -> None:
     a, b = two_runs(tmp_path, **{name: OTHER[name]})
     before = getattr(CONFIG_OF_RUN, name)
