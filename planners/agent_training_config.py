@@ -69,10 +69,10 @@ class PPOSetting:
         copies: episodes that differ in the moves only, and are rewarded relative to each other.
     """
 
-    frames: int = 600_000
+    frames: int = 300_000
     num_envs: int = 256
     epochs: int = 4
-    minibatches: int = 4
+    minibatches: int = 8
     learning_rate: float = 5e-4
     clip: float = 0.2
     entropy: float = 0.005
@@ -87,6 +87,7 @@ class PPOSetting:
 PAPER_PPO = PPOSetting(
     frames=10_000_000,
     num_envs=64,
+    minibatches=4,
     hindsight=False,
     gamma=0.99,
     gae_lambda=0.95,
@@ -117,7 +118,7 @@ class AgentTrainingConfig:
         labels: what il clones, the teacher's best move or, soft, what it found each of them worth.
         rounds: of il's demonstrations; from the second on the agent acts.
         episodes: demonstrated; quick 1,536, paper 10,000.
-        frames: of PPO; quick 600,000, paper 10 million.
+        frames: of PPO; quick 300,000, paper 10 million.
         variations: of each sequence trained on, mirrored, faster or slower, larger or smaller; quick 3, paper none.
         workers: processes; the result is the same with any number.
         device: of PPO's network, "cpu" or "cuda".
