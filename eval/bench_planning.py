@@ -104,7 +104,11 @@ def time_ppo(data: MotionData, effort: Effort) -> float:
         embedding=recogniser.embedding_size,
     )
     frames = ENVIRONMENTS * moves
-    setting = PPOSetting(frames=(effort.rollouts + 1) * frames, num_envs=ENVIRONMENTS)
+    setting = PPOSetting(
+        frames=(effort.rollouts + 1) * frames,
+        num_envs=ENVIRONMENTS,
+        minibatches=max(1, PPOSetting.minibatches * ENVIRONMENTS // PPOSetting.num_envs),  # as large as in training
+    )
     task = Episodes(
         scenarios=scenarios,
         recogniser=recogniser,
