@@ -1,10 +1,11 @@
 """The records of a run, from which every number in a report is computed: episodes.jsonl, one line an episode."""
 
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -111,35 +112,100 @@ def read_episodes(path: Path) -> dict[str, EpisodeRecords]:
     """Read episodes.jsonl back: the records of each planner, in the order of the file.
 
     Raises:
-        DataError: the file is missing, or a line is not an episode.
+        DataError: the file is missing, or a line is not an episode; it names the line and the field.
     """
-    rows: dict[str, list[dict[str, Any]]] = {}
+    rows: dict[str, list[_Row]] = {}
     try:
         with path.open(encoding="utf-8") as file:
             for number, line in enumerate(file, 1):
-                row = json.loads(line)
-                if not isinstance(row, dict) or not {"planner", *COLUMNS} <= row.keys():
-                    raise DataError(f"{path}, line {number}: expected an episode with the fields planner, {COLUMNS}")
-                flown = row.keys() & set(KEYS)
-                if flown and len(flown) < len(KEYS):
-                    raise DataError(f"{path}, line {number}: expected all of the fields {KEYS}, or none")
-                rows.setdefault(row["planner"], []).append(row)
+                row = _parsed_line(line, f"{path}, line {number}")
+                rows.setdefault(row["planner"], []).append(_Row(f"{path}, line {number}", row))
         return {planner: _episodes(lines) for planner, lines in rows.items()}
     except OSError as error:
         raise DataError(f"{path}: expected the episodes of a run, got {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise DataError(f"{path}: expected text in UTF-8, got {error}") from error
+
+
+class _Row(NamedTuple):
+    where: str
+    fields: dict[str, Any]
+
+
+class _Kind(NamedTuple):
+    """What a field holds: its shape, where L is the number of frames, and its least and greatest value."""
+
+    shape: tuple[int | str, ...]
+    whole: bool
+    least: float = -math.inf
+    greatest: float = math.inf
+
+    def __str__(self) -> str:
+        shape = f", shape ({', '.join(map(str, self.shape))})" if self.shape else ""
+        among = f" from {self.least:g}" if math.isfinite(self.least) else ""
+        among += f" to {self.greatest:g}" if math.isfinite(self.greatest) else ""
+        return f"{'whole' if self.whole else 'finite'} numbers{among}{shape}"
+
+    def fits(self, values: Any, frames: int, count: int) -> bool:
+        """Return whether values are those of so many episodes of so many frames."""
+        try:
+            array = np.array(values)
+        except (ValueError, OverflowError):
+            return False  # not all of one shape, or no number of 64 bits
+        shape = (count, *(frames if size == "L" else size for size in self.shape))
+        return array.shape == shape and array.dtype.kind in ("iu" if self.whole else "iuf") and self._among(array)
+
+    def _among(self, array: FloatArray) -> bool:
+        return bool((np.isfinite(array) & (array >= self.least) & (array <= self.greatest)).all())
+
+
+_KINDS = {
+    "first": _Kind((), True, 0),
+    "start": _Kind((3,), False),
+    "label": _Kind((), True, 0),
+    "viewpoint": _Kind(("L", 3), False),
+    "predicted": _Kind(("L",), True, 0),
+    "true_probability": _Kind(("L",), False, 0, 1),
+    "top_probability": _Kind(("L",), False, 0, 1),
+    **dict.fromkeys(KEYS, _Kind((), False, 0)),
+}
+
+
+def _parsed_line(line: str, where: str) -> dict[str, Any]:
+    """Return the fields of an episode, or raise a DataError."""
+    try:
+        row = json.loads(line)
     except ValueError as error:
-        raise DataError(f"{path}: expected one JSON object a line, all with as many frames: {error}") from error
+        raise DataError(f"{where}: expected one JSON object a line: {error}") from error
+    if not isinstance(row, dict) or not {"planner", *COLUMNS} <= row.keys():
+        raise DataError(f"{where}: expected an episode with the fields planner, {', '.join(COLUMNS)}")
+    for name in ("planner", "sequence"):
+        if not isinstance(row[name], str):
+            raise DataError(f"{where}: {name}: expected a name, got {row[name]!r}")
+    if not isinstance(row["predicted"], list) or not row["predicted"]:
+        raise DataError(f"{where}: predicted: expected a list of at least one frame")
+    flown = row.keys() & set(KEYS)
+    if flown and len(flown) < len(KEYS):
+        raise DataError(f"{where}: expected all of the fields {', '.join(KEYS)}, or none")
+    return row
 
 
-def _episodes(rows: Sequence[Mapping[str, Any]]) -> EpisodeRecords:
-    """Return the records of one planner from its lines, or raise ValueError where they do not fit together."""
-    flown = [KEYS[0] in row for row in rows]
-    if any(flown) and not all(flown):
-        raise ValueError("some episodes were flown, and others were not")
-    columns = {name: np.array([row[name] for row in rows]) for name in COLUMNS if name != "sequence"}
-    flights = {key: np.array([row[key] for row in rows]) for key in KEYS} if all(flown) else None
-    return EpisodeRecords(
-        sequence=tuple(str(row["sequence"]) for row in rows),
-        flight=None if flights is None else FlightRecords(**flights),
-        **columns,
-    )
+def _episodes(rows: Sequence[_Row]) -> EpisodeRecords:
+    """Return the records of one planner from its lines, or raise a DataError where they do not fit together."""
+    flown = KEYS[0] in rows[0].fields
+    for row in rows:
+        if (KEYS[0] in row.fields) != flown:
+            raise DataError(f"{row.where}: some episodes were flown, and others were not")
+    columns: dict[str, Any] = {name: _column(name, rows) for name in COLUMNS if name != "sequence"}
+    flight = FlightRecords(**{key: _column(key, rows) for key in KEYS}) if flown else None
+    return EpisodeRecords(sequence=tuple(row.fields["sequence"] for row in rows), flight=flight, **columns)
+
+
+def _column(name: str, rows: Sequence[_Row]) -> FloatArray:
+    """Return one field of all episodes, (N, ...), or raise a DataError that names the first line that is off."""
+    kind, frames = _KINDS[name], len(rows[0].fields["predicted"])
+    values = [row.fields[name] for row in rows]
+    if not kind.fits(values, frames, len(rows)):
+        off = next(row for row in rows if not kind.fits([row.fields[name]], frames, 1))
+        raise DataError(f"{off.where}: {name}: expected {kind}, L = {frames} as in the lines before")
+    return np.array(values, dtype=None if kind.whole else np.float64)

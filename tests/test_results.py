@@ -86,6 +86,12 @@ def summary_of(records: dict[str, EpisodeRecords], **options: Any) -> Summary:
     )
 
 
+def write_finished(directory: Path, records: dict[str, EpisodeRecords], **options: Any) -> Path:
+    """Write a run with a summary, under the conditions of `CONFIG_OF_RUN` but for the options."""
+    write_run(directory, replace(CONFIG_OF_RUN, **options), records, summary_of(records))
+    return directory
+
+
 def flown(records: EpisodeRecords, seed: int = 0) -> EpisodeRecords:
     numbers = np.random.default_rng(seed).random((5, len(records))).round(DIGITS)
     return replace(records, flight=FlightRecords(*numbers))
@@ -205,6 +211,42 @@ def test_a_malformed_line_is_named(tmp_path: Path) -> None:
         read_episodes(tmp_path / EPISODES)
     with pytest.raises(DataError, match="No such file"):
         read_episodes(tmp_path / "absent.jsonl")
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("label", -1, "label: expected whole numbers from 0, L = 4"),
+        ("label", "1", "label: expected whole numbers"),
+        ("label", 2**70, "label: expected whole numbers"),
+        ("start", [1, 2], r"start: expected finite numbers, shape \(3\)"),
+        ("predicted", [0, 1, 2], r"predicted: expected whole numbers from 0, shape \(L\), L = 4"),
+        ("predicted", [0, 1, 2, 0.5], "predicted: expected whole numbers"),
+        ("predicted", [], "predicted: expected a list of at least one frame"),
+        ("viewpoint", [[1, 2, 3], [1, 2]], r"viewpoint: expected finite numbers, shape \(L, 3\)"),
+        ("true_probability", [0, 0, 0, 1.5], r"true_probability: expected finite numbers from 0 to 1, shape \(L\)"),
+        ("top_probability", [0, 0, 0, float("nan")], "top_probability: expected finite numbers from 0 to 1"),
+        ("top_probability", None, "top_probability: expected finite numbers from 0 to 1"),
+        ("sequence", 3, "sequence: expected a name, got 3"),
+        ("planner", [], r"planner: expected a name, got \[\]"),
+    ],
+)
+def test_a_field_that_is_off_is_named_with_its_line(tmp_path: Path, field: str, value: Any, message: str) -> None:
+    lines = list(episode_lines({"mine": make_records(0)}))
+    lines[2] = json.dumps({**json.loads(lines[2]), field: value}) + "\n"
+    (tmp_path / EPISODES).write_text("".join(lines))
+    with pytest.raises(DataError, match=rf"episodes\.jsonl, line 3: {message}"):
+        read_episodes(tmp_path / EPISODES)
+
+
+def test_a_file_that_is_cut_off_or_no_text_is_named(tmp_path: Path) -> None:
+    lines = list(episode_lines({"mine": make_records(0)}))
+    (tmp_path / EPISODES).write_text(lines[0] + lines[1][:100])
+    with pytest.raises(DataError, match="line 2: expected one JSON object a line"):
+        read_episodes(tmp_path / EPISODES)
+    (tmp_path / EPISODES).write_bytes(b"\xff")
+    with pytest.raises(DataError, match="expected text in UTF-8"):
+        read_episodes(tmp_path / EPISODES)
 
 
 def test_the_table_marks_who_is_privileged_and_prints_percent() -> None:
