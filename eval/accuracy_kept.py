@@ -1,13 +1,12 @@
 """What a flight is compared with: the finished run of the same planners on the same episodes, on the ideal track."""
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 
 from ehar.errors import UsageError
-from eval.records import EpisodeRecords, read_episodes
-from eval.results import CONFIG, EPISODES, RunConfig
+from eval.finished_run import read_run
+from eval.records import EpisodeRecords
+from eval.results import RunConfig
 from eval.summary import NO_ACT
 from eval.tracks import IDEAL
 
@@ -26,7 +25,7 @@ SAME = (  # of both runs' config.json; without the gain model, which not every r
 )
 
 
-def read_ideal_run(directory: Path, config: RunConfig) -> dict[str, EpisodeRecords]:
+def read_ideal_run(directory: Path, config: RunConfig) -> Mapping[str, EpisodeRecords]:
     """Return the records of each planner of a run on the ideal track that a flight may be compared with.
 
     Args:
@@ -36,33 +35,25 @@ def read_ideal_run(directory: Path, config: RunConfig) -> dict[str, EpisodeRecor
     Raises:
         UsageError: the flight's track is `ideal`, the folder holds no run, one on another track or under other
             conditions or with other weights of a learned planner, or one without no-act.
-        DataError: its episodes cannot be read.
+        DataError: its files cannot be read, or it is incomplete.
     """
     if config.track == IDEAL:
         raise UsageError(f"{directory}: a run to compare flights with, but the track is {IDEAL}; expected a vehicle")
-    try:
-        held = json.loads((directory / CONFIG).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UsageError(f"{directory / CONFIG}: expected a run on the {IDEAL} track, got: {error.strerror}") from error
-    except ValueError as error:
-        raise UsageError(f"{directory / CONFIG}: expected the JSON of a run, got {error}") from error
-    held = held if isinstance(held, dict) else {}
-    wanted = {"track": IDEAL, **{name: asdict(config)[name] for name in SAME}}
-    if config.gain_model_sha256 is not None and held.get("gain_model_sha256") is not None:
+    run = read_run(directory)
+    held = run.config
+    wanted = {"track": IDEAL, **{name: getattr(config, name) for name in SAME}}
+    if config.gain_model_sha256 is not None and held.gain_model_sha256 is not None:
         wanted["gain_model_sha256"] = config.gain_model_sha256
     _check_same(directory, held, wanted)
     _check_weights(directory, held, config)
-    records = read_episodes(directory / EPISODES)
-    if NO_ACT not in records:
-        raise UsageError(f"{directory}: expected a run with {NO_ACT} among its planners, got {', '.join(records)}")
-    return records
+    if NO_ACT not in run.records:
+        raise UsageError(f"{directory}: expected a run with {NO_ACT} among its planners, got {', '.join(run.records)}")
+    return run.records
 
 
-def _check_weights(directory: Path, held: Mapping[str, object], config: RunConfig) -> None:
+def _check_weights(directory: Path, held: RunConfig, config: RunConfig) -> None:
     """Raise a UsageError that names the first planner of both runs whose trained weights differ."""
-    listed = held.get("planners")
-    planners = [planner for planner in listed if isinstance(planner, dict)] if isinstance(listed, list) else []
-    weights = {str(planner.get("name")): planner.get("weights_sha256") for planner in planners}
+    weights = {planner.name: planner.weights_sha256 for planner in held.planners}
     for planner in config.planners:
         on_ideal = weights.get(planner.name, planner.weights_sha256)
         if on_ideal != planner.weights_sha256:
@@ -72,12 +63,12 @@ def _check_weights(directory: Path, held: Mapping[str, object], config: RunConfi
             )
 
 
-def _check_same(directory: Path, held: Mapping[str, object], wanted: Mapping[str, object]) -> None:
+def _check_same(directory: Path, held: RunConfig, wanted: Mapping[str, object]) -> None:
     """Raise a UsageError that says what differs."""
-    differing = [name for name, value in wanted.items() if held.get(name) != value]
+    differing = [name for name, value in wanted.items() if getattr(held, name) != value]
     if differing:
         name = differing[0]
         raise UsageError(
             f"{directory}: expected a run under the flight's conditions, on the {IDEAL} track; it differs in "
-            f"{', '.join(differing)} ({name}: expected {wanted[name]!r}, got {held.get(name)!r})"
+            f"{', '.join(differing)} ({name}: expected {wanted[name]!r}, got {getattr(held, name)!r})"
         )

@@ -1,16 +1,15 @@
 """A finished run, read back from its folder: its conditions, its records, and the names of its classes."""
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
 from ehar.errors import DataError, EharError, UsageError
+from eval.read_config import read_config
 from eval.records import EpisodeRecords, read_episodes
-from eval.results import CONFIG, EPISODES
+from eval.results import EPISODES, SUMMARY, RunConfig
 from eval.seed_accuracy import pool_seeds
 from eval.tracks import IDEAL
 
@@ -49,13 +48,18 @@ class FinishedRun:
 
     Args:
         directory: the folder.
-        conditions: from config.json.
+        config: from config.json.
         records: of each planner, by the name that it ran under.
     """
 
     directory: Path
-    conditions: RunConditions
+    config: RunConfig
     records: Mapping[str, EpisodeRecords]
+
+    @property
+    def conditions(self) -> RunConditions:
+        """What the configuration says of the episodes."""
+        return RunConditions(**{field.name: getattr(self.config, field.name) for field in fields(RunConditions)})
 
     @property
     def flown(self) -> bool:
@@ -78,28 +82,34 @@ def read_run(directory: Path) -> FinishedRun:
     """Read a run of `ehar benchmark`.
 
     Raises:
-        UsageError: the folder holds no such run.
-        DataError: its files cannot be read, or planners ran different episodes, as in a run that was interrupted.
+        UsageError: the folder holds no such run, or one of another schema.
+        DataError: its files cannot be read, it is incomplete, as one that was interrupted, or planners ran different
+            episodes.
     """
-    path = directory / CONFIG
-    try:
-        held = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UsageError(f"{path}: expected a finished run of ehar benchmark, got: {error.strerror}") from error
-    except ValueError as error:
-        raise DataError(f"{path}: expected the JSON of a run, got {error}") from error
-    conditions = _conditions(path, held)
+    config = read_config(directory)
     records = read_episodes(directory / EPISODES)
-    if not records:
-        raise DataError(f"{directory / EPISODES}: expected the episodes of a run, got none")
+    reason = why_incomplete(directory, config, records)
+    if reason is not None:
+        raise DataError(f"{directory}: expected a finished run, this one is incomplete: {reason}")
     names = list(records)
     for name in names[1:]:
         if not same_episodes(records[names[0]], records[name]):
             raise DataError(
-                f"{directory}: expected a finished run with the same episodes for every planner; those of {name} "
-                f"({len(records[name])}) are not those of {names[0]} ({len(records[names[0]])})"
+                f"{directory}: expected the same episodes for every planner, those of {name} are not {names[0]}'s"
             )
-    return FinishedRun(directory, conditions, records)
+    return FinishedRun(directory, config, records)
+
+
+def why_incomplete(directory: Path, config: RunConfig, records: Mapping[str, EpisodeRecords]) -> str | None:
+    """Return what a run lacks, such as one that was interrupted; None where it was finished."""
+    absent = [planner.name for planner in config.planners if planner.name not in records]
+    if absent or not records:
+        return f"no episodes of {', '.join(absent) or 'any planner'}"
+    most = max(len(episodes) for episodes in records.values())
+    for name, episodes in records.items():
+        if len(episodes) < most:
+            return f"{name} has {len(episodes)} of {most} episodes"
+    return None if (directory / SUMMARY).is_file() else f"no {SUMMARY}"
 
 
 def same_episodes(one: EpisodeRecords, other: EpisodeRecords) -> bool:
@@ -125,18 +135,3 @@ def class_names(run: FinishedRun, note: Callable[[str], None]) -> tuple[str, ...
         return data.class_names
     note(f"classes are numbered, as their names cannot be read: {reason}")
     return tuple(f"class {label}" for label in range(max(int(of.label.max()) for of in run.records.values()) + 1))
-
-
-def _conditions(path: Path, held: Any) -> RunConditions:
-    """Return the conditions in a parsed config.json."""
-    hints = get_type_hints(RunConditions)
-    names = [field.name for field in fields(RunConditions)]
-    missing = [name for name in names if not isinstance(held, dict) or name not in held]
-    if missing:
-        raise UsageError(f"{path}: expected a run of ehar benchmark, its {', '.join(missing)} missing")
-    for name in names:
-        kinds = get_args(hints[name]) or (hints[name],)
-        # A number may be written as a whole one.
-        if not isinstance(held[name], (*kinds, int) if float in kinds else kinds):
-            raise DataError(f"{path}: {name}: expected {hints[name]}, got {held[name]!r}")
-    return RunConditions(**{name: held[name] for name in names})

@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from ehar.errors import DataError, UsageError
+from eval.read_config import read_config
 from eval.results import SUMMARY
 from eval.statistics import Interval
 from eval.summary import NO_ACT, ORACLE
 from eval.tables import Table, interval_text, no_interval_footnotes
+from eval.training_seeds import group_planners
 
 CONDITIONS = ("sensor", "views", "track", "readout")  # named in a column where the runs differ in them
 
@@ -38,16 +40,25 @@ def read_overview(directories: Sequence[Path]) -> list[RunOverview]:
     """Read the summaries of runs.
 
     Raises:
-        UsageError: there are none.
-        DataError: a folder has no summary, or one that `ehar benchmark` has not written.
+        UsageError: there are none, or a folder holds no run, or one of another schema.
+        DataError: a folder has no summary, or one that `ehar benchmark` has not written; or a run is incomplete.
     """
     if not directories:
         raise UsageError("overview: expected at least one folder of a run")
+    configs = [read_config(directory) for directory in directories]
     held = [_read(directory / SUMMARY) for directory in directories]
     differing = [name for name in CONDITIONS if len({summary.get(name) for summary in held}) > 1]
-    return [
+    runs = [
         _overview(summary, differing, directory / SUMMARY) for summary, directory in zip(held, directories, strict=True)
     ]
+    for directory, config, run in zip(directories, configs, runs, strict=True):
+        ran = [group.name for group in group_planners(planner.name for planner in config.planners)]
+        absent = [name for name in ran if name not in run.planners]
+        if absent:
+            raise DataError(
+                f"{directory / SUMMARY}: this run is incomplete, expected figures of {', '.join(absent)} too"
+            )
+    return runs
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from eval.records import EpisodeRecords, episode_lines
 from eval.summary import Conditions, Summary
 
 CONFIG, EPISODES, SUMMARY = "config.json", "episodes.jsonl", "summary.json"
+SCHEMA = 1  # of a run's files; raised when what is written has another form or meaning
 PACKAGES = ("ehar", "numpy", "torch", "casadi", "filterpy", "ruckig")  # whose versions decide numbers
 
 
@@ -30,10 +31,14 @@ class PlannerConfig:
     weights_sha256: str | None = None  # of a trained agent
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RunConfig:
-    """Everything that decides a run's episodes.jsonl. The number of workers is not here, as it decides nothing."""
+    """Everything that decides a run's episodes.jsonl. The number of workers is not here, as it decides nothing.
 
+    A field with a default may be missing in a file: a run without it is as one with the default.
+    """
+
+    schema: int = SCHEMA  # of all files of the run
     source: str  # the data as named on the command line
     data: str  # its title
     data_sha256: str
@@ -51,6 +56,7 @@ class RunConfig:
     seed: int
     length: int
     fps: float | None
+    ideal: str | None = None  # folder of the run that flights were compared with: decides part of summary.json
     planners: tuple[PlannerConfig, ...]
     versions: dict[str, str]
 
@@ -107,6 +113,11 @@ def check_out(out: Path, config: Mapping[str, Any]) -> None:
         raise UsageError(f"{out / CONFIG}: expected the JSON of a run, got {error}") from error
     wanted = json.loads(json.dumps(config))
     held = held if isinstance(held, dict) else {}
+    if "schema" in wanted:
+        found = held.get("schema", SCHEMA)  # a run from before schemas were numbered may be written anew
+        if found != SCHEMA:
+            raise UsageError(f"{out}: holds a run of schema {found!r}, expected {SCHEMA}; choose another --out")
+        held = {**held, "schema": SCHEMA}
     differing = [name for name in {**wanted, **held} if held.get(name) != wanted.get(name)]
     if differing:
         name = differing[0]

@@ -106,6 +106,7 @@ def benchmark(
         seed=seed,
         length=length,
         fps=fps,
+        ideal=None if ideal is None else str(ideal),
         planners=tuple(planner_config(planner) for planner in chosen),
         versions=installed_versions(),
     )

@@ -1,21 +1,20 @@
-import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from test_results import CONFIG_OF_RUN, make_records, three_planners
+from test_results import CONFIG_OF_RUN, make_records, three_planners, write_finished
 
-from ehar.errors import UsageError
+from ehar.errors import DataError, UsageError
 from ehar.vehicle import VEHICLES
 from eval.accuracy_kept import SAME, read_ideal_run
-from eval.results import CONFIG, PlannerConfig, write_run
+from eval.results import CONFIG, SUMMARY, PlannerConfig
 
 FLIGHT = replace(CONFIG_OF_RUN, track="px4-max", vehicle=VEHICLES["px4-max"])
 
 
 def test_the_records_of_a_run_under_the_same_conditions_are_read(tmp_path: Path) -> None:
-    write_run(tmp_path, replace(CONFIG_OF_RUN, gain_model_sha256="2", versions={"ehar": "0"}), three_planners(), None)
+    write_finished(tmp_path, three_planners(), gain_model_sha256="2", versions={"ehar": "0"})
     records = read_ideal_run(tmp_path, FLIGHT)
     assert list(records) == ["no-act", "mine", "oracle"]
     np.testing.assert_array_equal(records["mine"].predicted, three_planners()["mine"].predicted)
@@ -24,13 +23,14 @@ def test_the_records_of_a_run_under_the_same_conditions_are_read(tmp_path: Path)
 @pytest.mark.parametrize("name", SAME)
 def test_other_conditions_are_refused(tmp_path: Path, name: str) -> None:
     assert name in asdict(CONFIG_OF_RUN)
-    write_run(tmp_path, replace(CONFIG_OF_RUN, **{name: "other"}), three_planners(), None)
-    with pytest.raises(UsageError, match=rf"it differs in {name} \({name}: expected .*, got 'other'\)"):
+    other = "other" if isinstance(getattr(CONFIG_OF_RUN, name), str) else 77
+    write_finished(tmp_path, three_planners(), **{name: other})
+    with pytest.raises(UsageError, match=rf"it differs in {name} \({name}: expected .*, got {other!r}\)"):
         read_ideal_run(tmp_path, FLIGHT)
 
 
 def test_another_gain_field_is_refused(tmp_path: Path) -> None:
-    write_run(tmp_path, replace(CONFIG_OF_RUN, gain_model_sha256="2"), three_planners(), None)
+    write_finished(tmp_path, three_planners(), gain_model_sha256="2")
     with pytest.raises(UsageError, match="differs in gain_model_sha256"):
         read_ideal_run(tmp_path, replace(FLIGHT, gain_model_sha256="3"))
 
@@ -54,39 +54,33 @@ def of(**hashes: str | None) -> tuple[PlannerConfig, ...]:
 def test_other_weights_of_a_learned_planner_are_refused(
     tmp_path: Path, ideal: tuple[PlannerConfig, ...], flight: tuple[PlannerConfig, ...], differs: str | None
 ) -> None:
-    write_run(tmp_path, replace(CONFIG_OF_RUN, planners=ideal), three_planners(), None)
+    records = {"no-act": make_records(1), **{planner.name: make_records(2) for planner in ideal}}
+    write_finished(tmp_path, records, planners=ideal)
     if differs is None:
-        assert list(read_ideal_run(tmp_path, replace(FLIGHT, planners=flight))) == ["no-act", "mine", "oracle"]
+        assert list(read_ideal_run(tmp_path, replace(FLIGHT, planners=flight))) == list(records)
         return
     with pytest.raises(UsageError, match=f"the weights of {differs}"):
         read_ideal_run(tmp_path, replace(FLIGHT, planners=flight))
 
 
-@pytest.mark.parametrize("planners", [None, {}, ["il/0"], [{}], [{"name": ["il/0"]}]])
-def test_a_run_that_does_not_say_which_weights_has_none_that_differ(tmp_path: Path, planners: object) -> None:
-    write_run(tmp_path, CONFIG_OF_RUN, three_planners(), None)
-    held = json.loads((tmp_path / CONFIG).read_text())
-    (tmp_path / CONFIG).write_text(json.dumps({**held, "planners": planners}))
-    assert len(read_ideal_run(tmp_path, replace(FLIGHT, planners=of(il_0="a")))) == 3
-
-
 def test_only_a_flight_is_compared_and_only_with_the_ideal_track(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="the track is ideal; expected a vehicle"):
         read_ideal_run(tmp_path, CONFIG_OF_RUN)
-    write_run(tmp_path, FLIGHT, three_planners(), None)
+    write_finished(tmp_path, three_planners(), track=FLIGHT.track, vehicle=FLIGHT.vehicle)
     with pytest.raises(UsageError, match=r"differs in track \(track: expected 'ideal', got 'px4-max'\)"):
         read_ideal_run(tmp_path, FLIGHT)
 
 
-def test_a_folder_without_a_run_or_a_run_without_no_act(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"config\.json: expected a run on the ideal track, got: No such file"):
+def test_a_folder_without_a_run_an_incomplete_one_or_one_without_no_act(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"config\.json: expected a run of ehar benchmark, got: No such file"):
         read_ideal_run(tmp_path, FLIGHT)
-    (tmp_path / CONFIG).write_text("{")
-    with pytest.raises(UsageError, match="expected the JSON of a run"):
-        read_ideal_run(tmp_path, FLIGHT)
-    (tmp_path / CONFIG).write_text(json.dumps([1]))
-    with pytest.raises(UsageError, match="differs in track"):
-        read_ideal_run(tmp_path, FLIGHT)
-    write_run(tmp_path, CONFIG_OF_RUN, {"mine": make_records(1)}, None)
+    for content, message in (("{", "expected the JSON of a run"), ("[1]", "expected the configuration of a run, got")):
+        (tmp_path / CONFIG).write_text(content)
+        with pytest.raises(DataError, match=message):
+            read_ideal_run(tmp_path, FLIGHT)
+    write_finished(tmp_path, {"mine": make_records(1)})
     with pytest.raises(UsageError, match="expected a run with no-act among its planners, got mine"):
+        read_ideal_run(tmp_path, FLIGHT)
+    (tmp_path / SUMMARY).unlink()
+    with pytest.raises(DataError, match="incomplete"):
         read_ideal_run(tmp_path, FLIGHT)

@@ -10,7 +10,7 @@ from agents import save_untrained
 from fakes import CLASS_NAMES, tiny_data
 from test_agent_states import Seeing
 from test_benchmark import HashedRecogniser, Log
-from test_results import CONFIG_OF_RUN, flown, make_records
+from test_results import CONFIG_OF_RUN, flown, make_records, write_finished
 
 from ehar.errors import DataError, UsageError
 from ehar.motion_file import save_motion
@@ -18,8 +18,8 @@ from eval import benchmark
 from eval.analyse import analyse
 from eval.analyse_commands import AnalyseCommand
 from eval.finished_run import read_run
-from eval.records import EpisodeRecords
-from eval.results import CONFIG, write_run
+from eval.records import EpisodeRecords, episode_lines
+from eval.results import CONFIG, EPISODES, SUMMARY, PlannerConfig, write_text
 from planners.agent_network import STATE
 
 
@@ -36,8 +36,7 @@ def planner(seed: int, skill: float = 0.0) -> EpisodeRecords:
 
 
 def written(directory: Path, records: dict[str, EpisodeRecords], **options: Any) -> Path:
-    write_run(directory, replace(CONFIG_OF_RUN, length=12, **options), records, None)
-    return directory
+    return write_finished(directory, records, length=12, **options)
 
 
 def test_a_run_from_its_folder_to_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -147,15 +146,39 @@ def test_planners_that_did_not_run_are_refused(tmp_path: Path, planners: list[st
 
 
 def test_what_is_no_finished_run_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="expected a finished run"):
+    with pytest.raises(UsageError, match=r"config\.json: expected a run of ehar benchmark, got: No such file"):
         read_run(tmp_path)
     (tmp_path / CONFIG).write_text('{"source": "duo"}')
     with pytest.raises(UsageError, match="data_sha256"):
         read_run(tmp_path)
     (tmp_path / CONFIG).write_text(json.dumps({**asdict(CONFIG_OF_RUN), "seed": "none"}))
-    with pytest.raises(DataError, match="seed"):
+    with pytest.raises(DataError, match="seed: expected int, got 'none'"):
         read_run(tmp_path)
+
+
+def test_an_incomplete_run_is_called_so(tmp_path: Path) -> None:
     short = make_records(1, episodes=5, length=12)
-    directory = written(tmp_path / "interrupted", {"no-act": planner(0), "nbv": short})
-    with pytest.raises(DataError, match="same episodes for every planner"):
-        read_run(directory)
+    cut = written(tmp_path / "cut", {"no-act": short})
+    write_episodes(cut, {"no-act": planner(0), "nbv": short})
+    with pytest.raises(DataError, match="this one is incomplete: nbv has 5 of 20 episodes"):
+        read_run(cut)
+    missing = written(tmp_path / "missing", {"no-act": short}, planners=(PlannerConfig("nbv", False, ""),))
+    with pytest.raises(DataError, match="this one is incomplete: no episodes of nbv"):
+        read_run(missing)
+    whole = written(tmp_path / "whole", {"no-act": planner(0)})
+    assert list(read_run(whole).records) == ["no-act"]
+    (whole / SUMMARY).unlink()
+    with pytest.raises(DataError, match=r"this one is incomplete: no summary\.json"):
+        read_run(whole)
+    empty = written(tmp_path / "empty", {"no-act": planner(0)})
+    (empty / EPISODES).write_text("")
+    with pytest.raises(DataError, match="this one is incomplete: no episodes of any planner"):
+        read_run(empty)
+    other = {"no-act": short, "nbv": replace(short, first=short.first + 1)}
+    write_episodes(cut, other)
+    with pytest.raises(DataError, match="expected the same episodes for every planner, those of nbv are not no-act's"):
+        read_run(cut)
+
+
+def write_episodes(directory: Path, records: dict[str, EpisodeRecords]) -> None:
+    write_text(directory / EPISODES, episode_lines(records))

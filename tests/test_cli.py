@@ -60,7 +60,7 @@ def test_headroom_prints_its_tables(tiny: Path, capsys: pytest.CaptureFixture[st
         (["--track", "rail"], "unknown track 'rail'"),
         (
             ["no-act", "--track", "px4-max", "--ideal", "absent"],
-            "config.json: expected a run on the ideal track",
+            "config.json: expected a run of ehar benchmark",
         ),
         (["no-act", "--ideal", "absent"], "the track is ideal; expected a vehicle"),
         (["--readout", "tarot"], "unknown readout 'tarot'; expected recogniser or belief"),

@@ -1,13 +1,16 @@
 """Runs side by side say what their summaries say, and in which conditions they differ."""
 
 import json
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from test_results import CONFIG_OF_RUN
 
 from ehar.errors import DataError, UsageError
 from eval.overview import difference_table, gap_table, read_overview
+from eval.results import PlannerConfig, RunConfig
 
 
 def planner(name: str, acc: float, gap: float | None, privileged: bool = False) -> dict[str, Any]:
@@ -35,8 +38,9 @@ def summary(**changes: Any) -> dict[str, Any]:
     }
 
 
-def write(folder: Path, content: Any) -> Path:
+def write(folder: Path, content: Any, config: RunConfig = CONFIG_OF_RUN) -> Path:
     folder.mkdir()
+    (folder / "config.json").write_text(json.dumps(asdict(config)))
     (folder / "summary.json").write_text(json.dumps(content))
     return folder
 
@@ -85,7 +89,18 @@ def test_what_is_no_summary_is_named(tmp_path: Path, content: Any) -> None:
 
 
 def test_missing_runs_are_named(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"missing/summary\.json"):
+    with pytest.raises(UsageError, match=r"missing/config\.json"):
         read_overview([tmp_path / "missing"])
+    (write(tmp_path / "a", summary()) / "summary.json").unlink()
+    with pytest.raises(DataError, match=r"a/summary\.json"):
+        read_overview([tmp_path / "a"])
     with pytest.raises(UsageError, match="at least one"):
         read_overview([])
+
+
+def test_runs_of_another_schema_and_incomplete_ones_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="got schema 2, expected a run of ehar benchmark of schema 1; run the"):
+        read_overview([write(tmp_path / "newer", summary(), replace(CONFIG_OF_RUN, schema=2))])
+    planners = tuple(PlannerConfig(name, False, "") for name in ("no-act", "il-ppo/0", "il-ppo/1", "random"))
+    with pytest.raises(DataError, match="this run is incomplete, expected figures of random too"):
+        read_overview([write(tmp_path / "cut", summary(), replace(CONFIG_OF_RUN, planners=planners))])
