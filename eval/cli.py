@@ -15,6 +15,7 @@ from eval.compare_command import CompareCommand
 from eval.data_commands import Describe, PrepareAistpp, PrepareBvh, PrepareExpi
 from eval.nbv_commands import AblationCommand, BeliefCommand, Explain
 from eval.results import package_version
+from eval.verify_commands import VerifyCommand
 
 Prepare = (
     Annotated[PrepareExpi, subcommand("expi")]
@@ -73,6 +74,7 @@ Command = (
     | Annotated[AnalyseCommand, subcommand("analyse")]
     | Annotated[OverviewCommand, subcommand("overview")]
     | Annotated[CompareCommand, subcommand("compare")]
+    | Annotated[VerifyCommand, subcommand("verify")]
     | Annotated[DataCommand, subcommand("data")]
     | Annotated[TrainCommand, subcommand("train")]
     | Annotated[Bench, subcommand("bench")]

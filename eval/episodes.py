@@ -110,5 +110,9 @@ def cut_scenarios(data: MotionData, sequences: IntArray, length: int, note: Call
 def random_starts(scenarios: Scenarios, starts: int, seed: int) -> Episodes:
     """Return episodes from `starts` start viewpoints a scenario, uniform over the 250,000 of Sec. 5.1."""
     count = len(scenarios)
-    viewpoints = sample_starts(np.random.default_rng([seed, _STARTS]), starts * count)
-    return Episodes(scenarios, np.tile(np.arange(count), starts), viewpoints, seed)
+    return Episodes(scenarios, np.tile(np.arange(count), starts), draw_starts(starts * count, seed), seed)
+
+
+def draw_starts(count: int, seed: int) -> FloatArray:
+    """Return the start viewpoints of so many episodes, (count, 3), which depend on nothing else."""
+    return sample_starts(np.random.default_rng([seed, _STARTS]), count)

@@ -14,11 +14,11 @@ import cloudpickle
 from ehar.motion import GridMotion
 from ehar.planner import Context, Planner
 from ehar.recogniser import Recogniser
-from ehar.rollout import rollout
+from ehar.rollout import Record, rollout
 from ehar.sensor import Sensor
 from ehar.vehicle import Vehicle
 from eval.episodes import Episodes
-from eval.flight_records import record_flights
+from eval.flight_records import FlightRecords, record_flights
 from eval.progress import Reporter
 from eval.records import EpisodeRecords, join_records, record_episodes
 from eval.solves import Solves, join_solves, solves_of
@@ -123,10 +123,11 @@ def _join(planners: Sequence[Planner], done: dict[_Job, _Done]) -> dict[str, Pla
     return runs
 
 
-def _run_chunk(world: World, planner: Planner, chunk: int) -> _Done:
-    """Run one planner over one chunk."""
+def roll_chunk(world: World, planner: Planner, chunk: int) -> tuple[Record, FlightRecords | None]:
+    """Run one planner over one chunk: what happened, as it is scored, and what a vehicle's flights demanded."""
+    from recognition.torch_threads import one_torch_thread  # here, as torch takes seconds to import
+
     episodes = world.episodes.chunk(chunk)
-    batch = world.episodes.batch(chunk)
     data = world.episodes.scenarios.data
     motion = GridMotion() if world.vehicle is None else _flight(world.vehicle)
     context = Context(
@@ -140,18 +141,26 @@ def _run_chunk(world: World, planner: Planner, chunk: int) -> _Done:
         rng=world.episodes.planner_rng(planner.name, chunk),
         vehicle=world.vehicle,
     )
-    record = rollout(planner, batch, world.recogniser, world.sensor, motion, context)
-    if world.belief is not None:
-        from planners.belief import readout  # here, as it brings scipy, which `ehar --help` does not wait for
+    with one_torch_thread():
+        record = rollout(planner, world.episodes.batch(chunk), world.recogniser, world.sensor, motion, context)
+        if world.belief is not None:
+            from planners.belief import readout  # here, as it brings scipy, which `ehar --help` does not wait for
 
-        record = replace(record, log_probs=readout(world.belief, record.log_probs, record.viewpoints))
+            record = replace(record, log_probs=readout(world.belief, record.log_probs, record.viewpoints))
+    return record, None if isinstance(motion, GridMotion) else record_flights(motion.telemetry)
+
+
+def _run_chunk(world: World, planner: Planner, chunk: int) -> _Done:
+    """Run one planner over one chunk, and keep what is recorded."""
+    episodes = world.episodes.chunk(chunk)
+    record, flight = roll_chunk(world, planner, chunk)
     records = record_episodes(
         record,
         sequence=episodes.sequence_names,
         first=episodes.first,
         start=episodes.starts,
         label=episodes.labels,
-        flight=None if isinstance(motion, GridMotion) else record_flights(motion.telemetry),
+        flight=flight,
     )
     return _Done(records, record.plan_seconds, solves_of(planner))
 
@@ -164,13 +173,9 @@ def _flight(vehicle: Vehicle) -> "FlightMotion":
 
 
 def _run_here(world: World, planners: Sequence[Planner], jobs: Sequence[_Job]) -> Iterator[tuple[_Job, _Done]]:
-    """Run the jobs in this process, with one torch thread as in a worker."""
-    from recognition.torch_threads import one_torch_thread  # here, as torch takes seconds to import
-
+    """Run the jobs in this process."""
     for job in jobs:
-        with one_torch_thread():
-            result = _run_chunk(world, planners[job.planner], job.chunk)
-        yield job, result
+        yield job, _run_chunk(world, planners[job.planner], job.chunk)
 
 
 def _run_in_workers(

@@ -19,7 +19,7 @@ def read_config(directory: Path) -> RunConfig:
 
     Raises:
         UsageError: the folder holds no such run, or one of another schema.
-        DataError: config.json is not the JSON of an object, or a field is not of its type.
+        DataError: config.json is not the JSON of an object, or a field is not of its type or too small.
     """
     path = directory / CONFIG
     try:
@@ -38,6 +38,9 @@ def read_config(directory: Path) -> RunConfig:
             f"ehar benchmark of schema {SCHEMA}; run the benchmark again with this version"
         )
     config: RunConfig = _parsed(RunConfig, {**held, "schema": SCHEMA}, str(path))
+    for name, least in (("starts", 1), ("seed", 0), ("length", 1)):
+        if getattr(config, name) < least:
+            raise DataError(f"{path}: {name}: expected at least {least}, got {getattr(config, name)}")
     return config
 
 

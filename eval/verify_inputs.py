@@ -1,0 +1,122 @@
+"""Whether the data and the weights that a run names are those at hand."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from ehar.errors import EharError, ModelError, UsageError
+from ehar.motion_data import MotionData
+from eval.planner_choice import ModelPlace
+from eval.results import CONFIG, RunConfig
+from eval.verification import FAILED, OK, UNCHECKED, Check
+from planners.registry import is_learned
+
+if TYPE_CHECKING:
+    from eval.run import Setting
+
+
+class Inputs(NamedTuple):
+    """What a run was made from, as far as it is at hand and the run's.
+
+    Args:
+        checks: of data, recogniser, gain model and agents.
+        setting: data, recogniser and sensor; None where data or recogniser are not here.
+        data: None where they are not here, or others.
+        place: of gain models and agents; None where there are no data for them to fit.
+    """
+
+    checks: tuple[Check, ...]
+    setting: "Setting | None" = None
+    data: MotionData | None = None
+    place: ModelPlace | None = None
+
+
+def check_inputs(config: RunConfig, data: str | Path | None, models: Path | None) -> Inputs:
+    """Load what a run was made from, and compare the hashes.
+
+    Args:
+        config: of the run.
+        data: where its data lie now; None is where they lay.
+        models: where its weights lie now; None is where they lay.
+
+    Raises:
+        EharError: what was asked for by `data` or `models` cannot be read.
+    """
+    from ehar.datasets.source import load_data  # these bring what `ehar --help` does not wait for
+    from eval.run import load_setting
+
+    source = config.source if data is None else data
+    try:
+        motion = load_data(source, fps=config.fps)
+    except EharError as error:
+        if data is not None:
+            raise
+        return _unchecked((Check("data", UNCHECKED, f"{error}; --data says where they lie now"),))
+    checks: tuple[Check, ...] = (_compared("data", config.data_sha256, motion.sha256, str(source)),)
+    if checks[0].result == FAILED:
+        return _unchecked(checks)
+    directory = models or (None if config.models is None else Path(config.models))
+    place = ModelPlace(
+        models=directory,
+        data=motion,
+        sensor=config.sensor,
+        views=config.views,
+        form=config.form,
+        recogniser_sha256=config.recogniser_sha256,
+    )
+    try:
+        setting = load_setting(
+            data=motion,
+            models=directory,
+            sensor=config.sensor,
+            views=config.views,
+            form="ctrgcn" if config.form == "ctrgcn" else "causal",
+            fps=None,
+        )
+    except ModelError as error:
+        if models is not None:
+            raise
+        checks += (Check("recogniser", UNCHECKED, f"{error}; --models says where it lies now"),)
+        return Inputs((*checks, *_planner_weights(config, place)), None, motion, place)
+    where = str(directory or "the weights that ship with ehar")
+    checks += (_compared("recogniser", config.recogniser_sha256, setting.recogniser_sha256, where),)
+    return Inputs((*checks, *_planner_weights(config, place)), setting, motion, place)
+
+
+def _unchecked(checks: tuple[Check, ...]) -> Inputs:
+    """Return inputs without the run's data, which weights have to fit."""
+    return Inputs((*checks, Check("weights", UNCHECKED, "they can be loaded with the data only")))
+
+
+def _compared(name: str, got: str, expected: str, where: str) -> Check:
+    if got == expected:
+        return Check(name, OK, f"{where}, sha256 {expected[:12]}...")
+    return Check(name, FAILED, f"{CONFIG}: {name}: got sha256 {got}, expected {expected}, which {where} has")
+
+
+def _planner_weights(config: RunConfig, place: ModelPlace) -> list[Check]:
+    """Return what can be said of the weights of planners."""
+    checks = []
+    if config.gain_model_sha256 is not None:
+        try:
+            model = place.load_gain_model()
+            checks.append(_compared("gain model", config.gain_model_sha256, model.sha256, str(place.models or "ehar")))
+        except ModelError as error:
+            checks.append(Check("gain model", UNCHECKED, str(error)))
+    trained = [planner for planner in config.planners if planner.weights_sha256 is not None]
+    absent = []
+    for planner in trained:
+        try:
+            if not is_learned(planner.name):
+                raise UsageError("no weights are known by this name")
+            sha256 = place.load_agent(planner.name).sha256
+        except EharError as error:
+            absent.append(f"{planner.name}: {error}")
+            continue
+        if sha256 != planner.weights_sha256:
+            got = planner.weights_sha256
+            difference = f"{CONFIG}: {planner.name}: weights_sha256: got {got}, expected {sha256}, as in {place.models}"
+            return [*checks, Check("agents", FAILED, difference)]
+    if trained:
+        what = f"{len(trained)} trainings" if not absent else f"{len(absent)} of {len(trained)}: {absent[0]}"
+        checks.append(Check("agents", UNCHECKED if absent else OK, what))
+    return checks
