@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import cloudpickle
 
-from ehar.motion import GridMotion
+from ehar.motion import GridMotion, Motion
 from ehar.planner import Context, Planner
 from ehar.recogniser import Recogniser
 from ehar.rollout import Record, rollout
 from ehar.sensor import Sensor
 from ehar.vehicle import Vehicle
 from eval.episodes import Episodes
-from eval.flight_records import FlightRecords, record_flights
+from eval.flight_records import record_flights
 from eval.progress import Reporter
 from eval.records import EpisodeRecords, join_records, record_episodes
 from eval.solves import Solves, join_solves, solves_of
@@ -47,6 +47,14 @@ class World:
     sensor: Sensor
     vehicle: Vehicle | None = None
     belief: "BeliefModel | None" = None
+
+    def new_motion(self) -> "GridMotion | FlightMotion":
+        """Return a new body that moves on the grid, or flies as the vehicle does."""
+        if self.vehicle is None:
+            return GridMotion()
+        from ehar.flight import FlightMotion  # here, as it brings Ruckig, which `ehar --help` does not wait for
+
+        return FlightMotion(vehicle=self.vehicle)
 
 
 class PlannerRun(NamedTuple):
@@ -123,15 +131,14 @@ def _join(planners: Sequence[Planner], done: dict[_Job, _Done]) -> dict[str, Pla
     return runs
 
 
-def roll_chunk(world: World, planner: Planner, chunk: int) -> tuple[Record, FlightRecords | None]:
-    """Run one planner over one chunk: what happened, as it is scored, and what a vehicle's flights demanded."""
+def roll_chunk(world: World, planner: Planner, chunk: int, motion: Motion) -> Record:
+    """Run one planner, carried by a new motion of the world's, over one chunk; what is scored is in the record."""
     from recognition.torch_threads import one_torch_thread  # here, as torch takes seconds to import
 
-    episodes = world.episodes.chunk(chunk)
+    batch = world.episodes.batch(chunk)
     data = world.episodes.scenarios.data
-    motion = GridMotion() if world.vehicle is None else _flight(world.vehicle)
     context = Context(
-        episodes=len(episodes),
+        episodes=len(batch.labels),
         length=world.episodes.scenarios.length,
         frame_time=1 / data.fps,
         class_names=data.class_names,
@@ -142,34 +149,28 @@ def roll_chunk(world: World, planner: Planner, chunk: int) -> tuple[Record, Flig
         vehicle=world.vehicle,
     )
     with one_torch_thread():
-        record = rollout(planner, world.episodes.batch(chunk), world.recogniser, world.sensor, motion, context)
+        record = rollout(planner, batch, world.recogniser, world.sensor, motion, context)
         if world.belief is not None:
             from planners.belief import readout  # here, as it brings scipy, which `ehar --help` does not wait for
 
             record = replace(record, log_probs=readout(world.belief, record.log_probs, record.viewpoints))
-    return record, None if isinstance(motion, GridMotion) else record_flights(motion.telemetry)
+    return record
 
 
 def _run_chunk(world: World, planner: Planner, chunk: int) -> _Done:
     """Run one planner over one chunk, and keep what is recorded."""
     episodes = world.episodes.chunk(chunk)
-    record, flight = roll_chunk(world, planner, chunk)
+    motion = world.new_motion()
+    record = roll_chunk(world, planner, chunk, motion)
     records = record_episodes(
         record,
         sequence=episodes.sequence_names,
         first=episodes.first,
         start=episodes.starts,
         label=episodes.labels,
-        flight=flight,
+        flight=None if isinstance(motion, GridMotion) else record_flights(motion.telemetry),
     )
     return _Done(records, record.plan_seconds, solves_of(planner))
-
-
-def _flight(vehicle: Vehicle) -> "FlightMotion":
-    """Return a new body that flies as the vehicle does."""
-    from ehar.flight import FlightMotion  # here, as it brings Ruckig, which `ehar --help` does not wait for
-
-    return FlightMotion(vehicle=vehicle)
 
 
 def _run_here(world: World, planners: Sequence[Planner], jobs: Sequence[_Job]) -> Iterator[tuple[_Job, _Done]]:

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ehar.arrays import BoolArray
+from ehar.viewpoint import Workspace
 from eval.episodes import Episodes, draw_starts
 from eval.records import DIGITS, EpisodeRecords
 from eval.results import CONFIG, EPISODES, RunConfig
@@ -71,6 +72,8 @@ class _Problem(NamedTuple):
 
 def _frames(of: EpisodeRecords, classes: int | None) -> Iterator[_Problem]:
     """Yield what single frames may be wrong in."""
+    workspace = Workspace()
+    yield _Problem(~workspace.contains(of.viewpoint, tolerance=10**-DIGITS), "viewpoint", f"one within {workspace}")
     if classes is not None:
         yield _Problem(of.predicted >= classes, "predicted", f"one of {classes} classes")
     yield _Problem(
