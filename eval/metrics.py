@@ -7,6 +7,7 @@ from ehar.viewpoint import cartesian
 
 ACC_AT = (10, 30, 50, 70, 90, 100)  # Sec. 5.1: the observation ratios that the paper reports [%]
 PROBABILITY_FLOOR = 1e-6  # what records resolve; a smaller probability of the true class counts as this
+ROUNDING = 1e-9  # accuracies that are nearer to each other are the same; one frame of an episode weighs far more
 CALIBRATION_BINS = 15  # as in Guo et al., On Calibration of Modern Neural Networks, ICML 2017
 
 
@@ -35,9 +36,12 @@ def mean_acc(correct: BoolArray) -> FloatArray:
 
 
 def gap_closed(acc: FloatArray, acc_noact: FloatArray, acc_oracle: FloatArray) -> FloatArray:
-    """Return (acc - acc_noact) / (acc_oracle - acc_noact); NaN where the oracle is no better than no-act."""
+    """Return (acc - acc_noact) / (acc_oracle - acc_noact); NaN where the oracle is no better than no-act.
+
+    No better is what leads by rounding alone, which another machine may round away.
+    """
     gap = np.asarray(acc_oracle, dtype=np.float64) - acc_noact
-    positive = gap > 0
+    positive = gap > ROUNDING
     closed: FloatArray = np.where(positive, (acc - acc_noact) / np.where(positive, gap, 1.0), np.nan)
     return closed
 

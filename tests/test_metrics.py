@@ -43,7 +43,7 @@ def test_gap_closed_of_the_papers_agent() -> None:
     np.testing.assert_allclose(gap_closed(np.array(64.27), np.array(52.79), np.array(77.53)), 0.464, atol=5e-4)
 
 
-@pytest.mark.parametrize("oracle", [0.5, 0.4])
+@pytest.mark.parametrize("oracle", [0.5, 0.4, np.nextafter(0.5, 1)])
 def test_gap_closed_does_not_exist_without_a_gap(oracle: float) -> None:
     assert np.isnan(gap_closed(np.array(0.6), np.array(0.5), np.array(oracle)))
 
