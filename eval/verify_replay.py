@@ -15,16 +15,17 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.errors import ModelError, UsageError
-from ehar.motion import GridMotion, Motion
+from ehar.motion import GridMotion
 from ehar.planner import Planner
 from ehar.rollout import Record
-from ehar.viewpoint import AZIMUTH, wrap_difference
 from eval.episodes import CHUNK, Episodes
+from eval.flight_records import KEYS, FlightRecords, record_flights
+from eval.followed_way import FollowedWay
 from eval.jobs import World, roll_chunk
 from eval.planner_choice import ModelPlace
 from eval.progress import Reporter
-from eval.records import EpisodeRecords
-from eval.results import RunConfig, planner_config
+from eval.records import DIGITS, EpisodeRecords
+from eval.results import EPISODES, RunConfig, planner_config
 from eval.verification import FAILED, OK, UNCHECKED, Check
 from eval.verify_records import place
 from planners.heuristic import NoAct
@@ -34,53 +35,8 @@ if TYPE_CHECKING:
     from eval.run import Setting
 
 PROBABILITY = 1e-3
-VIEWPOINT = 1e-3  # [m], [rad]: a hundredth of a move
+FLIGHT = 1e-2  # of peaks and effort, and no less than 1e-2 of their units
 MOVES = 0.95  # of a planner's frames, in which it has to go where it went
-
-
-class Followed:
-    """A motion on a recorded way: it moves as told, and is brought back to the way where that leads elsewhere.
-
-    Args:
-        motion: of the track. In flight only the viewpoint is brought back, as records do not hold velocities.
-        way: (B, L, 3) recorded viewpoints.
-    """
-
-    def __init__(self, motion: Motion, way: FloatArray) -> None:
-        """Follow from the first frame."""
-        self.workspace = motion.workspace
-        self.elsewhere: BoolArray = np.zeros(way.shape[:2], dtype=bool)  # where it was told to leave the way
-        self._motion = motion
-        self._way = way
-        self._frame = 0
-        self._frame_time = 0.0
-
-    def reset(self, viewpoint: FloatArray, frame_time: float) -> None:
-        """Begin at viewpoints (B, 3)."""
-        self._frame_time = frame_time
-        self._motion.reset(viewpoint, frame_time)
-
-    def advance(self, target: FloatArray) -> FloatArray:
-        """Move for one frame, and return where the way leads; all digits of where it got to, where that is there."""
-        self._frame += 1
-        reached, recorded = self._motion.advance(target), self._way[:, self._frame]
-        off = reached - recorded
-        off[:, AZIMUTH] = wrap_difference(off[:, AZIMUTH])
-        elsewhere = self.elsewhere[:, self._frame] = np.abs(off).max(axis=1) > VIEWPOINT
-        viewpoint: FloatArray = np.where(elsewhere[:, None], recorded, reached)
-        if isinstance(self._motion, GridMotion):
-            self._motion.reset(viewpoint, self._frame_time)
-        return viewpoint
-
-    @property
-    def velocity(self) -> FloatArray:
-        """That of the motion, (B, 3)."""
-        return self._motion.velocity
-
-    @property
-    def acceleration(self) -> FloatArray:
-        """That of the motion, (B, 3)."""
-        return self._motion.acceleration
 
 
 def check_replay(
@@ -119,10 +75,13 @@ def check_replay(
     try:
         for name, chunk in jobs:
             of, rows = records[name], np.arange(chunk * CHUNK, min((chunk + 1) * CHUNK, len(episodes)))
-            motion = Followed(world.new_motion(), of.viewpoint[rows])
+            body = world.new_motion()
+            motion = FollowedWay(body, of.viewpoint[rows])
             # From a recorded way one sees the same, whoever chose it.
             record = roll_chunk(world, planners.get(name) or NoAct(), chunk, motion)
             difference = first_difference(name, of, rows, record)
+            if difference is None and name in planners and not isinstance(body, GridMotion):
+                difference = flight_difference(name, of, rows, record_flights(body.telemetry), motion.elsewhere)
             if difference is not None:
                 return [Check("seen again", FAILED, difference)]
             compared += len(rows)
@@ -230,6 +189,31 @@ def first_difference(name: str, recorded: EpisodeRecords, rows: IntArray, record
     at, frame, _, compared = min(found, key=lambda one: one[:3])
     got, expected = compared.got[at, frame], compared.expected[at, frame]
     return f"{place(name, recorded, int(rows[at]), frame)}: {compared.field}: got {got:.6g}, expected {expected:.6g}"
+
+
+def flight_difference(
+    name: str, recorded: EpisodeRecords, rows: IntArray, flight: FlightRecords, elsewhere: BoolArray
+) -> str | None:
+    """Return the first flight that demands something else of the vehicle than is recorded; None where all are the same.
+
+    Args:
+        name: the planner's.
+        recorded: of all its episodes.
+        rows: (B,) those that were flown once more.
+        flight: of these.
+        elsewhere: (B, L) where they left the recorded way; flights that did so are not compared.
+    """
+    if recorded.flight is None:
+        return f"{EPISODES}: {name}: got no {', '.join(KEYS)}, expected those of a flight"
+    for key in KEYS:
+        got, expected = getattr(recorded.flight, key)[rows], getattr(flight, key)
+        # A frame is at a limit or is not: one may lie on the edge.
+        slack = 1 / recorded.predicted.shape[1] if key == "limit_share" else FLIGHT * np.maximum(expected, 1)
+        off = ~(np.abs(got - expected) <= slack + 10**-DIGITS) & ~elsewhere.any(axis=1)
+        if off.any():
+            at = int(off.argmax())
+            return f"{place(name, recorded, int(rows[at]))}: {key}: got {got[at]:.6g}, expected {expected[at]:.6g}"
+    return None
 
 
 class _Compared(NamedTuple):
