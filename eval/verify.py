@@ -66,10 +66,11 @@ def verify(
     inputs = check_inputs(config, data, models)
     episodes = None if inputs.data is None else run_episodes(config, inputs.data)
     count = len(next(iter(records.values())))
+    of_records = _check_records(config, records, episodes)
     checks = [
         Check("complete", OK, f"schema {config.schema}: {len(records)} planners, {count} episodes of each"),
-        _check_records(config, records, episodes),
-        _check_figures(directory, config, records, ideal),
+        of_records,
+        *([_check_figures(directory, config, records, ideal)] if of_records.result == OK else []),
         *inputs.checks,
     ]
     if rerun_episodes:

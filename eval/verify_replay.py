@@ -4,7 +4,9 @@ What is drawn for an episode depends on the chunk that it runs in: whole chunks 
 of their episodes are compared. On the machine and with the versions of the run all recorded digits are the same.
 Elsewhere sums may be taken in another order: without AVX and FMA, probabilities differ by up to 2e-4, and a planner
 that meets two moves which are nearly as good may take the other. Cameras are therefore kept on the recorded way: what
-is seen has to be the same in every frame, within a tolerance, and a planner's moves have to be so in most.
+is seen has to be the same in every frame, within a tolerance, and a planner's moves have to be so in most. In flight
+a body cannot be brought back to the velocity it had, which records do not hold: there a planner that goes elsewhere in
+many frames is not checked.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -118,9 +120,15 @@ def _check_moves(
     checks = []
     for name, of in moves.items():
         if of.first is not None and of.elsewhere > (1 - MOVES) * of.frames:
-            where = place(name, records[name], *of.first)
-            what = f"{where}: viewpoint: it goes elsewhere, as in {of.elsewhere} of {of.frames} frames, expected"
-            checks.append(Check("moves again", FAILED, f"{what} it to go there in {MOVES:.0%} of them"))
+            counted = f"goes elsewhere in {of.elsewhere} of {of.frames} frames"
+            if records[name].flight is None:
+                where = place(name, records[name], *of.first)
+                what = f"{where}: {counted}, this is the first; expected the way recorded in {MOVES:.0%} of them"
+                checks.append(Check("moves again", FAILED, what))
+            else:
+                # It may be that of the planner, or all that followed from one near tie.
+                what = f"{name}: {counted}; a flight that left its way cannot be brought back to it"
+                checks.append(Check("moves again", UNCHECKED, what))
     frames, elsewhere = (sum(getattr(of, field) for of in moves.values()) for field in ("frames", "elsewhere"))
     if frames and not checks:
         share = f"{frames - elsewhere} of {frames} frames of {len(moves)} planners"
