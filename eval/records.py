@@ -146,17 +146,17 @@ class _Kind(NamedTuple):
         among += f" to {self.greatest:g}" if math.isfinite(self.greatest) else ""
         return f"{'whole' if self.whole else 'finite'} numbers{among}{shape}"
 
-    def fits(self, values: Any, frames: int, count: int) -> bool:
-        """Return whether values are those of so many episodes of so many frames."""
+    def array(self, values: Sequence[Any], frames: int) -> FloatArray | None:
+        """Return the values of N episodes of so many frames, (N, ...); None where they are something else."""
         try:
             array = np.array(values)
         except (ValueError, OverflowError):
-            return False  # not all of one shape, or no number of 64 bits
-        shape = (count, *(frames if size == "L" else size for size in self.shape))
-        return array.shape == shape and array.dtype.kind in ("iu" if self.whole else "iuf") and self._among(array)
-
-    def _among(self, array: FloatArray) -> bool:
-        return bool((np.isfinite(array) & (array >= self.least) & (array <= self.greatest)).all())
+            return None  # not all of one shape, or no number of 64 bits
+        shape = (len(values), *(frames if size == "L" else size for size in self.shape))
+        if array.shape != shape or array.dtype.kind not in ("iu" if self.whole else "iuf"):
+            return None
+        among = np.isfinite(array) & (array >= self.least) & (array <= self.greatest)
+        return (array if self.whole else array.astype(np.float64, copy=False)) if among.all() else None
 
 
 _KINDS = {
@@ -204,8 +204,8 @@ def _episodes(rows: Sequence[_Row]) -> EpisodeRecords:
 def _column(name: str, rows: Sequence[_Row]) -> FloatArray:
     """Return one field of all episodes, (N, ...), or raise a DataError that names the first line that is off."""
     kind, frames = _KINDS[name], len(rows[0].fields["predicted"])
-    values = [row.fields[name] for row in rows]
-    if not kind.fits(values, frames, len(rows)):
-        off = next(row for row in rows if not kind.fits([row.fields[name]], frames, 1))
+    array = kind.array([row.fields[name] for row in rows], frames)
+    if array is None:
+        off = next(row for row in rows if kind.array([row.fields[name]], frames) is None)
         raise DataError(f"{off.where}: {name}: expected {kind}, L = {frames} as in the lines before")
-    return np.array(values, dtype=None if kind.whole else np.float64)
+    return array

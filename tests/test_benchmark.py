@@ -26,7 +26,7 @@ from eval import benchmark
 from eval.episodes import CHUNK, cut_scenarios, random_starts
 from eval.flight_records import FlightSummary, summarise_flights
 from eval.records import read_episodes
-from eval.results import EPISODES, SUMMARY
+from eval.results import EPISODES, SCHEMA, SUMMARY
 from eval.summary import Summary
 from eval.tables import markdown_summary
 from planners.belief import BeliefModel, readout
@@ -103,6 +103,7 @@ def test_a_run_leaves_everything_needed_to_read_and_repeat_it(tmp_path: Path) ->
     config = json.loads((tmp_path / "config.json").read_text())
     assert config["data_sha256"] == tiny_data(sequences=40).sha256
     assert config["recogniser_sha256"] == "fake"
+    assert (next(iter(config)), config["schema"], config["ideal"]) == ("schema", SCHEMA, None)
     assert {"python", "ehar", "numpy", "torch"} <= config["versions"].keys()
     assert config["planners"][0] == {
         "name": "no-act",
