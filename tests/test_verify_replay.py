@@ -18,7 +18,8 @@ from eval.episodes import CHUNK
 from eval.flight_records import FlightRecords
 from eval.followed_way import FollowedWay
 from eval.records import DIGITS, EpisodeRecords, record_episodes
-from eval.verify_replay import PROBABILITY, draw_jobs, first_difference, flight_difference
+from eval.verification import FAILED, OK, UNCHECKED
+from eval.verify_replay import PROBABILITY, Moves, check_moves, draw_jobs, first_difference, flight_difference
 from planners.heuristic import NoAct, Random, VRotate
 
 NAMES = ["a", "b", "c"]
@@ -110,6 +111,24 @@ def test_the_first_frame_that_was_seen_otherwise_is_named(changes: dict[str, np.
     kept, record = recorded()
     found = first_difference("nbv", replace(kept, **changes), np.array([0]), record)
     assert found == f"episodes.jsonl: nbv, episode 0 ('walk' from frame 3), {message}"
+
+
+def test_moves_are_held_to_a_share_of_frames_and_flights_are_not() -> None:
+    on_grid, in_flight = make_records(0), flown(make_records(0))
+    few, many = Moves(100, 5, (1, 2)), Moves(100, 6, (1, 2))
+    records = {"a": on_grid, "b": on_grid, "c": in_flight}
+    checks = check_moves(records, {"a": few, "b": many, "c": many}, {"d": "unknown"})
+    assert [(check.result, check.what.partition(",")[0]) for check in checks] == [
+        (OK, "95 of 100 frames of 1 planners"),
+        (FAILED, "episodes.jsonl: b"),
+        (UNCHECKED, "c: goes elsewhere in 6 of 100 frames; a flight that left its way cannot be brought back to it"),
+        (UNCHECKED, "d: unknown"),
+    ]
+    assert "episode 1 ('séquence 0' from frame 1), frame 2: goes elsewhere in 6 of 100 frames" in checks[1].what
+    # The first frame of an episode, which nobody chose, does not count.
+    elsewhere = np.array([[False, False, False], [False, True, True]])
+    counted = Moves().after(elsewhere, np.array([4, 5])).after(elsewhere, np.array([6, 7]))
+    assert counted == Moves(8, 4, (5, 1))
 
 
 def test_flights_that_left_their_way_are_not_compared() -> None:
