@@ -31,7 +31,7 @@ def written(
 ) -> Path:
     """Write a run of these records; the oracle is privileged."""
     planners = tuple(PlannerConfig(name, name == "oracle", "", (weights or {}).get(name)) for name in held)
-    write_run(folder, replace(CONFIG_OF_RUN, planners=planners, **changes), held, None)
+    write_run(folder, replace(CONFIG_OF_RUN, planners=planners, **changes), held, summary_of(held))
     return folder
 
 
@@ -120,7 +120,10 @@ def test_records_that_are_not_what_the_config_says_are_refused(tmp_path: Path) -
     with pytest.raises(DataError, match=r"expected the same episodes, as their config\.json say, got 24 and 24"):
         compare(a, written(tmp_path / "moved", moved))
     held = json.loads((b / CONFIG).read_text())
-    for planners, message in ((None, "expected a list of names"), ([{"name": "nbv"}], "'random' is not")):
+    for planners, message in (
+        (None, "planners: expected"),
+        ([asdict(PlannerConfig("nbv", False, ""))], "'random' is not"),
+    ):
         (b / CONFIG).write_text(json.dumps({**held, "planners": planners}))
         with pytest.raises(DataError, match=message):
             compare(a, b)
@@ -215,6 +218,6 @@ def test_the_command_prints_a_table_or_one_line(tmp_path: Path, capsys: pytest.C
     assert "A - B [95 %]" in printed and "readout recogniser, belief" in printed
     main(["compare", str(a), str(b), "--planners", "no-act", "random"])
     assert "no-act - random" in capsys.readouterr().out
-    assert "expected a finished run" in fails_with(["compare", str(a), str(tmp_path / "absent")], capsys)
+    assert "expected a run of ehar benchmark" in fails_with(["compare", str(a), str(tmp_path / "absent")], capsys)
     other = str(written(tmp_path / "other", records(nbv=1.0), sensor="estimator"))
     assert "differ in sensor (perfect, estimator)" in fails_with(["compare", str(a), other], capsys)
