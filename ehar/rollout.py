@@ -1,13 +1,16 @@
 """The only loop: every frame of a batch of episodes is sensed, recognised, planned upon and moved, in lockstep."""
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.errors import EpisodeError
+from ehar.errors import EharError, EpisodeError
 from ehar.motion import Motion
+from ehar.own_class import failure
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.recogniser import Recogniser
 from ehar.sensor import Sensed, Sensor, SensorNoise
@@ -50,7 +53,7 @@ def rollout(
 
     Raises:
         EpisodeError: a start lies outside of the workspace, or the planner returned something else than finite
-            targets (B, 3).
+            targets (B, 3), or it or the recogniser raised something, or the recogniser's arrays have other shapes.
     """
     _check_starts(batch, context)
     episodes, length = batch.positions.shape[:2]
@@ -63,13 +66,17 @@ def rollout(
         return sensor.sense(batch.positions[:, None, frame], candidates, batch.noise.frame(frame).forked())
 
     motion.reset(viewpoint, context.frame_time)
-    planner.reset(context)
-    state = recogniser.start(episodes)
+    with blamed(planner, f"planner {planner.name!r}, reset"):
+        planner.reset(context)
+    seeing = f"recogniser {type(recogniser).__name__}"
+    with blamed(recogniser, f"{seeing}, start"):
+        state = recogniser.start(episodes)
     for frame in range(length):
         sensed = sensor.sense(batch.positions[:, frame], viewpoint, batch.noise.frame(frame))
-        recognition, state = recogniser.step(state, sensed, viewpoint)
+        with blamed(recogniser, f"{seeing}, frame {frame}"):
+            recognition, state = recogniser.step(state, sensed, viewpoint)
         viewpoints[:, frame] = viewpoint
-        log_probs[:, frame] = recognition.log_probs
+        log_probs[:, frame] = _checked_log_probs(recognition.log_probs, log_probs.shape[::2], seeing, frame)
         if frame == length - 1:
             break
         observation = Observation(
@@ -85,10 +92,36 @@ def rollout(
             truth=Truth(batch.labels, recogniser, state, imagine) if planner.privileged else None,
         )
         begin = time.perf_counter()
-        target = planner.act(observation)
+        with blamed(planner, f"planner {planner.name!r}, frame {frame}"):
+            target = planner.act(observation)
         plan_seconds += time.perf_counter() - begin
         viewpoint = motion.advance(_checked(target, planner, batch, frame))
     return Record(viewpoints, log_probs, plan_seconds)
+
+
+@contextmanager
+def blamed(actor: object, where: str) -> Iterator[None]:
+    """Turn what the code of a planner or a recogniser raises into one line that names its file and line.
+
+    Raises:
+        EpisodeError: something was raised; an error of ours goes on as it is.
+    """
+    try:
+        yield
+    except EharError:
+        raise
+    except Exception as error:
+        raise EpisodeError(f"{where}: {failure(error, type(actor))}") from error
+
+
+def _checked_log_probs(log_probs: FloatArray, expected: tuple[int, ...], seeing: str, frame: int) -> FloatArray:
+    """Return log-probabilities (B, K), or raise an error that names recogniser and frame."""
+    if np.shape(log_probs) != expected or not np.isfinite(log_probs).all():
+        raise EpisodeError(
+            f"{seeing}, frame {frame}: expected finite log-probabilities of shape {expected}, "
+            f"got {'NaN or infinity' if np.shape(log_probs) == expected else np.shape(log_probs)}"
+        )
+    return log_probs
 
 
 def _check_starts(batch: Batch, context: Context) -> None:
