@@ -169,7 +169,7 @@ def headroom(
     both = windows(motion, np.concatenate([parts.validation, parts.test]), length, stride=length)
     flat = viewpoints.reshape(-1, 3)
     fixed = Episodes(both, np.repeat(np.arange(len(both)), len(flat)), np.tile(flat, (len(both), 1)), seed)
-    references = make_planners(REFERENCES)
+    references = make_planners(REFERENCES).planners
     world = World(fixed, setting.recogniser, setting.sensor)
     runs = run_planners(world, references[:1], workers=workers, reporter=reporter)
     acc = 100 * mean_acc(runs[NO_ACT].records.correct).reshape(len(both), len(flat))

@@ -2,14 +2,16 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from ehar.errors import ModelError, UsageError
 from ehar.motion_data import MotionData
 from ehar.planner import Planner
 from eval.training_seeds import group_planners, record_name, split_record_name
-from planners.registry import check_spec, is_learned, make_planner, needs_gain_model, planner_names
+from planners.own_planner import Origin, check_planner_contract
+from planners.registry import check_spec, is_learned, needs_gain_model, planner_names, resolve_planner
 
 if TYPE_CHECKING:
     from planners.agent import Agent
@@ -123,18 +125,27 @@ def check_planners(planners: Sequence[str | Planner] | None) -> None:
     for planner in planners or ():
         if isinstance(planner, str):
             check_spec(planner)
-            continue
-        missing = [name for name in ("name", "privileged", "reset", "act") if not hasattr(planner, name)]
-        if missing:
-            raise UsageError(
-                f"planners: expected names or instances of ehar.planner.Planner, "
-                f"got {planner!r} without {', '.join(missing)}"
-            )
+        else:
+            check_planner_contract(planner, f"planner {planner!r}")
+
+
+class Choice(NamedTuple):
+    """Who runs.
+
+    Args:
+        planners: each with a name of its own.
+        origins: of those that are not ours, by name.
+        model: the gain model, where a planner or the readout needs it.
+    """
+
+    planners: list[Planner]
+    origins: dict[str, Origin]
+    model: "GainModel | None" = None
 
 
 def choose_planners(
     planners: Sequence[str | Planner] | None, place: ModelPlace, *, readout: str, note: Callable[[str], None]
-) -> tuple[list[Planner], "GainModel | None"]:
+) -> Choice:
     """Return the planners that run and, where one of them or the readout needs it, the gain model.
 
     Args:
@@ -149,11 +160,12 @@ def choose_planners(
             belongs to another recogniser.
         DataError: a planner is there both with and without a training seed.
     """
-    model = place.load_gain_model() if readout == "belief" else None
+    load_model = cache(place.load_gain_model)
+    if readout == "belief":
+        load_model()
     specs = list(_those_that_can(place, note) if planners is None else planners)
-    if model is None and any(isinstance(spec, str) and needs_gain_model(spec) for spec in specs):
-        model = place.load_gain_model()
-    return make_planners(specs, model, place), model
+    chosen = make_planners(specs, load_model, place)
+    return chosen._replace(model=load_model() if load_model.cache_info().currsize else None)
 
 
 def _those_that_can(place: ModelPlace, note: Callable[[str], None]) -> list[str]:
@@ -176,8 +188,10 @@ def _those_that_can(place: ModelPlace, note: Callable[[str], None]) -> list[str]
 
 
 def make_planners(
-    specs: Sequence[str | Planner], model: "GainModel | None" = None, place: ModelPlace | None = None
-) -> list[Planner]:
+    specs: Sequence[str | Planner],
+    load_model: "Callable[[], GainModel] | None" = None,
+    place: ModelPlace | None = None,
+) -> Choice:
     """Return planners, made where they were named; of a learned one, each training that lies in `place`.
 
     Raises:
@@ -188,14 +202,14 @@ def make_planners(
     if place is not None:
         specs = [one for spec in specs for one in (place.expanded(str(spec)) if _learned(spec) else (spec,))]
     load_agent = None if place is None else place.load_agent
-    load_model = None if model is None else lambda: model
-    chosen = [make_planner(spec, load_model, load_agent) if isinstance(spec, str) else spec for spec in specs]
-    names = [planner.name for planner in chosen]
+    made = [resolve_planner(spec, load_model, load_agent) for spec in specs]
+    names = [planner.name for planner, _ in made]
     twice = sorted({name for name in names if names.count(name) > 1})
     if not names or twice:
         raise UsageError(f"planners: expected each once, got {twice[0]!r} twice" if twice else "planners: got none")
     group_planners(names)  # so that what no summary could be made of does not run
-    return chosen
+    origins = {planner.name: origin for planner, origin in made if origin is not None}
+    return Choice([planner for planner, _ in made], origins)
 
 
 def _learned(spec: str | Planner) -> bool:

@@ -5,16 +5,18 @@ import os
 import platform
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from ehar.class_spec import json_arguments
 from ehar.errors import UsageError
 from ehar.planner import Planner
 from ehar.vehicle import Vehicle
 from eval.records import EpisodeRecords, episode_lines
 from eval.summary import Conditions, Summary
+from planners.own_planner import Origin, planner_source_sha256
 
 CONFIG, EPISODES, SUMMARY = "config.json", "episodes.jsonl", "summary.json"
 SCHEMA = 1  # of a run's files; raised when what is written has another form or meaning
@@ -27,8 +29,10 @@ class PlannerConfig:
 
     name: str
     privileged: bool
-    implementation: str  # module and class
+    implementation: str  # module and class; of one's own, the class as it was named
     weights_sha256: str | None = None  # of a trained agent
+    arguments: dict[str, Any] = field(default_factory=dict)  # that the constructor of one's own was given
+    source_sha256: str | None = None  # of the file that one's own is defined in
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,10 +78,20 @@ class RunConfig:
         )
 
 
-def planner_config(planner: Planner) -> PlannerConfig:
-    """Return what config.json says of a planner."""
-    implementation = f"{type(planner).__module__}.{type(planner).__qualname__}"
-    return PlannerConfig(planner.name, planner.privileged, implementation, getattr(planner, "sha256", None))
+def planner_config(planner: Planner, origin: Origin | None = None) -> PlannerConfig:
+    """Return what config.json says of a planner, whose origin is known if it is none of ours."""
+    weights = getattr(planner, "sha256", None)
+    if origin is None:
+        implementation = f"{type(planner).__module__}.{type(planner).__qualname__}"
+        return PlannerConfig(planner.name, planner.privileged, implementation, weights)
+    return PlannerConfig(
+        planner.name,
+        planner.privileged,
+        origin.place,
+        weights,
+        arguments=json_arguments(origin.arguments),
+        source_sha256=planner_source_sha256(planner),
+    )
 
 
 def installed_versions() -> dict[str, str]:

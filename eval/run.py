@@ -47,8 +47,9 @@ def benchmark(
     """Run planners on the test scenarios of some data, and say how well each did.
 
     Args:
-        planners: names, or planners of your own; None runs every planner that can run: those that value views
-            are left out, and the reporter told so, where nothing was trained for that.
+        planners: names or classes as `planners.registry.resolve_planner` knows them, or planners of your own; None
+            runs every planner of ours that can run: those that value views are left out, and the reporter told so,
+            where nothing was trained for that.
         data: `duo`, `solo`, the path of a prepared .npz, or data in memory.
         models: folder of recogniser weights; None takes those that ship with ehar, for `duo` and `solo`.
         sensor: `perfect` or `estimator`.
@@ -87,7 +88,7 @@ def benchmark(
         form=form,
         recogniser_sha256=setting.recogniser_sha256,
     )
-    chosen, model = choose_planners(planners, place, readout=readout, note=reporter.note)
+    chosen, origins, model = choose_planners(planners, place, readout=readout, note=reporter.note)
     config = RunConfig(
         source=setting.source,
         data=setting.data.title,
@@ -107,7 +108,7 @@ def benchmark(
         length=length,
         fps=fps,
         ideal=None if ideal is None else str(ideal),
-        planners=tuple(planner_config(planner) for planner in chosen),
+        planners=tuple(planner_config(planner, origins.get(planner.name)) for planner in chosen),
         versions=installed_versions(),
     )
     if out is not None:

@@ -1,17 +1,16 @@
-"""The planners by name, and a user's own from a file."""
+"""The planners by name: ours, and with `own_planner` those of a user."""
 
-import importlib.util
-import inspect
 import re
 from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from ehar.class_spec import FORMS
 from ehar.errors import UsageError
 from ehar.planner import Planner
 from planners.agent_inputs import ENCODED
 from planners.heuristic import HRotate, NoAct, Random, Towards, VRotate
 from planners.oracle import Oracle, OracleLookahead
+from planners.own_planner import Origin, entry_point_names, make_own_planner, origin_of, own_spec
 
 if TYPE_CHECKING:
     from planners.agent import Agent
@@ -22,7 +21,6 @@ VALUING = ("nbv-greedy", "nbv-search", "nbv")
 LEARNED = ("il", "ppo", "il-ppo", "dagger")
 ABLATED = tuple(f"{name}-no-{encoder}" for name in LEARNED for encoder in ENCODED)  # Table 3
 ORACLES = (Oracle, OracleLookahead)
-FILE_FORM = "path/to/file.py:ClassName"
 
 
 def planner_names() -> tuple[str, ...]:
@@ -41,12 +39,40 @@ def is_learned(spec: str) -> bool:
     return name in (*LEARNED, *ABLATED) and (not slash or re.fullmatch("0|[1-9][0-9]*", seed) is not None)
 
 
+def is_ours(spec: str) -> bool:
+    """Return whether a planner comes with the project; nobody else's is taken for one of that name."""
+    return spec in planner_names() or is_learned(spec)
+
+
 def check_spec(spec: str) -> None:
-    """Raise a UsageError that lists what is known unless `make_planner` might make a planner of this."""
-    path, colon, _ = spec.rpartition(":")
-    if spec not in planner_names() and not is_learned(spec) and not (colon and path.endswith(".py")):
-        known = ", ".join(planner_names())
-        raise UsageError(f"unknown planner {spec!r}; expected one of: {known}, or {FILE_FORM}")
+    """Raise a UsageError that lists what is known unless `resolve_planner` might make a planner of this."""
+    if not is_ours(spec) and own_spec(spec) is None:
+        raise UsageError(_unknown(spec))
+
+
+def resolve_planner(
+    spec: str | Planner,
+    load_model: Callable[[], "GainModel"] | None = None,
+    load_agent: Callable[[str], "Agent"] | None = None,
+) -> tuple[Planner, Origin | None]:
+    """Return the planner that is meant, and where it comes from if it is none of ours.
+
+    Args:
+        spec: a planner, which is meant as it is; the name of one of ours or of an entry point in the group
+            `ehar.planners`; or `path/to/file.py:Class` or `package.module:Class`, with or without
+            `(argument=value, ...)`.
+        load_model: called for planners that value views only, and for those of one's own that ask for it.
+        load_agent: called for learned planners only, with their name.
+
+    Raises:
+        UsageError: the name is unknown, a planner cannot be made, or one that needs something trained is made
+            without `load_model` or `load_agent`.
+        ModelError: from `load_model` or `load_agent`.
+    """
+    if not isinstance(spec, str):
+        return spec, origin_of(spec)
+    own = None if is_ours(spec) else own_spec(spec)
+    return (make_planner(spec, load_model, load_agent), None) if own is None else make_own_planner(own, load_model)
 
 
 def make_planner(
@@ -54,20 +80,18 @@ def make_planner(
     load_model: Callable[[], "GainModel"] | None = None,
     load_agent: Callable[[str], "Agent"] | None = None,
 ) -> Planner:
-    """Return a new planner.
+    """Return a new planner of ours.
 
     Args:
-        spec: one of `planner_names()`, or `path/to/file.py:ClassName` for a class of one's own, which is made
-            without arguments.
+        spec: one of `planner_names()`, or what `is_learned`.
         load_model: called for planners that value views only.
         load_agent: called for learned planners only, with their name.
 
     Raises:
-        UsageError: the name is unknown, the file does not define such a planner, or a planner that values views
-            is made without `load_model`, or a learned one without `load_agent`.
+        UsageError: the name is none of ours, or a planner that values views is made without `load_model`, or a
+            learned one without `load_agent`.
         ModelError: from `load_model` or `load_agent`.
     """
-    check_spec(spec)
     for planner in (*HEURISTICS, *ORACLES):
         if planner.name == spec:
             return planner()
@@ -79,8 +103,12 @@ def make_planner(
         if load_agent is None:
             raise UsageError(f"planner {spec!r}: expected a trained agent, got none")
         return load_agent(spec)
-    path, _, class_name = spec.rpartition(":")
-    return _load_planner(Path(path), class_name)
+    raise UsageError(_unknown(spec))
+
+
+def _unknown(spec: str) -> str:
+    known = ", ".join(dict.fromkeys((*planner_names(), *entry_point_names())))
+    return f"unknown planner {spec!r}; expected one of: {known}, or {FORMS}"
 
 
 def _make_valuing(name: str, model: "GainModel") -> Planner:
@@ -91,35 +119,3 @@ def _make_valuing(name: str, model: "GainModel") -> Planner:
     if name == "nbv":
         return NextBestView(model=model)
     return NextBestViewGreedy(model=model) if name == "nbv-greedy" else NextBestViewSearch(model=model)
-
-
-def _load_planner(path: Path, class_name: str) -> Planner:
-    """Run a user's file and make the planner it defines."""
-    if not path.is_file():
-        raise UsageError(f"planner file {path}: no such file; expected {FILE_FORM}")
-    module_spec = importlib.util.spec_from_file_location(path.stem, path)
-    if module_spec is None or module_spec.loader is None:
-        raise UsageError(f"planner file {path}: Python cannot load it; expected {FILE_FORM}")
-    module = importlib.util.module_from_spec(module_spec)
-    try:
-        module_spec.loader.exec_module(module)
-    except Exception as error:
-        raise UsageError(f"planner file {path}: {type(error).__name__} while it was loaded: {error}") from error
-    classes: dict[str, Any] = {name: value for name, value in vars(module).items() if inspect.isclass(value)}
-    if class_name not in classes:
-        own = [name for name, value in classes.items() if value.__module__ == path.stem]
-        raise UsageError(
-            f"planner file {path}: expected a class {class_name!r}, it defines: {', '.join(own) or 'no class'}"
-        )
-    try:
-        planner: Planner = classes[class_name]()
-    except Exception as error:
-        raise UsageError(
-            f"planner {class_name} of {path}: {type(error).__name__} when made without arguments: {error}"
-        ) from error
-    missing = [part for part in ("name", "privileged", "reset", "act") if not hasattr(planner, part)]
-    if missing:
-        raise UsageError(
-            f"planner {class_name} of {path}: expected what ehar.planner.Planner has, missing: {', '.join(missing)}"
-        )
-    return planner

@@ -110,6 +110,8 @@ def test_a_run_leaves_everything_needed_to_read_and_repeat_it(tmp_path: Path) ->
         "privileged": False,
         "implementation": "planners.heuristic.NoAct",
         "weights_sha256": None,
+        "arguments": {},
+        "source_sha256": None,
     }
 
 
@@ -468,7 +470,10 @@ def test_a_class_without_test_sequence() -> None:
         ({"planners": ["no-act", "teleport"]}, "unknown planner 'teleport'.*no-act"),
         ({"planners": ["no-act", "no-act"]}, "'no-act' twice"),
         ({"planners": []}, "got none"),
-        ({"planners": [object()]}, "without name, privileged, reset, act"),
+        (
+            {"planners": [object()]},
+            "planner <object.*>: expected what .*Planner has, missing: name, privileged, reset, act",
+        ),
         ({"data": "trio"}, "unknown data 'trio'.*duo, solo"),
         ({"part": "training"}, "unknown part .training.; expected one of: recogniser, policy, validation, test"),
         ({"track": "rail"}, "unknown track 'rail'; expected ideal, px4-auto, px4-max, tracking-drone"),

@@ -15,6 +15,7 @@ from eval.planner_choice import ModelPlace, check_planners, choose_planners, mak
 from planners.agent import Agent
 from planners.gain_model import GainModel, gain_model_path, save_gain_model
 from planners.heuristic import NoAct
+from planners.own_planner import Origin
 from planners.registry import planner_names
 
 DATA = tiny_data()
@@ -41,7 +42,7 @@ def chosen(
 ) -> tuple[list[str], GainModel | None, list[str]]:
     """Return the names of those that run, the gain model, and the notes."""
     notes: list[str] = []
-    made, model = choose_planners(planners, place, readout=readout, note=notes.append)
+    made, _, model = choose_planners(planners, place, readout=readout, note=notes.append)
     return [planner.name for planner in made], model, notes
 
 
@@ -192,9 +193,10 @@ def test_two_planners_of_one_name_do_not_run(
 
 def test_instances_run_as_they_are(tmp_path: Path) -> None:
     mine, own = Mine(), agent_of_ones_own("il/7")
-    made = make_planners([mine, own, "no-act"], None, place_of(tmp_path))
+    made, origins, _ = make_planners([mine, own, "no-act"], None, place_of(tmp_path))
     assert made[0] is mine
     assert made[1] is own, "its name is not taken for that of an agent to load"
+    assert origins == {"il-ppo": Origin("test_planner_choice.Mine")}
 
 
 def test_learned_planners_without_a_place_are_refused() -> None:
@@ -208,5 +210,11 @@ def test_names_are_checked_before_anything_is_loaded() -> None:
     for bad in ("il/x", "il-no-sound", "nbv/0"):
         with pytest.raises(UsageError, match=f"unknown planner '{bad}'"):
             check_planners(["no-act", bad])
-    with pytest.raises(UsageError, match="without name, privileged, reset, act"):
+    with pytest.raises(
+        UsageError, match=r"expected what ehar.planner.Planner has, missing: name, privileged, reset, act"
+    ):
         check_planners([object()])  # type: ignore[list-item]
+    with pytest.raises(UsageError, match=r"expected a planner, got the class Mine; make one: Mine\(\)$"):
+        check_planners([Mine])  # type: ignore[list-item]
+    with pytest.raises(UsageError, match=r"expected arguments as \(radius=5, turn='left'\)"):
+        check_planners(["own.py:Mine(5)"])

@@ -1,8 +1,7 @@
-"""Planners by name, and from a user's file."""
+"""Planners by name."""
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,37 +14,15 @@ from eval.training_seeds import record_name, split_record_name
 from planners.agent import Agent
 from planners.gain_model import GainModel
 from planners.oracle import OracleLookahead
-from planners.registry import ABLATED, LEARNED, is_learned, make_planner, needs_gain_model, planner_names
-
-OWN = """
-from ehar.planner import Planner
-
-class Mine(Planner):
-    name = "mine"
-
-    def reset(self, context):
-        self.length = context.length
-
-    def act(self, observation):
-        return observation.viewpoint
-
-class Needy(Mine):
-    def __init__(self, gain):
-        self.gain = gain
-
-class Incomplete:
-    name = "incomplete"
-
-NUMBER = 3
-"""
-
-
-@pytest.fixture
-def own(tmp_path: Path) -> Path:
-    path = tmp_path / "own.py"
-    path.write_text(OWN)
-    return path
-
+from planners.registry import (
+    ABLATED,
+    LEARNED,
+    check_spec,
+    is_learned,
+    make_planner,
+    needs_gain_model,
+    planner_names,
+)
 
 NAMES = (
     "no-act",
@@ -145,39 +122,15 @@ def test_names_are_listed_without_torch_and_casadi() -> None:
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "set()\n"
 
 
-def test_a_planner_from_a_file(own: Path) -> None:
-    planner = make_planner(f"{own}:Mine")
-    assert planner.name == "mine"
-    assert not planner.privileged
-
-
-def test_an_unknown_name_lists_the_known_ones_and_the_file_form(tmp_path: Path) -> None:
-    for spec in ("towers", str(tmp_path / "own.py"), "oracle:Mine"):
-        with pytest.raises(UsageError, match=r"no-act, .*, oracle-lookahead, or path/to/file.py:ClassName") as error:
-            make_planner(spec)
-        assert repr(spec) in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("Missing", r"own.py: expected a class 'Missing', it defines: Mine, Needy, Incomplete$"),
-        ("NUMBER", r"expected a class 'NUMBER'"),
-        ("Needy", r"planner Needy of .*own.py: TypeError when made without arguments: .*gain"),
-        ("Incomplete", r"expected what ehar.planner.Planner has, missing: privileged, reset, act"),
-    ],
-)
-def test_a_file_that_does_not_define_the_planner(own: Path, name: str, message: str) -> None:
-    with pytest.raises(UsageError, match=message):
-        make_planner(f"{own}:{name}")
-
-
-def test_a_file_that_is_absent_or_does_not_run(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"absent.py: no such file"):
-        make_planner(f"{tmp_path}/absent.py:Mine")
-    (tmp_path / "broken.py").write_text("def (")
-    with pytest.raises(UsageError, match=r"broken.py: SyntaxError while it was loaded"):
-        make_planner(f"{tmp_path}/broken.py:Mine")
+def test_an_unknown_name_lists_the_known_ones_and_the_forms() -> None:
+    forms = r"or path/to/file.py:ClassName or package.module:ClassName$"
+    for spec in ("towers", "own.py", "own.py:", ":Mine", "own.py:3", "towers(speed=2)", "", "--radius"):
+        for refuse in (check_spec, make_planner):
+            with pytest.raises(
+                UsageError, match=rf"unknown planner .*; .* no-act, .*, oracle-lookahead, {forms}"
+            ) as error:
+                refuse(spec)
+            assert repr(spec) in str(error.value)
 
 
 @pytest.mark.parametrize(("horizon", "commit"), [(0, 0), (4, 5), (4, 0)])

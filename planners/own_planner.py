@@ -1,0 +1,140 @@
+"""Planners of one's own: from a file, a module, or an entry point of an installed package."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import TYPE_CHECKING, Any
+
+from ehar.class_spec import ClassSpec, arguments_text, parse_spec
+from ehar.constructor import construct, parameters_of
+from ehar.errors import UsageError
+from ehar.own_class import failure, load_class, source_sha256
+from ehar.planner import Planner
+
+if TYPE_CHECKING:
+    from planners.gain_model import GainModel
+
+GROUP = "ehar.planners"  # of entry points, whose names are the planners'
+_GAIN_MODEL = "planners.gain_model.GainModel"
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a planner of one's own comes from; recorded beside results.
+
+    Args:
+        place: as it was named, without arguments.
+        arguments: that its constructor was given, converted.
+    """
+
+    place: str
+    arguments: dict[str, Any] = field(default_factory=dict)
+
+
+@cache
+def entry_point_names() -> tuple[str, ...]:
+    """Return the names of the planners that installed packages bring."""
+    return tuple(sorted({point.name for point in entry_points(group=GROUP)}))
+
+
+def own_spec(text: str) -> ClassSpec | None:
+    """Return which planner of one's own a text names; None where it can be none.
+
+    Raises:
+        UsageError: what stands in brackets are no arguments.
+    """
+    spec = parse_spec(text)
+    return spec if spec is not None and (spec.place or spec.name in entry_point_names()) else None
+
+
+def make_own_planner(spec: ClassSpec, load_model: "Callable[[], GainModel] | None" = None) -> tuple[Planner, Origin]:
+    """Return a new planner of one's own, and where it comes from.
+
+    Made with arguments, it is called after them, `spiral(radius=5)`, unless `name` is one of them: so two settings
+    of one class can run side by side. One from an entry point has the entry point's name.
+
+    Args:
+        spec: from `own_spec`.
+        load_model: hands the trained gain model to a constructor that has an argument annotated `GainModel`.
+
+    Raises:
+        UsageError: it cannot be loaded or made, or is no planner.
+        ModelError: from `load_model`.
+    """
+    cls = load_class(spec, "planner") if spec.place else _installed(spec.name)
+    what = f"planner {spec.title}"
+    missing = [part for part in ("reset", "act") if not callable(getattr(cls, part, None))]
+    if missing or getattr(cls, "act", None) is Planner.act:
+        raise UsageError(_no_planner(what, missing or ["act"]))
+    handed: dict[str, Any] = {}
+    for argument, parameter in parameters_of(cls, what).items():
+        if _qualified(parameter.annotation) == _GAIN_MODEL and argument not in spec.arguments:
+            if load_model is None:
+                raise UsageError(f"{what}: expected a gain model for its argument {argument!r}, got none")
+            handed[argument] = load_model()
+    planner, given = construct(cls, spec, what, handed)
+    name: Any = getattr(planner, "name", None) if spec.place else spec.name
+    if given and "name" not in given:
+        name = f"{name}({arguments_text(given)})"
+    check_planner_contract(planner, what, name=name)
+    if planner.name != name:
+        try:
+            planner.name = name
+        except AttributeError as error:
+            raise UsageError(f"{what}: expected a name that can be set to {name!r}: {failure(error)}") from error
+    return planner, Origin(spec.title, given)
+
+
+def check_planner_contract(planner: Any, what: str, *, name: Any = None) -> None:
+    """Raise a UsageError unless an object has what `ehar.planner.Planner` has.
+
+    Args:
+        planner: to check.
+        what: it is called in errors.
+        name: that it is going to have; None: that it has.
+    """
+    if isinstance(planner, type):
+        raise UsageError(
+            f"{what}: expected a planner, got the class {planner.__name__}; make one: {planner.__name__}()"
+        )
+    missing = [part for part in ("name", "privileged", "reset", "act") if not hasattr(planner, part)]
+    if missing:
+        raise UsageError(_no_planner(what, missing))
+    name = planner.name if name is None else name
+    if not isinstance(name, str) or not name.strip() or not name.isprintable():
+        raise UsageError(f"{what}: name: expected a line of text, got {name!r}")
+
+
+def origin_of(planner: Planner) -> Origin | None:
+    """Return where an object that was handed over comes from; None for a planner of ehar."""
+    cls = type(planner)
+    return None if cls.__module__.partition(".")[0] == "planners" else Origin(f"{cls.__module__}.{cls.__qualname__}")
+
+
+def planner_source_sha256(planner: Planner) -> str | None:
+    """Return the hash of the file that a planner's class is defined in; None where there is no file."""
+    return source_sha256(type(planner))
+
+
+def _no_planner(what: str, missing: list[str]) -> str:
+    return f"{what}: expected what ehar.planner.Planner has, missing: {', '.join(missing)}"
+
+
+def _qualified(annotation: Any) -> str:
+    return f"{getattr(annotation, '__module__', '')}.{getattr(annotation, '__qualname__', '')}"
+
+
+def _installed(name: str) -> type[Any]:
+    """Load the class that an installed package brings under a name."""
+    points = entry_points(group=GROUP, name=name)
+    brought = {point.value: point for point in points}
+    if len(brought) > 1:
+        raise UsageError(f"planner {name!r}: expected one package to bring it, got {', '.join(map(_package, points))}")
+    point = next(iter(brought.values()))
+    module, _, attribute = point.value.partition(":")
+    return load_class(ClassSpec(module.strip(), attribute.strip()), f"planner {name!r} of {_package(point)}:")
+
+
+def _package(point: EntryPoint) -> str:
+    return f"{point.value} of {point.dist.name}" if point.dist is not None else point.value
