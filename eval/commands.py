@@ -32,12 +32,13 @@ class Benchmark:
     """Run planners on the test scenarios of some data, and say how well each did.
 
     Args:
-        planners: names, or path/to/file.py:ClassName; none runs every planner that can run.
+        planners: names, or your own: file.py:Class or module:Class, then --argument value; none runs all of ours.
         data: duo, solo, or the path of a prepared .npz.
         models: folder of recogniser weights; by default those that ship, for duo and solo.
         sensor: perfect (exact 2D joints) or estimator (noise, occlusion, dropout, swaps).
         views: the cameras the recogniser was trained on, moving or paper.
         form: causal streams; ctrgcn is the published network, evaluated anew on every prefix.
+        recogniser: your own instead: file.py:Class or module:Class, then --argument value.
         track: how cameras move: ideal is the paper's grid; px4-auto, px4-max, tracking-drone, or a vehicle file.
         ideal: folder of a finished run on the ideal track, to say how much of its accuracy flights keep.
         readout: whose probabilities are scored, the recogniser's or those of the belief; planners act the same.
@@ -56,6 +57,7 @@ class Benchmark:
     sensor: str = "perfect"
     views: str = "moving"
     form: Form = "causal"
+    recogniser: str | None = None
     track: str = "ideal"
     ideal: Path | None = None
     readout: str = "recogniser"
@@ -78,6 +80,7 @@ class Benchmark:
             sensor=self.sensor,
             views=self.views,
             form=self.form,
+            recogniser=self.recogniser,
             track=self.track,
             ideal=self.ideal,
             readout=self.readout,

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from planners.gain_model import GainModel
 
 READOUTS = ("recogniser", "belief")
+_CAUSAL_FIELDS = "gain fields are trained for the causal recogniser"
 _CAUSAL_AGENTS = "agents are trained for the causal recogniser"
 
 
@@ -30,7 +31,7 @@ class ModelPlace:
         data: what planners are compared on.
         sensor: that they see through.
         views: the recogniser's.
-        form: the recogniser's.
+        form: the recogniser's; none of ours for one of the user's own.
         recogniser_sha256: that they were trained for.
     """
 
@@ -49,6 +50,8 @@ class ModelPlace:
         """
         from planners.gain_model import load_gain_model  # brings torch
 
+        if self.form != "causal":
+            raise ModelError(f"{_CAUSAL_FIELDS}, and this is {self.form}")
         return load_gain_model(
             self.models,
             self.data,
@@ -98,7 +101,7 @@ class ModelPlace:
         from planners.gain_model import SHIPPED, gain_model_path
 
         if self.form != "causal":
-            return f"gain fields are trained for the causal recogniser, and this is {self.form}"
+            return f"{_CAUSAL_FIELDS}, and this is {self.form}"
         path = gain_model_path(self.models or SHIPPED / self.data.name, sensor=self.sensor, views=self.views)
         if path.is_file():
             return None

@@ -50,7 +50,7 @@ class RunConfig:
     recogniser_sha256: str
     sensor: str
     views: str
-    form: str
+    form: str  # of the recogniser; of one's own, its class and arguments
     track: str  # "ideal" or the vehicle's name
     vehicle: Vehicle | None  # its limits
     readout: str  # what was scored: "recogniser" or "belief"
@@ -63,6 +63,7 @@ class RunConfig:
     ideal: str | None = None  # folder of the run that flights were compared with: decides part of summary.json
     planners: tuple[PlannerConfig, ...]
     versions: dict[str, str]
+    recogniser: str | None = None  # one's own, as it was named; None: ours, which form, sensor and views name
 
     @property
     def conditions(self) -> Conditions:

@@ -20,6 +20,7 @@ from eval.results import RunConfig, check_out, installed_versions, planner_confi
 from eval.summary import Summary, summarise
 from eval.tracks import IDEAL, load_track, track_name
 from eval.training_seeds import curves
+from recognition.own_recogniser import resolve_recogniser
 from recognition.training_config import FORMS, Form
 from recognition.views import REGIMES
 
@@ -32,6 +33,7 @@ def benchmark(
     sensor: str = "perfect",
     views: str = "moving",
     form: Form = "causal",
+    recogniser: str | Recogniser | None = None,
     track: str = IDEAL,
     ideal: Path | None = None,
     readout: str = "recogniser",
@@ -55,6 +57,8 @@ def benchmark(
         sensor: `perfect` or `estimator`.
         views: the cameras that the recogniser was trained on, `moving` or `paper`.
         form: of the recogniser: `causal` streams, `ctrgcn` is the published network on every prefix (slow).
+        recogniser: one of your own in place of a trained one: an object, or a class as
+            `recognition.own_recogniser.resolve_recogniser` knows it. Planners that were trained for ours do not run.
         track: how cameras move: `ideal` is the paper's grid; the name of a vehicle, or a vehicle file.
         ideal: folder of a finished run on the ideal track under the same conditions; says how much accuracy the
             flights kept.
@@ -78,14 +82,16 @@ def benchmark(
     check_options(readout=readout, starts=starts, seed=seed, workers=workers)
     check_planners(planners)
     vehicle = load_track(track)
-    setting = load_setting(data=data, models=models, sensor=sensor, views=views, form=form, fps=fps)
+    setting = load_setting(
+        data=data, models=models, sensor=sensor, views=views, form=form, recogniser=recogniser, fps=fps
+    )
     scenarios = cut_scenarios(setting.data, part_of(setting.data, part), length, reporter.note)
     place = ModelPlace(
         models=None if models is None else Path(models),
         data=setting.data,
         sensor=sensor,
         views=views,
-        form=form,
+        form=setting.form,
         recogniser_sha256=setting.recogniser_sha256,
     )
     chosen, origins, model = choose_planners(planners, place, readout=readout, note=reporter.note)
@@ -97,7 +103,8 @@ def benchmark(
         recogniser_sha256=setting.recogniser_sha256,
         sensor=sensor,
         views=views,
-        form=form,
+        form=setting.form,
+        recogniser=setting.recogniser_spec,
         track=track_name(vehicle),
         vehicle=vehicle,
         readout=readout,
@@ -136,10 +143,19 @@ class Setting:
     recogniser: Recogniser
     recogniser_sha256: str
     sensor: Sensor
+    form: str  # of the recogniser; of one's own, what tables call it
+    recogniser_spec: str | None = None  # how one's own was named
 
 
 def load_setting(
-    *, data: str | Path | MotionData, models: Path | None, sensor: str, views: str, form: Form, fps: float | None
+    *,
+    data: str | Path | MotionData,
+    models: Path | None,
+    sensor: str,
+    views: str,
+    form: Form,
+    fps: float | None,
+    recogniser: str | Recogniser | None = None,
 ) -> Setting:
     """Load data, recogniser and sensor; the arguments are those of `benchmark`."""
     # Here, as they bring torch, which `ehar --help` does not wait for.
@@ -157,9 +173,14 @@ def load_setting(
         motion = load_data(data, fps=fps)
     source = data.name if isinstance(data, MotionData) else str(data)
     eye = make_sensor(sensor, motion.skeleton)
+    if recogniser is not None:
+        if form != "causal":
+            raise UsageError(f"form: expected none beside a recogniser of your own, got {form}")
+        own = resolve_recogniser(recogniser, motion)
+        return Setting(source, motion, own.recogniser, own.sha256, eye, own.title, own.spec)
     directory = None if models is None else Path(models)
-    recogniser = load_recogniser(directory, motion, sensor=sensor, views=views, form=form)
-    return Setting(source, motion, recogniser, recogniser.sha256, eye)
+    trained = load_recogniser(directory, motion, sensor=sensor, views=views, form=form)
+    return Setting(source, motion, trained, trained.sha256, eye, form)
 
 
 def check_options(*, readout: str = "recogniser", starts: int = 1, seed: int, workers: int) -> None:
