@@ -1,0 +1,111 @@
+"""What a conformance kit says: one line a check, and of each that failed what was got, expected, and how to mend it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.errors import EharError
+
+
+@dataclass(frozen=True)
+class Check:
+    """One check.
+
+    Args:
+        name: what has to hold.
+        passed: whether it did; None where it could not be checked.
+        got: what was found, or why it could not be checked.
+        expected: what should have been found.
+        mend: what to do about it.
+    """
+
+    name: str
+    passed: bool | None
+    got: str = ""
+    expected: str = ""
+    mend: str = ""
+
+    def lines(self) -> list[str]:
+        """Return the check for people to read."""
+        status = {True: "passed", False: "FAILED", None: "not checked"}[self.passed]
+        first = f"  {status:<12} {self.name}" + (f": {self.got}" if self.got and self.passed is not False else "")
+        if self.passed is not False:
+            return [first]
+        said = (("got", self.got), ("expected", self.expected), ("to mend", self.mend))
+        return [first, *(f"{'':15}{what}: {text}" for what, text in said)]
+
+
+@dataclass(frozen=True)
+class Conformance:
+    """What a kit found: `assert check_planner(mine).passed` in a test of one's own, `print` it to read it.
+
+    Args:
+        subject: what was checked.
+        checks: in the order in which they were made.
+    """
+
+    subject: str
+    checks: tuple[Check, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether no check failed."""
+        return not self.failed
+
+    @property
+    def failed(self) -> tuple[Check, ...]:
+        """The checks that failed."""
+        return tuple(check for check in self.checks if check.passed is False)
+
+    def __str__(self) -> str:
+        """Return a line a check, and a count."""
+        counts = [sum(check.passed is status for check in self.checks) for status in (True, False, None)]
+        count = ", ".join(
+            f"{n} {what}" for n, what in zip(counts, ("passed", "failed", "not checked"), strict=True) if n
+        )
+        return "\n".join([f"{self.subject}: {count}", *(line for check in self.checks for line in check.lines())])
+
+
+def attempt(name: str, check: Callable[[], str | None], *, expected: str, mend: str) -> Check:
+    """Make a check; what it raises is a failure too.
+
+    Args:
+        name: of the check.
+        check: returns what was got in place of what was expected; None where all was well.
+        expected: as in `Check`.
+        mend: as in `Check`.
+    """
+    try:
+        got = check()
+    except EharError as error:
+        got = str(error)
+        mend = mend if error.__cause__ is None else f"that line of your code raised it; {mend}"
+    return Check(name, True) if got is None else Check(name, False, got, expected, mend)
+
+
+def first_difference(
+    one: FloatArray, other: FloatArray, rows: tuple[str, str], *, tolerance: float, what: str = "target"
+) -> str | None:
+    """Return where two arrays (T, B, ...) first differ by more than a tolerance, in words; None where nowhere.
+
+    Args:
+        one: the first.
+        other: the second, of the same shape.
+        rows: what each is called.
+        tolerance: the largest difference that is none; 0 means equal.
+        what: they hold.
+    """
+    if one.shape != other.shape:
+        return f"arrays of {what}s of shape {one.shape} {rows[0]} and {other.shape} {rows[1]}"
+    differs = ~(np.abs(one - other) <= tolerance)
+    if not differs.any():
+        return None
+    frame, row = (int(index) for index in np.argwhere(differs.reshape(*one.shape[:2], -1).any(axis=-1))[0])
+    texts = [
+        np.array2string(np.asarray(array[frame, row]), precision=4, threshold=8, edgeitems=3) for array in (one, other)
+    ]
+    return f"{what} of row {row} after frame {frame}: " + ", ".join(
+        f"{' '.join(text.split())} {name}" for text, name in zip(texts, rows, strict=True)
+    )
