@@ -10,10 +10,12 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, arg, subcommand
 
 from ehar.errors import EharError
 from eval.analyse_commands import AnalyseCommand, OverviewCommand
+from eval.check_commands import CheckCommand, CheckPlanner, CheckRecogniser
 from eval.commands import Bench, Benchmark, HeadroomCommand, TrainAgent, TrainAll, TrainGainField, TrainRecogniser
 from eval.compare_command import CompareCommand
 from eval.data_commands import Describe, PrepareAistpp, PrepareBvh, PrepareExpi
 from eval.nbv_commands import AblationCommand, BeliefCommand, Explain
+from eval.own_flags import fold_flags, options_of
 from eval.results import package_version
 from eval.verify_commands import VerifyCommand
 
@@ -77,6 +79,7 @@ Command = (
     | Annotated[VerifyCommand, subcommand("verify")]
     | Annotated[DataCommand, subcommand("data")]
     | Annotated[TrainCommand, subcommand("train")]
+    | Annotated[CheckCommand, subcommand("check")]
     | Annotated[Bench, subcommand("bench")]
 )
 
@@ -87,14 +90,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if arguments == ["--version"]:
         print(f"ehar {package_version('ehar')}")
         return
-    command = tyro.cli(
-        cast(type[Callable[[], None]], Command),
-        prog="ehar",
-        description="Embodied human activity recognition: compare camera controllers on early activity recognition.",
-        args=arguments,
-        config=(OmitArgPrefixes, OmitSubcommandPrefixes),
-    )
     try:
+        if arguments[:1] in (["benchmark"], ["check"]):
+            arguments = fold_flags(arguments, options_of(Benchmark, CheckPlanner, CheckRecogniser))
+        command = tyro.cli(
+            cast(type[Callable[[], None]], Command),
+            prog="ehar",
+            description="Embodied human activity recognition: "
+            "compare camera controllers on early activity recognition.",
+            args=arguments,
+            config=(OmitArgPrefixes, OmitSubcommandPrefixes),
+        )
         command()
     except EharError as error:
         print(f"ehar: error: {error}", file=sys.stderr)

@@ -131,3 +131,59 @@ def test_an_unknown_command_exits_with_2(capsys: pytest.CaptureFixture[str]) -> 
         main(["bnchmark"])
     assert ended.value.code == 2
     assert "bnchmark" in capsys.readouterr().err
+
+
+OWN_PLANNER = """
+from ehar.planner import Planner
+
+class Mine(Planner):
+    name = "mine"
+
+    def __init__(self, *, radius: float = 5.0):
+        self.radius = radius
+
+    def act(self, observation):
+        target = observation.viewpoint.copy()
+        target[:, 0] = self.radius
+        return target
+
+class Peeping(Mine):
+    def act(self, observation):
+        return observation.viewpoint + observation.log_probs.mean()
+"""
+
+
+def test_flags_after_a_planner_of_one_s_own_are_its_arguments(
+    tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = tmp_path / "own.py"
+    own.write_text(OWN_PLANNER)
+    options = ["--data", str(tiny), "--length", "10", "--workers", "1"]
+    planners = [f"{own}:Mine", "--radius", "6", f"{own}:Mine", "--radius=8", f"{own}:Mine(radius=9)", "no-act"]
+    main(["benchmark", *planners, *options, "--out", str(tmp_path / "run")])
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    names = ["mine(radius=6)", "mine(radius=8)", "mine(radius=9)", "no-act"]
+    assert [planner["name"] for planner in summary["planners"]] == names
+    capsys.readouterr()
+    for flags, message in (
+        (["--radius", "six"], "Mine: radius: expected float, got 'six'"),
+        (["--radius"], "Mine: expected a value after --radius, got --data"),
+        (["--size", "6"], "Mine: unknown argument 'size'; it takes radius: float = 5.0"),
+    ):
+        assert message in fails_with(["benchmark", f"{own}:Mine", *flags, *options], capsys)
+
+
+def test_check_planner_exits_with_1_where_a_check_fails(
+    tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = tmp_path / "own.py"
+    own.write_text(OWN_PLANNER)
+    for planner, code, said in (
+        ([f"{own}:Mine", "--radius", "6"], 0, "planner mine(radius=6): 10 passed"),
+        ([f"{own}:Peeping"], 1, "  FAILED       no row looks at another\n"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            main(["check", "planner", *planner, "--data", str(tiny)])
+        assert ended.value.code == code
+        assert said in capsys.readouterr().out
+    assert "unknown planner 'teleport'" in fails_with(["check", "planner", "teleport", "--data", str(tiny)], capsys)

@@ -1,0 +1,72 @@
+"""Flags of a class of one's own: those that follow it on the command line become its constructor's arguments."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+from ehar.errors import UsageError
+from planners.own_planner import own_spec
+
+NAMES_A_CLASS = "--recogniser"  # the option whose value may be a class of one's own
+
+
+def fold_flags(arguments: Sequence[str], options: Mapping[str, bool]) -> list[str]:
+    """Return a command's words, in which flags after a class of one's own have become its arguments.
+
+    `spiral.py:Spiral --radius 5 no-act` becomes `spiral.py:Spiral(radius='5') no-act`. Each flag takes one value. The
+    command's own options stay what they are wherever they stand: an argument of such a name goes in the brackets.
+
+    Args:
+        arguments: after the command's name.
+        options: of the command, `--length`, and whether a value follows.
+
+    Raises:
+        UsageError: a flag has no value.
+    """
+    folded: list[str] = []
+    words = list(arguments)
+    own: int | None = None  # where in `folded` the class stands that flags belong to
+    while words:
+        word = words.pop(0)
+        option, equals, value = word.partition("=")
+        if option == NAMES_A_CLASS and (equals or words):
+            folded += [option, value if equals else words.pop(0)]
+            own = _own_at(folded)
+        elif not word.startswith("--"):
+            folded.append(word)
+            own = _own_at(folded)
+        elif option in options:
+            folded += [word, *([words.pop(0)] if options[option] and not equals and words else [])]
+        elif own is None:
+            folded.append(word)  # which tyro refuses
+        elif not equals and (not words or words[0].startswith("--")):
+            raise UsageError(f"{folded[own]}: expected a value after {word}, got {words[0] if words else 'none'}")
+        else:
+            folded[own] = _with_argument(folded[own], option, value if equals else words.pop(0))
+    return folded
+
+
+def options_of(*commands: type[Any]) -> dict[str, bool]:
+    """Return the options of commands, which are dataclasses, and whether a value follows each."""
+    known = {"--help": False}
+    for command in commands:
+        for field in fields(command):
+            option = f"--{field.name.replace('_', '-')}"
+            known[option] = field.type is not bool
+            if field.type is bool:
+                known[f"--no-{option[2:]}"] = False
+    return known
+
+
+def _own_at(folded: Sequence[str]) -> int | None:
+    """Return the place of the last word if it names a class of one's own."""
+    return len(folded) - 1 if own_spec(folded[-1]) is not None else None
+
+
+def _with_argument(spec: str, option: str, value: str) -> str:
+    """Return a spec with one more argument: brackets are literals as they are written, all else is text."""
+    name = option[2:].replace("-", "_")
+    argument = f"{name}={value if value[:1] in ('(', '[') else repr(value)}"
+    if not spec.endswith(")"):
+        return f"{spec}({argument})"
+    return f"{spec[:-1]}{'' if spec.endswith('()') else ', '}{argument})"
