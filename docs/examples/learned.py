@@ -1,0 +1,56 @@
+"""A policy that stable-baselines3 trains on `ehar/Grid-v0`, wrapped as a planner: `python learned.py`."""
+
+import gymnasium as gym
+import numpy as np
+from stable_baselines3 import A2C
+from stable_baselines3.common.policies import BasePolicy
+
+import ehar  # noqa: F401  makes the environments known to Gymnasium
+from ehar.camera import Camera
+from ehar.observations import shown
+from ehar.planner import Context, Observation, Planner
+from ehar.viewpoint import apply_moves
+from eval import benchmark
+
+
+class Learned(Planner):
+    """Make the moves that a policy finds most probable.
+
+    Args:
+        policy: trained on `ehar/Grid-v0`.
+    """
+
+    name = "learned"
+
+    def __init__(self, policy: BasePolicy) -> None:
+        """Create the planner."""
+        self.policy = policy
+
+    def reset(self, context: Context) -> None:
+        """Take the workspace of these episodes."""
+        self.workspace = context.workspace
+
+    def act(self, observation: Observation) -> np.ndarray:
+        """Return the neighbouring viewpoints that the moves lead to, (B, 3)."""
+        seen = shown(  # what the environment shows of a frame
+            joints_2d=observation.joints_2d,
+            confidence=observation.confidence,
+            viewpoint=observation.viewpoint,
+            log_probs=observation.log_probs,
+            embedding=observation.embedding,
+            ratio=observation.ratio,
+            workspace=self.workspace,
+            camera=Camera(),
+        )
+        moves, _ = self.policy.predict(seen, deterministic=True)
+        return apply_moves(observation.viewpoint, moves, self.workspace)
+
+
+def train(steps: int, **world: object) -> Learned:
+    """Return a planner trained for some steps; `world` is what `gym.make` is told."""
+    env = gym.make("ehar/Grid-v0", **world)
+    return Learned(A2C("MultiInputPolicy", env, seed=0, device="cpu").learn(steps).policy)
+
+
+if __name__ == "__main__":
+    print(benchmark([train(20_000, data="duo"), "no-act", "oracle"], data="duo").planner("learned"))

@@ -1,0 +1,38 @@
+"""A planner of one's own over the trained gain field: head in the direction in which most is to be seen."""
+
+import numpy as np
+
+from ehar.planner import Context, Observation, Planner
+from ehar.viewpoint import MOVES, STEP
+from planners.gain_model import GainModel
+from planners.view_basis import basis_at
+from planners.view_value import ViewValue
+
+
+class Rays(Planner):
+    """Look along the 7 moves, some steps far, and head for the end of the ray whose mean gain is the highest.
+
+    Args:
+        model: the trained gain field; `ehar benchmark` hands it to an argument that is annotated so.
+        steps: of the grid that a ray is long.
+    """
+
+    name = "rays"
+
+    def __init__(self, *, model: GainModel, steps: int = 15) -> None:
+        """Create the planner."""
+        self.value = ViewValue(model)
+        self.rays = MOVES[:, None] * np.arange(1, steps + 1)[:, None] * STEP  # (7, steps, 3)
+
+    def reset(self, context: Context) -> None:
+        """Forget the episodes before."""
+        self.value.reset(context)
+        self.workspace = context.workspace
+
+    def act(self, observation: Observation) -> np.ndarray:
+        """Return the ends of the best rays, (B, 3)."""
+        self.value.update(observation)
+        views = self.workspace.clip(observation.viewpoint[:, None, None] + self.rays)  # (B, 7, steps, 3)
+        gains = np.einsum("bmsk,bk->bm", basis_at(views), self.value.weights)
+        best = np.argmax(gains, axis=1)
+        return views[np.arange(len(best)), best, -1]
