@@ -53,4 +53,4 @@ def train(steps: int, **world: object) -> Learned:
 
 
 if __name__ == "__main__":
-    print(benchmark([train(20_000, data="duo"), "no-act", "oracle"], data="duo").planner("learned"))
+    print(benchmark([train(5_000, data="duo"), "no-act", "oracle"], data="duo").planner("learned"))
