@@ -21,7 +21,7 @@ class CheckPlanner:
         models: folder of weights, for a prepared .npz.
     """
 
-    planner: Annotated[str, tyro.conf.Positional]
+    planner: Annotated[str, tyro.conf.Positional, arg(metavar="PLANNER")]
     data: str = "duo"
     models: Path | None = None
 
@@ -45,7 +45,7 @@ class CheckRecogniser:
         data: whose test episodes it sees: duo, solo, or the path of a prepared .npz.
     """
 
-    recogniser: Annotated[str, tyro.conf.Positional]
+    recogniser: Annotated[str, tyro.conf.Positional, arg(metavar="RECOGNISER")]
     data: str = "duo"
 
     def __call__(self) -> None:

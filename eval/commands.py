@@ -31,6 +31,8 @@ def output_console() -> Console:
 class Benchmark:
     """Run planners on the test scenarios of some data, and say how well each did.
 
+    For example: ehar benchmark ./spiral.py:Spiral --radius 6 no-act oracle --data duo
+
     Args:
         planners: names, or your own: file.py:Class or module:Class, then --argument value; none runs all of ours.
         data: duo, solo, or the path of a prepared .npz.

@@ -12,6 +12,7 @@ from fakes import CLASS_NAMES, FakeRecogniser, tiny_data
 from test_benchmark import Log
 
 from ehar.errors import EpisodeError, ModelError, UsageError
+from ehar.motion_file import save_motion
 from ehar.recogniser import Recogniser
 from eval import benchmark
 from eval.cli import main
@@ -217,15 +218,17 @@ def test_two_workers_run_it_as_one_does(own: Path, tmp_path: Path) -> None:
 
 
 def test_the_commands(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    save_motion(own.parent / "tiny.npz", DATA)
+    options = ["--data", str(own.parent / "tiny.npz")]
     with pytest.raises(SystemExit) as ended:
-        main(["check", "recogniser", f"{own}:Mine", "--gain", "2"])
+        main(["check", "recogniser", f"{own}:Mine", "--gain", "2", *options])
     assert ended.value.code == 0
     assert "recogniser Mine(gain=2): 14 passed, 1 not checked" in capsys.readouterr().out
     with pytest.raises(SystemExit) as ended:
-        main(["check", "recogniser", f"{own}:Wide"])
+        main(["check", "recogniser", f"{own}:Wide", *options])
     assert ended.value.code == 1
     assert "  FAILED       recognises a batch of 7" in capsys.readouterr().out
     with pytest.raises(SystemExit) as ended:
-        main(["check", "recogniser", f"{own}:Mine", "--gian", "2"])
+        main(["check", "recogniser", f"{own}:Mine", "--gian", "2", *options])
     assert ended.value.code == 2
     assert "unknown argument 'gian'" in capsys.readouterr().err
