@@ -1,10 +1,10 @@
 """How a class of one's own is named: `path/to/file.py:Class` or `package.module:Class`, with arguments in brackets."""
 
 import ast
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from ehar.errors import UsageError
@@ -58,7 +58,7 @@ def arguments_text(arguments: Mapping[str, Any]) -> str:
 
 
 def json_arguments(arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Return arguments as JSON can hold them; what it cannot hold, such as a path, as text."""
+    """Return arguments as JSON can hold them, from which they can be made again; a path or an infinity is text."""
     return {name: _json_value(value) for name, value in arguments.items()}
 
 
@@ -89,6 +89,10 @@ def _value_text(value: Any) -> str:
 def _json_value(value: Any) -> Any:
     if isinstance(value, tuple | list):
         return [_json_value(part) for part in value]
-    if isinstance(value, Path) or not isinstance(value, bool | int | float | str | None):
+    if isinstance(value, dict):
+        return {str(key): _json_value(part) for key, part in value.items()}
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if not isinstance(value, bool | int | float | str | None):
         return str(value)
     return value

@@ -38,7 +38,8 @@ def verify(
         data: where its data lie now; None is where they lay.
         models: where its weights lie now; None is where they lay.
         ideal: where the run lies now that flights were compared with; None is where it lay.
-        rerun_episodes: how many episodes are drawn and run once more, with all that share a chunk with them.
+        rerun_episodes: how many episodes are drawn and run once more, with all that share a chunk with them. The files
+            and modules of one's own that the run names are run for that: only for a run that can be trusted.
         seed: of that draw.
         reporter: hears of progress; None reports on standard error.
 
@@ -63,7 +64,7 @@ def verify(
     reason = why_incomplete(directory, config, records)
     if reason is not None:
         return Verification((Check("complete", FAILED, f"{directory}: this run is incomplete: {reason}"),), notes)
-    inputs = check_inputs(config, data, models)
+    inputs = check_inputs(config, data, models, run_own_code=rerun_episodes > 0)
     episodes = None if inputs.data is None else run_episodes(config, inputs.data)
     count = len(next(iter(records.values())))
     of_records = _check_records(config, records, episodes)

@@ -17,7 +17,8 @@ class VerifyCommand:
 
     Args:
         run: folder of a run of ehar benchmark.
-        rerun_episodes: how many episodes to draw and run once more, with those that share a chunk of 32 with them.
+        rerun_episodes: how many episodes to draw and run once more, with those that share a chunk of 32 with them;
+            planners and a recogniser of one's own are made again: the files that config.json names are run.
         seed: of that draw.
         data: where the run's data lie now; by default where they lay.
         models: where the run's weights lie now; by default where they lay.

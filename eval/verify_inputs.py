@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from ehar.class_spec import parse_spec
 from ehar.errors import EharError, ModelError, UsageError
 from ehar.motion_data import MotionData
 from eval.planner_choice import ModelPlace
@@ -30,13 +31,16 @@ class Inputs(NamedTuple):
     place: ModelPlace | None = None
 
 
-def check_inputs(config: RunConfig, data: str | Path | None, models: Path | None) -> Inputs:
+def check_inputs(
+    config: RunConfig, data: str | Path | None, models: Path | None, *, run_own_code: bool = False
+) -> Inputs:
     """Load what a run was made from, and compare the hashes.
 
     Args:
         config: of the run.
         data: where its data lie now; None is where they lay.
         models: where its weights lie now; None is where they lay.
+        run_own_code: whether a recogniser of one's own is loaded, for which the file or module that is recorded runs.
 
     Raises:
         EharError: what was asked for by `data` or `models` cannot be read.
@@ -63,23 +67,42 @@ def check_inputs(config: RunConfig, data: str | Path | None, models: Path | None
         form=config.form,
         recogniser_sha256=config.recogniser_sha256,
     )
+    reason = _why_not_loaded(config.recogniser, run_own_code=run_own_code)
+    setting = None
     try:
-        setting = load_setting(
-            data=motion,
-            models=directory,
-            sensor=config.sensor,
-            views=config.views,
-            form="ctrgcn" if config.form == "ctrgcn" else "causal",
-            fps=None,
-        )
-    except ModelError as error:
-        if models is not None:
+        if reason is None:
+            setting = load_setting(
+                data=motion,
+                models=directory,
+                sensor=config.sensor,
+                views=config.views,
+                form="ctrgcn" if config.form == "ctrgcn" else "causal",
+                recogniser=config.recogniser,
+                fps=None,
+            )
+    except EharError as error:
+        if config.recogniser is not None:
+            reason = str(error)
+        elif models is not None or not isinstance(error, ModelError):
             raise
-        checks += (Check("recogniser", UNCHECKED, f"{error}; --models says where it lies now"),)
+        else:
+            reason = f"{error}; --models says where it lies now"
+    if setting is None:
+        checks += (Check("recogniser", UNCHECKED, str(reason)),)
         return Inputs((*checks, *_planner_weights(config, place)), None, motion, place)
-    where = str(directory or "the weights that ship with ehar")
+    where = config.recogniser or str(directory or "the weights that ship with ehar")
     checks += (_compared("recogniser", config.recogniser_sha256, setting.recogniser_sha256, where),)
     return Inputs((*checks, *_planner_weights(config, place)), setting, motion, place)
+
+
+def _why_not_loaded(own: str | None, *, run_own_code: bool) -> str | None:
+    """Return why a recogniser of one's own, as it was named, is left alone; None where it can be tried, or is ours."""
+    if own is None:
+        return None
+    spec = parse_spec(own)
+    if spec is None or not spec.place:
+        return f"recogniser {own}: not replayable, as it was given as an object"
+    return None if run_own_code else f"{own} runs with --rerun-episodes only"
 
 
 def _unchecked(checks: tuple[Check, ...]) -> Inputs:

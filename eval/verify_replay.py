@@ -10,14 +10,15 @@ many frames is not checked.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
-from ehar.errors import ModelError, UsageError
+from ehar.errors import EharError, UsageError
 from ehar.motion import GridMotion
+from ehar.own_class import source_sha256
 from ehar.planner import Planner
 from ehar.rollout import Record
 from eval.episodes import CHUNK, Episodes
@@ -27,11 +28,12 @@ from eval.jobs import World, roll_chunk
 from eval.planner_choice import ModelPlace
 from eval.progress import Reporter
 from eval.records import DIGITS, EpisodeRecords
-from eval.results import EPISODES, RunConfig, planner_config
+from eval.results import EPISODES, PlannerConfig, RunConfig, planner_config
 from eval.verification import FAILED, OK, UNCHECKED, Check
 from eval.verify_records import place
 from planners.heuristic import NoAct
-from planners.registry import make_planner
+from planners.own_planner import Origin, load_own_class, make_own_planner, own_spec
+from planners.registry import is_ours, make_planner
 
 if TYPE_CHECKING:
     from eval.run import Setting
@@ -138,29 +140,49 @@ def check_moves(
 
 
 def make_again(config: RunConfig, models: ModelPlace) -> tuple[dict[str, Planner], dict[str, str]]:
-    """Return the run's planners that their names suffice to make, and why the others cannot act again.
+    """Return the run's planners that what is recorded suffices to make, and why the others cannot act again.
 
-    A planner that was given as an object, or came from a file, has a name that says nothing, or another class.
+    Of a planner that was given as an object only its class is known. One of a file, a module or an entry point is made
+    with its arguments, if it still stands in the file that ran.
     """
     made: dict[str, Planner] = {}
     left: dict[str, str] = {}
     for held in config.planners:
         try:
-            planner = make_planner(held.name, models.load_gain_model, models.load_agent)
-        except UsageError:
-            left[held.name] = "not replayable, as it cannot be made from its name"
-        except ModelError as error:
+            planner, origin = _make_one_again(held, models)
+        except EharError as error:
             left[held.name] = str(error)
         else:
-            again = asdict(planner_config(planner))
+            again = asdict(planner_config(planner, origin))
             other = [
                 f"{field} {again[field]}, ran: {ran}" for field, ran in asdict(held).items() if again[field] != ran
             ]
             if other:
-                left[held.name] = f"not replayable, as its name makes another: {'; '.join(other)}"
+                left[held.name] = f"not replayable, as another is made: {'; '.join(other)}"
             else:
                 made[held.name] = planner
     return made, left
+
+
+def _make_one_again(held: PlannerConfig, models: ModelPlace) -> tuple[Planner, Origin | None]:
+    """Return a planner, and where it comes from if it is none of ours.
+
+    Raises:
+        UsageError: it cannot be made, or its file is not the one that ran.
+        ModelError: its weights are not here.
+    """
+    spec = own_spec(held.implementation)
+    if spec is None:
+        if not is_ours(held.name):
+            raise UsageError("not replayable, as it cannot be made from its name")
+        return make_planner(held.name, models.load_gain_model, models.load_agent), None
+    try:
+        found = source_sha256(load_own_class(spec))
+        if found != held.source_sha256:
+            raise UsageError(f"its file has changed: got sha256 {found}, ran: {held.source_sha256}")
+        return make_own_planner(replace(spec, arguments=held.arguments), models.load_gain_model)
+    except UsageError as error:
+        raise UsageError(f"not replayable: {error}") from error
 
 
 def draw_jobs(names: Sequence[str], episodes: int, count: int, rng: np.random.Generator) -> list[tuple[str, int]]:

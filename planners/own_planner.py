@@ -48,6 +48,18 @@ def own_spec(text: str) -> ClassSpec | None:
     return spec if spec is not None and (spec.place or spec.name in entry_point_names()) else None
 
 
+def load_own_class(spec: ClassSpec) -> type[Any]:
+    """Return the class that is meant; its file is run for that.
+
+    Args:
+        spec: from `own_spec`.
+
+    Raises:
+        UsageError: it cannot be loaded.
+    """
+    return load_class(spec, "planner") if spec.place else _installed(spec.name)
+
+
 def make_own_planner(spec: ClassSpec, load_model: "Callable[[], GainModel] | None" = None) -> tuple[Planner, Origin]:
     """Return a new planner of one's own, and where it comes from.
 
@@ -62,7 +74,7 @@ def make_own_planner(spec: ClassSpec, load_model: "Callable[[], GainModel] | Non
         UsageError: it cannot be loaded or made, or is no planner.
         ModelError: from `load_model`.
     """
-    cls = load_class(spec, "planner") if spec.place else _installed(spec.name)
+    cls = load_own_class(spec)
     what = f"planner {spec.title}"
     missing = [part for part in ("reset", "act") if not callable(getattr(cls, part, None))]
     if missing or getattr(cls, "act", None) is Planner.act:

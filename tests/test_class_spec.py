@@ -48,3 +48,4 @@ def test_arguments_are_written_shortly_and_exactly() -> None:
     arguments = {"radius": 5.0, "turn": 0.1 + 0.2, "way": "left", "at": (1, 2.0), "path": Path("a/b"), "on": None}
     assert arguments_text(arguments) == "radius=5, turn=0.30000000000000004, way=left, at=(1 2), path=a/b, on=None"
     assert json_arguments(arguments) == {**arguments, "at": [1, 2.0], "path": "a/b"}
+    assert json_arguments({"far": float("inf"), "of": {1: (2,)}}) == {"far": "inf", "of": {"1": [2]}}
