@@ -28,6 +28,7 @@ class ComparedPlanners:
         trainings: how many each has.
         privileged: which of the two was handed the truth.
         retrained: whether a training that goes by one name in both has other weights.
+        rewritten: whether a planner of one's own that goes by one name in both has another file or other arguments.
     """
 
     difference: Difference
@@ -35,6 +36,7 @@ class ComparedPlanners:
     trainings: tuple[int, int]
     privileged: tuple[bool, bool]
     retrained: bool
+    rewritten: bool
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,7 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
                 trainings=(len(of_a.records), len(of_b.records)),
                 privileged=(_is_privileged(of_a, a), _is_privileged(of_b, b)),
                 retrained=any(_weights(name, a) != _weights(name, b) for name in of_a.records if name in of_b.records),
+                rewritten=any(_code(name, a) != _code(name, b) for name in of_a.records if name in of_b.records),
             )
             for difference, pair, (of_a, of_b) in zip(compare_pairs(pairs, resamples), pairs, groups, strict=True)
         ),
@@ -193,6 +196,12 @@ def _find(run: FinishedRun, name: str, groups: Mapping[str, PlannerGroup]) -> Pl
 
 def _weights(name: str, one: _Run) -> str | None:
     return one.planners[name].get("weights_sha256")
+
+
+def _code(name: str, one: _Run) -> tuple[str | None, Mapping[str, Any]]:
+    """Return the hash of a planner's file, None for one of ours, and its arguments; older runs have neither."""
+    planner = one.planners[name]
+    return planner.get("source_sha256"), planner.get("arguments", {})
 
 
 def _is_privileged(group: PlannerGroup, one: _Run) -> bool:

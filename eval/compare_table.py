@@ -61,6 +61,9 @@ def _footnotes(comparison: Comparison) -> Iterator[str]:
     retrained = [of.difference.planner for of in comparison.planners if of.retrained]
     if retrained:
         yield f"Trained to other weights in A and B: {', '.join(retrained)}."
+    rewritten = [of.difference.planner for of in comparison.planners if of.rewritten]
+    if rewritten:
+        yield f"Another file or other arguments in A and B: {', '.join(rewritten)}."
     several = [of for of in comparison.planners if max(of.trainings) > 1]
     if several:
         counts = ", ".join(f"{of.difference.planner} {of.trainings[0]} and {of.trainings[1]}" for of in several)

@@ -174,6 +174,35 @@ def test_trainings_are_drawn_together_only_where_they_are_the_same(tmp_path: Pat
     assert compared(unknown, unknown).difference.ci95[0] < 0  # weights that are not known may be others
 
 
+def test_a_planner_of_ones_own_with_another_file_or_argument_is_named(tmp_path: Path) -> None:
+    before = replace(PlannerConfig("nbv", False, "mine.py:Mine"), arguments={"radius": 5}, source_sha256="1")
+
+    def footnotes(now: PlannerConfig) -> tuple[str, ...]:
+        for name, planner in (("before", before), ("now", now)):
+            held = records(nbv=1.0)
+            write_run(tmp_path / name, replace(CONFIG_OF_RUN, planners=(planner,)), held, summary_of(held))
+        return compare_table(compare(tmp_path / "before", tmp_path / "now")).footnotes
+
+    said = "Another file or other arguments in A and B: nbv."
+    assert said not in footnotes(before)
+    assert said in footnotes(replace(before, source_sha256="2"))
+    assert said in footnotes(replace(before, arguments={"radius": 6}))
+
+
+def test_a_run_from_before_schemas_differs_in_nothing_that_was_added_since(tmp_path: Path) -> None:
+    a, b = two_runs(tmp_path)
+    held = json.loads((a / CONFIG).read_text())
+    for name in ("schema", "ideal", "recogniser"):
+        del held[name]
+    for planner in held["planners"]:
+        del planner["arguments"], planner["source_sha256"]
+    (a / CONFIG).write_text(json.dumps(held))
+    for one, other in ((a, b), (b, a)):
+        found = compare(one, other)
+        assert found.differing == {}
+        assert not any(of.rewritten for of in found.planners)
+
+
 def test_the_table_says_what_its_numbers_are(tmp_path: Path) -> None:
     a, b = two_runs(tmp_path)
     found = compare(a, b)
