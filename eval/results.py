@@ -132,7 +132,7 @@ def check_out(out: Path, config: Mapping[str, Any]) -> None:
         found = held.get("schema", SCHEMA)  # a run from before schemas were numbered may be written anew
         if found != SCHEMA:
             raise UsageError(f"{out}: holds a run of schema {found!r}, expected {SCHEMA}; choose another --out")
-        held = {**held, "schema": SCHEMA}
+        held = {**held, "schema": SCHEMA, "planners": _with_later_fields(held.get("planners"))}
     differing = [name for name in {**wanted, **held} if held.get(name) != wanted.get(name)]
     if differing:
         name = differing[0]
@@ -140,6 +140,13 @@ def check_out(out: Path, config: Mapping[str, Any]) -> None:
             f"{out}: holds another run, which differs in {', '.join(differing)} "
             f"({name} was {held.get(name)!r}, now {wanted.get(name)!r}); choose another --out"
         )
+
+
+def _with_later_fields(planners: Any) -> Any:
+    """Return the planners of a config.json with the fields that were added since, as they are for ours."""
+    if not isinstance(planners, list) or not all(isinstance(planner, dict) for planner in planners):
+        return planners
+    return [{"arguments": {}, "source_sha256": None, **planner} for planner in planners]
 
 
 def write_run(out: Path, config: RunConfig, records: Mapping[str, EpisodeRecords], summary: Summary | None) -> None:

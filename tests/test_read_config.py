@@ -13,14 +13,16 @@ from ehar.vehicle import VEHICLES
 from eval.read_config import read_config
 from eval.results import CONFIG, PlannerConfig, check_out, json_text
 
+OWN = PlannerConfig("mine(at=(1 2))", False, "mine.py:Mine", None, {"at": [1, 2], "on": None, "up": True}, "3")
 FULL = replace(
     CONFIG_OF_RUN,
     track="px4-max",
     vehicle=VEHICLES["px4-max"],
     fps=30.0,
-    planners=(PlannerConfig("no-act", False, "a.B"), PlannerConfig("il/0", False, "a.C", "2")),
+    planners=(PlannerConfig("no-act", False, "a.B"), PlannerConfig("il/0", False, "a.C", "2"), OWN),
     versions={"numpy": "2.0"},
     ideal="runs/ideal",
+    recogniser="mine.py:Mine(gain=2)",
 )
 
 
@@ -38,11 +40,16 @@ def test_a_configuration_read_back_is_the_one_written(tmp_path: Path) -> None:
 
 
 def test_a_run_from_before_schemas_is_read_where_it_has_all_fields(tmp_path: Path) -> None:
-    held = asdict(CONFIG_OF_RUN)
-    for name in ("schema", "ideal"):
+    config = replace(FULL, ideal=None, recogniser=None, planners=FULL.planners[:2])
+    held = asdict(config)
+    for name in ("schema", "ideal", "recogniser"):
         del held[name]
-    assert read_config(write(tmp_path, held)) == CONFIG_OF_RUN
-    check_out(tmp_path, asdict(CONFIG_OF_RUN))
+    for planner in held["planners"]:
+        del planner["arguments"], planner["source_sha256"]
+    assert read_config(write(tmp_path, held)) == config
+    check_out(tmp_path, asdict(config))  # it may be written anew
+    with pytest.raises(UsageError, match=r"holds another run, which differs in seed, planners \("):
+        check_out(tmp_path, asdict(replace(config, seed=1, planners=FULL.planners)))
     del held["part"], held["readout"]
     message = (
         f"{tmp_path / CONFIG}: got no schema number and no readout, part, expected a run of ehar benchmark of "
