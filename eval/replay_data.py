@@ -1,0 +1,130 @@
+"""What the replay of a report holds, as JSON: some episodes, with arrays as base64 of small integers."""
+
+import base64
+import json
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.errors import EharError
+from ehar.viewpoint import DISTANCE, Workspace, wrap_azimuth
+from eval.finished_run import FinishedRun
+from eval.replay_choice import Chosen
+from eval.replay_run import PlannerReplay, Replays, replay_run
+from planners.view_basis import field_value
+
+MOST_BYTES = 6_000_000  # of all replays together; episodes beyond are left out
+MILLI = 1000  # joints and distances are in whole millimetres
+CENTI = 100  # angles in hundredths of a degree
+BASIS_POINTS = 10_000  # probabilities in hundredths of a percent
+MAP_STEP = 10.0  # [deg], from one azimuth or polar angle of a field map to the next
+
+
+def replay_data(
+    run: FinishedRun,
+    chosen: Sequence[Chosen],
+    planners: dict[str, tuple[str, bool]],
+    class_names: Sequence[str],
+    *,
+    advance: Callable[[str], None] = lambda name: None,
+) -> dict[str, Any]:
+    """Return the replays of a run; `episodes` is empty, and `missing` says why, where they cannot be had.
+
+    Args:
+        run: the run.
+        chosen: which episodes.
+        planners: by name, the record that is shown and whether it was handed the truth.
+        class_names: K.
+        advance: told of each record that is done.
+    """
+    try:
+        replays = replay_run(run, [one.episode for one in chosen], dict(planners.values()), advance=advance)
+    except EharError as error:
+        return {"episodes": [], "missing": str(error), "notes": []}
+    bones = replays.skeleton.bones
+    pieces: list[dict[str, Any]] = []
+    size = 0
+    for row, one in enumerate(chosen):
+        piece = _episode(run, replays, row, one, planners)
+        size += len(json.dumps(piece))
+        if pieces and size > MOST_BYTES:
+            break
+        pieces.append(piece)
+    _, length, persons, joints, _ = replays.positions.shape
+    workspace = Workspace()
+    return {
+        "episodes": pieces,
+        "missing": None,
+        "notes": list(replays.notes),
+        "frames": length,
+        "persons": persons,
+        "joints": joints,
+        "bones": [list(bone) for bone in bones],
+        "fps": replays.fps,
+        "image": list(replays.image),
+        "classes": list(class_names),
+        "distances": [workspace.distance_min, workspace.distance_max],
+        "map": [len(_AROUND), len(_DOWN)],
+    }
+
+
+_AROUND = np.radians(np.arange(0.0, 360.0 + MAP_STEP, MAP_STEP))
+_DOWN = np.radians(np.arange(0.0, 90.0 + MAP_STEP, MAP_STEP))
+
+
+def _episode(
+    run: FinishedRun, replays: Replays, row: int, one: Chosen, planners: dict[str, tuple[str, bool]]
+) -> dict[str, Any]:
+    """Return one episode with all planners."""
+    reference = next(iter(run.records.values()))
+    return {
+        "title": f"{reference.sequence[one.episode]} from frame {reference.first[one.episode]}",
+        "why": one.why,
+        "label": int(reference.label[one.episode]),
+        "people": integers(replays.positions[row] * MILLI, np.int16),
+        "planners": {name: _planner(replays.planners[record], row) for name, (record, _) in planners.items()},
+    }
+
+
+def _planner(of: PlannerReplay, row: int) -> dict[str, Any]:
+    """Return what one planner did in one episode."""
+    return {
+        "path": viewpoints(of.viewpoints[row]),
+        "target": None if of.targets is None else viewpoints(Workspace().clip(of.targets[row])),
+        "sensed": integers(of.joints_2d[row], np.int16),
+        "missed": integers(of.confidence[row] <= 0, np.uint8),
+        "belief": integers(of.probabilities[row] * BASIS_POINTS, np.uint16),
+        "field": None if of.weights is None else _field(of.weights[row], of.viewpoints[row]),
+    }
+
+
+def _field(weights: FloatArray, path: FloatArray) -> dict[str, Any]:
+    """Return the gain field of every frame but the last, over all directions at the camera's distance.
+
+    Values are differences to where the camera is, in percent of probability; 0 to 255 stand for low to high.
+    """
+    frames = len(weights)
+    shape = (frames, len(_DOWN), len(_AROUND))
+    views = np.empty((*shape, 3))
+    views[..., 0] = path[:frames, DISTANCE, None, None]
+    views[..., 1], views[..., 2] = np.meshgrid(_AROUND, _DOWN)
+    here = field_value(weights, path[:frames])
+    gain = 100 * (field_value(weights[:, None, None], views) - here[:, None, None])
+    low, high = float(gain.min()), float(gain.max())
+    scaled = 255 * (gain - low) / max(high - low, 1e-9)
+    return {"low": round(low, 2), "high": round(high, 2), "values": integers(scaled, np.uint8)}
+
+
+def viewpoints(path: FloatArray) -> str:
+    """Return viewpoints (T, 3) as whole millimetres and hundredths of a degree."""
+    degrees = np.degrees(np.stack([wrap_azimuth(path[:, 1]), path[:, 2]], axis=1))
+    return integers(np.column_stack([path[:, 0] * MILLI, degrees * CENTI]), np.uint16)
+
+
+def integers(values: FloatArray, kind: type[np.integer[Any]]) -> str:
+    """Return numbers, rounded and kept within what `kind` holds, as base64 of little-endian integers."""
+    bounds = np.iinfo(kind)
+    whole = np.clip(np.rint(np.asarray(values, dtype=np.float64)), bounds.min, bounds.max)
+    return base64.b64encode(whole.astype(np.dtype(kind).newbyteorder("<")).tobytes()).decode("ascii")

@@ -1,0 +1,149 @@
+"""What a report shows of a finished run, as plain data: everything but the replay."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.errors import DataError, UsageError
+from eval.accuracy_bands import accuracy_bands
+from eval.behaviour import PositionHistogram, level_share, move_shares, position_histograms, recover_moves
+from eval.confusion import ClassGains, class_gains, confusion
+from eval.finished_run import FinishedRun
+from eval.planner_accuracy import resample_sequences
+from eval.predictability import Predictability, predictability
+from eval.records import EpisodeRecords
+from eval.reliability import Reliability, reliability
+from eval.results import CONFIG, SUMMARY
+from eval.seed_accuracy import pool_seeds, seeds_of
+from eval.sphere_density import SphereDensity, sphere_density
+from eval.summary import NO_ACT
+from eval.training_seeds import curves
+
+STAGED_FROM = 4  # frames that an episode needs for three stages
+
+
+@dataclass(frozen=True, eq=False)
+class PlannerData:
+    """What a report shows of one planner, the records of all its trainings together.
+
+    Args:
+        reliability: the diagram.
+        confusion: (K, K).
+        gains: over no-act, by class; None where that did not run, and for no-act itself.
+        positions: histograms of distance, azimuth and polar angle.
+        level_share: the share of frames about level with the people.
+        sphere: where cameras were, seen from above.
+        moves: (4, 7), by stage; None in flight and for episodes that are too short.
+        predictability: after how much classes are recognised.
+    """
+
+    reliability: Reliability
+    confusion: FloatArray
+    gains: ClassGains | None
+    positions: tuple[PositionHistogram, ...]
+    level_share: float
+    sphere: SphereDensity
+    moves: FloatArray | None
+    predictability: Predictability
+
+
+@dataclass(frozen=True, eq=False)
+class ReportData:
+    """What a report shows.
+
+    Args:
+        run: with conditions and records.
+        config: config.json.
+        summary: summary.json.
+        class_names: K.
+        curves: (L,) accuracy after each frame, by planner.
+        bands: (L, 2) its 95 % interval; NaN where there is none.
+        planners: by name, in the order of the run.
+    """
+
+    run: FinishedRun
+    config: Mapping[str, Any]
+    summary: Mapping[str, Any]
+    class_names: tuple[str, ...]
+    curves: Mapping[str, FloatArray]
+    bands: Mapping[str, FloatArray]
+    planners: Mapping[str, PlannerData]
+
+    @property
+    def privileged(self) -> dict[str, bool]:
+        """Whether each planner was handed the truth."""
+        return {planner["name"]: planner["privileged"] for planner in self.summary["planners"]}
+
+    @property
+    def lead(self) -> str | None:
+        """The planner without the truth that is most accurate, no-act left out; None where there is none."""
+        rivals = [of for of in self.summary["planners"] if not of["privileged"] and of["name"] != NO_ACT]
+        return max(rivals, key=lambda of: of["acc_mean"])["name"] if rivals else None
+
+
+def report_data(run: FinishedRun, class_names: tuple[str, ...]) -> ReportData:
+    """Compute what a report shows.
+
+    Raises:
+        UsageError: the run has no summary, as when it was interrupted.
+        DataError: its summary is not that of its records.
+    """
+    summary = _read(run.directory / SUMMARY)
+    trainings = seeds_of(run.records)
+    pooled = pool_seeds(run.records)
+    names = [of.get("name") for of in summary.get("planners", ()) if isinstance(of, dict)]
+    if names != list(trainings):
+        raise DataError(
+            f"{run.directory / SUMMARY}: expected the planners of the records, {', '.join(trainings)}, "
+            f"got {', '.join(map(str, names)) or 'none'}"
+        )
+    classes = len(class_names)
+    return ReportData(
+        run=run,
+        config=_read(run.directory / CONFIG),
+        summary=summary,
+        class_names=class_names,
+        curves=curves(run.records),
+        bands=accuracy_bands(run.records, resample_sequences(list(run.records.values()))),
+        planners={name: _planner(name, of, trainings, classes, staged=not run.flown) for name, of in pooled.items()},
+    )
+
+
+def _planner(
+    name: str, pooled: EpisodeRecords, trainings: Mapping[str, list[EpisodeRecords]], classes: int, *, staged: bool
+) -> PlannerData:
+    staged = staged and pooled.predicted.shape[1] >= STAGED_FROM
+    compared = NO_ACT in trainings and name != NO_ACT
+    return PlannerData(
+        reliability=reliability(pooled.top_probability, pooled.correct),
+        confusion=confusion(pooled, classes),
+        gains=class_gains(trainings[name], trainings[NO_ACT], classes) if compared else None,
+        positions=position_histograms(pooled),
+        level_share=level_share(pooled),
+        sphere=sphere_density(pooled.viewpoint),
+        moves=move_shares(recover_moves(pooled)) if staged else None,
+        predictability=predictability(pooled, classes),
+    )
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        held = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"{path}: expected a finished run of ehar benchmark, got: {error.strerror}") from error
+    except ValueError as error:
+        raise DataError(f"{path}: expected the JSON of a finished run, got {error}") from error
+    if not isinstance(held, dict):
+        raise DataError(f"{path}: expected the JSON object of a finished run, got {type(held).__name__}")
+    return held
+
+
+def finite(values: FloatArray, digits: int) -> list[Any]:
+    """Return numbers for JSON, rounded; None where they are not finite."""
+    rounded = np.round(np.asarray(values, dtype=np.float64), digits)
+    return np.where(np.isfinite(rounded), rounded, None).tolist()

@@ -1,0 +1,138 @@
+// The people and the cameras in space, seen from a place that the reader turns: an orthographic view on a canvas.
+
+const scene = { turn: -0.7, tilt: 0.42, zoom: 1 };
+
+function projection(width, height, reach) {
+  const [sin, cos] = [Math.sin(scene.turn), Math.cos(scene.turn)];
+  const [up, along] = [Math.cos(scene.tilt), Math.sin(scene.tilt)];
+  const whole = 0.93 * Math.min(width / (2 * reach), height / ((1 + along) * reach));
+  const middle = height / 2 + (whole * reach * (1 - along)) / 2;
+  const scale = scene.zoom * whole;
+  return ([x, y, z]) => [
+    width / 2 + scale * (cos * x - sin * y),
+    middle - scale * (along * (sin * x + cos * y) + up * z),
+  ];
+}
+
+function drawScene(canvas, episode, cast, frame) {
+  const { pen, width, height } = prepared(canvas, 0.82);
+  const { people } = decodedEpisode(episode);
+  const reach = Math.max(...cast.flatMap(({ of }) => farthest(of.path)), replays.distances[0]);
+  const at = projection(width, height, reach);
+  const floor = lowest(people);
+  drawGround(pen, at, reach, floor);
+  drawDome(pen, at, reach);
+  cast.forEach(({ of, look }) => drawPath(pen, at, of, look, frame));
+  drawPeople(pen, at, people, frame);
+  cast.forEach(({ of, look, name }, index) => drawCamera(pen, at, of, look, frame, name, index));
+}
+
+function farthest(path) {
+  const distances = [];
+  for (let frame = 0; frame < replays.frames; frame += 1) distances.push(path[3 * frame]);
+  return Math.max(...distances);
+}
+
+function lowest(people) {
+  let low = Infinity;
+  for (let index = 2; index < people.length; index += 3) low = Math.min(low, people[index]);
+  return low;
+}
+
+function ring(radius, height) {
+  return Array.from({ length: 61 }, (_, step) => {
+    const angle = (step * Math.PI) / 30;
+    return [radius * Math.cos(angle), radius * Math.sin(angle), height];
+  });
+}
+
+function drawGround(pen, at, reach, floor) {
+  for (let metre = 2.5; metre <= reach; metre += 2.5) stroke(pen, ring(metre, floor).map(at), colour("@grid"), 1);
+  pen.fillStyle = colour("@soft");
+  for (const metre of [5, 10, 15]) if (metre <= reach) pen.fillText(`${metre} m`, ...at([metre, 0, floor]));
+}
+
+// Half a sphere as far away as the farthest camera: its rim and two meridians.
+function drawDome(pen, at, reach) {
+  const arc = (azimuth) =>
+    Array.from({ length: 31 }, (_, step) => {
+      const polar = ((step - 15) * Math.PI) / 30;
+      const level = reach * Math.sin(polar);
+      return [level * Math.cos(azimuth), level * Math.sin(azimuth), reach * Math.cos(polar)];
+    });
+  for (const line of [ring(reach, 0), arc(0), arc(Math.PI / 2)]) {
+    stroke(pen, line.map(at), colour("@neutral/0.45"), 1, [2, 4]);
+  }
+}
+
+function drawPath(pen, at, of, look, frame) {
+  const points = Array.from({ length: replays.frames }, (_, step) => at(pointAt(of.path, step)));
+  stroke(pen, points, colour(`${look.colour}/0.35`), 2);
+  stroke(pen, points.slice(0, frame + 1), colour(look.colour), 3.5, look.dash);
+}
+
+function drawPeople(pen, at, people, frame) {
+  const { persons, joints, bones } = replays;
+  for (let who = 0; who < persons; who += 1) {
+    const first = 3 * joints * (frame * persons + who);
+    const joint = (index) => at([...people.subarray(first + 3 * index, first + 3 * index + 3)]);
+    const [tint, dash] = person(who);
+    for (const [from, to] of bones) stroke(pen, [joint(from), joint(to)], colour(tint), 2.2, dash);
+  }
+}
+
+function drawCamera(pen, at, of, look, frame, name, index) {
+  const tint = colour(look.colour);
+  const here = pointAt(of.path, frame);
+  const wanted = of.target === null || frame >= replays.frames - 1 ? null : pointAt(of.target, frame);
+  stroke(pen, [at(here), at([0, 0, 0])], colour(`${look.colour}/0.5`), 1, [3, 4]);
+  if (wanted !== null) {
+    stroke(pen, [at(here), at(wanted)], tint, 1.5, [1, 4]);
+    diamond(pen, at(wanted), 7, tint);
+  }
+  drawBody(pen, at, of.path.subarray(3 * frame, 3 * frame + 3), here, tint);
+  const [x, y] = at(here);
+  pen.fillStyle = colour("@text");
+  pen.textAlign = index ? "right" : "left";
+  pen.fillText(name, x + (index ? -12 : 12), y - 10);
+  pen.textAlign = "left";
+}
+
+// A pyramid that opens towards the people.
+function drawBody(pen, at, [, azimuth, polar], here, tint) {
+  const right = [-Math.sin(azimuth), Math.cos(azimuth), 0];
+  const down = [Math.cos(polar) * Math.cos(azimuth), Math.cos(polar) * Math.sin(azimuth), -Math.sin(polar)];
+  const length = Math.hypot(...here);
+  const corner = (across, along) =>
+    at(here.map((value, axis) => value - (0.7 * value) / length + 0.42 * across * right[axis] + 0.24 * along * down[axis]));
+  const frame = [corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1), corner(-1, -1)];
+  stroke(pen, frame, tint, 2);
+  frame.slice(0, 4).forEach((place) => stroke(pen, [at(here), place], tint, 2));
+  dot(pen, at(here), 5, tint);
+}
+
+// Drag, arrow keys and the buttons turn the view.
+function steerScene(canvas, redraw) {
+  const turn = (dx, dy) => {
+    scene.turn += dx;
+    scene.tilt = Math.min(Math.PI / 2, Math.max(0, scene.tilt + dy));
+    redraw();
+  };
+  const zoom = (by) => {
+    scene.zoom = Math.min(8, Math.max(0.6, scene.zoom * by));
+    redraw();
+  };
+  canvas.addEventListener("pointermove", (event) => {
+    if (event.buttons & 1) turn(0.01 * event.movementX, event.pointerType === "touch" ? 0 : 0.01 * event.movementY);
+  });
+  canvas.addEventListener("pointerdown", (event) => canvas.setPointerCapture(event.pointerId));
+  canvas.addEventListener("keydown", (event) => {
+    const steps = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] };
+    if (event.key in steps) turn(...steps[event.key]);
+    else if (event.key === "+" || event.key === "-") zoom(event.key === "+" ? 1.25 : 0.8);
+    else return;
+    event.preventDefault();
+  });
+  byId("zoom-in").addEventListener("click", () => zoom(1.25));
+  byId("zoom-out").addEventListener("click", () => zoom(0.8));
+}

@@ -1,0 +1,89 @@
+"""How planners look in the figures of a report, and the plain Plotly figures that they are drawn into.
+
+A figure is a dict of Plotly's JSON schema. Its colours are tokens that the page replaces by those of its light or dark
+theme: `@0` to `@5` of Okabe and Ito, `@neutral`, `@text`, `@grid`, `@paper`; `@0/0.2` is a fifth opaque.
+"""
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any, NamedTuple
+
+from eval.summary import NO_ACT
+
+Figure = dict[str, Any]
+
+COLOURS = 6
+DASHES = ("solid", "dashdot", "longdash")
+PRIVILEGED_DASH = "dot"
+SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "pentagon", "triangle-down", "x", "hexagon")
+
+
+class Look(NamedTuple):
+    """How a planner is drawn: by colour, by dash and by symbol, so that no reader depends on one of them."""
+
+    colour: str
+    dash: str
+    symbol: str
+
+
+def looks(planners: Mapping[str, bool]) -> dict[str, Look]:
+    """Return how planners look, by name; `planners` says which were handed the truth. No-act is neutral."""
+    moving = [name for name in planners if name != NO_ACT]
+    found = {NO_ACT: Look("@neutral", "solid", "circle-open")} if NO_ACT in planners else {}
+    for index, name in enumerate(moving):
+        dash = PRIVILEGED_DASH if planners[name] else DASHES[index // COLOURS % len(DASHES)]
+        found[name] = Look(f"@{index % COLOURS}", dash, SYMBOLS[index % len(SYMBOLS)])
+    return {name: found[name] for name in planners}
+
+
+def plain(text: str) -> str:
+    """Return text that Plotly shows as it is: it takes some HTML for markup."""
+    return escape(text, quote=False)
+
+
+def figure(
+    data: Sequence[Mapping[str, Any]],
+    *,
+    x: Mapping[str, Any] | str,
+    y: Mapping[str, Any] | str,
+    height: int = 380,
+    **layout: Any,
+) -> Figure:
+    """Return a figure with titled axes.
+
+    Args:
+        data: its traces.
+        x: the title of the axis, or all of its options.
+        y: likewise.
+        height: [px].
+        layout: more of Plotly's options.
+    """
+    return {
+        "data": [dict(trace) for trace in data],
+        "layout": {
+            "height": height,
+            "margin": {"l": 56, "r": 16, "t": 16, "b": 48},
+            "paper_bgcolor": "@paper",
+            "plot_bgcolor": "@paper",
+            "font": {"color": "@text", "size": 13},
+            "legend": {"orientation": "h", "y": -0.2, "yanchor": "top", "x": 0, "xanchor": "left"},
+            "hovermode": "closest",
+            "xaxis": _axis(x),
+            "yaxis": _axis(y),
+            **layout,
+        },
+    }
+
+
+def _axis(options: Mapping[str, Any] | str) -> dict[str, Any]:
+    given = {"title": options} if isinstance(options, str) else dict(options)
+    title = {"text": given.pop("title", ""), "standoff": 8}
+    return {
+        "title": title,
+        "gridcolor": "@grid",
+        "linecolor": "@grid",
+        "zerolinecolor": "@grid",
+        "automargin": True,
+        "fixedrange": True,
+        **given,
+    }
