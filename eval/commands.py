@@ -49,8 +49,9 @@ class Benchmark:
         seed: of start viewpoints, noise and random planners.
         length: frames in an episode.
         fps: frame rate to resample to.
-        out: folder for config.json, episodes.jsonl, summary.json, table.md and the accuracy curve.
+        out: folder for config.json, episodes.jsonl, summary.json, table.md, the accuracy curve and report.html.
         workers: processes; the numbers are the same with any number.
+        report: write report.html into out, as `ehar report` does.
     """
 
     planners: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="[PLANNER ...]")] = ()
@@ -70,9 +71,10 @@ class Benchmark:
     fps: float | None = None
     out: Path | None = None
     workers: int = field(default_factory=cores)
+    report: bool = True
 
     def __call__(self) -> None:
-        """Run the benchmark and print its table."""
+        """Run the benchmark, print its table and write its report."""
         from eval.run import benchmark
 
         summary = benchmark(
@@ -95,6 +97,10 @@ class Benchmark:
             workers=self.workers,
         )
         output_console().print(render_summary(summary))
+        if self.report and self.out is not None:
+            from eval.report import make_report
+
+            print(f"report: {make_report(self.out)}")
 
 
 @dataclass(frozen=True)

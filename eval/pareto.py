@@ -1,5 +1,7 @@
 """The Pareto front: the planners that no other beats at the price they have."""
 
+import numpy as np
+
 from ehar.arrays import BoolArray, FloatArray
 
 
@@ -12,5 +14,5 @@ def pareto_front(cost: FloatArray, value: FloatArray) -> BoolArray:
     """
     as_good = (cost[:, None] <= cost) & (value[:, None] >= value)  # [other, choice]
     better = (cost[:, None] < cost) | (value[:, None] > value)
-    front: BoolArray = ~(as_good & better).any(axis=0)
-    return front
+    beaten: BoolArray = np.asarray((as_good & better).any(axis=0))
+    return ~beaten

@@ -13,7 +13,7 @@ from eval.progress import ConsoleReporter, Reporter
 from eval.replay_choice import RULE, RULE_ALONE, choose_episodes
 from eval.replay_data import replay_data
 from eval.report_behaviour_figures import planner_figures, predictability_figure
-from eval.report_data import ReportData, report_data
+from eval.report_data import ReportData, read_summary, report_data
 from eval.report_figures import accuracy_figure, cost_figures, difference_figures
 from eval.report_tables import (
     differences_part,
@@ -46,7 +46,8 @@ def make_report(directory: Path, *, out: Path | None = None, reporter: Reporter 
     """
     reporter = reporter or ConsoleReporter()
     run = read_run(Path(directory))
-    data = report_data(run, class_names(run, reporter.note))
+    summary = read_summary(run)
+    data = report_data(run, summary, class_names(run, reporter.note))
     replays, rule = _replays(data, reporter)
     path = run.directory / REPORT if out is None else Path(out)
     write_text(path, [page(data, replays, rule)])
@@ -72,7 +73,7 @@ def page(data: ReportData, replays: dict[str, Any], rule: str) -> str:
         ran=what_ran(data),
         table=planner_table(data),
         replay=_replay_part(data, replays, rule),
-        focus=f'<div class="bar">{picker("focus", "Planner in focus, here and below", names, focus)}</div>',
+        focus=picker("focus", "Planner in focus, in all figures below", names, focus),
         differences=differences_part(data),
         moves=escape(_moves_text(data)),
         levels=levels_table(data),

@@ -14,6 +14,7 @@ from eval.summary import NO_ACT
 STAGE_PATTERNS = ("", "/", "x")
 LEVEL_COLOURS = ("@2", "@4", "@5", "@neutral")
 LEVEL_PATTERNS = ("", "/", ".", "x")
+FULL_COLOUR = 0.99  # the share of cells that the colours tell apart
 
 
 def planner_figures(data: ReportData, name: str) -> dict[str, Figure]:
@@ -31,6 +32,11 @@ def planner_figures(data: ReportData, name: str) -> dict[str, Figure]:
     if of.moves is not None:
         figures["moves"] = _moves(of)
     return figures
+
+
+def _pattern(shape: str) -> dict[str, Any]:
+    """Return a pattern over a bar's own colour, for who cannot tell colours."""
+    return {"shape": shape, "fillmode": "overlay", "fgcolor": "@paper", "size": 7, "solidity": 0.25}
 
 
 def _shown(data: ReportData, name: str) -> list[str]:
@@ -194,15 +200,16 @@ def _sphere(of: PlannerData) -> Figure:
                 "showlegend": False,
             }
         )
-        labels.append({"x": 0, "y": radius, "text": f"{polar}°", "showarrow": False, "bgcolor": "@paper/0.7"})
-    labels.append({"x": 1.1, "y": 0, "text": "0°", "showarrow": False})
-    labels.append({"x": 0.09, "y": 1.09, "text": "90°", "showarrow": False})
+        labels.append({"x": 0, "y": -radius, "text": f"{polar}°", "showarrow": False, "bgcolor": "@paper/0.7"})
+    labels.append({"x": 1.02, "y": 0, "text": "azimuth 0°", "showarrow": False, "textangle": 90, "xanchor": "left"})
+    labels.append({"x": 0, "y": 1.02, "text": "azimuth 90°", "showarrow": False, "yanchor": "bottom"})
     trace = {
         "type": "heatmap",
         "x": finite(middles, 3),
         "y": finite(middles, 3),
         "z": finite(of.sphere.times_even, 2),
         "zmin": 0,
+        "zmax": round(float(np.nanquantile(of.sphere.times_even, FULL_COLOUR)), 2),
         "colorscale": [[0, "@paper"], [1, "@0"]],
         "colorbar": {"title": {"text": "times even"}, "thickness": 12, "outlinewidth": 0},
         "hovertemplate": "%{z:.1f} times as often as if even<extra></extra>",
@@ -228,7 +235,7 @@ def _moves(of: PlannerData) -> Figure:
             "name": STAGES[stage],
             "marker": {
                 "color": f"@{(0, 4, 1)[stage - 1]}",
-                "pattern": {"shape": STAGE_PATTERNS[stage - 1], "fgcolor": "@paper", "size": 6},
+                "pattern": _pattern(STAGE_PATTERNS[stage - 1]),
             },
             "hovertemplate": f"{STAGES[stage]}, %{{x}}: %{{y:.1f}} % of moves<extra></extra>",
         }
@@ -276,7 +283,7 @@ def predictability_figure(data: ReportData) -> Figure:
             "name": LEVELS[level],
             "marker": {
                 "color": LEVEL_COLOURS[level],
-                "pattern": {"shape": LEVEL_PATTERNS[level], "fgcolor": "@paper", "size": 6},
+                "pattern": _pattern(LEVEL_PATTERNS[level]),
             },
             "hovertemplate": f"%{{y}}, {LEVELS[level]}: %{{x:.1f}} % of episodes<extra></extra>",
         }

@@ -1,8 +1,8 @@
 """What a report shows of a finished run, as plain data: everything but the replay."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,9 @@ from ehar.errors import DataError, UsageError
 from eval.accuracy_bands import accuracy_bands
 from eval.behaviour import PositionHistogram, level_share, move_shares, position_histograms, recover_moves
 from eval.confusion import ClassGains, class_gains, confusion
+from eval.differences import compare_pairs
 from eval.finished_run import FinishedRun
-from eval.planner_accuracy import resample_sequences
+from eval.planner_accuracy import Resamples, planner_accuracy, resample_sequences
 from eval.predictability import Predictability, predictability
 from eval.records import EpisodeRecords
 from eval.reliability import Reliability, reliability
@@ -22,7 +23,7 @@ from eval.results import CONFIG, SUMMARY
 from eval.seed_accuracy import pool_seeds, seeds_of
 from eval.sphere_density import SphereDensity, sphere_density
 from eval.summary import NO_ACT
-from eval.training_seeds import curves
+from eval.training_seeds import curves, group_planners
 
 STAGED_FROM = 4  # frames that an episode needs for three stages
 
@@ -61,6 +62,8 @@ class ReportData:
         config: config.json.
         summary: summary.json.
         class_names: K.
+        differences: paired ones, those of summary.json; where it has none, of each planner without the truth and
+            no-act, or else the first.
         curves: (L,) accuracy after each frame, by planner.
         bands: (L, 2) its 95 % interval; NaN where there is none.
         planners: by name, in the order of the run.
@@ -70,6 +73,7 @@ class ReportData:
     config: Mapping[str, Any]
     summary: Mapping[str, Any]
     class_names: tuple[str, ...]
+    differences: Sequence[Mapping[str, Any]]
     curves: Mapping[str, FloatArray]
     bands: Mapping[str, FloatArray]
     planners: Mapping[str, PlannerData]
@@ -86,30 +90,43 @@ class ReportData:
         return max(rivals, key=lambda of: of["acc_mean"])["name"] if rivals else None
 
 
-def report_data(run: FinishedRun, class_names: tuple[str, ...]) -> ReportData:
-    """Compute what a report shows.
+def read_summary(run: FinishedRun) -> dict[str, Any]:
+    """Return a run's summary.json.
 
     Raises:
-        UsageError: the run has no summary, as when it was interrupted.
-        DataError: its summary is not that of its records.
+        UsageError: the run has none, as when it was interrupted.
+        DataError: it is not that of the run's records.
     """
     summary = _read(run.directory / SUMMARY)
     trainings = seeds_of(run.records)
-    pooled = pool_seeds(run.records)
     names = [of.get("name") for of in summary.get("planners", ()) if isinstance(of, dict)]
     if names != list(trainings):
         raise DataError(
             f"{run.directory / SUMMARY}: expected the planners of the records, {', '.join(trainings)}, "
             f"got {', '.join(map(str, names)) or 'none'}"
         )
+    return summary
+
+
+def report_data(run: FinishedRun, summary: Mapping[str, Any], class_names: tuple[str, ...]) -> ReportData:
+    """Compute what a report shows.
+
+    Args:
+        run: with records and conditions.
+        summary: its summary.json, from `read_summary`.
+        class_names: K.
+    """
+    trainings, pooled = seeds_of(run.records), pool_seeds(run.records)
     classes = len(class_names)
+    resamples = resample_sequences(list(run.records.values()))
     return ReportData(
         run=run,
         config=_read(run.directory / CONFIG),
         summary=summary,
         class_names=class_names,
+        differences=summary.get("differences") or _differences(run, summary, resamples),
         curves=curves(run.records),
-        bands=accuracy_bands(run.records, resample_sequences(list(run.records.values()))),
+        bands=accuracy_bands(run.records, resamples),
         planners={name: _planner(name, of, trainings, classes, staged=not run.flown) for name, of in pooled.items()},
     )
 
@@ -131,6 +148,16 @@ def _planner(
     )
 
 
+def _differences(run: FinishedRun, summary: Mapping[str, Any], resamples: Resamples) -> list[dict[str, Any]]:
+    """Return what every planner without the truth has more than no-act, or than the first where that did not run."""
+    able = [of["name"] for of in summary["planners"] if not of["privileged"]]
+    compared = {group.name: group for group in group_planners(run.records) if group.name in able}
+    accuracy = {name: planner_accuracy(group, run.records, resamples) for name, group in compared.items()}
+    base = NO_ACT if NO_ACT in accuracy else next(iter(accuracy), None)
+    pairs = [(of, accuracy[base]) for name, of in accuracy.items() if base is not None and name != base]
+    return [asdict(of) for of in compare_pairs(pairs, resamples)] if pairs else []
+
+
 def _read(path: Path) -> dict[str, Any]:
     try:
         held = json.loads(path.read_text(encoding="utf-8"))
@@ -146,4 +173,5 @@ def _read(path: Path) -> dict[str, Any]:
 def finite(values: FloatArray, digits: int) -> list[Any]:
     """Return numbers for JSON, rounded; None where they are not finite."""
     rounded = np.round(np.asarray(values, dtype=np.float64), digits)
-    return np.where(np.isfinite(rounded), rounded, None).tolist()
+    listed: list[Any] = np.where(np.isfinite(rounded), rounded.astype(object), np.array(None)).tolist()
+    return listed

@@ -79,7 +79,11 @@ def cost_figures(data: ReportData) -> dict[str, Figure]:
     return {
         "motion": _cost(data, motion, value, {"title": "path length of an episode [m]", "rangemode": "tozero"}, "m"),
         "time": _cost(
-            data, seconds, value, {"title": "planning time of a frame [ms], logarithmic", "type": "log"}, "ms"
+            data,
+            seconds,
+            value,
+            {"title": "planning time of a frame [ms], logarithmic", "type": "log", "tickformat": "~g"},
+            "ms",
         ),
     }
 
@@ -112,7 +116,7 @@ def _cost(data: ReportData, cost: FloatArray, value: FloatArray, axis: Mapping[s
                 "name": _legend(name, data),
                 "mode": "markers+text" if on_front else "markers",
                 "text": [plain(name)],
-                "textposition": "top left" if row == front[-1] and len(front) > 1 else "top right",
+                "textposition": "top left" if len(front) > 1 and row == front[-1] else "bottom right",
                 "cliponaxis": False,
                 "marker": _marker(styles[name], 13 if on_front else 9),
                 "hovertemplate": f"{plain(name)}<br>%{{y:.1f}} %, %{{x:.4g}} {unit}<extra></extra>",
@@ -124,7 +128,7 @@ def _cost(data: ReportData, cost: FloatArray, value: FloatArray, axis: Mapping[s
 def difference_figures(data: ReportData) -> dict[str, Figure]:
     """Return the paired differences of each planner that is compared with the others, by its name."""
     found: dict[str, list[Mapping[str, Any]]] = {}
-    for of in data.summary["differences"]:
+    for of in data.differences:
         found.setdefault(of["planner"], []).append(of)
     return {name: _differences(name, pairs) for name, pairs in found.items()}
 

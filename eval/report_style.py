@@ -14,7 +14,8 @@ Figure = dict[str, Any]
 
 COLOURS = 6
 DASHES = ("solid", "dashdot", "longdash")
-PRIVILEGED_DASH = "dot"
+TOLD_DASHES = ("dot", "dash")
+TOLD_SYMBOLS = ("star-open", "hexagram-open")
 SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "pentagon", "triangle-down", "x", "hexagon")
 
 
@@ -27,12 +28,18 @@ class Look(NamedTuple):
 
 
 def looks(planners: Mapping[str, bool]) -> dict[str, Look]:
-    """Return how planners look, by name; `planners` says which were handed the truth. No-act is neutral."""
-    moving = [name for name in planners if name != NO_ACT]
-    found = {NO_ACT: Look("@neutral", "solid", "circle-open")} if NO_ACT in planners else {}
-    for index, name in enumerate(moving):
-        dash = PRIVILEGED_DASH if planners[name] else DASHES[index // COLOURS % len(DASHES)]
+    """Return how planners look, by name; `planners` says which were handed the truth. No-act is grey.
+
+    Those handed the truth are in the colour of the text, dotted or dashed.
+    """
+    rivals = [name for name, privileged in planners.items() if name != NO_ACT and not privileged]
+    told = [name for name, privileged in planners.items() if privileged]
+    found = {NO_ACT: Look("@neutral", "solid", "circle-open")}
+    for index, name in enumerate(rivals):
+        dash = DASHES[index // COLOURS % len(DASHES)]
         found[name] = Look(f"@{index % COLOURS}", dash, SYMBOLS[index % len(SYMBOLS)])
+    for index, name in enumerate(told):
+        found[name] = Look("@text", TOLD_DASHES[index % len(TOLD_DASHES)], TOLD_SYMBOLS[index % len(TOLD_SYMBOLS)])
     return {name: found[name] for name in planners}
 
 

@@ -22,7 +22,10 @@ def what_ran(data: ReportData) -> str:
     trained = ", ".join(f"{name} ({', '.join(map(str, held))})" for name, held in seeds.items())
     facts = {
         "Data": f"{of.data}, {of.part} part",
-        "Episodes": f"{len(first)} of {of.length} frames, {of.starts} start(s) each, {len(set(first.sequence))} sequences",
+        "Episodes": (
+            f"{len(first)} of {of.length} frames, from {len(set(first.sequence))} sequences, "
+            f"{of.starts} start viewpoint{'s' * (of.starts > 1)} each"
+        ),
         "Classes": str(len(data.class_names)),
         "Sensor": of.sensor,
         "Recogniser": f"{of.form}, trained on {of.views} views",
@@ -64,7 +67,7 @@ def lead_sentence(data: ReportData) -> str:
         text += f", which closes {100 * best['gap_closed']:.0f} % of the gap to the oracle"
         if best["gap_closed_ci95"] is not None:
             low, high = (100 * end for end in best["gap_closed_ci95"])
-            text += f" (95 % interval {low:.0f} to {high:.0f})"
+            text += f" (95\u00a0% interval {low:.0f} to {high:.0f})"
     return text + ". It was picked after the fact, so its figures flatter it a little."
 
 
@@ -128,10 +131,11 @@ def _table_notes(data: ReportData) -> Iterable[str]:
 
 def differences_part(data: ReportData) -> str:
     """Return the text, the choice and the table of paired differences."""
-    pairs = data.summary["differences"]
+    pairs = data.differences
     if not pairs:
-        return "<p>This run compares no pair of planners: it needs il-ppo, dagger, nbv, il or ppo, and another.</p>"
+        return "<p>There is no pair to compare: it takes two planners without the truth.</p>"
     subjects = list(dict.fromkeys(of["planner"] for of in pairs))
+    chosen = data.lead if data.lead is not None and data.lead in subjects else subjects[0]
     heads = [
         ("pair", "high"),
         ("difference", "high"),
@@ -143,7 +147,7 @@ def differences_part(data: ReportData) -> str:
     ]
     rows = []
     for of in pairs:
-        name = escape(f"{of['planner']} − {of['other']}")
+        name = escape(f"{of['planner']} minus {of['other']}")
         cells = [
             f'<td data-value="{name}">{name}</td>',
             _cell(of["acc_mean"], 1, of["ci95"], signed=True),
@@ -163,15 +167,16 @@ def differences_part(data: ReportData) -> str:
         else ""
     )
     return (
-        "<p>On the same episodes, how much more accurate one planner is than another. An interval that excludes zero is "
-        "a difference that other sequences would likely show too; one that includes it is no proof of equality."
+        "<p>On the same episodes, how much more accurate one planner is than another. An interval that excludes zero "
+        "is a difference that other sequences would likely show too; one that includes it is no proof of equality."
         f"{shown}</p>"
-        f'<div class="controls">{picker("pairs", "Planner that is compared", subjects, subjects[0])}</div>'
+        f'<div class="controls">{picker("pairs", "Planner that is compared", subjects, chosen)}</div>'
         '<div class="figure" data-figure="pairs" data-group="pairs" role="img" '
         'aria-label="Paired differences with 95 % intervals"></div>'
         f"<details><summary>All pairs as a table</summary>{table}"
-        '<ul class="notes"><li>Difference: mean accuracy in points, 95 % interval. Smallest: the smallest true difference '
-        "that would show 8 times in 10. P(improves): the chance that the first is more accurate in a sequence.</li>"
+        '<ul class="notes"><li>Difference: mean accuracy in points, 95 % interval. Smallest: the smallest true '
+        "difference that would show 8 times in 10. P(improves): the chance that the first is more accurate in a "
+        "sequence.</li>"
         "<li>Wins and losses: episodes in which only one of the two is right after 50 % of the frames; p of McNemar's "
         "exact test, after Holm's correction for all pairs. It takes episodes as independent, so the intervals are the "
         "safer claim.</li></ul></details>"

@@ -25,6 +25,7 @@ function draw(place) {
   }
   if (place.firstElementChild?.tagName === "P") place.replaceChildren();
   const { data, layout } = themed(figure);
+  if (place.clientWidth < 500) layout.height += 18 * Math.min(data.length, 10); // legends take more lines
   Plotly.react(place, data, layout, { responsive: true, displayModeBar: false });
 }
 

@@ -102,6 +102,7 @@ function drawAxes(pen, inner) {
   for (const degrees of [0, 90, 180, 270, 360]) {
     const x = inner.left + (inner.width * degrees) / 360;
     stroke(pen, [[x, inner.top + inner.height], [x, inner.top + inner.height + 4]], tint, 1);
+    pen.textAlign = degrees === 360 ? "right" : "center";
     pen.fillText(`${degrees}°`, x, inner.top + inner.height + 18);
   }
   pen.textAlign = "right";
