@@ -39,6 +39,12 @@ def _pattern(shape: str) -> dict[str, Any]:
     return {"shape": shape, "fillmode": "overlay", "fgcolor": "@paper", "size": 7, "solidity": 0.25}
 
 
+def _scale(title: str) -> dict[str, Any]:
+    """Return a scale of colours below a figure, where a phone has room for it."""
+    below = {"orientation": "h", "y": 0, "yref": "container", "yanchor": "bottom"}
+    return {**below, "title": {"text": title, "side": "bottom"}, "thickness": 10, "outlinewidth": 0}
+
+
 def _shown(data: ReportData, name: str) -> list[str]:
     """Return a planner, behind no-act where that ran."""
     return list(dict.fromkeys(one for one in (NO_ACT, name) if one in data.planners))
@@ -101,7 +107,7 @@ def _confusion(of: PlannerData, names: tuple[str, ...]) -> Figure:
         "colorscale": [[0, "@paper"], [1, "@0"]],
         "xgap": 1,
         "ygap": 1,
-        "colorbar": {"title": {"text": "% of frames"}, "thickness": 12, "outlinewidth": 0},
+        "colorbar": _scale("share of the frames of the true class [%]"),
         "hovertemplate": "%{y} taken for %{x}: %{z:.1f} % of frames<extra></extra>",
     }
     if few:
@@ -110,7 +116,8 @@ def _confusion(of: PlannerData, names: tuple[str, ...]) -> Figure:
         [trace],
         x={"title": "taken for", "type": "category", "showgrid": False, "tickangle": -40},
         y={"title": "true class", "type": "category", "autorange": "reversed", "showgrid": False},
-        height=200 + max(200, min(28, 900 // len(names)) * len(names)),
+        height=270 + max(200, min(28, 900 // len(names)) * len(names)),
+        margin={"l": 56, "r": 16, "t": 16, "b": 150},
     )
 
 
@@ -211,7 +218,7 @@ def _sphere(of: PlannerData) -> Figure:
         "zmin": 0,
         "zmax": round(float(np.nanquantile(of.sphere.times_even, FULL_COLOUR)), 2),
         "colorscale": [[0, "@paper"], [1, "@0"]],
-        "colorbar": {"title": {"text": "times even"}, "thickness": 12, "outlinewidth": 0},
+        "colorbar": _scale("times as often as if all directions were alike"),
         "hovertemplate": "%{z:.1f} times as often as if even<extra></extra>",
     }
     blank = {"visible": False, "range": [-1.18, 1.18]}
@@ -221,7 +228,7 @@ def _sphere(of: PlannerData) -> Figure:
         y={**blank, "scaleanchor": "x"},
         height=440,
         annotations=labels,
-        margin={"l": 8, "r": 8, "t": 8, "b": 8},
+        margin={"l": 8, "r": 8, "t": 8, "b": 70},
     )
 
 
@@ -295,4 +302,5 @@ def predictability_figure(data: ReportData) -> Figure:
         y={"type": "category"},
         height=150 + 28 * len(names),
         barmode="stack",
+        legend={"orientation": "h", "y": -0.2, "yanchor": "top", "x": 0, "xanchor": "left", "traceorder": "normal"},
     )

@@ -82,7 +82,7 @@ def cost_figures(data: ReportData) -> dict[str, Figure]:
             data,
             seconds,
             value,
-            {"title": "planning time of a frame [ms], logarithmic", "type": "log", "tickformat": "~g"},
+            {"title": "planning time a frame [ms], log scale", "type": "log", "tickformat": "~g"},
             "ms",
         ),
     }
@@ -113,16 +113,14 @@ def _cost(data: ReportData, cost: FloatArray, value: FloatArray, axis: Mapping[s
                 "x": [round(float(cost[row]), 4)],
                 "y": [round(float(value[row]), 2)],
                 "error_y": _errors([value[row]], [ends], thickness=1),
-                "name": _legend(name, data),
-                "mode": "markers+text" if on_front else "markers",
-                "text": [plain(name)],
-                "textposition": "top left" if len(front) > 1 and row == front[-1] else "bottom right",
+                "name": _legend(name, data) + (", front" if on_front else ""),
+                "mode": "markers",
                 "cliponaxis": False,
                 "marker": _marker(styles[name], 13 if on_front else 9),
                 "hovertemplate": f"{plain(name)}<br>%{{y:.1f}} %, %{{x:.4g}} {unit}<extra></extra>",
             }
         )
-    return figure(traces, x=axis, y="mean accuracy [%]", height=440)
+    return figure(traces, x=axis, y="mean accuracy [%]", height=400 + 14 * len(planners))
 
 
 def difference_figures(data: ReportData) -> dict[str, Figure]:

@@ -77,10 +77,10 @@ def planner_table(data: ReportData) -> str:
     flown = data.run.flown
     kept = any(of.get("accuracy_kept") is not None for of in planners)
     heads = [("planner", "high")]
-    heads += [(f"acc@{percent}", "high") for percent in ACC_AT]
-    heads += [("mean acc %", "high"), ("IQM %", "high"), ("gap closed %", "high")]
+    heads += [("mean acc %", "high"), ("gap closed %", "high")]
     heads += [("kept %", "high")] * kept
-    heads += [("NLL", "low"), ("ECE", "low"), ("path m", "low")]
+    heads += [(f"acc@{percent}", "high") for percent in ACC_AT]
+    heads += [("IQM %", "high"), ("NLL", "low"), ("ECE", "low"), ("path m", "low")]
     heads += [("peak m/s", "low"), ("effort m²/s³", "low"), ("at limit %", "low")] * flown
     heads += [("ms/step", "low")]
     rows = []
@@ -88,11 +88,11 @@ def planner_table(data: ReportData) -> str:
         mark = " *" if of["privileged"] else ""
         spread = of.get("acc_mean_seed_sd")
         cells = [f'<td data-value="{escape(of["name"])}">{escape(of["name"])}{mark}</td>']
-        cells += [_cell(of["acc"].get(str(percent)), 1) for percent in ACC_AT]
         cells += [_cell(of["acc_mean"], 1, of["acc_mean_ci95"], after="" if spread is None else f" ± {spread:.1f}")]
-        cells += [_cell(of.get("acc_iqm"), 1, of.get("acc_iqm_ci95"))]
         cells += [_share(of["gap_closed"], of["gap_closed_ci95"])]
         cells += [_share(of["accuracy_kept"], of["accuracy_kept_ci95"])] if kept else []
+        cells += [_cell(of["acc"].get(str(percent)), 1) for percent in ACC_AT]
+        cells += [_cell(of.get("acc_iqm"), 1, of.get("acc_iqm_ci95"))]
         cells += [_cell(of["nll"], 2), _cell(of["ece"], 3), _cell(of["path_length_m"], 1)]
         if flown:
             cells += [_cell(of["peak_speed"], 2), _cell(of["effort"], 1), _share(of["limit_share"], None)]
