@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,22 +25,22 @@ MAP_STEP = 10.0  # [deg], from one azimuth or polar angle of a field map to the 
 def replay_data(
     run: FinishedRun,
     chosen: Sequence[Chosen],
-    planners: dict[str, tuple[str, bool]],
+    planners: Mapping[str, str],
     class_names: Sequence[str],
     *,
-    advance: Callable[[str], None] = lambda name: None,
+    advance: Callable[[str], None],
 ) -> dict[str, Any]:
     """Return the replays of a run; `episodes` is empty, and `missing` says why, where they cannot be had.
 
     Args:
         run: the run.
         chosen: which episodes.
-        planners: by name, the record that is shown and whether it was handed the truth.
+        planners: by name, the record that is shown.
         class_names: K.
         advance: told of each record that is done.
     """
     try:
-        replays = replay_run(run, [one.episode for one in chosen], dict(planners.values()), advance=advance)
+        replays = replay_run(run, [one.episode for one in chosen], list(planners.values()), advance=advance)
     except EharError as error:
         return {"episodes": [], "missing": str(error), "notes": []}
     bones = replays.skeleton.bones
@@ -74,9 +74,7 @@ _AROUND = np.radians(np.arange(0.0, 360.0 + MAP_STEP, MAP_STEP))
 _DOWN = np.radians(np.arange(0.0, 90.0 + MAP_STEP, MAP_STEP))
 
 
-def _episode(
-    run: FinishedRun, replays: Replays, row: int, one: Chosen, planners: dict[str, tuple[str, bool]]
-) -> dict[str, Any]:
+def _episode(run: FinishedRun, replays: Replays, row: int, one: Chosen, planners: Mapping[str, str]) -> dict[str, Any]:
     """Return one episode with all planners."""
     reference = next(iter(run.records.values()))
     return {
@@ -84,19 +82,20 @@ def _episode(
         "why": one.why,
         "label": int(reference.label[one.episode]),
         "people": integers(replays.positions[row] * MILLI, np.int16),
-        "planners": {name: _planner(replays.planners[record], row) for name, (record, _) in planners.items()},
+        "planners": {name: _planner(replays.planners[record], row) for name, record in planners.items()},
     }
 
 
 def _planner(of: PlannerReplay, row: int) -> dict[str, Any]:
     """Return what one planner did in one episode."""
+    target, weights = of.targets[row], of.weights[row]
     return {
         "path": viewpoints(of.viewpoints[row]),
-        "target": None if of.targets is None else viewpoints(Workspace().clip(of.targets[row])),
+        "target": None if target is None else viewpoints(Workspace().clip(target)),
         "sensed": integers(of.joints_2d[row], np.int16),
         "missed": integers(of.confidence[row] <= 0, np.uint8),
         "belief": integers(of.probabilities[row] * BASIS_POINTS, np.uint16),
-        "field": None if of.weights is None else _field(of.weights[row], of.viewpoints[row]),
+        "field": None if weights is None else _field(weights, of.viewpoints[row]),
     }
 
 

@@ -118,8 +118,8 @@ def _moves_text(data: ReportData) -> str:
 def _replays(data: ReportData, reporter: Reporter) -> tuple[dict[str, Any], str]:
     """Return the replays of the most telling episodes, and the rule that chose them."""
     groups = group_planners(data.run.records)
-    shown = {group.name: (group.records[0], data.privileged[group.name]) for group in groups}
-    records = {name: data.run.records[record] for name, (record, _) in shown.items()}
+    shown = {group.name: group.records[0] for group in groups}
+    records = {name: data.run.records[record] for name, record in shown.items()}
     led = data.lead if NO_ACT in records else None
     chosen = choose_episodes(records, led, NO_ACT if led else None)
     rule = RULE_ALONE if led is None else RULE.format(planner=led, other=NO_ACT)

@@ -19,7 +19,7 @@ from eval.planner_accuracy import Resamples, planner_accuracy, resample_sequence
 from eval.predictability import Predictability, predictability
 from eval.records import EpisodeRecords
 from eval.reliability import Reliability, reliability
-from eval.results import CONFIG, SUMMARY
+from eval.results import SUMMARY
 from eval.seed_accuracy import pool_seeds, seeds_of
 from eval.sphere_density import SphereDensity, sphere_density
 from eval.summary import NO_ACT
@@ -59,7 +59,6 @@ class ReportData:
 
     Args:
         run: with conditions and records.
-        config: config.json.
         summary: summary.json.
         class_names: K.
         differences: paired ones, those of summary.json; where it has none, of each planner without the truth and
@@ -70,7 +69,6 @@ class ReportData:
     """
 
     run: FinishedRun
-    config: Mapping[str, Any]
     summary: Mapping[str, Any]
     class_names: tuple[str, ...]
     differences: Sequence[Mapping[str, Any]]
@@ -121,7 +119,6 @@ def report_data(run: FinishedRun, summary: Mapping[str, Any], class_names: tuple
     resamples = resample_sequences(list(run.records.values()))
     return ReportData(
         run=run,
-        config=_read(run.directory / CONFIG),
         summary=summary,
         class_names=class_names,
         differences=summary.get("differences") or _differences(run, summary, resamples),

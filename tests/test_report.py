@@ -221,18 +221,17 @@ def test_trainings_are_one_planner_and_the_first_is_replayed(tmp_path: Path) -> 
     replays = embedded(page, "replays")
     assert set(replays["episodes"][0]["planners"]) == {"no-act", "mine"}
     assert "the first training seed is shown" in page
-    assert replays["notes"] == ["What mine/0 wanted is not shown: it cannot be made again from its name."]
+    assert replays["notes"] == ["What mine/0 wanted is not shown: not replayable, as it cannot be made from its name."]
 
 
 def test_a_run_that_is_not_finished_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert fails_with(["report", str(tmp_path)], capsys) == (
-        f"ehar: error: {tmp_path}/config.json: expected a finished run of ehar benchmark, "
-        "got: No such file or directory\n"
+        f"ehar: error: {tmp_path}/config.json: expected a run of ehar benchmark, got: No such file or directory\n"
     )
     run = written_run(tmp_path / "run", three_planners())
     (run / SUMMARY).unlink()
     assert fails_with(["report", str(run)], capsys).endswith(
-        f"{run / SUMMARY}: expected a finished run of ehar benchmark, got: No such file or directory\n"
+        f"{run}: expected a finished run, this one is incomplete: no summary.json\n"
     )
 
 
