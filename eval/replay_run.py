@@ -150,8 +150,8 @@ def replay_run(
         replayed[name], astray = _replay(run, name, listener, world, batch, indices)
         if name in planners and astray:
             notes.append(
-                f"What {name} wanted is not shown in {astray} of {len(indices)} episodes: asked once more, it would not "
-                "have gone where it went."
+                f"What {name} wanted is not shown in {astray} of {len(indices)} episodes: asked once more, it would "
+                "not have gone where it went."
             )
         advance(name)
     camera = inputs.setting.sensor.camera
@@ -212,7 +212,8 @@ def _replay(
         world.sensor.sense(batch.positions[:, frame], record.viewpoints[:, frame], batch.noise.frame(frame))
         for frame in range(way.shape[1])
     ]
-    led = ~motion.elsewhere.any(axis=1) & (listener.planner is not None)
+    astray: BoolArray = np.asarray(motion.elsewhere.any(axis=1))
+    led = np.zeros(len(way), dtype=bool) if listener.planner is None else ~astray
     return PlannerReplay(
         viewpoints=way,
         joints_2d=np.stack([sensed.joints_2d for sensed in frames], axis=1),
@@ -220,7 +221,7 @@ def _replay(
         probabilities=np.exp(record.log_probs.astype(np.float64)),
         targets=_by_episode(listener.targets, led),
         weights=_by_episode(listener.weights, led),
-    ), int((~led).sum())
+    ), int(astray.sum())
 
 
 def _by_episode(frames: list[FloatArray], kept: BoolArray) -> tuple[FloatArray | None, ...]:
