@@ -107,7 +107,7 @@ def _confusion(of: PlannerData, names: tuple[str, ...]) -> Figure:
         "colorscale": [[0, "@paper"], [1, "@0"]],
         "xgap": 1,
         "ygap": 1,
-        "colorbar": _scale("share of the frames of the true class [%]"),
+        "colorbar": _scale("share of frames [%]"),
         "hovertemplate": "%{y} taken for %{x}: %{z:.1f} % of frames<extra></extra>",
     }
     if few:
@@ -160,7 +160,7 @@ def _gains(of: PlannerData, names: tuple[str, ...]) -> Figure:
         )
     return figure(
         traces,
-        x={"title": "accuracy minus that of no-act [points]", "zerolinecolor": "@text"},
+        x={"title": "more accurate than no-act [points]", "zerolinecolor": "@text"},
         y={"type": "category", "categoryorder": "array", "categoryarray": [plain(names[row]) for row in order]},
         height=160 + 26 * len(order),
     )
@@ -218,7 +218,7 @@ def _sphere(of: PlannerData) -> Figure:
         "zmin": 0,
         "zmax": round(float(np.nanquantile(of.sphere.times_even, FULL_COLOUR)), 2),
         "colorscale": [[0, "@paper"], [1, "@0"]],
-        "colorbar": _scale("times as often as if all directions were alike"),
+        "colorbar": _scale("times as often as if even"),
         "hovertemplate": "%{z:.1f} times as often as if even<extra></extra>",
     }
     blank = {"visible": False, "range": [-1.18, 1.18]}

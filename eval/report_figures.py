@@ -174,7 +174,7 @@ def _differences(name: str, pairs: list[Mapping[str, Any]]) -> Figure:
             )
     return figure(
         traces,
-        x={"title": f"mean accuracy of {plain(name)} minus that of the other [points]", "zerolinecolor": "@text"},
+        x={"title": f"{plain(name)} minus the other [points]", "zerolinecolor": "@text"},
         y={"type": "category", "categoryorder": "array", "categoryarray": rows},
         height=150 + 34 * len(rows),
         barmode="overlay",
