@@ -1,4 +1,5 @@
-// Figures are drawn when they come into view, and drawn anew when the planner in focus or the theme changes.
+// Figures are drawn when they come into view, and drawn anew when the planner in focus or the theme changes. Plotly comes
+// last in the page, so that tables and the replay need not wait for it.
 
 const report = parsed("report");
 const places = [...document.querySelectorAll(".figure")];
@@ -30,6 +31,7 @@ function draw(place) {
 }
 
 function refresh() {
+  if (window.Plotly === undefined) return;
   for (const place of stale) if (inView.has(place)) draw(place);
 }
 
