@@ -74,7 +74,7 @@ results: setup
 	$(call compare,hdm05,$(HDM05) --sensor estimator,estimator)
 	$(call compare,bandai2,$(BANDAI2) --sensor estimator,estimator)
 	$(call compare,sbu,$(SBU) --sensor estimator,estimator)
-	for name in duo solo; do mkdir -p models/$$name && cp recognition/weights/$$name/* planners/weights/$$name/* models/$$name; done
+	for name in duo solo; do mkdir -p models/$$name && cp recognition/weights/$$name/* planners/weights/$$name/gain-field-* models/$$name; done
 	$(call compare,duo,--data duo --sensor estimator,estimator)
 	$(call compare,solo,--data solo --sensor estimator,estimator)
 	$(call compare,duo,--data duo --views paper,paper)
