@@ -51,7 +51,7 @@ function bar(label, isTrue) {
   const item = byId("belief").content.firstElementChild.cloneNode(true);
   item.dataset.label = label;
   const name = item.querySelector(".name");
-  name.textContent = replays.classes[label] + (isTrue ? " (true)" : "");
+  name.textContent = (isTrue ? "true: " : "") + replays.classes[label];
   name.title = replays.classes[label];
   name.classList.toggle("true", isTrue);
   return item;
