@@ -107,7 +107,7 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
                 trainings=(len(of_a.records), len(of_b.records)),
                 privileged=(_is_privileged(of_a, a), _is_privileged(of_b, b)),
                 retrained=any(_weights(name, a) != _weights(name, b) for name in of_a.records if name in of_b.records),
-                rewritten=any(_code(name, a) != _code(name, b) for name in of_a.records if name in of_b.records),
+                rewritten=any(_rewritten(name, a, b) for name in of_a.records if name in of_b.records),
             )
             for difference, pair, (of_a, of_b) in zip(compare_pairs(pairs, resamples), pairs, groups, strict=True)
         ),
@@ -198,10 +198,10 @@ def _weights(name: str, one: _Run) -> str | None:
     return one.planners[name].get("weights_sha256")
 
 
-def _code(name: str, one: _Run) -> tuple[str | None, Mapping[str, Any]]:
-    """Return the hash of a planner's file, None for one of ours, and its arguments; older runs have neither."""
-    planner = one.planners[name]
-    return planner.get("source_sha256"), planner.get("arguments", {})
+def _rewritten(name: str, a: _Run, b: _Run) -> bool:
+    """Return whether a planner of one's own has another file or other arguments; of older runs nobody knows."""
+    of_a, of_b = a.planners[name], b.planners[name]
+    return any(key in of_a and key in of_b and of_a[key] != of_b[key] for key in ("source_sha256", "arguments"))
 
 
 def _is_privileged(group: PlannerGroup, one: _Run) -> bool:
