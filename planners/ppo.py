@@ -137,7 +137,7 @@ def _learn(
         # What remains is counted after a rollout: that of the last is none, and it is to be learned from too.
         learning_rate=lambda remaining: setting.learning_rate * min(1.0, remaining + per_rollout / total),
         n_steps=steps,
-        batch_size=math.ceil(per_rollout / setting.minibatches),
+        batch_size=max(2, math.ceil(per_rollout / setting.minibatches)),  # of one, no advantage can be normalised
         n_epochs=setting.epochs,
         gamma=setting.gamma,
         gae_lambda=setting.gae_lambda,

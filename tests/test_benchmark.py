@@ -416,6 +416,8 @@ def test_a_planner_that_breaks_its_contract_is_named(tmp_path: Path, workers: in
 def test_ctrl_c_leaves_the_finished_part_readable(tmp_path: Path, workers: int) -> None:
     out = tmp_path / "run"
     log = Log(stop_after=12)
+    # What a shell starts in the background ignores Ctrl-C, these tests perhaps too.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     with pytest.raises(KeyboardInterrupt, match=r"finished episodes are in .*; its summary covers") as interrupt:
         run(["no-act", "towards", "random", "oracle"], out=out, reporter=log, workers=workers)
     assert (log.jobs, len(log.done)) == (4 * 160 / CHUNK, 12)
