@@ -1,12 +1,12 @@
 """Several runs side by side: one column a run, one row a planner, from their summary.json."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ehar.errors import DataError, UsageError
+from eval.json_object import read_object
 from eval.read_config import read_config
 from eval.results import SUMMARY
 from eval.statistics import Interval
@@ -40,13 +40,13 @@ def read_overview(directories: Sequence[Path]) -> list[RunOverview]:
     """Read the summaries of runs.
 
     Raises:
-        UsageError: there are none, or a folder holds no run, or one of another schema.
-        DataError: a folder has no summary, or one that `ehar benchmark` has not written; or a run is incomplete.
+        UsageError: there are none, or a folder holds no run, one of another schema, or one without summary.json.
+        DataError: a summary is not one that `ehar benchmark` has written, or a run is incomplete.
     """
     if not directories:
         raise UsageError("overview: expected at least one folder of a run")
     configs = [read_config(directory) for directory in directories]
-    held = [_read(directory / SUMMARY) for directory in directories]
+    held = [read_object(directory / SUMMARY, "a finished run of ehar benchmark") for directory in directories]
     differing = [name for name in CONDITIONS if len({summary.get(name) for summary in held}) > 1]
     runs = [
         _overview(summary, differing, directory / SUMMARY) for summary, directory in zip(held, directories, strict=True)
@@ -59,16 +59,6 @@ def read_overview(directories: Sequence[Path]) -> list[RunOverview]:
                 f"{directory / SUMMARY}: this run is incomplete, expected figures of {', '.join(absent)} too"
             )
     return runs
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: expected the summary of a finished run, got {error}") from error
-    if not isinstance(summary, dict):
-        raise DataError(f"{path}: expected the summary of a finished run, got {type(summary).__name__}")
-    return summary
 
 
 def _overview(summary: Mapping[str, Any], differing: Sequence[str], path: Path) -> RunOverview:

@@ -1,6 +1,5 @@
 """A run's config.json, read back: which schema it has, and the configuration, checked field by field."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
@@ -8,6 +7,7 @@ from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from ehar.errors import DataError, UsageError
+from eval.json_object import read_object
 from eval.results import CONFIG, SCHEMA, RunConfig
 
 
@@ -22,14 +22,7 @@ def read_config(directory: Path) -> RunConfig:
         DataError: config.json is not the JSON of an object, or a field is not of its type or too small.
     """
     path = directory / CONFIG
-    try:
-        held = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UsageError(f"{path}: expected a run of ehar benchmark, got: {error.strerror}") from error
-    except ValueError as error:
-        raise DataError(f"{path}: expected the JSON of a run, got {error}") from error
-    if not isinstance(held, dict):
-        raise DataError(f"{path}: expected the configuration of a run, got {type(held).__name__}")
+    held = read_object(path, "a run of ehar benchmark")
     missing, found = _missing(RunConfig, held), held.get("schema")
     if missing or found not in (None, SCHEMA):
         lacking = f" and no {', '.join(missing)}" if missing else ""

@@ -1,20 +1,19 @@
 """What a report shows of a finished run, as plain data: everything but the replay."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.errors import DataError, UsageError
+from ehar.errors import DataError
 from eval.accuracy_bands import accuracy_bands
 from eval.behaviour import PositionHistogram, level_share, move_shares, position_histograms, recover_moves
 from eval.confusion import ClassGains, class_gains, confusion
 from eval.differences import compare_pairs
 from eval.finished_run import FinishedRun
+from eval.json_object import read_object
 from eval.planner_accuracy import Resamples, planner_accuracy, resample_sequences
 from eval.predictability import Predictability, predictability
 from eval.records import EpisodeRecords
@@ -95,7 +94,7 @@ def read_summary(run: FinishedRun) -> dict[str, Any]:
         UsageError: the run has none, as when it was interrupted.
         DataError: it is not that of the run's records.
     """
-    summary = _read(run.directory / SUMMARY)
+    summary = read_object(run.directory / SUMMARY, "a finished run of ehar benchmark")
     trainings = seeds_of(run.records)
     names = [of.get("name") for of in summary.get("planners", ()) if isinstance(of, dict)]
     if names != list(trainings):
@@ -153,18 +152,6 @@ def _differences(run: FinishedRun, summary: Mapping[str, Any], resamples: Resamp
     base = NO_ACT if NO_ACT in accuracy else next(iter(accuracy), None)
     pairs = [(of, accuracy[base]) for name, of in accuracy.items() if base is not None and name != base]
     return [asdict(of) for of in compare_pairs(pairs, resamples)] if pairs else []
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        held = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UsageError(f"{path}: expected a finished run of ehar benchmark, got: {error.strerror}") from error
-    except ValueError as error:
-        raise DataError(f"{path}: expected the JSON of a finished run, got {error}") from error
-    if not isinstance(held, dict):
-        raise DataError(f"{path}: expected the JSON object of a finished run, got {type(held).__name__}")
-    return held
 
 
 def finite(values: FloatArray, digits: int) -> list[Any]:

@@ -74,7 +74,10 @@ def test_only_a_flight_is_compared_and_only_with_the_ideal_track(tmp_path: Path)
 def test_a_folder_without_a_run_an_incomplete_one_or_one_without_no_act(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"config\.json: expected a run of ehar benchmark, got: No such file"):
         read_ideal_run(tmp_path, FLIGHT)
-    for content, message in (("{", "expected the JSON of a run"), ("[1]", "expected the configuration of a run, got")):
+    for content, message in (
+        ("{", "expected the JSON of a run of ehar benchmark"),
+        ("[1]", "expected the JSON object of a run of ehar benchmark, got"),
+    ):
         (tmp_path / CONFIG).write_text(content)
         with pytest.raises(DataError, match=message):
             read_ideal_run(tmp_path, FLIGHT)

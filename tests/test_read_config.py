@@ -91,8 +91,8 @@ def test_a_field_of_another_type_is_named(tmp_path: Path, changes: dict[str, Any
 def test_what_is_no_configuration_is_named(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"config\.json: expected a run of ehar benchmark, got: No such file"):
         read_config(tmp_path)
-    with pytest.raises(DataError, match="expected the configuration of a run, got list"):
+    with pytest.raises(DataError, match="expected the JSON object of a run of ehar benchmark, got list"):
         read_config(write(tmp_path, []))
     (tmp_path / CONFIG).write_bytes(b"\xff")
-    with pytest.raises(DataError, match="expected the JSON of a run"):
+    with pytest.raises(DataError, match="expected the JSON of a run of ehar benchmark"):
         read_config(tmp_path)

@@ -244,7 +244,9 @@ def test_a_summary_of_other_planners_is_refused(tmp_path: Path, capsys: pytest.C
         ["report", str(run)], capsys
     )
     (run / SUMMARY).write_text("[]")
-    assert "expected the JSON object of a finished run, got list" in fails_with(["report", str(run)], capsys)
+    assert "expected the JSON object of a finished run of ehar benchmark, got list" in fails_with(
+        ["report", str(run)], capsys
+    )
 
 
 def test_benchmark_writes_a_report_unless_told_not_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
