@@ -4,6 +4,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.camera import Camera
+from ehar.planner import Context, Observation
 from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, Workspace
 
 Observations = dict[str, FloatArray]
@@ -46,6 +47,20 @@ def shown(
         "embedding": embedding.astype(np.float32),
         "ratio": np.full((len(viewpoint), 1), ratio, dtype=np.float32),
     }
+
+
+def shown_to_agent(observation: Observation, context: Context) -> Observations:
+    """Return what the environments would show of a planner's observation, so that what they trained can be wrapped."""
+    return shown(
+        joints_2d=observation.joints_2d,
+        confidence=observation.confidence,
+        viewpoint=observation.viewpoint,
+        log_probs=observation.log_probs,
+        embedding=observation.embedding,
+        ratio=observation.ratio,
+        workspace=context.workspace,
+        camera=Camera(),
+    )
 
 
 def scaled_viewpoint(viewpoint: FloatArray, workspace: Workspace) -> FloatArray:

@@ -4,8 +4,7 @@ import numpy as np
 import torch
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.camera import Camera
-from ehar.observations import Observations, shown
+from ehar.observations import shown_to_agent
 from ehar.planner import Context, Observation, Planner
 from planners.agent_inputs import AgentInputs, Inputs
 from planners.agent_network import AgentNetwork
@@ -43,20 +42,6 @@ class Agent(Planner):
         inputs = self._inputs.see(shown_to_agent(observation, self._context))
         moves, self.state = decide(self.network, inputs)
         return heading(self._context, observation.viewpoint, moves)
-
-
-def shown_to_agent(observation: Observation, context: Context) -> Observations:
-    """Return what the Gymnasium environments would show of a planner's observation."""
-    return shown(
-        joints_2d=observation.joints_2d,
-        confidence=observation.confidence,
-        viewpoint=observation.viewpoint,
-        log_probs=observation.log_probs,
-        embedding=observation.embedding,
-        ratio=observation.ratio,
-        workspace=context.workspace,
-        camera=Camera(),
-    )
 
 
 def decide(network: AgentNetwork, inputs: Inputs) -> tuple[IntArray, FloatArray]:

@@ -9,13 +9,14 @@ import torch
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.motion import GridMotion
+from ehar.observations import shown_to_agent
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.recogniser import Recogniser
 from ehar.rollout import Batch, rollout
 from ehar.scenario import Scenarios
 from ehar.sensor import Sensor, draw_noise
 from ehar.viewpoint import HOVER, MOVES, apply_moves, sample_starts
-from planners.agent import decide, shown_to_agent
+from planners.agent import decide
 from planners.agent_inputs import POSITION, RECOGNITION, VISION, AgentInputs, Inputs
 from planners.agent_network import AgentNetwork
 from planners.agent_training_config import Teacher

@@ -14,12 +14,13 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.env import GridVectorEnv
 from ehar.estimator import make_sensor
 from ehar.motion import GridMotion
+from ehar.observations import shown_to_agent
 from ehar.planner import Observation
 from ehar.rollout import rollout
 from ehar.sensor import PerfectSensor
 from ehar.vehicle import VEHICLES
 from ehar.viewpoint import MOVES, Workspace, apply_moves, from_cells, to_cells
-from planners.agent import Agent, decide, shown_to_agent
+from planners.agent import Agent, decide
 from planners.agent_inputs import ENCODED, AgentInputs, Inputs
 from planners.agent_network import STATE, AgentNetwork
 

@@ -6,8 +6,7 @@ from stable_baselines3 import A2C
 from stable_baselines3.common.policies import BasePolicy
 
 import ehar  # noqa: F401  makes the environments known to Gymnasium
-from ehar.camera import Camera
-from ehar.observations import shown
+from ehar.observations import shown_to_agent
 from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import apply_moves
 from eval import benchmark
@@ -27,23 +26,14 @@ class Learned(Planner):
         self.policy = policy
 
     def reset(self, context: Context) -> None:
-        """Take the workspace of these episodes."""
-        self.workspace = context.workspace
+        """Take what is told of these episodes."""
+        self.context = context
 
     def act(self, observation: Observation) -> np.ndarray:
         """Return the neighbouring viewpoints that the moves lead to, (B, 3)."""
-        seen = shown(  # what the environment shows of a frame
-            joints_2d=observation.joints_2d,
-            confidence=observation.confidence,
-            viewpoint=observation.viewpoint,
-            log_probs=observation.log_probs,
-            embedding=observation.embedding,
-            ratio=observation.ratio,
-            workspace=self.workspace,
-            camera=Camera(),
-        )
+        seen = shown_to_agent(observation, self.context)  # what the environment shows of a frame
         moves, _ = self.policy.predict(seen, deterministic=True)
-        return apply_moves(observation.viewpoint, moves, self.workspace)
+        return apply_moves(observation.viewpoint, moves, self.context.workspace)
 
 
 def train(steps: int, **world: object) -> Learned:
