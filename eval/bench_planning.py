@@ -5,7 +5,6 @@ import time
 from functools import partial
 
 import numpy as np
-import torch
 
 from ehar.axis_limits import limits_to_target
 from ehar.controls import GridControls
@@ -29,6 +28,7 @@ from planners.next_best_view import DEFAULT_HORIZON, FLIGHT_PLAN_TIME
 from planners.ppo import PPOProgress, train_ppo
 from planners.trajectory_solver import TrajectorySolver
 from planners.trajectory_timing import measure_solves
+from recognition.torch_threads import one_torch_thread
 
 VEHICLE = VEHICLES["px4-auto"]
 ENVIRONMENTS = 64  # of which the frames a second of PPO are told
@@ -92,7 +92,7 @@ def time_ruckig(effort: Effort) -> float:
 def time_ppo(data: MotionData, effort: Effort) -> float:
     """Return the environment frames a second of PPO at its default setting, with the recogniser in the loop.
 
-    Its environments run in `WORKERS` processes, and its updates between them in as many threads.
+    Its environments run in `WORKERS` processes, and its updates between them in one thread, as in training.
     """
     recogniser, _ = streaming_recogniser(data)
     scenarios = windows(data, split_parts(data).policy, effort.length, 1)
@@ -117,17 +117,15 @@ def time_ppo(data: MotionData, effort: Effort) -> float:
         copies=setting.copies,
     )
     ends: list[float] = []
-    threads = torch.get_num_threads()
-    torch.set_num_threads(WORKERS)
-    train_ppo(
-        PPOProgress(AgentNetwork(AgentSpec(sizes, hindsight=classes + 2 if setting.hindsight else 0))),
-        partial(EpisodeVectorEnv, episodes=task),
-        moves=moves,
-        setting=setting,
-        seed=0,
-        fine_tune=False,
-        keep=lambda _: ends.append(time.perf_counter()),
-        workers=WORKERS,
-    )
-    torch.set_num_threads(threads)
+    with one_torch_thread():
+        train_ppo(
+            PPOProgress(AgentNetwork(AgentSpec(sizes, hindsight=classes + 2 if setting.hindsight else 0))),
+            partial(EpisodeVectorEnv, episodes=task),
+            moves=moves,
+            setting=setting,
+            seed=0,
+            fine_tune=False,
+            keep=lambda _: ends.append(time.perf_counter()),
+            workers=WORKERS,
+        )
     return effort.rollouts * frames / (ends[-1] - ends[0])

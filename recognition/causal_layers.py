@@ -48,14 +48,20 @@ class Pointwise(nn.Conv2d):
 
     def forward(self, x: Tensor) -> Tensor:
         """Return (N, C_out, T, J) of x (N, C_in, T, J)."""
-        assert self.bias is not None
-        return _product(self.weight.flatten(1), self.bias, x)
+        return _product(self.weight.flatten(1), _bias(self), x)
 
 
 def _product(weight: Tensor, bias: Tensor, x: Tensor) -> Tensor:
     """Return a weight (C_out, C_in) and a bias (C_out,) applied to the channels of x (N, C_in, T, J)."""
-    product = torch.baddbmm(bias[:, None], weight.expand(len(x), -1, -1), x.flatten(2))
-    return product.view(len(x), len(weight), *x.shape[2:])
+    # Shapes instead of len(): a call of that on a tensor costs as much as a small product.
+    product = torch.baddbmm(bias[:, None], weight.expand(x.shape[0], -1, -1), x.flatten(2))
+    return product.view(x.shape[0], weight.shape[0], *x.shape[2:])
+
+
+def _bias(convolution: nn.Module) -> Tensor:
+    bias = convolution.bias
+    assert isinstance(bias, Tensor)
+    return bias
 
 
 class CausalGraphConvolution(nn.Module):
@@ -89,17 +95,22 @@ class CausalGraphConvolution(nn.Module):
         nn.init.constant_(self.norm.weight, 1e-6)  # as published: a block starts as its residual
 
     def refined(self, mean: Tensor) -> Tensor:
-        """Return the topologies (n, 3, C_out, J, J), source to target, that a mean input (n, C_in, J) calls for."""
-        n, j = len(mean), self.joints
-        target = self.relate_target(mean).view(n, 3 * self.relations, 1, j)
-        source = self.relate_source(mean).view(n, 3 * self.relations, j, 1)
-        relation = torch.tanh(target - source).view(n, 3 * self.relations, j * j)
-        # Scaling the small weight instead of the large refinement saves a pass over it; so does adding in place.
-        weight, bias = self.refine.weight * self.strength, self.refine.bias
-        refinement = functional.conv1d(relation, weight, groups=3).view(n, 3, self.outputs, j, j)
-        assert bias is not None
-        shared = self.topology.transpose(-1, -2)[:, None] + (bias * self.strength).view(3, self.outputs, 1, 1)
-        return refinement.add_(shared)
+        """Return the topologies (n, C_out, 3 J, J), source to target, that a mean input (n, C_in, J) calls for.
+
+        The three subsets stand side by side as sources: their products with the values are one product, summed.
+        """
+        n, j, relations = len(mean), self.joints, 3 * self.relations
+        target = _product(self.relate_target.weight[:, :, 0], _bias(self.relate_target), mean)
+        source = _product(self.relate_source.weight[:, :, 0], _bias(self.relate_source), mean)
+        relation = torch.tanh(target[:, :, None] - source[..., None]).view(n, relations, j * j)
+        # Scaling the small weight instead of the large refinement saves a pass over it, and so does adding in the
+        # product. Each subset refines its own relations: a grouped convolution, or with zeros between a product.
+        grouped = (self.refine.weight * self.strength).view(3, self.outputs, self.relations)
+        weight = torch.diag_embed(grouped.permute(1, 2, 0)).permute(0, 2, 3, 1).reshape(-1, relations)
+        bias = (_bias(self.refine) * self.strength).view(3, self.outputs, 1, 1)
+        shared = (self.topology.transpose(-1, -2)[:, None] + bias).transpose(0, 1).reshape(-1, j * j)
+        refined = torch.baddbmm(shared.expand(n, -1, -1), weight.expand(n, -1, -1), relation)
+        return refined.view(n, self.outputs, 3 * j, j)
 
     def finish(self, product: Tensor, x: Tensor) -> Tensor:
         """Return normalisation, residual and activation of the graph product."""
@@ -113,12 +124,13 @@ class CausalGraphConvolution(nn.Module):
         means = (x.cumsum(dim=2) / counts)[:, :, begins]
         n, inputs, segments, j = means.shape
         topologies = self.refined(means.transpose(1, 2).reshape(n * segments, inputs, j))
-        values = self.value(x).view(n, 3, self.outputs, frames, j)
         lengths = [end - begin for begin, end in zip(begins, [*begins[1:], frames], strict=True)]
         pieces = [
-            (value @ topology).sum(dim=1)
+            value @ topology
             for value, topology in zip(
-                values.split(lengths, dim=3), topologies.view(n, segments, *topologies.shape[1:]).unbind(1), strict=True
+                torch.split(self._values(x), lengths, dim=2),
+                topologies.view(n, segments, *topologies.shape[1:]).unbind(1),
+                strict=True,
             )
         ]
         return self.finish(torch.cat(pieces, dim=2), x)
@@ -147,25 +159,33 @@ class CausalGraphConvolution(nn.Module):
         elif bool(due.any()):
             topology = topology.expand(-1, -1, total.shape[2], -1, -1).clone()
             topology[due] = self._fresh(total[due], count[due])
-        n, _, forks, j = x.shape
-        values = self.value(x).view(n, 3, self.outputs, forks, j).permute(0, 2, 3, 1, 4).reshape(n, -1, forks, 3 * j)
+        values = self._values(x)
         if topology.shape[2] == 1:
             product = values @ topology[:, :, 0]
         else:
             product = (values[:, :, :, None] @ topology)[:, :, :, 0]
         return self.finish(product, x), GraphState(total, topology)
 
+    def _values(self, x: Tensor) -> Tensor:
+        """Return the values (N, C_out, T, 3 J) of x (N, C_in, T, J), the subsets side by side."""
+        n, _, frames, j = x.shape
+        subsets = self.value(x).view(n, 3, self.outputs, frames, j)
+        beside: Tensor = subsets.permute(0, 2, 3, 1, 4).reshape(n, self.outputs, frames, 3 * j)
+        return beside
+
     def _fresh(self, total: Tensor, count: Tensor) -> Tensor:
         """Return topologies (n, C_out, F, 3 J, J) from sums (n, C_in, F, J) over `count` (n,) frames."""
         n, inputs, forks, j = total.shape
+        if forks == 1:
+            return self.refined(total[:, :, 0] / count[:, None, None])[:, :, None]
         fresh = total.new_empty(n, self.outputs, forks, 3 * j, j)
-        # Piece by piece: what the copy below reads is then still in the cache. Half the time, and no second gigabyte.
+        # Forks stand behind channels, as in all of the state. Piece by piece: what the copy below reads is still in the
+        # cache. Half the time, and no second gigabyte.
         size = max(1, PIECE // forks)
         for sums, counts, piece in zip(*(torch.split(t, size) for t in (total, count, fresh)), strict=True):
             mean = (sums / counts[:, None, None, None]).transpose(1, 2).reshape(-1, inputs, j)
-            refined = self.refined(mean).view(-1, forks, 3, self.outputs, j, j)
-            # The three subsets end up side by side as sources: one product a frame instead of three.
-            piece.view(-1, self.outputs, forks, 3, j, j).copy_(refined.permute(0, 3, 1, 2, 4, 5))
+            refined = self.refined(mean)
+            piece.copy_(refined.view(-1, forks, *refined.shape[1:]).transpose(1, 2))
         return fresh
 
 
@@ -227,10 +247,13 @@ class CausalTemporalConvolution(nn.Module):
 
 def _tap(convolution: nn.Module, past: list[Tensor], present: Tensor) -> Tensor:
     """Return one output frame of a temporal convolution; what forks share of the past is convolved once."""
-    weight, bias = convolution.weight, convolution.bias
-    assert isinstance(weight, Tensor) and isinstance(bias, Tensor)
+    weight, bias = convolution.weight, _bias(convolution)
+    assert isinstance(weight, Tensor)
     forks = max(frame.shape[2] for frame in past)
-    joined = torch.cat([frame.expand(-1, -1, forks, -1) for frame in past], dim=1)
     taps = weight[:, :, :, 0]
+    if forks == present.shape[2]:  # all of one size: a single product
+        same = [frame.expand(-1, -1, forks, -1) for frame in past] if forks > 1 else past
+        return _product(taps.transpose(1, 2).flatten(1), bias, torch.cat([*same, present], dim=1))
+    joined = torch.cat([frame.expand(-1, -1, forks, -1) for frame in past], dim=1)
     before = _product(taps[:, :, :-1].transpose(1, 2).flatten(1), bias, joined)
     return before + _product(taps[:, :, -1].contiguous(), torch.zeros_like(bias), present)

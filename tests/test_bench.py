@@ -22,7 +22,7 @@ def test_a_longer_episode_saves_more_operations() -> None:
     # On one frame the forms differ by little; of T frames the published one sees (T + 1) / 2 times as many.
     assert 0.5 < ratios[0] < 2
     assert ratios[0] < ratios[1] < 2 * ratios[0]
-    assert ratios[2] > 9
+    assert ratios[2] > 8  # of at most 10.5: refreshing topologies costs the streaming form some
 
 
 @pytest.mark.slow
