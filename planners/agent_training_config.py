@@ -44,7 +44,7 @@ class ImitationSetting:
 
 
 DAGGER = ImitationSetting(teacher="oracle-lookahead", labels="soft", rounds=2)
-VARIATIONS = 3  # of each sequence of the policy part, in the quick setting; on validation solo gained 2 points by them
+VARIATIONS = 3  # of each sequence of the policy part, in the quick setting
 PAPER_EPISODES = 10_000  # Sec. 4.2: "10k trajectories of oracle"
 
 
