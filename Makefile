@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/
 
-.PHONY: setup benchmark test lint weights results clean
+.PHONY: setup benchmark test lint docs weights results clean
 
 setup: $(VENV)/.installed
 
@@ -27,6 +27,15 @@ lint: setup
 	$(RUN)ruff format --check .
 	$(RUN)mypy
 	$(RUN)lint-imports
+
+# The documentation, in build/site; what it takes is installed with the first build. Quietly, mkdocs overlooks warnings.
+docs: $(VENV)/.docs-installed
+	NO_MKDOCS_2_WARNING=1 $(RUN)mkdocs build --strict
+	@echo "the documentation is in build/site/index.html"
+
+$(VENV)/.docs-installed: $(VENV)/.installed
+	$(RUN)python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'
+	touch $@
 
 # A recogniser for exact joints from scratch, and from it, in a third of the clips, one for what an estimator sees.
 FINE_TUNE := --sensor estimator --clips 6000 --learning-rate 1e-3 --init
