@@ -1,15 +1,14 @@
 """What docs/writing-a-planner.md shows is what lies in docs/examples, and runs."""
 
-import re
 import runpy
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import tyro
 from fakes import FakeRecogniser, tiny_batch, tiny_context, tiny_data
 from gain_models import model_of, peak_weights
+from pages import DOCS, commands, parsed, python_blocks
 from test_benchmark import HashedRecogniser, Log
 
 from ehar.datasets.source import load_data
@@ -21,25 +20,19 @@ from ehar.rollout import rollout
 from ehar.scenario import part_of, windows
 from ehar.sensor import PerfectSensor
 from eval import benchmark, check_planner, check_recogniser
-from eval.cli import main
 from planners.registry import resolve_planner
 from recognition.calibration import Temperature
 from recognition.networks import NetworkSpec
 from recognition.storage import load_recogniser, recogniser_path, save_recogniser
 
-DOCS = Path(__file__).parents[1] / "docs"
-PAGE = (DOCS / "writing-a-planner.md").read_text()
+PAGE = DOCS / "writing-a-planner.md"
 EXAMPLES = DOCS / "examples"
 LENGTH = 8
 
 
-def blocks() -> list[str]:
-    return re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
-
-
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: str(path.stem))
 def test_the_page_shows_every_example_as_it_is(path: Path) -> None:
-    assert path.read_text() in blocks()
+    assert path.read_text() in python_blocks(PAGE)
     assert len(path.read_text().splitlines()) <= 65
 
 
@@ -134,25 +127,14 @@ def test_the_learned_policy_makes_the_moves_that_it_makes_in_its_environment(
 
 def test_the_recogniser_of_the_page_conforms(tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
-    path.write_text(next(block for block in blocks() if "class Mine" in block))
+    path.write_text(next(block for block in python_blocks(PAGE) if "class Mine" in block))
     for persons in (1, 2):
         found = check_recogniser(f"{path}:Mine(strength=0.2)", data=tiny_data(persons=persons))
         assert found.passed, str(found)
 
 
-def test_every_command_of_the_page_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    lines = re.findall(r"^ehar (.*)$", PAGE, flags=re.MULTILINE)
-    assert len(lines) >= 6
-    parsed: list[Any] = []
-    original = tyro.cli
-
-    def parse(*arguments: Any, **options: Any) -> Any:
-        parsed.append(original(*arguments, **options))
-        return lambda: None  # what they run is tested above
-
-    monkeypatch.setattr(tyro, "cli", parse)
-    for line in lines:
-        main(line.split())
-    assert len(parsed) == len(lines)
-    planners = {planner for command in parsed for planner in getattr(command, "planners", ())}
+def test_flags_after_a_class_of_the_page_become_its_arguments(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = parsed(commands(PAGE), monkeypatch)  # what they run is tested above
+    assert len(shown) >= 6
+    planners = {planner for command in shown for planner in getattr(command, "planners", ())}
     assert {"./spiral.py:Spiral(distance='8', turn='-0.2')", "./rays.py:Rays", "./rays.py:Rays(steps='30')"} <= planners
