@@ -28,14 +28,10 @@ lint: setup
 	$(RUN)mypy
 	$(RUN)lint-imports
 
-# The documentation, in build/site; what it takes is installed with the first build. Quietly, mkdocs overlooks warnings.
-docs: $(VENV)/.docs-installed
+# The documentation, in build/site. Quietly, mkdocs overlooks warnings.
+docs: setup
 	NO_MKDOCS_2_WARNING=1 $(RUN)mkdocs build --strict
 	@echo "the documentation is in build/site/index.html"
-
-$(VENV)/.docs-installed: $(VENV)/.installed
-	$(RUN)python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'
-	touch $@
 
 # A recogniser for exact joints from scratch, and from it, in a third of the clips, one for what an estimator sees.
 FINE_TUNE := --sensor estimator --clips 6000 --learning-rate 1e-3 --init
