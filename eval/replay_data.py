@@ -63,7 +63,7 @@ def replay_data(
         "joints": joints,
         "bones": [list(bone) for bone in bones],
         "fps": replays.fps,
-        "image": list(replays.image),
+        "image": [replays.camera.width, replays.camera.height],
         "classes": list(class_names),
         "distances": [workspace.distance_min, workspace.distance_max],
         "map": [len(_AROUND), len(_DOWN)],

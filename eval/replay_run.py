@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
+from ehar.camera import Camera
 from ehar.errors import DataError
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import Batch, rollout
@@ -59,7 +60,7 @@ class Replays:
         positions: (E, L, P, J, 3) [m], relative to each scenario's centre.
         skeleton: of one person.
         fps: frames a second.
-        image: width and height [px].
+        camera: through which they were seen.
         planners: by record name.
         notes: what could not be had, one sentence each.
     """
@@ -67,7 +68,7 @@ class Replays:
     positions: FloatArray
     skeleton: Skeleton
     fps: float
-    image: tuple[int, int]
+    camera: Camera
     planners: Mapping[str, PlannerReplay]
     notes: tuple[str, ...]
 
@@ -137,7 +138,8 @@ def replay_run(
     belief = inputs.place.load_gain_model().belief if conditions.readout == "belief" else None
     world = World(episodes, inputs.setting.recogniser, inputs.setting.sensor, run.config.vehicle, belief)
     batch = _batch(episodes, indices)
-    planners, left = make_again(run.config, inputs.place)
+    asked = tuple(planner for planner in run.config.planners if planner.name in names)
+    planners, left = make_again(replace(run.config, planners=asked), inputs.place)
     notes = [f"What {name} wanted is not shown: {left[name]}." for name in names if name in left]
     replayed = {}
     for name in names:
@@ -154,12 +156,11 @@ def replay_run(
                 "not have gone where it went."
             )
         advance(name)
-    camera = inputs.setting.sensor.camera
     return Replays(
         positions=batch.positions,
         skeleton=data.skeleton,
         fps=data.fps,
-        image=(camera.width, camera.height),
+        camera=inputs.setting.sensor.camera,
         planners=replayed,
         notes=tuple(notes),
     )
