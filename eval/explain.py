@@ -14,8 +14,9 @@ from ehar.planner import Context, Observation, Planner
 from ehar.rollout import Batch, Record, rollout
 from ehar.scenario import split_parts
 from ehar.sensor import SensorNoise
-from ehar.viewpoint import DISTANCE, Workspace, wrap_azimuth
+from ehar.viewpoint import Workspace, wrap_azimuth
 from eval.episodes import CHUNK, Episodes, cut_scenarios, random_starts
+from eval.field_map import gain_over_directions
 from eval.progress import ConsoleReporter, Reporter
 from eval.run import check_options, load_setting
 from eval.tables import Table
@@ -97,9 +98,7 @@ class Explanation:
         azimuth = np.arange(0.0, 360.0 + MAP_STEP, MAP_STEP)
         low, high = np.degrees([self.workspace.polar_min, self.workspace.polar_max])
         polar = np.linspace(low, high, round((high - low) / MAP_STEP) + 1)
-        around, down = np.meshgrid(np.radians(azimuth), np.radians(polar))
-        views = np.stack([np.full(around.shape, here[DISTANCE]), around, down], axis=-1)
-        gain = field_value(self.weights[frame], views) - field_value(self.weights[frame], here)
+        gain = gain_over_directions(self.weights[frame], here, np.radians(azimuth), np.radians(polar))
         row, column = np.unravel_index(int(gain.argmax()), gain.shape)
         return FieldMap(azimuth, polar, gain, (int(row), int(column)))
 

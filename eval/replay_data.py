@@ -9,11 +9,11 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.errors import EharError
-from ehar.viewpoint import DISTANCE, Workspace, wrap_azimuth
+from ehar.viewpoint import Workspace, wrap_azimuth
+from eval.field_map import gain_over_directions
 from eval.finished_run import FinishedRun
 from eval.replay_choice import Chosen
 from eval.replay_run import PlannerReplay, Replays, replay_run
-from planners.view_basis import field_value
 
 MOST_BYTES = 6_000_000  # of all replays together; episodes beyond are left out
 MILLI = 1000  # joints and distances are in whole millimetres
@@ -104,13 +104,7 @@ def _field(weights: FloatArray, path: FloatArray) -> dict[str, Any]:
 
     Values are differences to where the camera is, in percent of probability; 0 to 255 stand for low to high.
     """
-    frames = len(weights)
-    shape = (frames, len(_DOWN), len(_AROUND))
-    views = np.empty((*shape, 3))
-    views[..., 0] = path[:frames, DISTANCE, None, None]
-    views[..., 1], views[..., 2] = np.meshgrid(_AROUND, _DOWN)
-    here = field_value(weights, path[:frames])
-    gain = 100 * (field_value(weights[:, None, None], views) - here[:, None, None])
+    gain = 100 * gain_over_directions(weights, path[: len(weights)], _AROUND, _DOWN)
     low, high = float(gain.min()), float(gain.max())
     scaled = 255 * (gain - low) / max(high - low, 1e-9)
     return {"low": round(low, 2), "high": round(high, 2), "values": integers(scaled, np.uint8)}
