@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -12,7 +13,9 @@ from eval.records import EpisodeRecords, read_episodes
 from eval.results import EPISODES, SUMMARY, RunConfig
 from eval.seed_accuracy import pool_seeds
 from eval.tracks import IDEAL
+from eval.training_seeds import first_trainings
 
+Held = TypeVar("Held")
 
 @dataclass(frozen=True)
 class RunConditions:
@@ -72,10 +75,20 @@ class FinishedRun:
         Raises:
             UsageError: it is not among the run's planners.
         """
-        pooled = {**pool_seeds(self.records), **self.records}
-        if name not in pooled:
-            raise UsageError(f"{self.directory}: no planner {name!r}; expected one of: {', '.join(pooled)}")
-        return pooled[name]
+        return self._of({**pool_seeds(self.records), **self.records}, name)
+
+    def record_name(self, name: str) -> str:
+        """Return the name of a planner's record, that of the first training where several go by this name.
+
+        Raises:
+            UsageError: it is not among the run's planners.
+        """
+        return self._of({**first_trainings(self.records), **{record: record for record in self.records}}, name)
+
+    def _of(self, named: Mapping[str, Held], name: str) -> Held:
+        if name not in named:
+            raise UsageError(f"{self.directory}: no planner {name!r}; expected one of: {', '.join(named)}")
+        return named[name]
 
 
 def read_run(directory: Path) -> FinishedRun:

@@ -1,6 +1,6 @@
-"""Which episodes a report replays: few, chosen by a rule that the report states."""
+"""Which episodes and planners are replayed: a report shows few episodes, chosen by a rule that it states."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from eval.metrics import mean_acc
 from eval.records import EpisodeRecords
+from eval.summary import NO_ACT
 
 MOST = 8  # episodes
 RULE = (
@@ -23,6 +24,17 @@ class Chosen(NamedTuple):
 
     episode: int
     why: str
+
+
+def choose_planners(names: Sequence[str], lead: str | None) -> tuple[str, ...]:
+    """Return whom to show first, one planner or two: the one that leads, or else the first, beside no-act.
+
+    Args:
+        names: of the run's planners, at least one.
+        lead: the most accurate without the truth; None where there is none.
+    """
+    first = lead or names[0]
+    return (first, NO_ACT) if NO_ACT in names and first != NO_ACT else (first,)
 
 
 def choose_episodes(

@@ -10,7 +10,7 @@ from typing import Any
 
 from eval.finished_run import class_names, read_run
 from eval.progress import ConsoleReporter, Reporter
-from eval.replay_choice import RULE, RULE_ALONE, choose_episodes
+from eval.replay_choice import RULE, RULE_ALONE, choose_episodes, choose_planners
 from eval.replay_data import replay_data
 from eval.report_behaviour_figures import planner_figures, predictability_figure
 from eval.report_data import ReportData, read_summary, report_data
@@ -26,7 +26,7 @@ from eval.report_tables import (
 )
 from eval.results import package_version, write_text
 from eval.summary import NO_ACT
-from eval.training_seeds import group_planners
+from eval.training_seeds import first_trainings
 
 REPORT = "report.html"
 SCRIPTS = ("theme.js", "figures.js", "tables.js", "codec.js", "canvas.js", "scene.js", "views.js", "replay.js")
@@ -117,8 +117,7 @@ def _moves_text(data: ReportData) -> str:
 
 def _replays(data: ReportData, reporter: Reporter) -> tuple[dict[str, Any], str]:
     """Return the replays of the most telling episodes, and the rule that chose them."""
-    groups = group_planners(data.run.records)
-    shown = {group.name: group.records[0] for group in groups}
+    shown = first_trainings(data.run.records)
     records = {name: data.run.records[record] for name, record in shown.items()}
     led = data.lead if NO_ACT in records else None
     chosen = choose_episodes(records, led, NO_ACT if led else None)
@@ -131,7 +130,7 @@ def _replays(data: ReportData, reporter: Reporter) -> tuple[dict[str, Any], str]
         reporter.end()
     if replays["missing"]:
         reporter.note(f"the report has no replays: {replays['missing']}")
-    seeds = [group.name for group in groups if len(group.records) > 1]
+    seeds = [name for name, record in shown.items() if name != record]
     if seeds:
         rule += f". Of {', '.join(seeds)} the first training seed is shown"
     return replays, rule
@@ -148,8 +147,7 @@ def _replay_part(data: ReportData, replays: dict[str, Any], rule: str) -> str:
         str(row): f"{data.class_names[of['label']]}: {of['title']}" for row, of in enumerate(replays["episodes"])
     }
     names = list(data.planners)
-    first = data.lead or names[0]
-    second = NO_ACT if NO_ACT in names and first != NO_ACT else ""
+    first, second = (*choose_planners(names, data.lead), "")[:2]
     count = len(next(iter(data.run.records.values())))
     told = f"Shown are {len(episodes)} of {count} episodes, {rule}."
     notes = "".join(f"<li>{escape(note)}</li>" for note in replays["notes"])

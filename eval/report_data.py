@@ -82,9 +82,8 @@ class ReportData:
 
     @property
     def lead(self) -> str | None:
-        """The planner without the truth that is most accurate, no-act left out; None where there is none."""
-        rivals = [of for of in self.summary["planners"] if not of["privileged"] and of["name"] != NO_ACT]
-        return max(rivals, key=lambda of: of["acc_mean"])["name"] if rivals else None
+        """The planner that leads, see `lead_planner`."""
+        return lead_planner(self.summary)
 
 
 def read_summary(run: FinishedRun) -> dict[str, Any]:
@@ -103,6 +102,12 @@ def read_summary(run: FinishedRun) -> dict[str, Any]:
             f"got {', '.join(map(str, names)) or 'none'}"
         )
     return summary
+
+
+def lead_planner(summary: Mapping[str, Any]) -> str | None:
+    """Return the planner without the truth that is most accurate, no-act left out; None where there is none."""
+    rivals = [of for of in summary["planners"] if not of["privileged"] and of["name"] != NO_ACT]
+    return max(rivals, key=lambda of: of["acc_mean"])["name"] if rivals else None
 
 
 def report_data(run: FinishedRun, summary: Mapping[str, Any], class_names: tuple[str, ...]) -> ReportData:

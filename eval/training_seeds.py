@@ -75,6 +75,11 @@ def group_planners(names: Iterable[str]) -> tuple[PlannerGroup, ...]:
     return tuple(groups)
 
 
+def first_trainings(names: Iterable[str]) -> dict[str, str]:
+    """Return the record name of each planner's first training, by the planner's own name."""
+    return {group.name: group.records[0] for group in group_planners(names)}
+
+
 def mean_over_seeds(values: FloatArray, groups: Sequence[PlannerGroup]) -> FloatArray:
     """Return the mean of each planner's trainings, (P, ...) from (M, ...)."""
     means: FloatArray = np.stack([values[list(group.rows)].mean(axis=0) for group in groups])
