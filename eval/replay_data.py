@@ -14,6 +14,7 @@ from eval.field_map import gain_over_directions
 from eval.finished_run import FinishedRun
 from eval.replay_choice import Chosen
 from eval.replay_run import PlannerReplay, Replays, replay_run
+from eval.verify_inputs import check_inputs
 
 MOST_BYTES = 6_000_000  # of all replays together; episodes beyond are left out
 MILLI = 1000  # joints and distances are in whole millimetres
@@ -26,7 +27,6 @@ def replay_data(
     run: FinishedRun,
     chosen: Sequence[Chosen],
     planners: Mapping[str, str],
-    class_names: Sequence[str],
     *,
     advance: Callable[[str], None],
 ) -> dict[str, Any]:
@@ -36,11 +36,11 @@ def replay_data(
         run: the run.
         chosen: which episodes.
         planners: by name, the record that is shown.
-        class_names: K.
         advance: told of each record that is done.
     """
     try:
-        replays = replay_run(run, [one.episode for one in chosen], list(planners.values()), advance=advance)
+        inputs = check_inputs(run.config, None, None)
+        replays = replay_run(run, inputs, [one.episode for one in chosen], list(planners.values()), advance=advance)
     except EharError as error:
         return {"episodes": [], "missing": str(error), "notes": []}
     bones = replays.skeleton.bones
@@ -64,7 +64,7 @@ def replay_data(
         "bones": [list(bone) for bone in bones],
         "fps": replays.fps,
         "image": [replays.camera.width, replays.camera.height],
-        "classes": list(class_names),
+        "classes": list(replays.class_names),
         "distances": [workspace.distance_min, workspace.distance_max],
         "map": [len(_AROUND), len(_DOWN)],
     }

@@ -21,7 +21,7 @@ from ehar.skeleton import Skeleton
 from eval.finished_run import FinishedRun
 from eval.followed_way import FollowedWay
 from eval.verification import FAILED, OK
-from eval.verify_inputs import check_inputs
+from eval.verify_inputs import Inputs
 from eval.verify_replay import first_difference, make_again
 from planners.registry import VALUING
 
@@ -59,6 +59,7 @@ class Replays:
     Args:
         positions: (E, L, P, J, 3) [m], relative to each scenario's centre.
         skeleton: of one person.
+        class_names: K.
         fps: frames a second.
         camera: through which they were seen.
         planners: by record name.
@@ -67,6 +68,7 @@ class Replays:
 
     positions: FloatArray
     skeleton: Skeleton
+    class_names: tuple[str, ...]
     fps: float
     camera: Camera
     planners: Mapping[str, PlannerReplay]
@@ -107,7 +109,7 @@ class Listener(Planner):
 
 
 def replay_run(
-    run: FinishedRun, indices: Sequence[int], names: Sequence[str], *, advance: Callable[[str], None]
+    run: FinishedRun, inputs: Inputs, indices: Sequence[int], names: Sequence[str], *, advance: Callable[[str], None]
 ) -> Replays:
     """Replay some episodes of a run.
 
@@ -116,6 +118,7 @@ def replay_run(
 
     Args:
         run: the run.
+        inputs: what it was made from.
         indices: of E episodes.
         names: of the planners, by record name.
         advance: told of each planner that is done.
@@ -129,7 +132,6 @@ def replay_run(
     from eval.jobs import World
 
     conditions = run.conditions
-    inputs = check_inputs(run.config, None, None)
     if inputs.setting is None or inputs.place is None or any(check.result == FAILED for check in inputs.checks[:2]):
         raise DataError(next(check.what for check in inputs.checks if check.result != OK))
     data = inputs.setting.data
@@ -159,6 +161,7 @@ def replay_run(
     return Replays(
         positions=batch.positions,
         skeleton=data.skeleton,
+        class_names=data.class_names,
         fps=data.fps,
         camera=inputs.setting.sensor.camera,
         planners=replayed,

@@ -125,7 +125,7 @@ def _replays(data: ReportData, reporter: Reporter) -> tuple[dict[str, Any], str]
     reporter.begin(len(shown))
     advance: Callable[[str], None] = reporter.advance
     try:
-        replays = replay_data(data.run, chosen, shown, data.class_names, advance=advance)
+        replays = replay_data(data.run, chosen, shown, advance=advance)
     finally:
         reporter.end()
     if replays["missing"]:
