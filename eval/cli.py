@@ -16,6 +16,7 @@ from eval.compare_command import CompareCommand
 from eval.data_commands import Describe, PrepareAistpp, PrepareBvh, PrepareExpi
 from eval.nbv_commands import AblationCommand, BeliefCommand, Explain
 from eval.own_flags import fold_flags, options_of
+from eval.replay_command import ReplayCommand
 from eval.report_command import ReportCommand
 from eval.results import package_version
 from eval.verify_commands import VerifyCommand
@@ -79,6 +80,7 @@ Command = (
     | Annotated[CompareCommand, subcommand("compare")]
     | Annotated[VerifyCommand, subcommand("verify")]
     | Annotated[ReportCommand, subcommand("report")]
+    | Annotated[ReplayCommand, subcommand("replay")]
     | Annotated[DataCommand, subcommand("data")]
     | Annotated[TrainCommand, subcommand("train")]
     | Annotated[CheckCommand, subcommand("check")]

@@ -17,6 +17,7 @@ from eval.training_seeds import first_trainings
 
 Held = TypeVar("Held")
 
+
 @dataclass(frozen=True)
 class RunConditions:
     """What config.json says of the episodes of a run, as in `eval.results.RunConfig`; what else it holds is left."""
