@@ -83,7 +83,7 @@ class ReplayFigure:
         self._text(
             MARGIN, 40, f"true class: {shortened(replay.class_names[replay.label], 55)}", fontsize=16, fontweight="bold"
         )
-        pace = "" if self._slower == 1 else f" {self._slower:g} x slower than life"
+        pace = "" if self._slower == 1 else f", {self._slower:g} x slower than life"
         told = f"{replay.conditions}; episode {replay.index}{pace}, {replay.sequence}"
         self._text(MARGIN, 62, shortened(told, 160), fontsize=9.5, color=SOFT)
 

@@ -125,7 +125,7 @@ class DirectionMap:
         axes.set_yticks([0, 45, 90], ["0° above", "45°", "90° level"])
         axes.tick_params(labelsize=8, colors=SOFT, length=3)
         axes.spines[:].set_color(GRID)
-        self._caption = axes.text(0, 1.04, NO_FIELD, transform=axes.transAxes, fontsize=8.5, color=SOFT)
+        self._caption = axes.text(0, 1.085, NO_FIELD, transform=axes.transAxes, fontsize=8.5, color=SOFT)
         self._field = None
         if camera.gain is not None:
             self._field = axes.imshow(

@@ -1,5 +1,7 @@
 """The people and the cameras in space, as a panel of a replay's frames: an orthographic view from outside."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -13,7 +15,8 @@ from eval.replay_episode import CameraReplay, EpisodeReplay
 from eval.replay_style import FAINT, GRID, LOOKS, Look, bone_colours, outlined, shortened
 
 TILT = np.radians(28)  # of the view, from level
-ASIDE = np.radians(40)  # of the view, from the azimuth where the cameras are: they hide nobody, and paths are long
+SIDES = np.radians(np.arange(0.0, 360.0, 15.0))  # azimuths from which it may be seen
+CLEAR = 0.45  # of the farthest camera's distance, that cameras keep from the people in the picture
 PEOPLE_REACH = 0.3  # of the farthest camera's distance; people as small as they are could not be made out
 CAMERA_SIZE = 0.075  # of that distance
 LONGEST_NAME = 16  # letters of a planner's name
@@ -35,7 +38,7 @@ class Scene:
         views = [camera.path for camera in replay.cameras]
         views += [camera.target for camera in replay.cameras if camera.target is not None]
         self._reach = reach = max(float(view[:, DISTANCE].max()) for view in views)
-        self._to_plane = view_from(np.concatenate([cartesian(camera.path) for camera in replay.cameras]))
+        self._to_plane = view_from_aside([cartesian(camera.path) for camera in replay.cameras])
         extent = float(np.linalg.norm(replay.positions, axis=-1).max())
         self.enlarged = max(1.0, PEOPLE_REACH * reach / extent)
         self._people = self.enlarged * (replay.positions @ self._to_plane.T)  # (L, P, J, 2) in the plane
@@ -143,16 +146,27 @@ class _CameraGlyph:
             self._goal.set_data(there[:, None])
 
 
-def view_from(positions: FloatArray) -> FloatArray:
-    """Return the matrix (2, 3) that shows space from the side that faces cameras at positions (N, 3) [m].
+def view_from_aside(ways: Sequence[FloatArray]) -> FloatArray:
+    """Return the matrix (2, 3) that shows space `TILT` above the level, from where most can be made out of the cameras.
 
-    The view is orthographic, `TILT` above the level and `ASIDE` of the azimuth at which the cameras are on the whole.
+    The view is orthographic. Of all sides it is the one on which no camera comes nearer than `CLEAR` to the people, who
+    are in the middle, or else the one on which they stay clear best; of several such sides that with the longest ways.
+
+    Args:
+        ways: positions of each camera, (L, 3) [m].
     """
-    x, y, _ = positions.sum(axis=0)
-    azimuth = np.arctan2(y, x) - ASIDE
-    viewpoint = np.array([1.0, azimuth, np.pi / 2 - TILT])
-    right, down, _ = look_at_rotation(viewpoint)
-    return np.stack([right, -down])
+    clear = CLEAR * max(float(np.linalg.norm(way, axis=1).max()) for way in ways)
+    views = []
+    for azimuth in SIDES:
+        right, down, _ = look_at_rotation(np.array([1.0, azimuth, np.pi / 2 - TILT]))
+        views.append(np.stack([right, -down]))
+
+    def worth(view: FloatArray) -> tuple[float, float]:
+        drawn = [way @ view.T for way in ways]
+        nearest = min(float(np.linalg.norm(way, axis=1).min()) for way in drawn)
+        return min(nearest, clear), sum(float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum()) for way in drawn)
+
+    return max(views, key=worth)
 
 
 def _bodies(path: FloatArray, size: float) -> FloatArray:

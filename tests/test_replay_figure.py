@@ -9,9 +9,10 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from replays import FRAMES, PERSONS, camera_replay, known_replay
 
+from ehar.viewpoint import cartesian
 from eval.replay_figure import HEIGHT, WIDTH, ReplayFigure
 from eval.replay_panels import Beliefs, Course, DirectionMap, Image, unbroken
-from eval.replay_scene import ASIDE, TILT, Scene, view_from
+from eval.replay_scene import CLEAR, TILT, Scene, view_from_aside
 from eval.replay_style import LOOKS, shortened
 
 BONES = len(SKELETON.bones)
@@ -42,15 +43,27 @@ def test_long_texts_are_cut_off_on_one_line() -> None:
     assert shortened("two words", 8) == "two wor…"
 
 
-def test_the_view_is_from_outside_between_above_and_level() -> None:
-    cameras = np.array([[1.0, 1.0, 0.3], [1.0, -1.0, 0.3]])  # about azimuth 0
-    right, up = view_from(cameras)
+def way_of(azimuths: Any, polar: float) -> Any:
+    return cartesian(np.column_stack([np.full(len(azimuths), 8.0), np.radians(azimuths), np.full(len(azimuths), polar)]))
+
+
+@pytest.mark.parametrize("middle", [0.0, 123.0, 260.0])
+def test_the_view_is_from_a_side_where_cameras_are_clear_of_the_people(middle: float) -> None:
+    ways = [way_of(middle + np.arange(-40.0, 41.0, 4.0), np.radians(polar)) for polar in (60, 85)]
+    view = view_from_aside(ways)
+    right, up = view
     np.testing.assert_allclose([right @ right, up @ up, right @ up], [1, 1, 0], atol=1e-12)
     towards_viewer = np.cross(right, up)
-    expected = [np.cos(TILT) * np.cos(-ASIDE), np.cos(TILT) * np.sin(-ASIDE), np.sin(TILT)]
-    np.testing.assert_allclose(towards_viewer, expected, atol=1e-12)
+    assert towards_viewer[2] == pytest.approx(np.sin(TILT))
     assert right[2] == pytest.approx(0)  # level stays level
     assert up[2] > 0
+    drawn = np.concatenate([way @ view.T for way in ways])
+    assert np.linalg.norm(drawn, axis=1).min() >= CLEAR * 8
+
+
+def test_of_clear_views_that_with_the_longest_way_is_taken() -> None:
+    right, _ = view_from_aside([way_of(np.arange(-40.0, 41.0, 4.0), np.radians(20))])  # high above: clear on most sides
+    assert abs(right[1]) > 0.9  # it goes along y, and so across the picture
 
 
 def test_the_scene_shows_where_all_are() -> None:
