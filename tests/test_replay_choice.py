@@ -1,11 +1,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from test_results import make_records
 
 from eval.metrics import mean_acc
 from eval.records import EpisodeRecords
-from eval.replay_choice import choose_episodes
+from eval.replay_choice import choose_episodes, choose_planners
 
 
 def planners(episodes: int = 30) -> dict[str, EpisodeRecords]:
@@ -42,3 +43,16 @@ def test_a_planner_alone_is_chosen_for_by_spread() -> None:
 def test_names_with_braces_are_names() -> None:
     records = {"no-act": make_records(1), "{a}": make_records(2)}
     assert choose_episodes(records, "{a}", "no-act", most=1)[0].why.startswith("{a} gains most against no-act")
+
+
+@pytest.mark.parametrize(
+    ("names", "lead", "shown"),
+    [
+        (["no-act", "a", "b"], "b", ("b", "no-act")),
+        (["a", "b"], "b", ("b",)),
+        (["no-act", "oracle"], None, ("no-act",)),
+        (["oracle", "no-act"], None, ("oracle", "no-act")),
+    ],
+)
+def test_the_lead_is_shown_first_beside_no_act(names: list[str], lead: str | None, shown: tuple[str, ...]) -> None:
+    assert choose_planners(names, lead) == shown

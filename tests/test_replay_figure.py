@@ -44,7 +44,7 @@ def test_long_texts_are_cut_off_on_one_line() -> None:
 
 
 def way_of(azimuths: Any, polar: float) -> Any:
-    return cartesian(np.column_stack([np.full(len(azimuths), 8.0), np.radians(azimuths), np.full(len(azimuths), polar)]))
+    return cartesian(np.stack(np.broadcast_arrays(8.0, np.radians(azimuths), polar), axis=-1))
 
 
 @pytest.mark.parametrize("middle", [0.0, 123.0, 260.0])
