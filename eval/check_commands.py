@@ -2,28 +2,34 @@
 
 import sys
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 import tyro
-from tyro.conf import arg, subcommand
+from tyro.conf import arg
+
+from eval.options import Models
 
 
 @dataclass(frozen=True)
 class CheckPlanner:
-    """Check a planner: shapes, independent rows, its seed, its reset, no peeking, time a step.
+    """Check that a planner keeps its contract.
 
-    Exits with 1 if a check fails. For example: ehar check planner ./spiral.py:Spiral --radius 6
+    Shapes, independent rows, seed, reset, no peeking, time a step.
+
+    Exit code 0: all passed; 1: a check failed, and how to mend it; 2: it can't run.
+
+    For example:
+        ehar check planner ./spiral.py:Spiral --radius 6
 
     Args:
         planner: a name, or your own: file.py:Class or module:Class, then --argument value.
-        data: whose test episodes it acts in: duo, solo, or the path of a prepared .npz.
-        models: folder of weights, for a prepared .npz.
+        data: in whose test episodes it acts: duo, solo, or a prepared .npz.
+        models: folder of weights.
     """
 
     planner: Annotated[str, tyro.conf.Positional, arg(metavar="PLANNER")]
     data: str = "duo"
-    models: Path | None = None
+    models: Models = None
 
     def __call__(self) -> None:
         """Check, and print what was found."""
@@ -36,13 +42,18 @@ class CheckPlanner:
 
 @dataclass(frozen=True)
 class CheckRecogniser:
-    """Check a recogniser: shapes, probabilities, independent rows, states that are forked, reset and kept.
+    """Check that a recogniser keeps its contract.
 
-    Exits with 1 if a check fails. For example: ehar check recogniser ./mine.py:Mine --weights mine.safetensors
+    Shapes, probabilities, independent rows, states that are forked and reset.
+
+    Exit code 0: all passed; 1: a check failed, and how to mend it; 2: it can't run.
+
+    For example:
+        ehar check recogniser ./mine.py:Mine --weights mine.safetensors
 
     Args:
         recogniser: your own: file.py:Class or module:Class, then --argument value.
-        data: whose test episodes it sees: duo, solo, or the path of a prepared .npz.
+        data: whose test episodes it sees: duo, solo, or a prepared .npz.
     """
 
     recogniser: Annotated[str, tyro.conf.Positional, arg(metavar="RECOGNISER")]
@@ -55,17 +66,3 @@ class CheckRecogniser:
         found = check_recogniser(self.recogniser, data=self.data)
         print(found)
         sys.exit(0 if found.passed else 1)
-
-
-@dataclass(frozen=True)
-class CheckCommand:
-    """Check that a planner or a recogniser of your own does what the benchmark relies on."""
-
-    action: Annotated[
-        Annotated[CheckPlanner, subcommand("planner")] | Annotated[CheckRecogniser, subcommand("recogniser")],
-        arg(name=""),
-    ]
-
-    def __call__(self) -> None:
-        """Run the checks."""
-        self.action()

@@ -1,16 +1,19 @@
-"""The command line, `ehar`: one subcommand for each thing to do."""
+"""The command line, `ehar`: one command for each thing to do."""
 
+import operator
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, cast
+from functools import reduce
+from inspect import cleandoc, getdoc
+from typing import Annotated, Any, NamedTuple, NoReturn, Union
 
 import tyro
-from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, arg, subcommand
+from tyro.conf import DisallowNone, subcommand
 
-from ehar.errors import EharError
+from ehar.errors import EharError, UsageError
 from eval.analyse_commands import AnalyseCommand, OverviewCommand
-from eval.check_commands import CheckCommand, CheckPlanner, CheckRecogniser
+from eval.check_commands import CheckPlanner, CheckRecogniser
 from eval.commands import Bench, Benchmark, HeadroomCommand, TrainAgent, TrainAll, TrainGainField, TrainRecogniser
 from eval.compare_command import CompareCommand
 from eval.data_commands import Describe, PrepareAistpp, PrepareBvh, PrepareExpi
@@ -18,94 +21,127 @@ from eval.nbv_commands import AblationCommand, BeliefCommand, Explain
 from eval.own_flags import fold_flags, options_of
 from eval.replay_command import ReplayCommand
 from eval.report_command import ReportCommand
-from eval.results import package_version
 from eval.verify_commands import VerifyCommand
 
-Prepare = (
-    Annotated[PrepareExpi, subcommand("expi")]
-    | Annotated[PrepareAistpp, subcommand("aistpp")]
-    | Annotated[PrepareBvh, subcommand("bvh")]
+Command = type[Callable[[], None]]  # a dataclass: its fields are the options, calling it runs the command
+
+
+class Group(NamedTuple):
+    """Commands that share their first words. Its text is, as a command's docstring, a line and then examples."""
+
+    text: str
+    commands: Mapping[str, Union["Group", Command]]
+
+
+PREPARE = Group(
+    """Read motion files, and write a prepared .npz.
+
+    For example:
+        ehar data prepare aistpp AIST++ aistpp.npz
+    """,
+    {"bvh": PrepareBvh, "expi": PrepareExpi, "aistpp": PrepareAistpp},
 )
+DATA = Group(
+    """Prepare motion data of your own, and describe it.
 
-
-@dataclass(frozen=True)
-class PrepareCommand:
-    """Read original files and write a prepared .npz."""
-
-    source_format: Annotated[Prepare, arg(name="")]
-
-    def __call__(self) -> None:
-        """Run the format's command."""
-        self.source_format()
-
-
-@dataclass(frozen=True)
-class DataCommand:
-    """Prepare motion data, and describe it."""
-
-    action: Annotated[
-        Annotated[PrepareCommand, subcommand("prepare")] | Annotated[Describe, subcommand("describe")], arg(name="")
-    ]
-
-    def __call__(self) -> None:
-        """Run the action."""
-        self.action()
-
-
-@dataclass(frozen=True)
-class TrainCommand:
-    """Train a recogniser, and what planners learn with it."""
-
-    action: Annotated[
-        Annotated[TrainRecogniser, subcommand("recogniser")]
-        | Annotated[TrainGainField, subcommand("gain-field")]
-        | Annotated[TrainAgent, subcommand("agent")]
-        | Annotated[TrainAll, subcommand("all")],
-        arg(name=""),
-    ]
-
-    def __call__(self) -> None:
-        """Run the training."""
-        self.action()
-
-
-Command = (
-    Annotated[Benchmark, subcommand("benchmark")]
-    | Annotated[HeadroomCommand, subcommand("headroom")]
-    | Annotated[Explain, subcommand("explain")]
-    | Annotated[AblationCommand, subcommand("ablation")]
-    | Annotated[BeliefCommand, subcommand("belief")]
-    | Annotated[AnalyseCommand, subcommand("analyse")]
-    | Annotated[OverviewCommand, subcommand("overview")]
-    | Annotated[CompareCommand, subcommand("compare")]
-    | Annotated[VerifyCommand, subcommand("verify")]
-    | Annotated[ReportCommand, subcommand("report")]
-    | Annotated[ReplayCommand, subcommand("replay")]
-    | Annotated[DataCommand, subcommand("data")]
-    | Annotated[TrainCommand, subcommand("train")]
-    | Annotated[CheckCommand, subcommand("check")]
-    | Annotated[Bench, subcommand("bench")]
+    For example:
+        ehar data prepare bvh recordings mine.npz
+        ehar data describe mine.npz
+    """,
+    {"prepare": PREPARE, "describe": Describe},
 )
+TRAIN = Group(
+    """Train what planners need on data of your own.
+
+    For example:
+        ehar train all --data mine.npz --out models/mine
+    """,
+    {"all": TrainAll, "recogniser": TrainRecogniser, "gain-field": TrainGainField, "agent": TrainAgent},
+)
+CHECK = Group(
+    """Check a planner or a recogniser of your own.
+
+    For example:
+        ehar check planner ./spiral.py:Spiral
+    """,
+    {"planner": CheckPlanner, "recogniser": CheckRecogniser},
+)
+COMMANDS = Group(
+    """Embodied human activity recognition: which planner of views recognises earliest?
+
+    For example:
+        ehar benchmark --data duo  # all planners, on a synthetic set that ships
+        ehar benchmark --help      # its options and examples; so each command
+    """,
+    {  # what a newcomer needs first stands first
+        "benchmark": Benchmark,
+        "report": ReportCommand,
+        "replay": ReplayCommand,
+        "data": DATA,
+        "train": TRAIN,
+        "check": CHECK,
+        "compare": CompareCommand,
+        "overview": OverviewCommand,
+        "verify": VerifyCommand,
+        "analyse": AnalyseCommand,
+        "explain": Explain,
+        "headroom": HeadroomCommand,
+        "ablation": AblationCommand,
+        "belief": BeliefCommand,
+        "bench": Bench,
+    },
+)
+TAKES_OWN = (Benchmark, CheckPlanner, CheckRecogniser)  # flags that follow a class of one's own are its arguments
+
+
+def parse(arguments: Sequence[str]) -> Callable[[], None]:
+    """Return the command that the arguments name, ready to be called.
+
+    tyro is shown only that command, or the group where the words end: help and errors speak of it alone.
+
+    Raises:
+        UsageError: there is no such command, or a flag of a class of one's own has no value.
+        SystemExit: help was printed (code 0), or tyro refused an option (2).
+    """
+    prog, words = "ehar", list(arguments)
+    found: Group | Command = COMMANDS
+    while isinstance(found, Group):
+        if not words or words[0].startswith("-"):
+            _end_at(found, prog, words)
+        if words[0] not in found.commands:
+            raise UsageError(f"unknown command '{prog} {words[0]}'; expected one of {', '.join(found.commands)}")
+        prog, found = f"{prog} {words[0]}", found.commands[words.pop(0)]
+    if found in TAKES_OWN:
+        words = fold_flags(words, options_of(found))
+    return tyro.cli(found, prog=prog, args=words, config=(DisallowNone,))
+
+
+@dataclass(frozen=True)
+class _Listed:
+    """Stands for each command of a group: none is parsed, as its line says all that a list shows."""
+
+
+def _end_at(group: Group, prog: str, words: list[str]) -> NoReturn:
+    """Print the help of a group, or tyro's error where the words are no `--help`, and exit."""
+    lines = {
+        name: cleandoc(command.text if isinstance(command, Group) else getdoc(command) or "").partition("\n")[0]
+        for name, command in group.commands.items()
+    }
+    listed: Any = [Annotated[_Listed, subcommand(name, description=line)] for name, line in lines.items()]
+    tyro.cli(reduce(operator.or_, listed), prog=prog, description=cleandoc(group.text), args=words)
+    raise AssertionError(words)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command that the arguments name; errors that a user can mend exit with code 2, Ctrl-C with 130."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
-    if arguments == ["--version"]:
-        print(f"ehar {package_version('ehar')}")
-        return
     try:
-        if arguments[:1] in (["benchmark"], ["check"]):
-            arguments = fold_flags(arguments, options_of(Benchmark, CheckPlanner, CheckRecogniser))
-        command = tyro.cli(
-            cast(type[Callable[[], None]], Command),
-            prog="ehar",
-            description="Embodied human activity recognition: "
-            "compare camera controllers on early activity recognition.",
-            args=arguments,
-            config=(OmitArgPrefixes, OmitSubcommandPrefixes),
-        )
-        command()
+        if arguments == ["--version"]:
+            from eval.results import package_version
+
+            print(f"ehar {package_version('ehar')}")
+        else:
+            parse(arguments)()
     except EharError as error:
         print(f"ehar: error: {error}", file=sys.stderr)
         sys.exit(2)

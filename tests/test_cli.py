@@ -8,7 +8,7 @@ from fakes import tiny_data
 from test_benchmark import HashedRecogniser
 
 from ehar.motion_file import save_motion
-from eval.cli import main
+from eval.cli import COMMANDS, main
 
 
 @pytest.fixture
@@ -126,11 +126,46 @@ def test_version_and_help_answer_without_torch() -> None:
     assert (ended.returncode, ended.stdout.split()[0]) == (0, "ehar")
 
 
-def test_an_unknown_command_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["bnchmark"], f"unknown command 'ehar bnchmark'; expected one of {', '.join(COMMANDS.commands)}"),
+        (["train", "agnt"], "unknown command 'ehar train agnt'; expected one of all, recogniser, gain-field, agent"),
+        (["data", "prepare", "csv"], "unknown command 'ehar data prepare csv'; expected one of bvh, expi, aistpp"),
+    ],
+)
+def test_an_unknown_command_names_those_that_there_are(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert fails_with(arguments, capsys) == f"ehar: error: {message}\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ([], ["Expected one of {benchmark,", "ehar --help"]),
+        (["train"], ["Expected one of {all, recogniser, gain-field, agent}.", "ehar train --help"]),
+        (["train", "agent"], ["Missing from ehar train agent", "--data STR", "ehar train agent --help"]),
+        (["report"], ["Missing from ehar report", "RUN", "ehar report --help"]),
+        (["benchmark", "--lenght", "5"], ["Unrecognized options: --lenght", "--length INT", "ehar benchmark --help"]),
+        (["benchmark", "--length", "five"], ["--length", "'five'", "INT", "ehar benchmark --help"]),
+        (["benchmark", "--form", "tree"], ["'tree'", "'--form'", "('causal', 'ctrgcn')", "ehar benchmark --help"]),
+        (["benchmark", "no-act", "--radius", "5"], ["--radius, 5", "ehar benchmark --help"]),
+        (["--lenght", "5"], ["Unrecognized options: --lenght", "benchmark,", "ehar --help"]),
+    ],
+)
+def test_a_refused_option_says_what_was_got_and_what_was_expected(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str], said: list[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "120")
     with pytest.raises(SystemExit) as ended:
-        main(["bnchmark"])
+        main(arguments)
     assert ended.value.code == 2
-    assert "bnchmark" in capsys.readouterr().err
+    out, lines = capsys.readouterr()
+    assert out == ""
+    assert lines.count("\n") <= 10
+    for part in said:
+        assert part in lines
 
 
 OWN_PLANNER = """
