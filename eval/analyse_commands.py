@@ -7,24 +7,32 @@ from typing import Annotated
 import tyro
 
 from eval.commands import output_console
+from eval.options import Out
 from eval.tables import Rendered, markdown
 
 
 @dataclass(frozen=True)
 class AnalyseCommand:
-    """Analyse a finished run as the paper does: predictability, where cameras were, and which moves they made.
+    """Analyse a finished run as the paper does.
+
+    Tables of encoders and predictability; figures of views, moves and states.
+
+    For example:
+        ehar analyse runs/mine --states il-ppo/0
 
     Args:
-        run: folder of a run of ehar benchmark.
-        planners: whose behaviour is shown beside that of no-act; none takes il-ppo, or else nbv.
-        states: a learned planner, such as il-ppo/0, that runs its episodes once more, so that its states are mapped.
-        out: folder for analysis.json, analysis.md and the pictures; by default analysis in the run's.
+        run: folder of a finished run.
+        planners: whose behaviour is shown beside no-act's.
+        states: agent whose states are mapped, such as il-ppo/0; it runs its episodes once more.
+        out: folder for analysis.json, analysis.md and figures.
     """
 
-    run: Annotated[Path, tyro.conf.Positional]
-    planners: tuple[str, ...] = ()
-    states: str | None = None
-    out: Path | None = None
+    run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    planners: Annotated[
+        tuple[str, ...], tyro.conf.arg(metavar="PLANNER ...", help_behavior_hint="(default: il-ppo, or else nbv)")
+    ] = ()
+    states: Annotated[str | None, tyro.conf.arg(metavar="AGENT", help_behavior_hint="(default: none)")] = None
+    out: Annotated[Path | None, tyro.conf.arg(help_behavior_hint="(default: RUN/analysis)")] = None
 
     def __call__(self) -> None:
         """Analyse the run, and print the tables."""
@@ -38,17 +46,24 @@ class AnalyseCommand:
 
 @dataclass(frozen=True)
 class OverviewCommand:
-    """Show several finished runs side by side: one column a run, one row a planner.
+    """Show several finished runs side by side.
+
+    One row a planner, one column a run: the share of the gap that it closes.
+
+    For example:
+        ehar overview runs/duo runs/solo --planner nbv
 
     Args:
-        runs: folders of runs of ehar benchmark.
+        runs: folders of finished runs.
         planner: whose paired differences from the others are shown too.
-        out: a Markdown file to write as well.
+        out: Markdown file to write as well.
     """
 
-    runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    planner: str | None = None
-    out: Path | None = None
+    runs: Annotated[
+        tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN ...", help_behavior_hint="(at least one)")
+    ]
+    planner: Annotated[str | None, tyro.conf.arg(metavar="PLANNER", help_behavior_hint="(default: none)")] = None
+    out: Out = None
 
     def __call__(self) -> None:
         """Read the summaries and print the tables."""

@@ -11,6 +11,7 @@ import tyro
 from rich.console import Console
 
 from ehar.cores import cores
+from eval.options import Fps, Models, Out
 from eval.progress import StageProgress, TrainingProgress
 from eval.tables import Rendered, render_summary
 from eval.train_all import TrainAllConfig
@@ -29,49 +30,56 @@ def output_console() -> Console:
 
 @dataclass(frozen=True)
 class Benchmark:
-    """Run planners on the test scenarios of some data, and say how well each did.
+    """Run planners on test episodes, and say how well each did.
 
-    For example: ehar benchmark ./spiral.py:Spiral --radius 6 no-act oracle --data duo
+    For example:
+        ehar benchmark --data duo
+        ehar benchmark --data mine.npz --models models/mine --out runs/mine
+        ehar benchmark ./spiral.py:Spiral --radius 6 no-act oracle
 
     Args:
-        planners: names, or your own: file.py:Class or module:Class, then --argument value; none runs all of ours.
-        data: duo, solo, or the path of a prepared .npz.
-        models: folder of recogniser weights; by default those that ship, for duo and solo.
-        sensor: perfect (exact 2D joints) or estimator (noise, occlusion, dropout, swaps).
-        views: the cameras the recogniser was trained on, moving or paper.
-        form: causal streams; ctrgcn is the published network, evaluated anew on every prefix.
-        recogniser: your own instead: file.py:Class or module:Class, then --argument value.
-        track: how cameras move: ideal is the paper's grid; px4-auto, px4-max, tracking-drone, or a vehicle file.
-        ideal: folder of a finished run on the ideal track, to say how much of its accuracy flights keep.
-        readout: whose probabilities are scored, the recogniser's or those of the belief; planners act the same.
-        part: whose scenarios: test; validation to develop on; policy and recogniser, on which something was trained.
-        starts: start viewpoints for each scenario.
+        planners: names, or your own: file.py:Class or module:Class, then --argument value.
+        data: duo, solo, or a prepared .npz.
+        models: folder of weights.
+        out: folder for records, tables and report.
+        report: write report.html too, as ehar report does.
+        sensor: perfect (exact joints) or estimator (noise, occlusion, dropout, swaps).
+        track: ideal (grid moves), px4-auto, px4-max, tracking-drone, or a vehicle file.
+        starts: start viewpoints of each scenario.
+        length: frames of an episode.
+        fps: frame rate to resample to [Hz].
         seed: of start viewpoints, noise and random planners.
-        length: frames in an episode.
-        fps: frame rate to resample to.
-        out: folder for config.json, episodes.jsonl, summary.json, table.md, the accuracy curve and report.html.
-        workers: processes; the numbers are the same with any number.
-        report: write report.html into out, as `ehar report` does.
+        part: of the data: test, validation, policy or recogniser.
+        views: cameras the recogniser was trained on: moving or paper.
+        form: causal (streams) or ctrgcn (as published, on each prefix).
+        recogniser: your own: file.py:Class, then --argument value.
+        readout: whose probabilities count: recogniser or belief.
+        ideal: finished run on the ideal track to compare flights with.
+        workers: processes; numbers do not depend on it.
     """
 
-    planners: Annotated[tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="[PLANNER ...]")] = ()
+    planners: Annotated[
+        tuple[str, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="[PLANNER ...]", help_behavior_hint="(default: all of ours)"),
+    ] = ()
     data: str = "duo"
-    models: Path | None = None
+    models: Models = None
+    out: Out = None
+    report: bool = True
     sensor: str = "perfect"
+    track: str = "ideal"
+    starts: int = 1
+    length: int = 60
+    fps: Fps = None
+    seed: int = 0
+    part: str = "test"
     views: str = "moving"
     form: Form = "causal"
-    recogniser: str | None = None
-    track: str = "ideal"
-    ideal: Path | None = None
+    recogniser: Annotated[str | None, tyro.conf.arg(help_behavior_hint="(default: ours)")] = None
     readout: str = "recogniser"
-    part: str = "test"
-    starts: int = 1
-    seed: int = 0
-    length: int = 60
-    fps: float | None = None
-    out: Path | None = None
+    ideal: Annotated[Path | None, tyro.conf.arg(help_behavior_hint="(default: none)")] = None
     workers: int = field(default_factory=cores)
-    report: bool = True
 
     def __call__(self) -> None:
         """Run the benchmark, print its table and write its report."""
@@ -105,34 +113,39 @@ class Benchmark:
 
 @dataclass(frozen=True)
 class HeadroomCommand:
-    """Say what there is to win: accuracy over a map of fixed cameras, beside no-act and the oracles.
+    """Say what there is to win: accuracy of fixed cameras.
+
+    A map of viewpoints and the best of them, beside no-act and the oracles.
+
+    For example:
+        ehar headroom --data duo --out runs/headroom
 
     Args:
-        data: duo, solo, or the path of a prepared .npz.
-        models: folder of recogniser weights; by default those that ship, for duo and solo.
-        sensor: perfect or estimator.
-        views: the cameras the recogniser was trained on, moving or paper.
+        data: duo, solo, or a prepared .npz.
+        models: folder of weights.
+        sensor: perfect (exact joints) or estimator (noisy joints).
+        views: cameras the recogniser was trained on: moving or paper.
         seed: of start viewpoints and noise.
-        length: frames in an episode.
-        fps: frame rate to resample to.
+        length: frames of an episode.
+        fps: frame rate to resample to [Hz].
         distance: of the fixed cameras [m].
         azimuths: how many azimuths the map has.
         polars: how many polar angles the map has, from straight above to level.
         out: folder for config.json, headroom.json, table.md and the figure.
-        workers: processes.
+        workers: processes; numbers do not depend on it.
     """
 
     data: str = "duo"
-    models: Path | None = None
+    models: Models = None
     sensor: str = "perfect"
     views: str = "moving"
     seed: int = 0
     length: int = 60
-    fps: float | None = None
+    fps: Fps = None
     distance: float = 10.0
     azimuths: int = 12
     polars: int = 6
-    out: Path | None = None
+    out: Out = None
     workers: int = field(default_factory=cores)
 
     def __call__(self) -> None:
@@ -159,13 +172,18 @@ class HeadroomCommand:
 
 @dataclass(frozen=True)
 class TrainRecogniser:
-    """Train a recogniser on the recogniser part of some data; stopped and started again, it resumes.
+    """Train a recogniser, on the recogniser part of data.
+
+    Stopped and started again, it goes on where it was.
+
+    For example:
+        ehar train recogniser --data mine.npz --out models/mine
 
     Args:
         config: how.
     """
 
-    config: tyro.conf.OmitArgPrefixes[TrainingConfig]
+    config: Annotated[TrainingConfig, tyro.conf.arg(name="")]
 
     def __call__(self) -> None:
         """Train, resuming where a checkpoint lies in `out`."""
@@ -181,13 +199,18 @@ class TrainRecogniser:
 
 @dataclass(frozen=True)
 class TrainGainField:
-    """Train what a planner needs to value views: gain fields and belief, on the policy part of some data.
+    """Train gain fields and belief, on the policy part of data.
+
+    For the recogniser in --models, or the one that ships; what is done is kept.
+
+    For example:
+        ehar train gain-field --data mine.npz --models models/mine
 
     Args:
         config: how.
     """
 
-    config: tyro.conf.OmitArgPrefixes[GainTrainingConfig]
+    config: Annotated[GainTrainingConfig, tyro.conf.arg(name="")]
 
     def __call__(self) -> None:
         """Train, going on where a stopped run left off."""
@@ -205,13 +228,18 @@ class TrainGainField:
 
 @dataclass(frozen=True)
 class TrainAgent:
-    """Train the paper's agent by imitation, PPO, or one after the other, and by DAgger; what was stopped goes on.
+    """Train agents: il, ppo, il-ppo and dagger.
+
+    For the recogniser in --models, or the one that ships; what is done is kept.
+
+    For example:
+        ehar train agent --data mine.npz --models models/mine --stages il,il-ppo
 
     Args:
         config: how.
     """
 
-    config: tyro.conf.OmitArgPrefixes[AgentTrainingConfig]
+    config: Annotated[AgentTrainingConfig, tyro.conf.arg(name="")]
 
     def __call__(self) -> None:
         """Train what is missing."""
@@ -224,13 +252,18 @@ class TrainAgent:
 
 @dataclass(frozen=True)
 class TrainAll:
-    """Train all that planners need on your data: recogniser, gain field and agents; what is done is skipped.
+    """Train recogniser, gain field and agents, in this order.
+
+    What is done is kept; stopped and started again, it goes on.
+
+    For example:
+        ehar train all --data mine.npz --out models/mine
 
     Args:
         config: how.
     """
 
-    config: tyro.conf.OmitArgPrefixes[TrainAllConfig]
+    config: Annotated[TrainAllConfig, tyro.conf.arg(name="")]
 
     def __call__(self) -> None:
         """Train what is missing, and say what to do with it."""
@@ -242,10 +275,13 @@ class TrainAll:
 
 @dataclass(frozen=True)
 class Bench:
-    """Measure the speed of the recogniser and of the world.
+    """Measure how fast recognition, planning and training are.
+
+    For example:
+        ehar bench --out bench.json
 
     Args:
-        out: the .json to write.
+        out: .json to write.
     """
 
     out: Path

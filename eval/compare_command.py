@@ -12,21 +12,24 @@ from eval.tables import Rendered
 
 @dataclass(frozen=True)
 class CompareCommand:
-    """Compare the planners of two finished runs on the same episodes: run A minus run B.
+    """Compare two finished runs on the same episodes: A minus B.
 
-    For example a recogniser or a planner before and after a change:
-
-    ehar compare runs/before runs/after
+    For example:
+        ehar compare runs/before runs/after
+        ehar compare runs/before runs/after --planners nbv il-ppo
 
     Args:
-        run_a: folder of a run of ehar benchmark.
+        run_a: folder of a finished run.
         run_b: folder of another, of the same data, starts, seed, length and sensor.
-        planners: one planner of A and one of B; none compares each that is in both with itself.
+        planners: one of A and one of B.
     """
 
-    run_a: Annotated[Path, tyro.conf.Positional]
-    run_b: Annotated[Path, tyro.conf.Positional]
-    planners: Annotated[tuple[str, ...], tyro.conf.arg(metavar="A B")] = ()
+    run_a: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="A")]
+    run_b: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="B")]
+    planners: Annotated[
+        tuple[str, ...],
+        tyro.conf.arg(metavar="PLANNER-A PLANNER-B", help_behavior_hint="(default: each with itself)"),
+    ] = ()
 
     def __call__(self) -> None:
         """Compare the runs, and print the table."""

@@ -9,15 +9,19 @@ import tyro
 from ehar.errors import UsageError
 from ehar.motion_data import MotionData
 from eval.commands import output_console
+from eval.options import Fps
 
 
 @dataclass(frozen=True)
 class PrepareExpi:
     """Read the original ExPI files.
 
+    For example:
+        ehar data prepare expi ExPI expi.npz
+
     Args:
-        source: the folder that holds acro1 and acro2.
-        out: the .npz to write.
+        source: folder that holds acro1 and acro2.
+        out: .npz to write.
     """
 
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")]
@@ -34,9 +38,12 @@ class PrepareExpi:
 class PrepareAistpp:
     """Read the original AIST++ files.
 
+    For example:
+        ehar data prepare aistpp AIST++ aistpp.npz
+
     Args:
-        source: the folder that holds keypoints3d and the lists.
-        out: the .npz to write.
+        source: folder that holds keypoints3d and the lists.
+        out: .npz to write.
     """
 
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")]
@@ -53,13 +60,17 @@ class PrepareAistpp:
 class PrepareBvh:
     """Read a folder of BVH files.
 
+    For example:
+        ehar data prepare bvh recordings mine.npz --pattern '{label}_{number}.bvh'
+        ehar data prepare bvh recordings mine.npz --label-from folder --unit 1
+
     Args:
-        source: the folder.
-        out: the .npz to write.
-        pattern: of the files' names, with {label} for the class and other fields in braces.
-        label_from: take the class from the name, by the pattern, or from the folder a file lies in.
-        unit: metres in one unit of the files.
-        up: the axis of the files that points up.
+        source: folder of the files.
+        out: .npz to write.
+        pattern: of the files' names: {label} is the class, other words in braces are free.
+        label_from: where the class stands: in the name, or as the folder that a file lies in.
+        unit: of length in the files [m].
+        up: axis that points up in the files.
     """
 
     source: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SOURCE")]
@@ -79,17 +90,20 @@ class PrepareBvh:
 
 @dataclass(frozen=True)
 class Describe:
-    """Print what some data holds, class by class.
+    """Print what some data hold, class by class.
+
+    For example:
+        ehar data describe mine.npz --figure mine.png
 
     Args:
-        data: duo, solo, or the path of a prepared .npz.
-        figure: a picture to draw, a few skeletons of each class.
-        fps: frame rate to resample to.
+        data: duo, solo, or a prepared .npz.
+        figure: to draw, a few skeletons of each class: .png, .svg or .pdf.
+        fps: frame rate to resample to [Hz].
     """
 
     data: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")]
     figure: Path | None = None
-    fps: float | None = None
+    fps: Fps = None
 
     def __call__(self) -> None:
         """Print the table, and draw the figure."""

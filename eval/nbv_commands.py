@@ -2,32 +2,39 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import arg
 
 from ehar.cores import cores
 from eval.commands import output_console
+from eval.options import Fps, Models, Out
 from eval.tables import Rendered
 
 
 @dataclass(frozen=True)
 class Explain:
-    """Draw one episode: what each view was worth, what was believed, and where the planner went.
+    """Draw one episode: what views were worth, and where it went.
+
+    For example:
+        ehar explain --data duo --episode 3 --out explain.png
 
     Args:
-        data: duo, solo, or the path of a prepared .npz.
-        models: folder of recogniser and gain field; by default those that ship, for duo and solo.
-        sensor: perfect or estimator.
-        views: the cameras the recogniser was trained on, moving or paper.
+        data: duo, solo, or a prepared .npz.
+        models: folder of weights.
+        sensor: perfect (exact joints) or estimator (noisy joints).
+        views: cameras the recogniser was trained on: moving or paper.
         planner: nbv, nbv-search or nbv-greedy.
-        episode: which of the test scenarios, counted from 0.
+        episode: which of the test episodes, counted from 0.
         frames: how many moments to show, from 10 to 90 % of the episode.
         seed: of the start viewpoint and noise.
-        length: frames in an episode.
-        fps: frame rate to resample to.
+        length: frames of an episode.
+        fps: frame rate to resample to [Hz].
         out: the picture to write: .png, .svg or .pdf.
     """
 
     data: str = "duo"
-    models: Path | None = None
+    models: Models = None
     sensor: str = "perfect"
     views: str = "moving"
     planner: str = "nbv"
@@ -35,7 +42,7 @@ class Explain:
     frames: int = 4
     seed: int = 0
     length: int = 60
-    fps: float | None = None
+    fps: Fps = None
     out: Path = Path("explain.png")
 
     def __call__(self) -> None:
@@ -63,29 +70,32 @@ class Explain:
 
 @dataclass(frozen=True)
 class BeliefCommand:
-    """Score the belief against the recogniser on test episodes, and say what each of its parts is worth.
+    """Score the belief against the recogniser, part by part.
+
+    For example:
+        ehar belief --data duo --sensor estimator
 
     Args:
-        data: duo, solo, or the path of a prepared .npz.
-        models: folder of recogniser and gain field; by default those that ship, for duo and solo.
-        sensor: perfect or estimator.
-        views: the cameras the recogniser was trained on, moving or paper.
-        starts: start viewpoints for each scenario.
-        seed: of start viewpoints, noise, the random planner, and of the halves that the parts are fitted on.
-        length: frames in an episode.
-        fps: frame rate to resample to.
+        data: duo, solo, or a prepared .npz.
+        models: folder of weights.
+        sensor: perfect (exact joints) or estimator (noisy joints).
+        views: cameras the recogniser was trained on: moving or paper.
+        starts: start viewpoints of each scenario.
+        seed: of start viewpoints, noise, random, and the halves that parts are fitted on.
+        length: frames of an episode.
+        fps: frame rate to resample to [Hz].
         out: folder for config.json, belief.json and table.md.
     """
 
     data: str = "duo"
-    models: Path | None = None
+    models: Models = None
     sensor: str = "perfect"
     views: str = "moving"
     starts: int = 1
     seed: int = 0
     length: int = 60
-    fps: float | None = None
-    out: Path | None = None
+    fps: Fps = None
+    out: Out = None
 
     def __call__(self) -> None:
         """Run the episodes and print the tables."""
@@ -107,34 +117,39 @@ class BeliefCommand:
 
 @dataclass(frozen=True)
 class AblationCommand:
-    """Say what each part and setting of nbv is worth: its variants side by side on the same test episodes.
+    """Say what each part and setting of nbv is worth.
+
+    Its variants run side by side on the same test episodes.
+
+    For example:
+        ehar ablation --data duo --groups horizon effort
 
     Args:
-        data: duo, solo, or the path of a prepared .npz.
-        models: folder of recogniser and gain field; by default those that ship, for duo and solo.
-        sensor: perfect or estimator.
-        views: the cameras the recogniser was trained on, moving or paper.
-        groups: of variants: knowledge, horizon, replan, effort, solver, search; none runs them all.
-        tracks: vehicles that nbv flies as well: px4-auto, px4-max, tracking-drone, or vehicle files.
-        starts: start viewpoints for each test scenario.
+        data: duo, solo, or a prepared .npz.
+        models: folder of weights.
+        sensor: perfect (exact joints) or estimator (noisy joints).
+        views: cameras the recogniser was trained on: moving or paper.
+        groups: of variants: knowledge, horizon, replan, effort, solver, search.
+        tracks: that nbv flies as well: px4-auto, px4-max, tracking-drone, or vehicle files.
+        starts: start viewpoints of each scenario.
         seed: of start viewpoints and noise.
-        length: frames in an episode.
-        fps: frame rate to resample to.
+        length: frames of an episode.
+        fps: frame rate to resample to [Hz].
         out: folder for config.json, episodes.jsonl, summary.json and table.md.
-        workers: processes; the numbers, but for times, are the same with any number.
+        workers: processes; numbers do not depend on it.
     """
 
     data: str = "duo"
-    models: Path | None = None
+    models: Models = None
     sensor: str = "perfect"
     views: str = "moving"
-    groups: tuple[str, ...] = ()
-    tracks: tuple[str, ...] = ()
+    groups: Annotated[tuple[str, ...], arg(metavar="GROUP ...", help_behavior_hint="(default: all)")] = ()
+    tracks: Annotated[tuple[str, ...], arg(metavar="TRACK ...", help_behavior_hint="(default: none)")] = ()
     starts: int = 1
     seed: int = 0
     length: int = 60
-    fps: float | None = None
-    out: Path | None = None
+    fps: Fps = None
+    out: Out = None
     workers: int = field(default_factory=cores)
 
     def __call__(self) -> None:

@@ -9,19 +9,20 @@ import tyro
 
 @dataclass(frozen=True)
 class ReportCommand:
-    """Write a finished run as one HTML file: figures, tables and replays, for any browser, without a network.
+    """Write a finished run as one HTML file, for any browser.
+
+    Tables, figures and replays; it needs neither a server nor a network.
 
     For example:
-
-    ehar report runs/duo-perfect-moving
+        ehar report runs/duo-perfect-moving
 
     Args:
-        run: folder of a run of ehar benchmark.
-        out: the file to write; by default report.html in the run's folder.
+        run: folder of a finished run.
+        out: file to write.
     """
 
-    run: Annotated[Path, tyro.conf.Positional]
-    out: Path | None = None
+    run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    out: Annotated[Path | None, tyro.conf.arg(help_behavior_hint="(default: RUN/report.html)")] = None
 
     def __call__(self) -> None:
         """Write the report, and say where it is."""

@@ -19,16 +19,16 @@ class TrainAllConfig:
     """How everything is trained.
 
     Args:
-        data: "duo", "solo", or an .npz file.
-        out: models directory to write to.
-        sensor: "perfect" or "estimator".
-        views: "moving" or "paper".
+        data: duo, solo, or a prepared .npz.
+        out: folder to write to.
+        sensor: perfect (exact joints) or estimator (noisy joints).
+        views: cameras to train on: moving, or paper (32 static ones).
         length: L, frames of an episode.
-        fps: resample the motion first; None keeps its rate.
-        seeds: training seeds of the agents.
-        setting: quick is for 2 CPU cores; paper has the published widths and lengths, for a GPU.
-        workers: processes; the result is the same with any number.
-        device: of the recogniser's and of PPO's network, "cpu" or "cuda".
+        fps: frame rate to resample to [Hz]; None keeps the data's.
+        seeds: how many training seeds, each an agent of its own.
+        setting: quick, for 2 CPU cores; paper, as published, for a GPU.
+        workers: processes; numbers do not depend on it.
+        device: of the recogniser's and of PPO's network: cpu or cuda.
     """
 
     data: str

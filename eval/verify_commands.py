@@ -7,30 +7,36 @@ from typing import Annotated
 
 import tyro
 
+AS_RECORDED = tyro.conf.arg(help_behavior_hint="(default: as recorded)")
+
 
 @dataclass(frozen=True)
 class VerifyCommand:
-    """Check a finished run: recompute all its figures, and compare data, weights and, run once more, episodes.
+    """Check that a finished run's figures follow from its records.
 
-    Exit code 0: verified; 1: something differs, the first difference is printed; 2: a file cannot be read.
-    Example: ehar verify runs/mine --rerun-episodes 20
+    And that data and weights are those that it names, by their hashes.
+
+    Exit code 0: verified; 1: the first difference is printed; 2: it can't be read.
+
+    For example:
+        ehar verify runs/mine
+        ehar verify runs/mine --rerun-episodes 20  # runs files that the run names
 
     Args:
-        run: folder of a run of ehar benchmark.
-        rerun_episodes: how many episodes to draw and run once more, with those that share a chunk of 32 with them;
-            planners and a recogniser of one's own are made again: the files that config.json names are run.
+        run: folder of a finished run.
+        rerun_episodes: how many to draw and run once more, each with its chunk of 32.
         seed: of that draw.
-        data: where the run's data lie now; by default where they lay.
-        models: where the run's weights lie now; by default where they lay.
-        ideal: where the run lies now that flights were compared with; by default where it lay.
+        data: where the run's data lie now.
+        models: where its weights lie now.
+        ideal: where the run on the ideal track lies now, for a run in flight.
     """
 
-    run: Annotated[Path, tyro.conf.Positional]
+    run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     rerun_episodes: int = 0
     seed: int = 0
-    data: str | None = None
-    models: Path | None = None
-    ideal: Path | None = None
+    data: Annotated[str | None, AS_RECORDED] = None
+    models: Annotated[Path | None, AS_RECORDED] = None
+    ideal: Annotated[Path | None, AS_RECORDED] = None
 
     def __call__(self) -> None:
         """Verify the run, print what was checked, and exit with 1 where something differs."""

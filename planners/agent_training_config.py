@@ -99,30 +99,33 @@ PAPER_PPO = PPOSetting(
 
 @dataclass(frozen=True, kw_only=True)
 class AgentTrainingConfig:
-    """How agents are trained.
+    """How agents are trained: without `models` for the recogniser that ships, with `out` to write to.
+
+    Stages: il clones the oracle, ppo starts from scratch, il-ppo from what il has cloned; dagger clones what moves are
+    worth, in states that it comes to itself. All train on recorded motion and on variations of it: mirrored, of other
+    pace and size. Training seeds share the demonstrations.
 
     Args:
-        data: "duo", "solo", or an .npz file.
-        models: directory of the recogniser, written to as well; without it, the recogniser that ships is used.
-        out: directory to write to instead.
-        sensor: "perfect" or "estimator".
-        views: the recogniser's, "moving" or "paper".
+        data: duo, solo, or a prepared .npz.
+        models: folder of the recogniser, and to write to.
+        out: folder to write to instead.
+        sensor: perfect (exact joints) or estimator (noisy joints).
+        views: cameras the recogniser was trained on: moving or paper.
         length: L, frames of an episode.
-        fps: resample the motion first; None keeps its rate.
-        stages: what is trained, as "il,ppo,il-ppo,dagger": il clones the oracle, ppo starts from scratch, il-ppo from
-            what il has cloned; dagger clones what moves are worth, in states that it comes to itself.
-        seeds: training seeds 0 to seeds - 1, each an agent of its own; they share the demonstrations.
-        without: encoder that is left out (Table 3); such agents are named after it.
-        setting: quick is for 2 CPU cores; paper is as published, for a GPU or much patience.
+        fps: frame rate to resample to [Hz]; None keeps the data's.
+        stages: which agents, with commas between them.
+        seeds: how many training seeds, each an agent of its own.
+        without: encoder that is left out (Table 3), as in il-no-vision.
+        setting: quick, for 2 CPU cores; paper, as published, for a GPU.
         teacher: whom il clones.
-        labels: what il clones, the teacher's best move or, soft, what it found each of them worth.
+        labels: what il clones: the best move, or each move's worth (soft).
         rounds: of il's demonstrations; from the second on the agent acts.
-        episodes: demonstrated; quick 1,536, paper 10,000.
-        frames: of PPO; quick 300,000, paper 10 million.
-        variations: of each sequence trained on, mirrored, faster or slower, larger or smaller; quick 3, paper none.
-        workers: processes; the result is the same with any number.
-        device: of PPO's network, "cpu" or "cuda".
-        tensorboard: folder for TensorBoard's logs, where it is installed.
+        episodes: demonstrated; None is 1,536, in paper 10,000.
+        frames: of PPO; None is 300,000, in paper 10 million.
+        variations: of each sequence; None is 3, in paper 0.
+        workers: processes; numbers do not depend on it.
+        device: of PPO's network: cpu or cuda.
+        tensorboard: folder for TensorBoard's logs.
     """
 
     data: str

@@ -8,19 +8,19 @@ from ehar.cores import cores
 
 @dataclass(frozen=True, kw_only=True)
 class GainTrainingConfig:
-    """How gain fields and belief are trained.
+    """How gain fields and belief are trained: without `models` for the recogniser that ships, with `out` to write to.
 
     Args:
-        data: "duo", "solo", or an .npz file.
-        models: directory of the recogniser, written to as well; without it, the recogniser that ships is used.
-        out: directory to write to instead.
-        sensor: "perfect" or "estimator".
-        views: the recogniser's, "moving" or "paper".
+        data: duo, solo, or a prepared .npz.
+        models: folder of the recogniser, and to write to.
+        out: folder to write to instead.
+        sensor: perfect (exact joints) or estimator (noisy joints).
+        views: cameras the recogniser was trained on: moving or paper.
         length: L, frames of an episode.
-        fps: resample the motion first; None keeps its rate.
+        fps: frame rate to resample to [Hz]; None keeps the data's.
         batches: of 32 episodes with 3 forks of 8 paths each.
         seed: of episodes, forks and noise.
-        workers: processes; the result is the same with any number.
+        workers: processes; numbers do not depend on it.
     """
 
     data: str

@@ -14,24 +14,24 @@ class TrainingConfig:
     """How a recogniser is trained.
 
     Args:
-        data: "duo", "solo", or an .npz file.
-        out: models directory to write to.
-        sensor: "perfect" or "estimator".
-        views: "moving" or "paper".
-        form: "causal" streams; "ctrgcn" is the published network, trained on prefixes of random length.
-        size: "small" for 2 CPU cores, or the "published" widths.
+        data: duo, solo, or a prepared .npz.
+        out: folder to write to.
+        sensor: perfect (exact joints) or estimator (noisy joints).
+        views: cameras to train on: moving, or paper (32 static ones).
+        form: causal streams; ctrgcn, as published, is trained on prefixes of random length.
+        size: small, for 2 CPU cores, or the published widths.
         length: L, frames of a clip.
-        fps: resample the motion first; None keeps its rate.
+        fps: frame rate to resample to [Hz]; None keeps the data's.
         clips: training clips in all, each drawn anew.
         batch: clips a step.
         learning_rate: peak of the schedule (AdamW).
         weight_decay: of AdamW.
-        evaluations: how often validation is looked at, and a checkpoint kept.
+        evaluations: on validation scenarios, each with a checkpoint.
         patience: evaluations without a better validation NLL after which training stops.
         seed: of initial weights, clips and dropout.
-        init: weights of the same shape to start from, instead of random ones.
-        device: a torch device.
-        threads: of the CPU that torch uses; 0 leaves it to torch.
+        init: .safetensors of the same shape to start from, instead of random weights.
+        device: of torch: cpu or cuda.
+        threads: CPU threads of torch; 0 leaves it to torch.
     """
 
     data: str

@@ -1,6 +1,4 @@
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -38,8 +36,3 @@ def test_a_vehicle_is_not_mistaken_for_the_grid(tmp_path: Path) -> None:
 def test_an_unknown_track_lists_the_known_ones(name: str) -> None:
     with pytest.raises(UsageError, match="expected ideal, px4-auto, px4-max, tracking-drone, or a vehicle file"):
         load_track(name)
-
-
-def test_the_command_line_waits_for_no_solver() -> None:
-    code = "import sys, eval.cli; print({'torch', 'casadi', 'ruckig', 'scipy', 'matplotlib'} & set(sys.modules))"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "set()\n"
