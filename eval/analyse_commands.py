@@ -6,9 +6,8 @@ from typing import Annotated
 
 import tyro
 
-from eval.commands import output_console
 from eval.options import Out
-from eval.tables import Rendered, markdown
+from eval.output import print_tables
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class AnalyseCommand:
         from eval.analyse_tables import analysis_tables
 
         analysis = analyse(self.run, planners=self.planners, states=self.states, out=self.out)
-        output_console().print(Rendered(*analysis_tables(analysis)))
+        print_tables(*analysis_tables(analysis))
         print(f"written to {self.out or self.run / FOLDER}")
 
 
@@ -69,9 +68,10 @@ class OverviewCommand:
         """Read the summaries and print the tables."""
         from eval.overview import difference_table, gap_table, read_overview
         from eval.results import write_text
+        from eval.tables import markdown
 
         read = read_overview(self.runs)
         tables = [gap_table(read), *([] if self.planner is None else [difference_table(read, self.planner)])]
-        output_console().print(Rendered(*tables))
+        print_tables(*tables)
         if self.out is not None:
             write_text(self.out, ["\n".join(markdown(table) for table in tables)])

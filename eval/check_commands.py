@@ -33,7 +33,7 @@ class CheckPlanner:
 
     def __call__(self) -> None:
         """Check, and print what was found."""
-        from eval.check_planner import check_planner
+        from eval.conformance_planner import check_planner
 
         found = check_planner(self.planner, data=self.data, models=self.models)
         print(found)
@@ -61,7 +61,7 @@ class CheckRecogniser:
 
     def __call__(self) -> None:
         """Check, and print what was found."""
-        from eval.check_recogniser import check_recogniser
+        from eval.conformance_recogniser import check_recogniser
 
         found = check_recogniser(self.recogniser, data=self.data)
         print(found)

@@ -8,24 +8,14 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.console import Console
 
 from ehar.cores import cores
 from eval.options import Fps, Models, Out
-from eval.progress import StageProgress, TrainingProgress
-from eval.tables import Rendered, render_summary
+from eval.output import output_console, print_tables
 from eval.train_all import TrainAllConfig
 from planners.agent_training_config import AgentTrainingConfig
 from planners.gain_training_config import GainTrainingConfig
 from recognition.training_config import Form, TrainingConfig
-
-PIPED_WIDTH = 160  # columns where standard output is no terminal
-
-
-def output_console() -> Console:
-    """Return where results are printed: standard output, wide where it is no terminal."""
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=PIPED_WIDTH)
 
 
 @dataclass(frozen=True)
@@ -84,6 +74,7 @@ class Benchmark:
     def __call__(self) -> None:
         """Run the benchmark, print its table and write its report."""
         from eval.run import benchmark
+        from eval.tables import render_summary
 
         summary = benchmark(
             self.planners or None,
@@ -167,7 +158,7 @@ class HeadroomCommand:
             out=self.out,
             workers=self.workers,
         )
-        output_console().print(Rendered(*headroom_tables(result)))
+        print_tables(*headroom_tables(result))
 
 
 @dataclass(frozen=True)
@@ -187,6 +178,7 @@ class TrainRecogniser:
 
     def __call__(self) -> None:
         """Train, resuming where a checkpoint lies in `out`."""
+        from eval.progress import TrainingProgress
         from recognition.training import train_recogniser
 
         with TrainingProgress() as progress:
@@ -214,6 +206,7 @@ class TrainGainField:
 
     def __call__(self) -> None:
         """Train, going on where a stopped run left off."""
+        from eval.progress import StageProgress
         from planners.gain_training import train_gain_field
 
         with StageProgress() as progress:
@@ -243,6 +236,7 @@ class TrainAgent:
 
     def __call__(self) -> None:
         """Train what is missing."""
+        from eval.progress import StageProgress
         from planners.agent_training import train_agents
 
         with StageProgress() as progress:
@@ -290,4 +284,4 @@ class Bench:
         """Measure, write, and print the figures beside their targets."""
         from eval.bench import bench, bench_table
 
-        output_console().print(Rendered(bench_table(bench(self.out))))
+        print_tables(bench_table(bench(self.out)))

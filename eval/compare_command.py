@@ -6,8 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from eval.commands import output_console
-from eval.tables import Rendered
+from eval.output import print_tables
 
 
 @dataclass(frozen=True)
@@ -36,4 +35,4 @@ class CompareCommand:
         from eval.compare import compare
         from eval.compare_table import compare_table
 
-        output_console().print(Rendered(compare_table(compare(self.run_a, self.run_b, self.planners))))
+        print_tables(compare_table(compare(self.run_a, self.run_b, self.planners)))

@@ -8,8 +8,8 @@ import tyro
 
 from ehar.errors import UsageError
 from ehar.motion_data import MotionData
-from eval.commands import output_console
 from eval.options import Fps
+from eval.output import output_console
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,8 @@ from typing import Annotated
 from tyro.conf import arg
 
 from ehar.cores import cores
-from eval.commands import output_console
 from eval.options import Fps, Models, Out
-from eval.tables import Rendered
+from eval.output import print_tables
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ class Explain:
             fps=self.fps,
         )
         draw_explanation(explanation, self.out)
-        output_console().print(Rendered(explain_table(explanation)))
+        print_tables(explain_table(explanation))
         print(f"drawn in {self.out}")
 
 
@@ -112,7 +111,7 @@ class BeliefCommand:
             fps=self.fps,
             out=self.out,
         )
-        output_console().print(Rendered(*belief_tables(report)))
+        print_tables(*belief_tables(report))
 
 
 @dataclass(frozen=True)
@@ -170,4 +169,4 @@ class AblationCommand:
             out=self.out,
             workers=self.workers,
         )
-        output_console().print(Rendered(*ablation_tables(result)))
+        print_tables(*ablation_tables(result))

@@ -5,7 +5,6 @@ from dataclasses import fields
 from typing import Any
 
 from ehar.errors import UsageError
-from planners.own_planner import own_spec
 
 NAMES_A_CLASS = "--recogniser"  # the option whose value may be a class of one's own
 
@@ -60,6 +59,8 @@ def options_of(*commands: type[Any]) -> dict[str, bool]:
 
 def _own_at(folded: Sequence[str]) -> int | None:
     """Return the place of the last word if it names a class of one's own."""
+    from planners.own_planner import own_spec  # here, as help waits for this file
+
     return len(folded) - 1 if own_spec(folded[-1]) is not None else None
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from ehar.cores import cores
 from ehar.errors import ModelError
-from eval.progress import StageProgress, TrainingProgress
 from planners.agent_training_config import AgentTrainingConfig, Setting
 from planners.gain_training_config import GainTrainingConfig
 from recognition.training_config import TrainingConfig
@@ -106,7 +105,8 @@ def train_all(config: TrainAllConfig, note: Callable[[str], None]) -> None:
     Raises:
         EharError: as the trainings do.
     """
-    # Here, as they bring torch, which `ehar --help` does not wait for.
+    # Here, as they bring torch and rich, which `ehar --help` does not wait for.
+    from eval.progress import StageProgress, TrainingProgress
     from planners.agent_training import train_agents
     from planners.gain_training import train_gain_field
     from recognition.training import train_recogniser

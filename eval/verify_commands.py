@@ -40,7 +40,7 @@ class VerifyCommand:
 
     def __call__(self) -> None:
         """Verify the run, print what was checked, and exit with 1 where something differs."""
-        from eval.commands import output_console
+        from eval.output import output_console
         from eval.verify import verify
 
         found = verify(

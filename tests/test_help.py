@@ -13,7 +13,7 @@ import pytest
 
 from eval.cli import COMMANDS, Group, main, parse
 
-HEAVY = ("torch", "casadi", "matplotlib", "plotly", "ruckig", "scipy", "stable_baselines3")
+HEAVY = ("torch", "casadi", "matplotlib", "plotly", "ruckig", "scipy", "stable_baselines3", "rich", "eval.run")
 LINES = {100: 40, 80: 50}  # of a screen, by its columns
 LINES_OF_ALL = 30  # for `ehar --help`
 

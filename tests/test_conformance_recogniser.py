@@ -184,7 +184,7 @@ DEFECTS = [
     (Narrow(), BATCH_OF_7, r"^embedding: values of float32 in shape \(7, 2\), for shape \(7, 3\)$"),
     (Integers(), BATCH_OF_7, r"^embedding: values of int64 in shape \(7, 3\), for shape \(7, 3\)$"),
     (Infinite(), BATCH_OF_7, r"^log_probs: NaN or infinity of float32 in shape \(7, 3\)"),
-    (Broken(), BATCH_OF_7, r"^step: KeyError: 'layer 3' \(.*test_check_recogniser.py, line \d+\)$"),
+    (Broken(), BATCH_OF_7, r"^step: KeyError: 'layer 3' \(.*test_conformance_recogniser.py, line \d+\)$"),
     (Logits(), "log-probabilities are normalised", r"^probabilities that sum to 2.718 in row \d after frame \d+$"),
     (Dropout(), "does the same twice", r"^log_probs of row 0 after frame 0: \[.*\] at first, \[.*\] the second time$"),
     (BatchNorm(), "rows alone, and in another order, are recognised the same", r"in a batch of 7, .* alone$"),

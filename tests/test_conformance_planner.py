@@ -144,7 +144,7 @@ DEFECTS = [
     (PeeksAtJoints(), "the hidden truth changes nothing", r"with other labels and 3D joints"),
     (Squeezing(), "answers a batch of 1 with finite targets (1, 3)", r"of shape \(1, 3\), got \(3,\)$"),
     (Lost(), "answers a batch of 7 with finite targets (7, 3)", r"frame 3: expected a finite target .* \[nan"),
-    (Broken(), "answers a batch of 7 with finite targets (7, 3)", r"IndexError: .*test_check_planner.py, line \d+"),
+    (Broken(), "answers a batch of 7 with finite targets (7, 3)", r"IndexError: .*conformance_planner.py, line \d+"),
     (LongSighted(), "runs episodes of 1 and of 2 frames", r"'still', reset: ZeroDivisionError: .*, line \d+\)$"),
     (Locked(), "can be sent to a worker process", r"TypeError: cannot pickle '_thread.lock' object"),
 ]  # fmt: skip
