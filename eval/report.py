@@ -12,9 +12,10 @@ from eval.finished_run import class_names, read_run
 from eval.progress import ConsoleReporter, Reporter
 from eval.replay_choice import RULE, RULE_ALONE, choose_episodes, choose_planners
 from eval.replay_data import replay_data
-from eval.report_behaviour_figures import planner_figures, predictability_figure
+from eval.report_behaviour_figures import behaviour_figures
 from eval.report_data import ReportData, read_summary, report_data
 from eval.report_figures import accuracy_figure, cost_figures, difference_figures
+from eval.report_recognition_figures import predictability_figure, recognition_figures
 from eval.report_tables import (
     differences_part,
     lead_sentence,
@@ -95,7 +96,14 @@ def for_script(value: Any) -> str:
 
 def _figures(data: ReportData) -> dict[str, Any]:
     """Return all figures: those of their own, and those of a planner that the reader picks."""
-    focused = {name: {**planner_figures(data, name), "accuracy": accuracy_figure(data, name)} for name in data.planners}
+    focused = {
+        name: {
+            **recognition_figures(data, name),
+            **behaviour_figures(data, name),
+            "accuracy": accuracy_figure(data, name),
+        }
+        for name in data.planners
+    }
     pairs = {name: {"pairs": of} for name, of in difference_figures(data).items()}
     return {
         "figures": {**cost_figures(data), "predictability": predictability_figure(data)},

@@ -4,7 +4,7 @@ A figure is a dict of Plotly's JSON schema. Its colours are tokens that the page
 theme: `@0` to `@5` of Okabe and Ito, `@neutral`, `@text`, `@grid`, `@paper`; `@0/0.2` is a fifth opaque.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any, NamedTuple
 
@@ -46,6 +46,23 @@ def looks(planners: Mapping[str, bool]) -> dict[str, Look]:
 def plain(text: str) -> str:
     """Return text that Plotly shows as it is: it takes some HTML for markup."""
     return escape(text, quote=False)
+
+
+def pattern(shape: str) -> dict[str, Any]:
+    """Return a pattern over a bar's own colour, for who cannot tell colours."""
+    return {"shape": shape, "fillmode": "overlay", "fgcolor": "@paper", "size": 7, "solidity": 0.25}
+
+
+def colour_scale(title: str) -> dict[str, Any]:
+    """Return a scale of colours below a figure, where a phone has room for it."""
+    below = {"orientation": "h", "y": 0, "yref": "container", "yanchor": "bottom"}
+    return {**below, "title": {"text": title, "side": "bottom"}, "thickness": 10, "outlinewidth": 0}
+
+
+def beside_no_act(planners: Iterable[str], name: str) -> list[str]:
+    """Return the planners of a figure about one: it, behind no-act where that ran."""
+    ran = set(planners)
+    return list(dict.fromkeys(one for one in (NO_ACT, name) if one in ran))
 
 
 def figure(
