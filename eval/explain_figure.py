@@ -13,7 +13,7 @@ from matplotlib.patheffects import Normal, withStroke
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError
 from ehar.viewpoint import AZIMUTH, POLAR
-from eval.explain import Explanation
+from eval.explanation import Explanation
 from eval.results import replacing
 
 FORMATS = (".png", ".svg", ".pdf")

@@ -46,8 +46,9 @@ class Explain:
 
     def __call__(self) -> None:
         """Run the episode, draw it, and print its table."""
-        from eval.explain import explain, explain_table
+        from eval.explain import explain
         from eval.explain_figure import check_format, draw_explanation
+        from eval.explanation import explain_table
 
         check_format(self.out)
         explanation = explain(

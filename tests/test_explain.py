@@ -14,8 +14,9 @@ from ehar.scenario import split_parts
 from eval import benchmark
 from eval.cli import main
 from eval.episodes import cut_scenarios, random_starts
-from eval.explain import Explanation, explain, explain_table, moments, single_episode
+from eval.explain import explain, moments, single_episode
 from eval.explain_figure import draw_explanation, shown_classes
+from eval.explanation import Explanation, explain_table
 from eval.records import read_episodes
 from planners.view_basis import field_value
 
