@@ -1,4 +1,4 @@
-"""The README and the pages of docs: their code, their commands, and what the command line makes of these."""
+"""The README and the pages of docs: their code, their commands, and whether those have their flags."""
 
 import contextlib
 import functools
@@ -6,10 +6,8 @@ import io
 import re
 import shlex
 from pathlib import Path
-from typing import Any
 
 import pytest
-import tyro
 
 from eval.check_commands import CheckPlanner, CheckRecogniser
 from eval.cli import main
@@ -43,21 +41,6 @@ def mentioned_commands(page: Path) -> list[list[str]]:
     """Return the words after `ehar` of every command between the text's backticks."""
     text = _FENCE.sub("", page.read_text())
     return [found.split() for found in re.findall(r"`ehar ([^`]+)`", text)]
-
-
-def parsed(words: list[list[str]], monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """Return what the command line makes of commands, none of which runs; one that it refuses exits."""
-    made: list[Any] = []
-    original = tyro.cli
-
-    def parse(*arguments: Any, **options: Any) -> Any:
-        made.append(original(*arguments, **options))
-        return lambda: None
-
-    monkeypatch.setattr(tyro, "cli", parse)
-    for command in words:
-        main(command)
-    return made
 
 
 def unknown_flags(words: list[str]) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from fakes import FakeRecogniser, tiny_batch, tiny_context, tiny_data
 from gain_models import model_of, peak_weights
-from pages import DOCS, commands, parsed, python_blocks
+from pages import DOCS, commands, python_blocks
 from test_benchmark import HashedRecogniser, Log
 
 from ehar.datasets.source import load_data
@@ -20,6 +20,7 @@ from ehar.rollout import rollout
 from ehar.scenario import part_of, windows
 from ehar.sensor import PerfectSensor
 from eval import benchmark, check_planner, check_recogniser
+from eval.cli import parse
 from planners.registry import resolve_planner
 from recognition.calibration import Temperature
 from recognition.networks import NetworkSpec
@@ -133,8 +134,8 @@ def test_the_recogniser_of_the_page_conforms(tmp_path: Path) -> None:
         assert found.passed, str(found)
 
 
-def test_flags_after_a_class_of_the_page_become_its_arguments(monkeypatch: pytest.MonkeyPatch) -> None:
-    shown = parsed(commands(PAGE), monkeypatch)  # what they run is tested above
+def test_flags_after_a_class_of_the_page_become_its_arguments() -> None:
+    shown = [parse(words) for words in commands(PAGE)]  # what they run is tested above
     assert len(shown) >= 6
     planners = {planner for command in shown for planner in getattr(command, "planners", ())}
     assert {"./spiral.py:Spiral(distance='8', turn='-0.2')", "./rays.py:Rays", "./rays.py:Rays(steps='30')"} <= planners
