@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from fakes import tiny_data
-from test_benchmark import Log
-from test_results import CONFIG_OF_RUN, summary_of
+from made_records import CONFIG_OF_RUN, summary_of
+from tiny_benchmarks import Log
 
 from ehar.motion_file import save_motion
 from ehar.planner import Planner

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from fakes import tiny_data
 from gain_models import model_of, peak_weights
-from test_benchmark import HashedRecogniser, Log
+from tiny_benchmarks import HashedRecogniser, Log
 
 from ehar.errors import UsageError
 from ehar.motion_file import save_motion

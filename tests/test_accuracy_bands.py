@@ -1,7 +1,7 @@
 from dataclasses import replace
 
 import numpy as np
-from test_results import make_records, three_planners
+from made_records import make_records, three_planners
 
 from eval.accuracy_bands import accuracy_bands
 from eval.planner_accuracy import resample_sequences

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_results import CONFIG_OF_RUN, make_records, three_planners, write_finished
+from made_records import CONFIG_OF_RUN, make_records, three_planners, write_finished
 
 from ehar.errors import DataError, UsageError
 from ehar.vehicle import VEHICLES

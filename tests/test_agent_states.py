@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from agents import save_untrained
 from fakes import tiny_data
-from test_benchmark import HashedRecogniser, Log
+from tiny_benchmarks import HashedRecogniser, Log
 
 from ehar.arrays import FloatArray
 from ehar.errors import DataError, ModelError, UsageError

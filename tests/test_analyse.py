@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from agents import save_untrained
 from fakes import CLASS_NAMES, tiny_data
+from made_records import CONFIG_OF_RUN, flown, make_records, write_finished
 from test_agent_states import Seeing
-from test_benchmark import HashedRecogniser, Log
-from test_results import CONFIG_OF_RUN, flown, make_records, write_finished
+from tiny_benchmarks import HashedRecogniser, Log
 
 from ehar.errors import DataError, UsageError
 from ehar.motion_file import save_motion

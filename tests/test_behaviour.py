@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_results import flown, make_records
+from made_records import flown, make_records
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import DataError

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from fakes import tiny_data
-from test_benchmark import HashedRecogniser
+from tiny_benchmarks import HashedRecogniser
 
 from ehar.motion_file import save_motion
 from eval.cli import COMMANDS, main

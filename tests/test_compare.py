@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from made_records import CONFIG_OF_RUN, make_records, summary_of
 from test_cli import fails_with
-from test_results import CONFIG_OF_RUN, make_records, summary_of
 
 from ehar.errors import DataError, UsageError
 from eval.cli import main

@@ -11,7 +11,7 @@ import pytest
 from agents import untrained_agent
 from fakes import tiny_data
 from gain_models import model_of, peak_weights
-from test_benchmark import HashedRecogniser
+from tiny_benchmarks import HashedRecogniser
 
 from ehar.arrays import FloatArray
 from ehar.planner import Context, Observation, Planner

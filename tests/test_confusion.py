@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_records import make_records
 from sklearn.metrics import confusion_matrix
-from test_results import make_records
 
 from eval.confusion import class_gains, confusion
 from eval.metrics import mean_acc

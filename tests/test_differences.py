@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_records import CONFIG_OF_RUN, make_records, summary_of
 from rich.console import Console
 from scipy.stats import binomtest, mannwhitneyu, trim_mean
-from test_results import CONFIG_OF_RUN, make_records, summary_of
 
 from eval.figures import draw_accuracy
 from eval.metrics import right_at

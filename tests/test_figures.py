@@ -3,7 +3,7 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 import pytest
-from test_results import summary_of, three_planners
+from made_records import summary_of, three_planners
 
 from eval.figures import _cycle, _line, _spread, draw_accuracy
 

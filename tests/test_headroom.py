@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fakes import FakeRecogniser, tiny_data
-from test_benchmark import Log
+from tiny_benchmarks import Log
 
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError

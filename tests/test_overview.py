@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_results import CONFIG_OF_RUN
+from made_records import CONFIG_OF_RUN
 
 from ehar.errors import DataError, UsageError
 from eval.overview import difference_table, gap_table, read_overview

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from agents import save_untrained
 from fakes import CLASS_NAMES, FakeRecogniser, tiny_data
-from test_benchmark import Log
+from tiny_benchmarks import Log
 
 from ehar.errors import EpisodeError, ModelError, UsageError
 from ehar.motion_file import save_motion

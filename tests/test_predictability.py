@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from test_results import make_records
+from made_records import make_records
 
 from eval.metrics import acc_at
 from eval.predictability import (

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from fakes import CLASS_NAMES
 from gain_models import model_of, peak_weights
+from made_records import make_records
 from PIL import Image
 from reports import tiny_run, written_run
-from test_benchmark import HashedRecogniser, Log
 from test_cli import fails_with
 from test_own_recogniser import OWN as RECOGNISER
-from test_results import make_records
+from tiny_benchmarks import HashedRecogniser, Log
 
 from ehar.camera import Camera, project
 from ehar.errors import UsageError

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_results import make_records
+from made_records import make_records
 
 from eval.metrics import mean_acc
 from eval.records import EpisodeRecords

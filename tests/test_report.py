@@ -12,11 +12,11 @@ import plotly.graph_objects
 import pytest
 from fakes import tiny_data
 from gain_models import model_of, peak_weights
+from made_records import flown, make_records, three_planners
 from plotly.offline import get_plotlyjs
 from reports import embedded, report_of, tiny_run, written_run
-from test_benchmark import HashedRecogniser, Log
 from test_cli import fails_with
-from test_results import flown, make_records, three_planners
+from tiny_benchmarks import HashedRecogniser, Log
 
 from ehar.motion_file import save_motion
 from ehar.viewpoint import Workspace

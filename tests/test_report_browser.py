@@ -11,7 +11,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 from reports import report_of, tiny_run
-from test_benchmark import HashedRecogniser
+from tiny_benchmarks import HashedRecogniser
 
 playwright = pytest.importorskip("playwright.sync_api", reason="the browser test needs playwright, of ehar[dev]")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from made_records import CONDITIONS, flown, make_records, summary_of
 from rich.console import Console
-from test_results import CONDITIONS, flown, make_records, summary_of
 
 from ehar.errors import DataError
 from eval.differences import SUBJECTS

@@ -10,7 +10,7 @@ import pytest
 from agents import save_untrained
 from fakes import tiny_data
 from test_agent_states import Seeing
-from test_benchmark import HashedRecogniser, Log, save_models
+from tiny_benchmarks import HashedRecogniser, Log, save_models
 
 from ehar.errors import EharError, UsageError
 from ehar.motion_file import save_motion

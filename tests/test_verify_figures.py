@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from test_results import CONFIG_OF_RUN, summary_of, three_planners
+from made_records import CONFIG_OF_RUN, summary_of, three_planners
 
 from eval.results import PlannerConfig
 from eval.solves import Solves

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from fakes import FakeRecogniser, tiny_data
 from test_agent_states import Seeing
-from test_benchmark import HashedRecogniser, Log
 from test_own_recogniser import OWN as RECOGNISER
+from tiny_benchmarks import HashedRecogniser, Log
 
 from ehar.errors import UsageError
 from ehar.motion_file import save_motion

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fakes import tiny_batch, tiny_context
-from test_benchmark import HashedRecogniser
-from test_results import flown, make_records
+from made_records import flown, make_records
+from tiny_benchmarks import HashedRecogniser
 
 from ehar.flight import FlightMotion
 from ehar.motion import GridMotion, Motion

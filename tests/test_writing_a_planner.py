@@ -9,7 +9,7 @@ import pytest
 from fakes import FakeRecogniser, tiny_batch, tiny_context, tiny_data
 from gain_models import model_of, peak_weights
 from pages import DOCS, commands, python_blocks
-from test_benchmark import HashedRecogniser, Log
+from tiny_benchmarks import HashedRecogniser, Log
 
 from ehar.datasets.source import load_data
 from ehar.env import GridVectorEnv
