@@ -4,40 +4,44 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import tyro
+from tyro.conf import FlagCreatePairsOff, Positional, arg
+
+from eval.options import AS_RECORDED
 
 
 @dataclass(frozen=True)
 class ReplayCommand:
-    """Show one episode of a finished run as a film: people, cameras, what they see, and what is believed.
+    """Show one episode of a finished run as a film.
 
-    Planners and a recogniser of one's own are made again: the files that config.json names are run.
+    The people, the cameras, what these see, and what is believed.
+
+    Of planners and recognisers of one's own it runs the files that the run names.
 
     For example:
-
-    ehar replay runs/duo-perfect-moving gain --planners nbv il-ppo --out nbv.gif
+        ehar replay runs/mine gain
+        ehar replay runs/mine 12 --planners nbv il-ppo --out nbv.gif
 
     Args:
-        run: folder of a run of ehar benchmark.
-        episode: its number, from 0, as in episodes.jsonl; or gain, loss or typical: where the first planner gains most
-            or loses most against the second, or is at its median.
-        planners: one or two; il-ppo is its first training, il-ppo/3 another. By default the most accurate one that is
-            not handed the truth, and no-act.
-        out: the film to write, .mp4 or .gif; by default replay-EPISODE.mp4 in the run's folder.
+        run: folder of a finished run.
+        episode: its number, from 0; or gain, loss or typical: of the first planner against the second.
+        planners: one or two; il-ppo/3 is one of several trainings.
+        out: film to write, .mp4 or .gif, or recording, .rrd.
         slower: than life, so many times; 1 is life.
-        data: where the run's data lie now; by default where they lay.
-        models: where the run's weights lie now; by default where they lay.
-        rerun: write a recording for Rerun's viewer (.rrd), not a film; needs rerun-sdk.
+        data: where the run's data lie now.
+        models: where its weights lie now.
+        rerun: write a recording for Rerun's viewer instead; needs rerun-sdk.
     """
 
-    run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    episode: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="EPISODE")]
-    planners: tuple[str, ...] = ()
-    out: Path | None = None
+    run: Annotated[Path, Positional, arg(metavar="RUN")]
+    episode: Annotated[str, Positional, arg(metavar="EPISODE")]
+    planners: Annotated[
+        tuple[str, ...], arg(metavar="PLANNER ...", help_behavior_hint="(default: the most accurate, and no-act)")
+    ] = ()
+    out: Annotated[Path | None, arg(help_behavior_hint="(default: RUN/replay-EPISODE.mp4)")] = None
     slower: float = 4.0
-    data: str | None = None
-    models: Path | None = None
-    rerun: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    data: Annotated[str | None, AS_RECORDED] = None
+    models: Annotated[Path | None, AS_RECORDED] = None
+    rerun: Annotated[bool, FlagCreatePairsOff] = False
 
     def __call__(self) -> None:
         """Write the film or the recording, and say what it shows and where it is."""

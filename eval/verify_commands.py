@@ -7,7 +7,7 @@ from typing import Annotated
 
 import tyro
 
-AS_RECORDED = tyro.conf.arg(help_behavior_hint="(default: as recorded)")
+from eval.options import AS_RECORDED
 
 
 @dataclass(frozen=True)
