@@ -272,16 +272,18 @@ class Bench:
     """Measure how fast recognition, planning and training are.
 
     For example:
-        ehar bench --out bench.json
+        ehar bench --out bench.json --report runs/duo-perfect-moving/report.html
 
     Args:
         out: .json to write.
+        report: report.html to open too; takes chromium, and playwright from ehar[dev].
     """
 
     out: Path
+    report: Path | None = None
 
     def __call__(self) -> None:
         """Measure, write, and print the figures beside their targets."""
         from eval.bench import bench, bench_table
 
-        print_tables(bench_table(bench(self.out)))
+        print_tables(bench_table(bench(self.out, report=self.report)))

@@ -58,9 +58,11 @@ def test_targets_are_bounds_from_their_side() -> None:
 
 
 @pytest.mark.slow
-def test_every_figure_is_written_and_printed(tmp_path: Path) -> None:
+def test_every_figure_is_written_and_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eval.bench.time_report", {tmp_path / "report.html": 2.5}.__getitem__)
     out = tmp_path / "bench.json"
-    figures = bench(out, BRIEF)
+    figures = bench(out, BRIEF, tmp_path / "report.html")
+    assert figures["report_interactive_s"] == 2.5
     assert json.loads(out.read_text()) == figures
     assert figures.keys() == TARGETS.keys() | {
         "flops_ratio_published_widths",

@@ -1,7 +1,6 @@
 """A report in a real browser: Debian's chromium, headless. Skipped, aloud, where there is none."""
 
 import shutil
-import time
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
@@ -140,15 +139,3 @@ def test_it_fits_a_phone_in_light_and_dark(opened: Any, scheme: str) -> None:
     assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     brightness = painted(page, "#replay").mean()
     assert brightness > 0.8 if scheme == "light" else brightness < 0.3
-
-
-def test_it_is_soon_interactive(opened: Any) -> None:
-    begin = time.perf_counter()
-    page = opened()
-    page.locator("#table thead button").first.click()
-    page.locator("#scrub").focus()
-    page.keyboard.press("ArrowRight")
-    assert page.locator("#frame").inner_text().startswith("frame 2")
-    seconds = time.perf_counter() - begin
-    print(f"interactive after {seconds:.1f} s")
-    assert seconds < 60  # the target is 3 s on two idle cores; a machine that runs tests is not idle
