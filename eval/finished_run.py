@@ -135,15 +135,27 @@ def same_episodes(one: EpisodeRecords, other: EpisodeRecords) -> bool:
     )
 
 
-def class_names(run: FinishedRun, note: Callable[[str], None]) -> tuple[str, ...]:
-    """Return the names of the run's classes; numbers, and a note why, where its data is not here any more."""
+def class_names(run: FinishedRun, note: Callable[[str], None], source: str | Path | None = None) -> tuple[str, ...]:
+    """Return the names of the run's classes; numbers, and a note why, where its data is not here any more.
+
+    Args:
+        run: the run.
+        note: told the reason.
+        source: where its data lie now; None is where they lay.
+
+    Raises:
+        EharError: what was asked for by `source` cannot be read.
+    """
     from ehar.datasets.source import load_data
 
     conditions = run.conditions
+    place = conditions.source if source is None else source
     try:
-        data = load_data(conditions.source, fps=conditions.fps)
-        reason = None if data.sha256 == conditions.data_sha256 else f"{conditions.source}: not the data of the run"
+        data = load_data(place, fps=conditions.fps)
+        reason = None if data.sha256 == conditions.data_sha256 else f"{place}: not the data of the run"
     except EharError as error:
+        if source is not None:
+            raise
         reason = str(error)
     if reason is None:
         return data.class_names

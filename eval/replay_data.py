@@ -3,6 +3,7 @@
 import base64
 import json
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,8 @@ def replay_data(
     chosen: Sequence[Chosen],
     planners: Mapping[str, str],
     *,
+    data: str | Path | None,
+    models: Path | None,
     advance: Callable[[str], None],
 ) -> dict[str, Any]:
     """Return the replays of a run; `episodes` is empty, and `missing` says why, where they cannot be had.
@@ -36,10 +39,12 @@ def replay_data(
         run: the run.
         chosen: which episodes.
         planners: by name, the record that is shown.
+        data: where the run's data lie now; None is where they lay.
+        models: where its weights lie now; None is where they lay.
         advance: told of each record that is done.
     """
     try:
-        inputs = check_inputs(run.config, None, None)
+        inputs = check_inputs(run.config, data, models)
         replays = replay_run(run, inputs, [one.episode for one in chosen], list(planners.values()), advance=advance)
     except EharError as error:
         return {"episodes": [], "missing": str(error), "notes": []}
@@ -78,6 +83,7 @@ def _episode(run: FinishedRun, replays: Replays, row: int, one: Chosen, planners
     """Return one episode with all planners."""
     reference = next(iter(run.records.values()))
     return {
+        "episode": one.episode,
         "title": f"{reference.sequence[one.episode]} from frame {reference.first[one.episode]}",
         "why": one.why,
         "label": int(reference.label[one.episode]),

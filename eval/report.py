@@ -34,12 +34,21 @@ SCRIPTS = ("theme.js", "figures.js", "tables.js", "codec.js", "canvas.js", "scen
 PAGE = files("eval") / "report_page"
 
 
-def make_report(directory: Path, *, out: Path | None = None, reporter: Reporter | None = None) -> Path:
+def make_report(
+    directory: Path,
+    *,
+    out: Path | None = None,
+    data: str | Path | None = None,
+    models: Path | None = None,
+    reporter: Reporter | None = None,
+) -> Path:
     """Write the report of a finished run, and return its path.
 
     Args:
         directory: of the run.
         out: the file to write; None is report.html in the run's folder.
+        data: where the run's data lie now; None is where they lay.
+        models: where its weights lie now; None is where they lay.
         reporter: hears of progress; None reports on standard error.
 
     Raises:
@@ -48,10 +57,10 @@ def make_report(directory: Path, *, out: Path | None = None, reporter: Reporter 
     reporter = reporter or ConsoleReporter()
     run = read_run(Path(directory))
     summary = read_summary(run)
-    data = report_data(run, summary, class_names(run, reporter.note))
-    replays, rule = _replays(data, reporter)
+    shown = report_data(run, summary, class_names(run, reporter.note, data))
+    replays, rule = _replays(shown, data, models, reporter)
     path = run.directory / REPORT if out is None else Path(out)
-    write_text(path, [page(data, replays, rule)])
+    write_text(path, [page(shown, replays, rule)])
     return path
 
 
@@ -123,7 +132,9 @@ def _moves_text(data: ReportData) -> str:
     return "Which of the grid's seven moves the camera made in each third of an episode."
 
 
-def _replays(data: ReportData, reporter: Reporter) -> tuple[dict[str, Any], str]:
+def _replays(
+    data: ReportData, source: str | Path | None, models: Path | None, reporter: Reporter
+) -> tuple[dict[str, Any], str]:
     """Return the replays of the most telling episodes, and the rule that chose them."""
     shown = first_trainings(data.run.records)
     records = {name: data.run.records[record] for name, record in shown.items()}
@@ -133,7 +144,7 @@ def _replays(data: ReportData, reporter: Reporter) -> tuple[dict[str, Any], str]
     reporter.begin(len(shown))
     advance: Callable[[str], None] = reporter.advance
     try:
-        replays = replay_data(data.run, chosen, shown, advance=advance)
+        replays = replay_data(data.run, chosen, shown, data=source, models=models, advance=advance)
     finally:
         reporter.end()
     if replays["missing"]:
@@ -152,7 +163,8 @@ def _replay_part(data: ReportData, replays: dict[str, Any], rule: str) -> str:
             f"{escape(replays['missing'])}</p>"
         )
     episodes = {
-        str(row): f"{data.class_names[of['label']]}: {of['title']}" for row, of in enumerate(replays["episodes"])
+        str(row): f"{data.class_names[of['label']]}: {of['title']} (episode {of['episode']})"
+        for row, of in enumerate(replays["episodes"])
     }
     names = list(data.planners)
     first, second = (*choose_planners(names, data.lead), "")[:2]

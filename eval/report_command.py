@@ -6,6 +6,8 @@ from typing import Annotated
 
 import tyro
 
+from eval.options import AS_RECORDED
+
 
 @dataclass(frozen=True)
 class ReportCommand:
@@ -19,13 +21,17 @@ class ReportCommand:
     Args:
         run: folder of a finished run.
         out: file to write.
+        data: where the run's data lie now.
+        models: where its weights lie now.
     """
 
     run: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     out: Annotated[Path | None, tyro.conf.arg(help_behavior_hint="(default: RUN/report.html)")] = None
+    data: Annotated[str | None, AS_RECORDED] = None
+    models: Annotated[Path | None, AS_RECORDED] = None
 
     def __call__(self) -> None:
         """Write the report, and say where it is."""
         from eval.report import make_report
 
-        print(f"written to {make_report(self.run, out=self.out)}")
+        print(f"written to {make_report(self.run, out=self.out, data=self.data, models=self.models)}")

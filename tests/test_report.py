@@ -108,7 +108,8 @@ def test_what_is_replayed_is_what_happened(tiny: tuple[Path, str]) -> None:
     titles = [f"{name} from frame {first}" for name, first in zip(reference.sequence, reference.first, strict=True)]
     assert [note for note in replays["notes"] if "random" in note]  # its draws are those of a whole chunk
     for episode in replays["episodes"]:
-        index = titles.index(episode["title"])
+        index = episode["episode"]
+        assert titles[index] == episode["title"] and f"{episode['title']} (episode {index})</option>" in page
         for name, of in episode["planners"].items():
             path = values(of["path"], np.uint16).reshape(-1, 3) / [1000, 100, 100]
             recorded = records[name].viewpoint[index]
@@ -147,6 +148,20 @@ def test_data_that_has_gone_leaves_a_report_without_replays(tmp_path: Path) -> N
     assert "There are no replays" in page
     assert embedded(page, "replays")["episodes"] == []
     assert any("the report has no replays" in note for note in log.notes)
+
+
+def test_data_that_has_moved_is_found_where_it_lies_now(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
+    run = tiny_run(tmp_path)
+    moved = (tmp_path / "tiny.npz").rename(tmp_path / "moved.npz")
+    main(["report", str(run), "--data", str(moved)])
+    capsys.readouterr()
+    page = (run / "report.html").read_text(encoding="utf-8")
+    assert embedded(page, "replays")["episodes"]
+    assert "class 0" not in page
+    assert "nowhere.npz" in fails_with(["report", str(run), "--data", "nowhere.npz"], capsys)
 
 
 def test_names_with_html_are_shown_as_they_are(tmp_path: Path) -> None:
