@@ -145,7 +145,7 @@ def draw_states(
     place.set_aspect("equal", adjustable="datalim")
     place.spines[:].set_color(_LIGHT)
     place.set_xlabel(
-        f"t-SNE of {len(mapped)} states; of the {purity.neighbours} nearest in other sequences "
+        f"t-SNE of {len(mapped)} states\nOf the {purity.neighbours} nearest in other sequences "
         f"{100 * purity.purity:.0f} % are of the class, by chance {100 * purity.chance:.0f} %",
         fontsize=8.5,
     )

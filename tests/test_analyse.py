@@ -15,8 +15,10 @@ from tiny_benchmarks import HashedRecogniser, Log
 from ehar.errors import DataError, UsageError
 from ehar.motion_file import save_motion
 from eval import benchmark
+from eval.agent_states import Purity
 from eval.analyse import analyse
 from eval.analyse_commands import AnalyseCommand
+from eval.analyse_figure import draw_states
 from eval.finished_run import read_run
 from eval.records import EpisodeRecords, episode_lines
 from eval.results import CONFIG, EPISODES, SUMMARY, PlannerConfig, write_text
@@ -85,6 +87,14 @@ def test_the_states_of_a_learned_planner_are_drawn(tmp_path: Path) -> None:
     assert "by chance [%]" in (tmp_path / "out" / "analysis.md").read_text()
     with pytest.raises(UsageError, match="planner 'seeing': expected a learned one"):
         analyse(directory, planners=["seeing"], states="seeing", reporter=Log())
+
+
+def test_nothing_is_cut_off_beside_long_names_of_classes(tmp_path: Path) -> None:
+    mapped = np.random.default_rng(0).normal(size=(40, 2))
+    names = ("exchanging_something", "shaking_both_hands")
+    purity = Purity(neighbours=10, purity=0.278, chance=0.117)
+    draw_states(mapped, np.arange(40) % 2, names, "a run", purity, tmp_path / "states.png")
+    assert matplotlib.image.imread(tmp_path / "states.png")[:, [0, 1, -2, -1], :3].min() > 0.95
 
 
 def test_the_states_of_an_agent_are_drawn_by_its_record_name(tmp_path: Path) -> None:
