@@ -71,6 +71,8 @@ prepare = $(RUN)ehar train recogniser $(2) --out models/$(1) && \
 HDM05 := --data $(DATA)/hdm05.npz
 BANDAI2 := --data $(DATA)/bandai2.npz
 SBU := --data $(DATA)/sbu.npz --fps 30 --length 30
+# A vehicle needs time to get anywhere.
+LONG := --data solo --sensor estimator --models models/solo --length 150 --starts 2
 
 results: setup
 	$(call prepare,hdm05,$(HDM05),24)
@@ -91,10 +93,14 @@ results: setup
 	$(call fly,sbu,$(SBU))
 	$(call fly,duo,--data duo)
 	$(call fly,solo,--data solo)
+	$(RUN)ehar benchmark $(PLANNERS) $(LONG) --out runs/agents-solo-150
+	$(RUN)ehar benchmark $(PLANNERS) $(LONG) --track tracking-drone --ideal runs/agents-solo-150 --out runs/agents-solo-150-drone
 	for encoder in $(ENCODERS); do $(RUN)ehar train agent --data solo --views paper --models models/solo --seeds $(SEEDS) \
 	  --without $$encoder --stages il,il-ppo || exit 1; done
 	$(RUN)ehar benchmark no-act il il-ppo $(foreach encoder,$(ENCODERS),il-no-$(encoder) il-ppo-no-$(encoder)) oracle \
 	  --data solo --views paper --models models/solo --starts $(STARTS) --out runs/encoders-solo-paper
+	$(RUN)ehar analyse runs/agents-hdm05-estimator --planners il-ppo nbv
+	$(RUN)ehar analyse runs/agents-sbu-estimator --planners il-ppo nbv --states il-ppo/0
 
 clean:
 	rm -rf $(VENV)
