@@ -73,7 +73,7 @@ class JerkProfile:
         v, a, j = self.velocity[:, :-1], self.acceleration[:, :-1], self.jerk[:, :-1]
         # A coordinate turns where v + a t + j t^2 / 2 = 0; this form of the roots does not cancel, j = 0 included.
         half = -(a + np.copysign(np.sqrt(np.maximum(a**2 - 2 * j * v, 0)), a))
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             roots = np.nan_to_num(np.stack([half / j, 2 * v / half]))
         t = np.clip(roots, 0, np.diff(self.times, axis=1))
         turned = self.viewpoint[:, :-1] + t * (v + t * (a / 2 + t * j / 6))

@@ -56,6 +56,14 @@ def test_extremes_are_exact(seed: int) -> None:
     np.testing.assert_allclose(high, dense.max(axis=1), atol=1e-4)
 
 
+def test_a_jerk_next_to_none_is_as_none() -> None:
+    start = SphericalState(*(np.array([part]) for part in ([8.0, 0, 1], [1.0, 2, 0], [-1.0, 0.5, 1], [0.0, 0, 0])))
+    durations, jerks = np.full((1, 1, 3), 2.0), np.array([[[5e-324, -5e-324, 5e-324]]])
+    flights = [JerkProfile.from_phases(start, Phases(durations, jerk)) for jerk in (0 * jerks, jerks)]
+    for without, with_least in zip(*(flight.extremes() for flight in flights), strict=True):
+        np.testing.assert_array_equal(without, with_least)
+
+
 @given(seeds, st.floats(0.01, 3))
 def test_samples_are_close_and_see_both_sides_of_every_step_of_the_jerk(seed: int, longest: float) -> None:
     flights = profile(seed)
