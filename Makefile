@@ -71,8 +71,6 @@ prepare = $(RUN)ehar train recogniser $(2) --out models/$(1) && \
 HDM05 := --data $(DATA)/hdm05.npz
 BANDAI2 := --data $(DATA)/bandai2.npz
 SBU := --data $(DATA)/sbu.npz --fps 30 --length 30
-# A vehicle needs time to get anywhere.
-LONG := --data solo --sensor estimator --models models/solo --length 150 --starts 2
 
 results: setup
 	$(call prepare,hdm05,$(HDM05),24)
@@ -93,8 +91,6 @@ results: setup
 	$(call fly,sbu,$(SBU))
 	$(call fly,duo,--data duo)
 	$(call fly,solo,--data solo)
-	$(RUN)ehar benchmark $(PLANNERS) $(LONG) --out runs/agents-solo-150
-	$(RUN)ehar benchmark $(PLANNERS) $(LONG) --track tracking-drone --ideal runs/agents-solo-150 --out runs/agents-solo-150-drone
 	for encoder in $(ENCODERS); do $(RUN)ehar train agent --data solo --views paper --models models/solo --seeds $(SEEDS) \
 	  --without $$encoder --stages il,il-ppo || exit 1; done
 	$(RUN)ehar benchmark no-act il il-ppo $(foreach encoder,$(ENCODERS),il-no-$(encoder) il-ppo-no-$(encoder)) oracle \
