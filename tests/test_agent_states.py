@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from agents import save_untrained
 from fakes import tiny_data
-from tiny_benchmarks import HashedRecogniser, Log
+from tiny_benchmarks import Log
 
 from ehar.arrays import FloatArray
 from ehar.errors import DataError, ModelError, UsageError
@@ -47,9 +47,7 @@ class Stateless(Seeing):
         return target
 
 
-@pytest.fixture(autouse=True)
-def fake_weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
+pytestmark = pytest.mark.usefixtures("fake_weights")
 
 
 @pytest.fixture

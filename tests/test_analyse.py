@@ -10,7 +10,7 @@ from agents import save_untrained
 from fakes import CLASS_NAMES, tiny_data
 from made_records import CONFIG_OF_RUN, flown, make_records, write_finished
 from test_agent_states import Seeing
-from tiny_benchmarks import HashedRecogniser, Log
+from tiny_benchmarks import Log
 
 from ehar.errors import DataError, UsageError
 from ehar.motion_file import save_motion
@@ -24,10 +24,7 @@ from eval.records import EpisodeRecords, episode_lines
 from eval.results import CONFIG, EPISODES, SUMMARY, PlannerConfig, write_text
 from planners.agent_network import STATE
 
-
-@pytest.fixture(autouse=True)
-def fake_weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
+pytestmark = pytest.mark.usefixtures("fake_weights")
 
 
 def planner(seed: int, skill: float = 0.0) -> EpisodeRecords:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fakes import tiny_data
-from tiny_benchmarks import HashedRecogniser, Log, file_hash, run
+from tiny_benchmarks import Log, file_hash, run
 
 from ehar.arrays import FloatArray
 from ehar.errors import EpisodeError
@@ -19,10 +19,7 @@ from eval.records import read_episodes
 from eval.results import EPISODES, SCHEMA, SUMMARY
 from eval.tables import markdown_summary
 
-
-@pytest.fixture(autouse=True)
-def fake_weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
+pytestmark = pytest.mark.usefixtures("fake_weights")
 
 
 def test_the_same_command_gives_the_same_bytes(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from agents import save_untrained
 from fakes import tiny_data
-from tiny_benchmarks import HashedRecogniser, file_hash, run, save_models, with_agents
+from tiny_benchmarks import file_hash, run, with_agents
 
 from ehar.errors import UsageError
 from ehar.vehicle import FILE_KEYS, VEHICLES
@@ -16,18 +16,7 @@ from eval.flight_records import FlightSummary, summarise_flights
 from eval.records import read_episodes
 from eval.results import EPISODES, SUMMARY
 
-
-@pytest.fixture(autouse=True)
-def fake_weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
-
-
-@pytest.fixture
-def models(tmp_path: Path) -> Path:
-    """Return a folder with a gain model of the fake recogniser, that wants to look from level."""
-    directory = tmp_path / "models"
-    save_models(directory, recogniser_sha256="fake")
-    return directory
+pytestmark = pytest.mark.usefixtures("fake_weights")
 
 
 def test_a_vehicle_flies_within_its_limits_and_the_records_say_so(tmp_path: Path) -> None:

@@ -7,16 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from fakes import tiny_data
-from tiny_benchmarks import HashedRecogniser, Log, file_hash, run
+from tiny_benchmarks import Log, file_hash, run
 
 from ehar.errors import DataError, EharError, UsageError
 from ehar.motion_data import MotionData
 from eval.results import EPISODES
 
-
-@pytest.fixture(autouse=True)
-def fake_weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
+pytestmark = pytest.mark.usefixtures("fake_weights")
 
 
 def with_lengths(lengths: list[int], labels: list[int]) -> MotionData:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fakes import FakeRecogniser, tiny_context, tiny_data
 from gain_models import model_of, peak_weights
-from tiny_benchmarks import SLOW_TO_BELIEVE, HashedRecogniser, Log, file_hash, names, run, save_models, with_agents
+from tiny_benchmarks import SLOW_TO_BELIEVE, Log, file_hash, names, run, save_models, with_agents
 
 from ehar.errors import ModelError
 from ehar.motion import GridMotion
@@ -25,18 +25,7 @@ from planners.heuristic import NoAct
 from planners.next_best_view import NextBestView
 from planners.registry import planner_names
 
-
-@pytest.fixture(autouse=True)
-def fake_weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
-
-
-@pytest.fixture
-def models(tmp_path: Path) -> Path:
-    """Return a folder with a gain model of the fake recogniser, that wants to look from level."""
-    directory = tmp_path / "models"
-    save_models(directory, recogniser_sha256="fake")
-    return directory
+pytestmark = pytest.mark.usefixtures("fake_weights")
 
 
 def test_without_names_every_planner_runs_each_training_of_a_learned_one(models: Path, tmp_path: Path) -> None:

@@ -11,7 +11,6 @@ import pytest
 from agents import untrained_agent
 from fakes import tiny_data
 from gain_models import model_of, peak_weights
-from tiny_benchmarks import HashedRecogniser
 
 from ehar.arrays import FloatArray
 from ehar.planner import Context, Observation, Planner
@@ -19,10 +18,7 @@ from eval import check_planner
 from eval.conformance import Conformance
 from planners.registry import make_planner, planner_names
 
-
-@pytest.fixture(autouse=True)
-def fake_weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
+pytestmark = pytest.mark.usefixtures("fake_weights")
 
 
 def checked(planner: str | Planner, **options: Any) -> Conformance:

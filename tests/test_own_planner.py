@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from fakes import tiny_data
 from gain_models import model_of, peak_weights
-from tiny_benchmarks import HashedRecogniser, Log
+from tiny_benchmarks import Log
 
 from ehar.errors import EpisodeError, UsageError
 from eval import benchmark
@@ -291,11 +291,6 @@ def test_it_can_be_sent_to_another_process(own: Path) -> None:
     payload = cloudpickle.dumps(planner)
     del sys.modules[type(planner).__module__]
     assert cloudpickle.loads(payload).radius == 2.0
-
-
-@pytest.fixture
-def fake_weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
 
 
 def run(planners: list[Any], **options: Any) -> Any:

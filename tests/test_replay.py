@@ -30,9 +30,7 @@ TWO = "--planners: expected one or two different planners"
 BEST = np.array([10.0, np.pi, np.pi / 3])
 
 
-@pytest.fixture(autouse=True)
-def fake_weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
+pytestmark = pytest.mark.usefixtures("fake_weights")
 
 
 @pytest.fixture(scope="module")

@@ -33,9 +33,7 @@ from planners.heuristic import HRotate
 HOSTILE = '</script><!--<b>"bad" & {0}'
 
 
-@pytest.fixture(autouse=True)
-def fake_weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
+pytestmark = pytest.mark.usefixtures("fake_weights")
 
 
 @pytest.fixture(scope="module")

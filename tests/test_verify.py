@@ -20,10 +20,7 @@ from eval.results import CONFIG, EPISODES, SUMMARY
 from eval.verification import FAILED, OK, UNCHECKED, Verification
 from eval.verify import other_versions, verify
 
-
-@pytest.fixture(autouse=True)
-def fake_weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
+pytestmark = pytest.mark.usefixtures("fake_weights")
 
 
 @pytest.fixture(scope="module")

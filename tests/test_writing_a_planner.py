@@ -9,7 +9,7 @@ import pytest
 from fakes import FakeRecogniser, tiny_batch, tiny_context, tiny_data
 from gain_models import model_of, peak_weights
 from pages import DOCS, commands, python_blocks
-from tiny_benchmarks import HashedRecogniser, Log
+from tiny_benchmarks import Log
 
 from ehar.datasets.source import load_data
 from ehar.env import GridVectorEnv
@@ -35,11 +35,6 @@ LENGTH = 8
 def test_the_page_shows_every_example_as_it_is(path: Path) -> None:
     assert path.read_text() in python_blocks(PAGE)
     assert len(path.read_text().splitlines()) <= 65
-
-
-@pytest.fixture
-def fake_weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
 
 
 @pytest.mark.usefixtures("fake_weights")
