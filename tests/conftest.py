@@ -1,8 +1,12 @@
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import torch
 from tiny_benchmarks import HashedRecogniser, save_models
+
+from planners.own_planner import entry_point_names
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -23,3 +27,16 @@ def models(tmp_path: Path) -> Path:
     directory = tmp_path / "models"
     save_models(directory, recogniser_sha256="fake")
     return directory
+
+
+@pytest.fixture
+def own_modules(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Forget afterwards what was imported from files of a test's own, and where from."""
+    modules = set(sys.modules)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    entry_point_names.cache_clear()
+    yield
+    entry_point_names.cache_clear()
+    for name in set(sys.modules) - modules:
+        if name.startswith(("own_", "beside", "lab_")):
+            del sys.modules[name]

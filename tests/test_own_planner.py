@@ -2,7 +2,6 @@
 
 import json
 import sys
-from collections.abc import Iterator
 from hashlib import sha256
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
@@ -18,7 +17,7 @@ from tiny_benchmarks import Log
 from ehar.errors import EpisodeError, UsageError
 from eval import benchmark
 from planners import own_planner
-from planners.own_planner import GROUP, Origin, entry_point_names, make_own_planner, own_spec
+from planners.own_planner import GROUP, Origin, make_own_planner, own_spec
 from planners.registry import check_spec, resolve_planner
 
 OWN = """
@@ -92,16 +91,7 @@ class Ring(Planner):
 """
 
 
-@pytest.fixture(autouse=True)
-def left_as_it_was(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    modules = set(sys.modules)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    entry_point_names.cache_clear()
-    yield
-    entry_point_names.cache_clear()
-    for name in set(sys.modules) - modules:
-        if name.startswith(("own_", "beside", "lab_")):
-            del sys.modules[name]
+pytestmark = pytest.mark.usefixtures("own_modules")
 
 
 @pytest.fixture

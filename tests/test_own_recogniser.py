@@ -1,8 +1,6 @@
 """Recognisers of one's own: loaded, made for the data, and run under planners."""
 
 import json
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -77,13 +75,7 @@ class Nothing: pass
 """
 
 
-@pytest.fixture(autouse=True)
-def left_as_it_was(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    yield
-    for name in [name for name in sys.modules if name.startswith("own_")]:
-        if name not in ("own_planner", "own_recogniser"):
-            del sys.modules[name]
+pytestmark = pytest.mark.usefixtures("own_modules")
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 import json
 import sys
-from collections.abc import Iterator
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from eval.results import CONFIG
 from eval.verification import FAILED, OK, UNCHECKED, Verification
 from eval.verify import verify
 from planners import own_planner
-from planners.own_planner import GROUP, entry_point_names
+from planners.own_planner import GROUP
 
 PLANNER = """
 from pathlib import Path
@@ -47,16 +46,7 @@ class Wander(Planner):
 GIVEN = "(step=1e999, at=(1, 2.5), file='a/b', loose={'pitch': 1.0})"
 
 
-@pytest.fixture(autouse=True)
-def left_as_it_was(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    modules = set(sys.modules)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    entry_point_names.cache_clear()
-    yield
-    entry_point_names.cache_clear()
-    for name in set(sys.modules) - modules:
-        if name.startswith(("own_", "lab_")):
-            del sys.modules[name]
+pytestmark = pytest.mark.usefixtures("own_modules")
 
 
 @pytest.fixture
