@@ -37,14 +37,17 @@ def keeps_limits(profile: JerkProfile, vehicle: Vehicle, workspace: Workspace) -
     """Return which flights, until they are at rest, keep the vehicle's limits and stay in the workspace, (B,).
 
     Between two changes of jerk a flight only bends as fast as the camera goes round, and it is sampled nine times
-    within the time that it takes for one radian, and wherever the jerk changes.
+    within the time that it takes for one radian, and wherever the jerk changes. Most flights that break a limit do so
+    near such a change: a first pass only looks there, and leaves few for the second.
     """
     turn = min(float(np.sqrt(max(workspace.distance_min, 1e-3) / vehicle.acceleration)), 1 / vehicle.yaw_rate)
     lowest, highest = profile.extremes()
     keeps = workspace.contains(lowest) & workspace.contains(highest)
-    for first in range(0, len(keeps), BLOCK):
-        block = profile.select(np.arange(first, min(first + BLOCK, len(keeps))))
-        flight, state = block.samples(turn / 3)
-        breaks = (limit_shares(vehicle, state) > HEADROOM).any(axis=(1, 2))
-        keeps[first + flight[breaks]] = False
+    for longest in (np.inf, turn / 3):
+        left = np.flatnonzero(keeps)
+        for first in range(0, len(left), BLOCK):
+            rows = left[first : first + BLOCK]
+            flight, state = profile.select(rows).samples(longest)
+            breaks = (limit_shares(vehicle, state) > HEADROOM).any(axis=(1, 2))
+            keeps[rows[flight[breaks]]] = False
     return keeps

@@ -99,13 +99,13 @@ class JerkProfile:
         """Return states at least every `longest` / (`SAMPLES` - 1) [s], until the last phase begins.
 
         The jerk steps where any axis changes phase: between two such times there is at least one piece, and it
-        is sampled at both of its ends.
+        is sampled at both of its ends; with `longest` infinite, exactly one.
         """
         changes = np.sort(self.times.reshape(len(self.times), -1), axis=1)
         gaps = np.diff(changes, axis=1)
         flight, change = np.nonzero(gaps > SAME_TIME)
         begin, gap = changes[flight, change], gaps[flight, change]
-        count = np.ceil(gap / longest).astype(np.int64)
+        count = np.maximum(np.ceil(gap / longest), 1).astype(np.int64)
         rank = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         flight, length = np.repeat(flight, count), np.repeat(gap / count, count)
         begin = np.repeat(begin, count) + rank * length

@@ -64,7 +64,7 @@ def test_a_jerk_next_to_none_is_as_none() -> None:
         np.testing.assert_array_equal(without, with_least)
 
 
-@given(seeds, st.floats(0.01, 3))
+@given(seeds, st.floats(0.01, 3) | st.just(np.inf))
 def test_samples_are_close_and_see_both_sides_of_every_step_of_the_jerk(seed: int, longest: float) -> None:
     flights = profile(seed)
     flight, state = flights.samples(longest)
