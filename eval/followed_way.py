@@ -5,6 +5,7 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray
 from ehar.motion import GridMotion, Motion
 from ehar.viewpoint import AZIMUTH, wrap_difference
+from eval.records import DIGITS
 
 VIEWPOINT = 1e-3  # [m], [rad]: what leads less far from the way is on it; a hundredth of a move of the grid
 
@@ -32,13 +33,17 @@ class FollowedWay:
         self._motion.reset(viewpoint, frame_time)
 
     def advance(self, target: FloatArray) -> FloatArray:
-        """Move for one frame, and return where the way leads; all digits of where it got to, where that is there."""
+        """Move for one frame, and return where the way leads; all digits of where it got to, where these are recorded.
+
+        What leads less far from the way than counts as elsewhere is brought back too: a millimetre is seen.
+        """
         self._frame += 1
         reached, recorded = self._motion.advance(target), self._way[:, self._frame]
         off = reached - recorded
         off[:, AZIMUTH] = wrap_difference(off[:, AZIMUTH])
-        elsewhere = self.elsewhere[:, self._frame] = np.abs(off).max(axis=1) > VIEWPOINT
-        viewpoint: FloatArray = np.where(elsewhere[:, None], recorded, reached)
+        farthest = np.abs(off).max(axis=1, keepdims=True)
+        self.elsewhere[:, self._frame] = farthest[:, 0] > VIEWPOINT
+        viewpoint: FloatArray = np.where(farthest > 10**-DIGITS, recorded, reached)
         if isinstance(self._motion, GridMotion):
             self._motion.reset(viewpoint, self._frame_time)
         return viewpoint

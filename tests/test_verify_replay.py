@@ -69,6 +69,15 @@ def test_another_planner_is_kept_on_the_way_and_sees_what_was_seen() -> None:
     assert not motion.elsewhere[:, 0].any()
 
 
+def test_half_a_millimetre_off_the_way_is_on_it_and_seen_from_where_it_was_recorded() -> None:
+    way = run(GridMotion(), VRotate()).viewpoints
+    way[:, 4:] += 5e-4
+    motion = FollowedWay(GridMotion(), way)
+    again = run(motion, VRotate())
+    assert not motion.elsewhere.any()
+    np.testing.assert_array_equal(again.viewpoints[:, 4:], way[:, 4:])
+
+
 def test_one_near_tie_is_one_step_elsewhere() -> None:
     way = run(GridMotion(), VRotate()).viewpoints
     way[:, 4:, AZIMUTH] += 2 * np.pi / 100  # one move of azimuth, which v-rotate would never make
