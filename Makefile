@@ -62,6 +62,16 @@ compare = $(RUN)ehar train agent $(2) --models models/$(1) --seeds $(SEEDS) && \
 fly = $(RUN)ehar benchmark $(PLANNERS) $(2) --sensor estimator --models models/$(1) --starts $(STARTS) \
   --track tracking-drone --ideal runs/agents-$(1)-estimator --out runs/agents-$(1)-drone
 
+# How far the policy part, which agents and gain fields were trained on, is above the test part.
+own_part = $(RUN)ehar benchmark no-act nbv il ppo il-ppo dagger oracle $(2) --models models/$(1) --part policy --starts 1 \
+  --no-report --out runs/policy-$(1)-$(3)
+
+# Imitation on solo in the paper's setting with one option, $(2), otherwise as il; in models/solo-$(1).
+imitate = mkdir -p models/solo-$(1) && cp models/solo/causal-perfect-paper.* models/solo-$(1) && \
+  $(RUN)ehar train agent --data solo --views paper --models models/solo-$(1) --seeds $(SEEDS) --stages il $(2) && \
+  $(RUN)ehar benchmark no-act il oracle --data solo --views paper --models models/solo-$(1) --starts $(STARTS) \
+  --no-report --out runs/imitation-solo-$(1)
+
 # Train recognisers and gain fields on real motion in models/$(1), with the options $(2) and $(3) batches of rollouts.
 prepare = $(RUN)ehar train recogniser $(2) --out models/$(1) && \
   $(RUN)ehar train recogniser $(2) --out models/$(1) $(FINE_TUNE) models/$(1)/causal-perfect-moving.safetensors && \
@@ -95,6 +105,11 @@ results: setup
 	  --without $$encoder --stages il,il-ppo || exit 1; done
 	$(RUN)ehar benchmark no-act il il-ppo $(foreach encoder,$(ENCODERS),il-no-$(encoder) il-ppo-no-$(encoder)) oracle \
 	  --data solo --views paper --models models/solo --starts $(STARTS) --out runs/encoders-solo-paper
+	$(call imitate,soft,--labels soft)
+	$(call imitate,lookahead,--teacher oracle-lookahead)
+	$(call imitate,rounds,--rounds 2)
+	$(call own_part,sbu,$(SBU) --sensor estimator,estimator)
+	$(call own_part,solo,--data solo --views paper,paper)
 	$(RUN)ehar analyse runs/agents-hdm05-estimator --planners il-ppo nbv
 	$(RUN)ehar analyse runs/agents-sbu-estimator --planners il-ppo nbv --states il-ppo/0
 
