@@ -1,5 +1,6 @@
 """Everything that planners need on someone's own data, trained in order: recogniser, gain field, and agents."""
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -103,8 +104,9 @@ def train_all(config: TrainAllConfig, note: Callable[[str], None]) -> None:
         note: hears what is kept, and what comes next.
 
     Raises:
-        EharError: as the trainings do.
+        EharError: as the trainings do; an option of the agents that makes no sense is refused before anything begins.
     """
+    config.agents.check()
     # Here, as they bring torch and rich, which `ehar --help` does not wait for.
     from eval.progress import StageProgress, TrainingProgress
     from planners.agent_training import train_agents
@@ -138,9 +140,19 @@ def has_recogniser(config: TrainAllConfig) -> bool:
     from recognition.storage import load_recogniser, recogniser_path
 
     path = recogniser_path(config.out, form="causal", sensor=config.sensor, views=config.views)
-    if not (path.is_file() and path.with_suffix(".json").is_file()):
+    description = path.with_suffix(".json")
+    if not (path.is_file() and description.is_file()):
         return False
-    load_recogniser(config.out, load_data(config.data, fps=config.fps), sensor=config.sensor, views=config.views)
+    data = load_data(config.data, fps=config.fps)
+    load_recogniser(config.out, data, sensor=config.sensor, views=config.views)
+    # Classes and joints can be the same where recordings were added: other sequences are then held out for the test.
+    run = json.loads(description.read_text()).get("training", {}).get("run", {})
+    sha256 = run.get("data_sha256", data.sha256)
+    if sha256 != data.sha256:
+        raise ModelError(
+            f"{description}: trained on another data set: its sha256 was {sha256[:12]}..., that of {config.data} is "
+            f"{data.sha256[:12]}...: remove it to train again, or choose another --out"
+        )
     return True
 
 

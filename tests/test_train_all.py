@@ -1,11 +1,13 @@
 """One command trains everything in order, keeps what is there, and names what does not fit."""
 
+import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from ehar.errors import EharError, ModelError
+from ehar.errors import EharError, ModelError, UsageError
 from eval.train_all import TrainAllConfig, has_gain_field, has_recogniser, train_all
 from planners.gain_model import SHIPPED as GAIN_FIELDS
 from recognition.storage import SHIPPED as RECOGNISERS
@@ -59,6 +61,37 @@ def test_a_recogniser_of_other_data_is_named_not_overwritten(tmp_path: Path, cal
     copy(RECOGNISERS / "solo", RECOGNISER, tmp_path)
     with pytest.raises(ModelError, match="class_names do not fit duo"):
         train_all(TrainAllConfig(data="duo", out=tmp_path), lambda line: None)
+    assert calls == []
+
+
+def test_a_recogniser_of_other_recordings_of_the_same_classes_is_named(tmp_path: Path, calls: list[str]) -> None:
+    copy(RECOGNISERS / "duo", RECOGNISER, tmp_path)
+    file = tmp_path / f"{RECOGNISER}.json"
+    held = json.loads(file.read_text())
+    held["training"]["run"]["data_sha256"] = "0123456789abcdef"
+    file.write_text(json.dumps(held))
+    with pytest.raises(
+        ModelError, match=r"another data set: its sha256 was 0123456789ab\.\.\., that of duo is [0-9a-f]{12}"
+    ):
+        train_all(TrainAllConfig(data="duo", out=tmp_path), lambda line: None)
+    assert calls == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"seeds": 0}, "--seeds: got 0, expected at least 1"),
+        ({"workers": 0}, "--workers: got 0, expected at least 1"),
+        ({"length": 4}, "--length: got 4, expected at least 5"),
+        ({"device": "tpu"}, "--device tpu: expected cpu or cuda"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_before_anything_is_trained(
+    tmp_path: Path, calls: list[str], changes: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(UsageError) as caught:
+        train_all(TrainAllConfig(data="duo", out=tmp_path, **changes), lambda line: None)
+    assert str(caught.value) == message
     assert calls == []
 
 
