@@ -2,7 +2,8 @@
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -82,7 +83,8 @@ class StageRun:
     def imitate(self, world: TrainingWorld, demonstrations: Demonstrations) -> None:
         """Clone, and save the result."""
         network = world.network(self.config, self.seed)
-        history = clone(network, demonstrations, self.config.imitation(self.stage), seed=self.seed)
+        with _named(self.title):
+            history = clone(network, demonstrations, self.config.imitation(self.stage), seed=self.seed)
         self.save(world, network, history)
 
     def start(self, world: TrainingWorld) -> AgentNetwork:
@@ -144,18 +146,19 @@ class StageRun:
                 self._save_checkpoint(reached)
                 note(f"{self.title}, {diagnostics_line(reached, total)}")
 
-        train_ppo(
-            progress,
-            partial(world.make_env, copies=setting.copies),
-            moves=moves,
-            setting=setting,
-            seed=self.seed,
-            fine_tune=self.stage == "il-ppo",
-            keep=keep,
-            workers=workers,
-            device=self.config.device,
-            tensorboard=str(logs / self.path.stem) if logs else None,
-        )
+        with _named(self.title):
+            train_ppo(
+                progress,
+                partial(world.make_env, copies=setting.copies),
+                moves=moves,
+                setting=setting,
+                seed=self.seed,
+                fine_tune=self.stage == "il-ppo",
+                keep=keep,
+                workers=workers,
+                device=self.config.device,
+                tensorboard=str(logs / self.path.stem) if logs else None,
+            )
         self.save(world, network, progress.history)
         self.checkpoint.unlink(missing_ok=True)
 
@@ -204,6 +207,15 @@ class StageRun:
                 f"{self.checkpoint}: a checkpoint of another training, which differs in {_differing(held, wanted)}: "
                 f"train with its options, data and recogniser, remove it, or choose another --out"
             )
+
+
+@contextmanager
+def _named(title: str) -> Iterator[None]:
+    """Say in an error which of several trainings ended."""
+    try:
+        yield
+    except ModelError as error:
+        raise ModelError(f"{title}: {error}") from error
 
 
 def _differing(held: dict[str, Any], wanted: dict[str, Any]) -> str:

@@ -38,13 +38,14 @@ class TrainingWorld:
             EharError: data or recogniser are missing or malformed, or no policy sequence is long enough.
         """
         data = load_data(config.data, fps=config.fps)
+        sensor = make_sensor(config.sensor, data.skeleton)
         recogniser = load_recogniser(config.models, data, sensor=config.sensor, views=config.views)
         policy = split_parts(data).policy
         if not (data.lengths[policy] >= config.length).any():
             raise DataError(f"{data.name}: expected policy sequences of at least {config.length} frames, got none")
         motion = with_variations(data, policy, config.variations_of_each)
         scenarios = windows(motion, np.arange(len(motion.labels)), config.length, 1)
-        return TrainingWorld(data, scenarios, recogniser, make_sensor(config.sensor, data.skeleton))
+        return TrainingWorld(data, scenarios, recogniser, sensor)
 
     def make_env(self, episodes: int, *, copies: int = 1) -> EpisodeVectorEnv:
         """Return a natively batched environment on the grid."""

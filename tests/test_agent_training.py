@@ -2,6 +2,8 @@
 
 import importlib.util
 import json
+import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +17,7 @@ from ehar.errors import DataError, ModelError, UsageError
 from planners import agent_stages, agent_training
 from planners.agent_stages import StageRun
 from planners.agent_training import train_agents
-from planners.agent_training_config import DAGGER, AgentTrainingConfig
+from planners.agent_training_config import DAGGER, AgentTrainingConfig, Stage
 from planners.training_world import TrainingWorld
 
 
@@ -140,6 +142,22 @@ def test_workers_decide_nothing(
         assert sum(note.startswith(f"ppo seed {seed}, rollout 5 of 7") for note in notes) == 1
 
 
+@pytest.mark.parametrize(
+    ("stage", "step"),
+    [("il", "imitation: the loss is -inf at step 0"), ("ppo", r"PPO: the loss is (nan|-inf) in update 1")],
+)
+def test_a_loss_that_is_not_finite_is_said_with_whose_it_is(
+    config: AgentTrainingConfig, monkeypatch: pytest.MonkeyPatch, stage: Stage, step: str
+) -> None:
+    """And nothing is saved."""
+    endless = replace(config.imitation("il"), labels="soft", rounds=1, entropy=math.inf)
+    monkeypatch.setattr(AgentTrainingConfig, "imitation", lambda _, stage: endless)
+    monkeypatch.setattr(AgentTrainingConfig, "ppo", replace(config.ppo, entropy=math.inf))
+    message = refusal(ModelError, replace(config, stages=stage))
+    assert re.fullmatch(f"{stage} seed 0: {step}: expected a finite one", message)
+    assert not agent_file(config, stage).is_file()
+
+
 @pytest.mark.slow
 def test_an_error_in_a_process_arrives(config: AgentTrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
@@ -177,6 +195,7 @@ def test_what_is_not_there(config: AgentTrainingConfig, monkeypatch: pytest.Monk
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert "expected TensorBoard to be installed" in refusal(UsageError, replace(config, tensorboard=Path("logs")))
     assert "estimator-moving" in refusal(ModelError, replace(config, sensor="estimator"))
+    assert refusal(UsageError, replace(config, sensor="radar")).startswith("unknown sensor 'radar'; expected one of")
     message = refusal(DataError, replace(config, length=21))
     assert message == "tiny: expected policy sequences of at least 21 frames, got none"
 
