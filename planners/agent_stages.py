@@ -9,8 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import torch
-
 from ehar.errors import ModelError, UsageError
 from planners.agent_network import AgentNetwork
 from planners.agent_storage import agent_name, agent_path, load_agent, save_agent
@@ -18,6 +16,7 @@ from planners.agent_training_config import AgentTrainingConfig, Stage
 from planners.demonstrations import Demonstrations
 from planners.imitation import clone
 from planners.training_world import TrainingWorld
+from recognition.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.torch_threads import one_torch_thread
 
 if TYPE_CHECKING:
@@ -174,30 +173,22 @@ class StageRun:
 
     def _save_checkpoint(self, progress: "PPOProgress") -> None:
         """Keep everything that the rollouts to come depend on."""
-        self.checkpoint.parent.mkdir(parents=True, exist_ok=True)
-        temporary = self.checkpoint.with_suffix(".part")
-        kept = {
-            "run": json.dumps(self.identity, sort_keys=True),
-            "network": progress.network.state_dict(),
-            "optimiser": progress.optimiser,
-            "rollouts": progress.rollouts,
-            "history": progress.history,
-        }
-        torch.save(kept, temporary)
-        temporary.replace(self.checkpoint)
+        held = {"run": self.identity, "rollouts": progress.rollouts, "history": progress.history}
+        states = {"network": progress.network.state_dict()}
+        save_checkpoint(self.checkpoint, Checkpoint(states, progress.optimiser, held))
 
     def _resume(self, progress: "PPOProgress") -> None:
         """Go on from the checkpoint, if there is one of this very run."""
         if not self.checkpoint.is_file():
             return
         try:
-            kept = torch.load(self.checkpoint, weights_only=True, map_location="cpu")
-            held, wanted = dict(json.loads(kept["run"])), json.loads(json.dumps(self.identity))
+            kept = load_checkpoint(self.checkpoint)
+            held, wanted = dict(kept.held["run"]), json.loads(json.dumps(self.identity))
             if held == wanted:
-                progress.network.load_state_dict(kept["network"])
-                progress.optimiser, progress.rollouts = kept["optimiser"], kept["rollouts"]
-                progress.history = kept["history"]
-        except Exception as error:  # torch raises what the damage happens to cause, at length
+                progress.network.load_state_dict(kept.states["network"])
+                progress.optimiser, progress.rollouts = kept.optimiser, kept.held["rollouts"]
+                progress.history = kept.held["history"]
+        except Exception as error:  # of the kind that the damage happens to cause, at length
             reason = f"{type(error).__name__}: {error}".splitlines()[0][:120]
             raise ModelError(
                 f"{self.checkpoint}: expected a training checkpoint, got {reason}: remove it to start anew"

@@ -21,6 +21,7 @@ from ehar.estimator import make_sensor
 from ehar.scenario import split_parts
 from recognition.calibration import fit_temperature
 from recognition.causal import CausalCTRGCN
+from recognition.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.clips import Clips, ClipSource
 from recognition.networks import Network, NetworkSpec
 from recognition.storage import load_weights, recogniser_path, save_recogniser
@@ -219,34 +220,27 @@ class _Run:
 
     def _save_checkpoint(self) -> None:
         """Keep everything that the next steps depend on."""
-        self.checkpoint.parent.mkdir(parents=True, exist_ok=True)
-        temporary = self.checkpoint.with_suffix(".part")
-        torch.save(
-            {
-                "run": json.dumps(self.identity, sort_keys=True),
-                "network": self.network.state_dict(),
-                "best": self.best,
-                "optimiser": self.optimiser.state_dict(),
-                "step": self.step,
-                "evaluations": [asdict(evaluation) for evaluation in self.evaluations],
-            },
-            temporary,
-        )
-        temporary.replace(self.checkpoint)
+        held = {
+            "run": self.identity,
+            "step": self.step,
+            "evaluations": [asdict(evaluation) for evaluation in self.evaluations],
+        }
+        states = {"network": self.network.state_dict(), "best": self.best}
+        save_checkpoint(self.checkpoint, Checkpoint(states, self.optimiser.state_dict(), held))
 
     def _resume(self) -> None:
         """Go on from the checkpoint, if there is one of this very run."""
         if not self.checkpoint.is_file():
             return
         try:
-            saved = torch.load(self.checkpoint, weights_only=True, map_location=self.device)
-            same = saved["run"] == json.dumps(self.identity, sort_keys=True)
+            saved = load_checkpoint(self.checkpoint, str(self.device))
+            same = saved.held["run"] == json.loads(json.dumps(self.identity))
             if same:
-                self.network.load_state_dict(saved["network"])
-                self.optimiser.load_state_dict(saved["optimiser"])
-                self.best, self.step = saved["best"], saved["step"]
-                self.evaluations = [Evaluation(**evaluation) for evaluation in saved["evaluations"]]
-        except Exception as error:  # torch raises what the damage happens to cause, at length
+                self.network.load_state_dict(saved.states["network"])
+                self.optimiser.load_state_dict(saved.optimiser or {})
+                self.best, self.step = dict(saved.states["best"]), saved.held["step"]
+                self.evaluations = [Evaluation(**evaluation) for evaluation in saved.held["evaluations"]]
+        except Exception as error:  # of the kind that the damage happens to cause, at length
             reason = f"{type(error).__name__}: {error}".splitlines()[0][:120]
             raise ModelError(f"{self.checkpoint}: expected a training checkpoint, got {reason}") from error
         if not same:

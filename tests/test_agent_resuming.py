@@ -13,11 +13,13 @@ import pytest
 import torch
 from agent_trainings import agent_file, quick, refusal, silent, tiny_config, train, train_little
 from fakes import tiny_data
+from safetensors.torch import save_file
 
 from ehar.errors import ModelError, UsageError
 from ehar.motion_file import save_motion
 from planners.agent_training import train_agents
 from planners.agent_training_config import AgentTrainingConfig, PPOSetting
+from recognition.checkpoints import Checkpoint, save_checkpoint
 
 
 @pytest.fixture(autouse=True)
@@ -103,9 +105,9 @@ def test_a_damaged_checkpoint(config: AgentTrainingConfig, content: bytes | None
 def test_a_checkpoint_without_what_belongs_in_it(config: AgentTrainingConfig) -> None:
     checkpoint = agent_file(config, "ppo").with_suffix(".checkpoint")
     checkpoint.parent.mkdir()
-    torch.save({"run": "[1]"}, checkpoint)
+    save_checkpoint(checkpoint, Checkpoint({}, None, {"run": [1]}))
     assert "expected a training checkpoint" in refusal(ModelError, replace(config, stages="ppo"))
-    torch.save([torch.zeros(3)], checkpoint)
+    save_file({"network": torch.zeros(3)}, checkpoint)
     assert "expected a training checkpoint" in refusal(ModelError, replace(config, stages="ppo"))
 
 

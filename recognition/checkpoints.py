@@ -1,0 +1,68 @@
+"""Checkpoints of trainings: one safetensors file, whose metadata hold as JSON what is not a tensor."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from safetensors import safe_open
+from safetensors.torch import save
+from torch import Tensor
+
+HELD = "held"  # the key of the JSON
+OPTIMISER = "optimiser"
+
+
+class Checkpoint(NamedTuple):
+    """What a training stopped with.
+
+    Args:
+        states: of networks, by names without a slash.
+        optimiser: state_dict of the optimiser; None where it has made no step.
+        held: all else, for JSON.
+    """
+
+    states: Mapping[str, Mapping[str, Tensor]]
+    optimiser: dict[str, Any] | None
+    held: dict[str, Any]
+
+
+def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
+    """Write a checkpoint; a reader finds the one before or this one, and never half of it."""
+    tensors = {f"{name}/{key}": value for name, state in checkpoint.states.items() for key, value in state.items()}
+    held = {**checkpoint.held, OPTIMISER: None}
+    if checkpoint.optimiser is not None:
+        held[OPTIMISER] = checkpoint.optimiser["param_groups"]
+        for parameter, state in checkpoint.optimiser["state"].items():
+            tensors |= {f"{OPTIMISER}/{parameter}/{key}": value for key, value in state.items()}
+    content = save({name: tensor.contiguous() for name, tensor in tensors.items()}, {HELD: json.dumps(held)})
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_suffix(".part")
+    temporary.write_bytes(content)
+    temporary.replace(path)
+
+
+def load_checkpoint(path: Path, device: str = "cpu") -> Checkpoint:
+    """Read a checkpoint.
+
+    Args:
+        path: of the file.
+        device: of its tensors.
+
+    Raises:
+        Exception: it is no checkpoint, or damaged; of the kind that the damage happens to cause.
+    """
+    states: dict[str, dict[str, Tensor]] = {}
+    moments: dict[int, dict[str, Tensor]] = {}
+    with safe_open(path, framework="pt", device=device) as file:
+        held = dict(json.loads(file.metadata()[HELD]))
+        for name in file.keys():
+            tensor = file.get_tensor(name)
+            if name.startswith(f"{OPTIMISER}/"):
+                _, parameter, key = name.split("/")
+                moments.setdefault(int(parameter), {})[key] = tensor
+            else:
+                network, key = name.split("/", 1)
+                states.setdefault(network, {})[key] = tensor
+    groups = held.pop(OPTIMISER)
+    return Checkpoint(states, None if groups is None else {"state": moments, "param_groups": groups}, held)
