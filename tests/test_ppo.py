@@ -4,6 +4,7 @@ import math
 import multiprocessing
 from copy import deepcopy
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import torch
 from agent_worlds import mean_return, tiny_maker, weights
 from agents import untrained_network
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from ehar.errors import ModelError, UsageError
 from planners.agent_network import AgentNetwork
@@ -188,6 +190,16 @@ def test_tensorboard_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(logger, "SummaryWriter", None)
     with pytest.raises(ModelError, match="expected TensorBoard to be installed"):
         train(fresh(SMALL), SMALL, tensorboard="logs")
+
+
+def test_tensorboard_is_told_what_the_history_holds(tmp_path: Path) -> None:
+    progress = train(fresh(SMALL), SMALL, tensorboard=str(tmp_path))
+    logs = EventAccumulator(str(tmp_path)).Reload()
+    told = {name: [event.value for event in logs.Scalars(key)] for name, key in DIAGNOSTICS.items()}
+    assert told.pop("return") == pytest.approx([of_one["return"] for of_one in progress.history], rel=1e-5)
+    for name, values in told.items():  # stable-baselines3 writes those of an update when the next rollout has ended
+        sign = -1 if name == "entropy" else 1
+        assert values == pytest.approx([sign * of_one[name] for of_one in progress.history[:-1]], rel=1e-5)
 
 
 def test_the_diagnostics_are_those_of_each_rollout() -> None:
