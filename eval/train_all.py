@@ -153,6 +153,12 @@ def has_recogniser(config: TrainAllConfig) -> bool:
             f"{description}: trained on another data set: its sha256 was {sha256[:12]}..., that of {config.data} is "
             f"{data.sha256[:12]}...: remove it to train again, or choose another --out"
         )
+    wanted = config.recogniser.size
+    if config.setting == "paper" and (size := run.get("size", wanted)) != wanted:
+        raise ModelError(
+            f"{description}: got a recogniser of size {size}, expected {wanted}, as --setting paper trains it: remove "
+            "it to train again, or choose another --out"
+        )
     return True
 
 

@@ -95,8 +95,11 @@ class StageRun:
         network = world.network(self.config, self.seed)
         if self.stage == "ppo":
             return network
+        path = _path(self.config, "il", self.seed)
+        if not path.is_file():
+            raise ModelError(f"{path}: no such file: expected the cloned policy, of --stages il,{self.stage}")
         cloned = load_agent(
-            _path(self.config, "il", self.seed).parent,
+            path.parent,
             world.data,
             agent_name("il", self.config.without),
             sensor=self.config.sensor,
@@ -105,7 +108,7 @@ class StageRun:
             seed=self.seed,
         ).network
         if (cloned.spec.sizes, cloned.spec.without) != (network.spec.sizes, network.spec.without):
-            raise ModelError(f"{_path(self.config, 'il', self.seed)}: expected an agent of other inputs, or encoders")
+            raise ModelError(f"{path}: expected an agent of other inputs, or encoders")
         # But for the critic, which cloning does not train, and which a setting may show more than that of il did.
         policy = {name: w for name, w in cloned.state_dict().items() if not name.startswith("critic.")}
         network.load_state_dict(policy, strict=False)

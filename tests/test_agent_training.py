@@ -98,7 +98,7 @@ def test_an_agent_without_an_encoder_has_a_name_of_its_own(config: AgentTraining
 
 def test_fine_tuning_without_a_clone(config: AgentTrainingConfig) -> None:
     message = refusal(ModelError, replace(config, stages="il-ppo"))
-    assert message.startswith(f"{agent_file(config, 'il')}: no such file: expected an agent, as made by `ehar train")
+    assert message == f"{agent_file(config, 'il')}: no such file: expected the cloned policy, of --stages il,il-ppo"
 
 
 def test_seeds_differ_and_share_the_demonstrations(

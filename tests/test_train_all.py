@@ -64,6 +64,13 @@ def test_a_recogniser_of_other_data_is_named_not_overwritten(tmp_path: Path, cal
     assert calls == []
 
 
+def test_a_small_recogniser_is_not_taken_for_the_published_one(tmp_path: Path, calls: list[str]) -> None:
+    copy(RECOGNISERS / "duo", RECOGNISER, tmp_path)
+    with pytest.raises(ModelError, match="got a recogniser of size small, expected published, as --setting paper"):
+        train_all(TrainAllConfig(data="duo", out=tmp_path, setting="paper"), lambda line: None)
+    assert calls == []
+
+
 def test_a_recogniser_of_other_recordings_of_the_same_classes_is_named(tmp_path: Path, calls: list[str]) -> None:
     copy(RECOGNISERS / "duo", RECOGNISER, tmp_path)
     file = tmp_path / f"{RECOGNISER}.json"
