@@ -62,15 +62,19 @@ def failure(error: BaseException, cls: type[Any] | None = None, *, path: Path | 
 
     Args:
         error: as caught.
-        cls: whose file's lines are meant.
+        cls: whose module's lines are meant.
         path: of the file, where there is no class yet.
     """
-    if path is None and cls is not None:
-        path = source_file(cls)
     said = " ".join(str(error).split())
     line = type(error).__name__ + (f": {said}" if said else "")
-    own = [frame for frame in traceback.extract_tb(error.__traceback__) if path and Path(frame.filename) == path]
-    return f"{line} ({own[-1].filename}, line {own[-1].lineno})" if own else line
+    own = [
+        (frame.f_code.co_filename, number)
+        for frame, number in traceback.walk_tb(error.__traceback__)
+        # By the module's name: a worker process, which was sent the class, does not have its module.
+        if (path is not None and Path(frame.f_code.co_filename) == path)
+        or (cls is not None and frame.f_globals.get("__name__") == cls.__module__)
+    ]
+    return "{} ({}, line {})".format(line, *own[-1]) if own else line
 
 
 def _run_file(path: Path, where: str) -> ModuleType:
