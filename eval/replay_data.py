@@ -44,7 +44,7 @@ def replay_data(
         advance: told of each record that is done.
     """
     try:
-        inputs = check_inputs(run.config, data, models)
+        inputs = check_inputs(run.config, data, models, run_own_code=True)
         replays = replay_run(run, inputs, [one.episode for one in chosen], list(planners.values()), advance=advance)
     except EharError as error:
         return {"episodes": [], "missing": str(error), "notes": []}

@@ -15,6 +15,8 @@ class ReportCommand:
 
     Tables, figures and replays; it needs neither a server nor a network.
 
+    Of planners and recognisers of one's own it runs the files that the run names.
+
     For example:
         ehar report runs/duo-perfect-moving
 

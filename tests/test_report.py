@@ -16,6 +16,7 @@ from made_records import flown, make_records, three_planners
 from plotly.offline import get_plotlyjs
 from reports import embedded, report_of, tiny_run, written_run
 from test_cli import fails_with
+from test_own_recogniser import OWN as RECOGNISER
 from tiny_benchmarks import HashedRecogniser, Log
 
 from ehar.motion_file import save_motion
@@ -235,6 +236,15 @@ def test_trainings_are_one_planner_and_the_first_is_replayed(tmp_path: Path) -> 
     assert set(replays["episodes"][0]["planners"]) == {"no-act", "mine"}
     assert "the first training seed is shown" in page
     assert replays["notes"] == ["What mine/0 wanted is not shown: not replayable, as it cannot be made from its name."]
+
+
+def test_a_recogniser_of_ones_own_is_made_again(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(RECOGNISER)
+    run = tiny_run(tmp_path, ("no-act", "h-rotate"), recogniser=f"{tmp_path / 'mine.py'}:Mine")
+    replays = embedded(report_of(run), "replays")
+    assert (replays["missing"], replays["notes"]) == (None, [])
+    (tmp_path / "mine.py").write_text(RECOGNISER + "# changed\n")
+    assert embedded(report_of(run), "replays")["missing"].startswith("config.json: recogniser: got sha256 ")
 
 
 def test_a_run_that_is_not_finished_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
