@@ -19,7 +19,7 @@ class CheckPlanner:
     Exit code 0: all passed; 1: a check failed, and how to mend it; 2: it can't run.
 
     For example:
-        ehar check planner ./spiral.py:Spiral --radius 6
+        ehar check planner ./spiral.py:Spiral --distance 6
 
     Args:
         planner: a name, or your own: file.py:Class or module:Class, then --argument value.

@@ -25,7 +25,7 @@ class Benchmark:
     For example:
         ehar benchmark --data duo
         ehar benchmark --data mine.npz --models models/mine --out runs/mine
-        ehar benchmark ./spiral.py:Spiral --radius 6 no-act oracle
+        ehar benchmark ./spiral.py:Spiral --distance 6 no-act oracle
 
     Args:
         planners: names, or your own: file.py:Class or module:Class, then --argument value.
