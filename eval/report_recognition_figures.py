@@ -6,7 +6,7 @@ import numpy as np
 
 from eval.predictability import LEVELS, RATIOS
 from eval.report_data import PlannerData, ReportData, finite
-from eval.report_style import Figure, beside_no_act, colour_scale, figure, looks, pattern, plain
+from eval.report_style import Figure, beside_no_act, colour_scale, figure, looks, pattern, plain, shortened
 
 LEVEL_COLOURS = ("@2", "@4", "@5", "@neutral")
 LEVEL_PATTERNS = ("", "/", ".", "x")
@@ -71,7 +71,7 @@ def _calibration(data: ReportData, name: str) -> Figure:
 
 def _confusion(of: PlannerData, names: tuple[str, ...]) -> Figure:
     ticks = [plain(name) for name in names]
-    few = len(names) <= 12
+    few, short = len(names) <= 12, shortened(names)
     trace: dict[str, Any] = {
         "type": "heatmap",
         "x": ticks,
@@ -89,8 +89,8 @@ def _confusion(of: PlannerData, names: tuple[str, ...]) -> Figure:
         trace |= {"texttemplate": "%{z:.0f}", "textfont": {"size": 12}}
     return figure(
         [trace],
-        x={"title": "taken for", "type": "category", "showgrid": False, "tickangle": -40},
-        y={"title": "true class", "type": "category", "autorange": "reversed", "showgrid": False},
+        x={"title": "taken for", "type": "category", "showgrid": False, "tickangle": -40, "labelalias": short},
+        y={"title": "true class", "type": "category", "autorange": "reversed", "showgrid": False, "labelalias": short},
         height=270 + max(200, min(28, 900 // len(names)) * len(names)),
         margin={"l": 56, "r": 16, "t": 16, "b": 150},
     )
@@ -136,7 +136,12 @@ def _gains(of: PlannerData, names: tuple[str, ...]) -> Figure:
     return figure(
         traces,
         x={"title": "more accurate than no-act [points]", "zerolinecolor": "@text"},
-        y={"type": "category", "categoryorder": "array", "categoryarray": [plain(names[row]) for row in order]},
+        y={
+            "type": "category",
+            "categoryorder": "array",
+            "categoryarray": [plain(names[row]) for row in order],
+            "labelalias": shortened(names),
+        },
         height=160 + 26 * len(order),
     )
 
@@ -163,7 +168,12 @@ def _classes(of: PlannerData, names: tuple[str, ...]) -> Figure:
     return figure(
         traces,
         x={"title": "episodes recognised [%]", "range": [-3, 103]},
-        y={"type": "category", "categoryorder": "array", "categoryarray": [plain(names[row]) for row in order]},
+        y={
+            "type": "category",
+            "categoryorder": "array",
+            "categoryarray": [plain(names[row]) for row in order],
+            "labelalias": shortened(names),
+        },
         height=160 + 26 * len(order),
     )
 

@@ -13,6 +13,7 @@ from eval.summary import NO_ACT
 Figure = dict[str, Any]
 
 COLOURS = 6
+LONGEST_LABEL = 24  # characters of an axis's label; from 45 on Plotly cannot draw a confusion of few classes
 DASHES = ("solid", "dashdot", "longdash")
 TOLD_DASHES = ("dot", "dash")
 TOLD_SYMBOLS = ("star-open", "hexagram-open")
@@ -57,6 +58,12 @@ def colour_scale(title: str) -> dict[str, Any]:
     """Return a scale of colours below a figure, where a phone has room for it."""
     below = {"orientation": "h", "y": 0, "yref": "container", "yanchor": "bottom"}
     return {**below, "title": {"text": title, "side": "bottom"}, "thickness": 10, "outlinewidth": 0}
+
+
+def shortened(names: Sequence[str]) -> dict[str, str]:
+    """Return what an axis shows in place of each name that would leave no room for the plot: its start and its end."""
+    long = [name for name in names if len(name) > LONGEST_LABEL]
+    return {plain(name): plain(f"{name[:14]}…{name[-9:]}") for name in long}
 
 
 def beside_no_act(planners: Iterable[str], name: str) -> list[str]:

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,12 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 import pytest
+from fakes import tiny_data
 from reports import report_of, tiny_run
-from tiny_benchmarks import HashedRecogniser
+from tiny_benchmarks import HashedRecogniser, Log
+
+from ehar.motion_file import save_motion
+from eval import benchmark
 
 playwright = pytest.importorskip("playwright.sync_api", reason="the browser test needs playwright, of ehar[dev]")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -45,12 +50,12 @@ def opened(browser: Any, report: Path) -> Iterator[Any]:
     complaints: list[str] = []
     pages = []
 
-    def open_page(**options: Any) -> Any:
+    def open_page(path: Path = report, **options: Any) -> Any:
         page = browser.new_page(**{"viewport": LAPTOP, **options})
         page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on("request", lambda asked: complaints.append(asked.url) if asked.url.startswith("http") else None)
-        page.goto(report.as_uri())
+        page.goto(path.as_uri())
         pages.append(page)
         return page
 
@@ -128,6 +133,19 @@ def test_the_planner_in_focus_changes_its_figures(opened: Any) -> None:
     page.locator("select[data-group=focus]").select_option("oracle")
     page.wait_for_timeout(500)
     assert np.abs(painted(page, "[data-figure=accuracy]") - before).max() > 0.2
+
+
+@pytest.mark.usefixtures("fake_weights")
+def test_long_class_names_are_shortened_and_leave_room(opened: Any, tmp_path: Path) -> None:
+    names = tuple(f"{letter} <i>person</i> that comes from far & away {letter}" for letter in "ABC")
+    save_motion(tmp_path / "tiny.npz", replace(tiny_data(sequences=40), class_names=names))
+    benchmark(["no-act", "oracle"], data=tmp_path / "tiny.npz", length=10, out=tmp_path / "run", reporter=Log())
+    report_of(tmp_path / "run")
+    page = opened(tmp_path / "run" / "report.html", viewport=PHONE)
+    for figure in ("gains", "confusion", "classes"):
+        painted(page, f"[data-figure={figure}]")
+        shown = page.locator(f"[data-figure={figure}] .ytick text").all_inner_texts()
+        assert sorted(shown) == [f"{name[:14]}…{name[-9:]}" for name in names]
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
