@@ -74,6 +74,7 @@ def failure(error: BaseException, cls: type[Any] | None = None, *, path: Path | 
         if (path is not None and Path(frame.f_code.co_filename) == path)
         or (cls is not None and frame.f_globals.get("__name__") == cls.__module__)
     ]
+    own = [place for place in own if not place[0].startswith("<")]  # an annotation is a string, of no file
     return "{} ({}, line {})".format(line, *own[-1]) if own else line
 
 
