@@ -72,6 +72,13 @@ imitate = mkdir -p models/solo-$(1) && cp models/solo/causal-perfect-paper.* mod
   $(RUN)ehar benchmark no-act il oracle --data solo --views paper --models models/solo-$(1) --starts $(STARTS) \
   --no-report --out runs/imitation-solo-$(1)
 
+# PPO from what dagger learned, in the paper's setting: il with all of dagger's options, and il-ppo from it.
+from_dagger = mkdir -p models/$(1)-dagger && cp models/$(1)/causal-perfect-paper.* models/$(1)-dagger && \
+  $(RUN)ehar train agent --data $(1) --views paper --models models/$(1)-dagger --seeds $(SEEDS) --stages il,il-ppo \
+  --labels soft --teacher oracle-lookahead --rounds 2 && for part in validation test; do \
+  $(RUN)ehar benchmark no-act il il-ppo oracle --data $(1) --views paper --models models/$(1)-dagger --starts $(STARTS) \
+  --part $$part --no-report --out runs/dagger-ppo-$(1)-$$part || exit 1; done
+
 # Train recognisers and gain fields on real motion in models/$(1), with the options $(2) and $(3) batches of rollouts.
 prepare = $(RUN)ehar train recogniser $(2) --out models/$(1) && \
   $(RUN)ehar train recogniser $(2) --out models/$(1) $(FINE_TUNE) models/$(1)/causal-perfect-moving.safetensors && \
@@ -108,6 +115,8 @@ results: setup
 	$(call imitate,soft,--labels soft)
 	$(call imitate,lookahead,--teacher oracle-lookahead)
 	$(call imitate,rounds,--rounds 2)
+	$(call from_dagger,duo)
+	$(call from_dagger,solo)
 	$(call own_part,sbu,$(SBU) --sensor estimator,estimator)
 	$(call own_part,solo,--data solo --views paper,paper)
 	$(RUN)ehar analyse runs/agents-hdm05-estimator --planners il-ppo nbv
