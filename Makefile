@@ -116,7 +116,6 @@ results: setup
 	$(call imitate,lookahead,--teacher oracle-lookahead)
 	$(call imitate,rounds,--rounds 2)
 	$(call from_dagger,duo)
-	$(call from_dagger,solo)
 	$(call own_part,sbu,$(SBU) --sensor estimator,estimator)
 	$(call own_part,solo,--data solo --views paper,paper)
 	$(RUN)ehar analyse runs/agents-hdm05-estimator --planners il-ppo nbv
