@@ -72,13 +72,6 @@ imitate = mkdir -p models/solo-$(1) && cp models/solo/causal-perfect-paper.* mod
   $(RUN)ehar benchmark no-act il oracle --data solo --views paper --models models/solo-$(1) --starts $(STARTS) \
   --no-report --out runs/imitation-solo-$(1)
 
-# PPO from what dagger learned, in the paper's setting: il with all of dagger's options, and il-ppo from it.
-from_dagger = mkdir -p models/$(1)-dagger && cp models/$(1)/causal-perfect-paper.* models/$(1)-dagger && \
-  $(RUN)ehar train agent --data $(1) --views paper --models models/$(1)-dagger --seeds $(SEEDS) --stages il,il-ppo \
-  --labels soft --teacher oracle-lookahead --rounds 2 && for part in validation test; do \
-  $(RUN)ehar benchmark no-act il il-ppo oracle --data $(1) --views paper --models models/$(1)-dagger --starts $(STARTS) \
-  --part $$part --no-report --out runs/dagger-ppo-$(1)-$$part || exit 1; done
-
 # Train recognisers and gain fields on real motion in models/$(1), with the options $(2) and $(3) batches of rollouts.
 prepare = $(RUN)ehar train recogniser $(2) --out models/$(1) && \
   $(RUN)ehar train recogniser $(2) --out models/$(1) $(FINE_TUNE) models/$(1)/causal-perfect-moving.safetensors && \
@@ -115,7 +108,14 @@ results: setup
 	$(call imitate,soft,--labels soft)
 	$(call imitate,lookahead,--teacher oracle-lookahead)
 	$(call imitate,rounds,--rounds 2)
-	$(call from_dagger,duo)
+	# PPO from what dagger learned: il with all of dagger's options, and il-ppo from it; beside the agents as they are.
+	mkdir -p models/duo-dagger && cp models/duo/causal-perfect-paper.* models/duo-dagger
+	$(RUN)ehar train agent --data duo --views paper --models models/duo-dagger --seeds $(SEEDS) --stages il,il-ppo \
+	  --labels soft --teacher oracle-lookahead --rounds 2
+	for part in validation test; do $(RUN)ehar benchmark no-act il il-ppo oracle --data duo --views paper \
+	  --models models/duo-dagger --part $$part --starts $(STARTS) --no-report --out runs/dagger-ppo-duo-$$part || exit 1; done
+	$(RUN)ehar benchmark no-act il ppo il-ppo dagger oracle --data duo --views paper --models models/duo \
+	  --part validation --starts $(STARTS) --no-report --out runs/validation-duo-paper
 	$(call own_part,sbu,$(SBU) --sensor estimator,estimator)
 	$(call own_part,solo,--data solo --views paper,paper)
 	$(RUN)ehar analyse runs/agents-hdm05-estimator --planners il-ppo nbv
