@@ -5,17 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fakes import tiny_data
-from random_networks import randomised
+from random_networks import save_random_world
 
 from ehar.errors import EharError
-from ehar.motion_file import save_motion
 from planners.agent_storage import agent_path
 from planners.agent_training import train_agents
 from planners.agent_training_config import DAGGER, AgentTrainingConfig, ImitationSetting, PPOSetting, Stage
-from recognition.calibration import Temperature
-from recognition.networks import NetworkSpec
-from recognition.storage import recogniser_path, save_recogniser
 
 LENGTH = 8
 PPO = PPOSetting(frames=7 * 7 * 8, num_envs=8, hold=2, copies=4)  # 7 rollouts, a checkpoint after the fifth
@@ -42,13 +37,7 @@ def train_little(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def tiny_config(tmp_path: Path) -> AgentTrainingConfig:
     """Return the tiny data, with a recogniser that has learned nothing."""
-    data = tiny_data(sequences=24)
-    save_motion(tmp_path / "tiny.npz", data)
-    spec = NetworkSpec.of(data, form="causal", size="small", length=LENGTH)
-    network = spec.build()
-    randomised(network)
-    path = recogniser_path(tmp_path / "models", form="causal", sensor="perfect", views="moving")
-    save_recogniser(path, network, spec, Temperature(), {})
+    save_random_world(tmp_path, LENGTH)
     return AgentTrainingConfig(
         data=str(tmp_path / "tiny.npz"),
         models=tmp_path / "models",

@@ -1,7 +1,15 @@
 """Networks whose every weight and statistic matters; fresh ones hide most of themselves behind zeros and ones."""
 
+from pathlib import Path
+
 import torch
+from fakes import tiny_data
 from torch import Tensor, nn
+
+from ehar.motion_file import save_motion
+from recognition.calibration import Temperature
+from recognition.networks import NetworkSpec
+from recognition.storage import recogniser_path, save_recogniser
 
 
 def randomised(network: nn.Module, seed: int = 0) -> nn.Module:
@@ -26,3 +34,12 @@ def randomised(network: nn.Module, seed: int = 0) -> nn.Module:
                 layer.running_mean.copy_(uniform(layer.running_mean, -0.5, 0.5))
                 layer.running_var.copy_(uniform(layer.running_var, 0.5, 2.0))
     return network.eval()
+
+
+def save_random_world(folder: Path, length: int) -> None:
+    """Write tiny.npz, and to models a recogniser for it, for episodes of `length` frames, that has learned nothing."""
+    data = tiny_data(sequences=24)
+    save_motion(folder / "tiny.npz", data)
+    spec = NetworkSpec.of(data, form="causal", size="small", length=length)
+    path = recogniser_path(folder / "models", form="causal", sensor="perfect", views="moving")
+    save_recogniser(path, randomised(spec.build()), spec, Temperature(), {})

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fakes import tiny_data
-from random_networks import randomised
+from random_networks import save_random_world
 
 from ehar.errors import DataError, EharError, ModelError, UsageError
 from ehar.motion_file import load_motion, save_motion
@@ -21,9 +21,7 @@ from planners.gain_fit import VARIANTS
 from planners.gain_model import GainModel, gain_model_path, load_gain_model
 from planners.gain_training import train_gain_field
 from planners.gain_training_config import GainTrainingConfig
-from recognition.calibration import Temperature
-from recognition.networks import NetworkSpec
-from recognition.storage import load_recogniser, recogniser_path, save_recogniser
+from recognition.storage import load_recogniser
 
 LENGTH = 8
 
@@ -40,13 +38,7 @@ def little_of_everything(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def config(tmp_path: Path) -> GainTrainingConfig:
     """Return 3 batches of tiny data, with a recogniser that has learned nothing."""
-    data = tiny_data(sequences=24)
-    save_motion(tmp_path / "tiny.npz", data)
-    spec = NetworkSpec.of(data, form="causal", size="small", length=LENGTH)
-    network = spec.build()
-    randomised(network)
-    path = recogniser_path(tmp_path / "models", form="causal", sensor="perfect", views="moving")
-    save_recogniser(path, network, spec, Temperature(), {})
+    save_random_world(tmp_path, LENGTH)
     return GainTrainingConfig(
         data=str(tmp_path / "tiny.npz"), models=tmp_path / "models", length=LENGTH, batches=3, workers=1
     )
