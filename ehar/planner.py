@@ -7,10 +7,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
+from ehar.data.skeleton import Skeleton
+from ehar.flight.vehicle import Vehicle
 from ehar.recogniser import Recogniser
-from ehar.sensor import Sensed
-from ehar.skeleton import Skeleton
-from ehar.vehicle import Vehicle
+from ehar.sensors.sensor import Sensed
 from ehar.viewpoint import Workspace
 
 

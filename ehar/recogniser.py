@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple, Protocol
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
-from ehar.sensor import Sensed
+from ehar.sensors.sensor import Sensed
 
 
 class Recognition(NamedTuple):

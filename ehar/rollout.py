@@ -10,10 +10,10 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import EharError, EpisodeError
 from ehar.motion import Motion
-from ehar.own_class import failure
 from ehar.planner import Context, Observation, Planner, Truth
+from ehar.plugins.loading import failure
 from ehar.recogniser import Recogniser
-from ehar.sensor import Sensed, Sensor, SensorNoise
+from ehar.sensors.sensor import Sensed, Sensor, SensorNoise
 
 
 @dataclass(frozen=True, eq=False)

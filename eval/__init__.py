@@ -4,16 +4,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from eval.conformance_planner import check_planner as check_planner
-    from eval.conformance_recogniser import check_recogniser as check_recogniser
-    from eval.fixed_views import headroom as headroom
-    from eval.run import benchmark as benchmark
+    from eval.conformance.planner import check_planner as check_planner
+    from eval.conformance.recogniser import check_recogniser as check_recogniser
+    from eval.running.benchmark import benchmark as benchmark
+    from eval.studies.headroom import headroom as headroom
 
 _MODULES = {
-    "benchmark": "eval.run",
-    "check_planner": "eval.conformance_planner",
-    "check_recogniser": "eval.conformance_recogniser",
-    "headroom": "eval.fixed_views",
+    "benchmark": "eval.running.benchmark",
+    "check_planner": "eval.conformance.planner",
+    "check_recogniser": "eval.conformance.recogniser",
+    "headroom": "eval.studies.headroom",
 }
 
 

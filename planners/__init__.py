@@ -1,1 +1,1 @@
-"""What to do about it: heuristic planners and oracles."""
+"""What to do about it: planners that search over learned values, learned agents, heuristics and oracles."""

@@ -3,8 +3,8 @@
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
+from ehar.flight.vehicle import Vehicle
 from ehar.planner import Context
-from ehar.vehicle import Vehicle
 from ehar.viewpoint import DISTANCE, MOVES, apply_moves
 
 HEADING_TIME = 1.0  # [s]; a vehicle brakes for a target, so one that is near is approached slowly

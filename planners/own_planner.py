@@ -6,17 +6,17 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any
 
-from ehar.class_spec import ClassSpec, arguments_text, parse_spec
-from ehar.constructor import construct, parameters_of
 from ehar.errors import UsageError
-from ehar.own_class import failure, load_class, source_sha256
 from ehar.planner import Planner
+from ehar.plugins.class_spec import ClassSpec, arguments_text, parse_spec
+from ehar.plugins.constructor import construct, parameters_of
+from ehar.plugins.loading import failure, load_class, source_sha256
 
 if TYPE_CHECKING:
-    from planners.gain_model import GainModel
+    from planners.value.model import GainModel
 
 GROUP = "ehar.planners"  # of entry points, whose names are the planners'
-_GAIN_MODEL = "planners.gain_model.GainModel"
+_GAIN_MODEL = "planners.value.model.GainModel"
 
 
 @dataclass(frozen=True)

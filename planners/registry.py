@@ -4,17 +4,17 @@ import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from ehar.class_spec import FORMS
 from ehar.errors import UsageError
 from ehar.planner import Planner
-from planners.agent_inputs import ENCODED
+from ehar.plugins.class_spec import FORMS
+from planners.agents.inputs import ENCODED
 from planners.heuristic import HRotate, NoAct, Random, Towards, VRotate
 from planners.oracle import Oracle, OracleLookahead
 from planners.own_planner import Origin, entry_point_names, make_own_planner, origin_of, own_spec
 
 if TYPE_CHECKING:
-    from planners.agent import Agent
-    from planners.gain_model import GainModel
+    from planners.agents.agent import Agent
+    from planners.value.model import GainModel
 
 HEURISTICS = (NoAct, Random, Towards, HRotate, VRotate)
 VALUING = ("nbv-greedy", "nbv-search", "nbv")
@@ -113,8 +113,8 @@ def _unknown(spec: str) -> str:
 
 def _make_valuing(name: str, model: "GainModel") -> Planner:
     # Here, as they bring scipy and CasADi, which a list of names does not wait for.
-    from planners.next_best_view import NextBestView
-    from planners.view_search import NextBestViewGreedy, NextBestViewSearch
+    from planners.search.next_best_view import NextBestView
+    from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch
 
     if name == "nbv":
         return NextBestView(model=model)

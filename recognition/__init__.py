@@ -1,1 +1,17 @@
-"""What is being seen: CTR-GCN as published, its streaming form, training and calibration."""
+"""What is being seen: CTR-GCN as published, its streaming form, training and calibration.
+
+Importing it makes `ehar/Grid-v0` and `ehar/Flight-v0` known to Gymnasium.
+"""
+
+import gymnasium
+
+gymnasium.register(
+    id="ehar/Grid-v0",
+    entry_point="recognition.environments:grid_env",
+    vector_entry_point="recognition.environments:grid_vector_env",
+)
+gymnasium.register(
+    id="ehar/Flight-v0",
+    entry_point="recognition.environments:flight_env",
+    vector_entry_point="recognition.environments:flight_vector_env",
+)

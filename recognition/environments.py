@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from ehar.datasets.source import load_data
-from ehar.env import FlightEnv, FlightVectorEnv, GridEnv, GridVectorEnv
-from ehar.estimator import make_sensor
+from ehar.data.scenario import Scenarios, part_of, windows
+from ehar.data.source import load_data
+from ehar.envs.environment import FlightEnv, FlightVectorEnv, GridEnv, GridVectorEnv
+from ehar.flight.vehicle import load_vehicle
 from ehar.recogniser import Recogniser
-from ehar.scenario import Scenarios, part_of, windows
-from ehar.sensor import Sensor
-from ehar.vehicle import load_vehicle
+from ehar.sensors.estimator import make_sensor
+from ehar.sensors.sensor import Sensor
 from recognition.storage import load_recogniser
 
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ehar.class_spec import FORMS, arguments_text, json_arguments, parse_spec
-from ehar.constructor import construct, parameters_of
+from ehar.data.motion_data import MotionData
 from ehar.errors import ModelError, UsageError
-from ehar.motion_data import MotionData
-from ehar.own_class import load_class, source_sha256
+from ehar.plugins.class_spec import FORMS, arguments_text, json_arguments, parse_spec
+from ehar.plugins.constructor import construct, parameters_of
+from ehar.plugins.loading import load_class, source_sha256
 from ehar.recogniser import Recogniser
 
 HANDED = ("class_names", "skeleton", "persons", "fps")  # of the data, to a constructor that has such arguments

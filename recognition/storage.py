@@ -11,14 +11,14 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save
 from torch import Tensor
 
+from ehar.data.motion_data import MotionData
+from ehar.data.skeleton import Skeleton
 from ehar.errors import ModelError
-from ehar.motion_data import MotionData
-from ehar.skeleton import Skeleton
 from recognition.calibration import Temperature
-from recognition.causal import CausalCTRGCN
-from recognition.networks import Network, NetworkSpec
+from recognition.networks.causal import CausalCTRGCN
+from recognition.networks.spec import Network, NetworkSpec
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
-from recognition.training_config import Form, Size
+from recognition.training.config import Form, Size
 
 SHIPPED = Path(__file__).parent / "weights"
 

@@ -9,13 +9,13 @@ from torch import Tensor
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.camera import Camera
 from ehar.recogniser import Recognition
-from ehar.sensor import Sensed
+from ehar.sensors.sensor import Sensed
 from recognition.calibration import Temperature
-from recognition.causal import CausalCTRGCN, StreamingState
-from recognition.ctrgcn import CTRGCN
-from recognition.features import features
-from recognition.graph import parents
-from recognition.networks import NetworkSpec
+from recognition.networks.causal import CausalCTRGCN, StreamingState
+from recognition.networks.ctrgcn import CTRGCN
+from recognition.networks.features import features
+from recognition.networks.graph import parents
+from recognition.networks.spec import NetworkSpec
 
 
 class _Recogniser:

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 import torch
-from tiny_benchmarks import HashedRecogniser, save_models
 
 from planners.own_planner import entry_point_names
+from tests.helpers.tiny_benchmarks import HashedRecogniser, save_models
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -6,7 +6,7 @@ from stable_baselines3 import A2C
 from stable_baselines3.common.policies import BasePolicy
 
 import ehar  # noqa: F401  makes the environments known to Gymnasium
-from ehar.observations import shown_to_agent
+from ehar.envs.observations import shown_to_agent
 from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import apply_moves
 from eval import benchmark

@@ -4,9 +4,9 @@ import numpy as np
 
 from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import MOVES, STEP
-from planners.gain_model import GainModel
-from planners.view_basis import basis_at
-from planners.view_value import ViewValue
+from planners.value.model import GainModel
+from planners.value.view_basis import basis_at
+from planners.value.view_value import ViewValue
 
 
 class Rays(Planner):

@@ -1,0 +1,1 @@
+"""Motion data: recordings and their skeletons, files, scenarios cut from them, and two synthetic sets."""

@@ -1,0 +1,105 @@
+"""A labelled motion data set in memory: what an .npz of the schema holds."""
+
+import hashlib
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.data.skeleton import Skeleton
+
+UNKNOWN_SUBJECT = -1
+
+
+@dataclass(frozen=True, eq=False)
+class MotionData:
+    """Labelled sequences of joint positions, in metres, z up, right-handed.
+
+    Args:
+        name: what reports call the data.
+        positions: (total_frames, P, J, 3) float32 [m], all sequences one after another.
+        offsets: (sequences + 1,) int64; sequence i is `positions[offsets[i]:offsets[i + 1]]`.
+        labels: (sequences,) index into `class_names`.
+        class_names: K names.
+        sequence_names: one name a sequence.
+        fps: frames per second.
+        skeleton: of one person.
+        is_test: (sequences,) bool, the split by sequence; None where the data comes without one.
+        subjects: (sequences, P) ints, who performs; -1 is unknown.
+        license: under which the motion may be used.
+        synthetic: whether the motion was generated.
+    """
+
+    name: str
+    positions: FloatArray
+    offsets: IntArray
+    labels: IntArray
+    class_names: tuple[str, ...]
+    sequence_names: tuple[str, ...]
+    fps: float
+    skeleton: Skeleton
+    is_test: BoolArray | None
+    subjects: IntArray
+    license: str = ""
+    synthetic: bool = False
+
+    @property
+    def lengths(self) -> IntArray:
+        """Frames of each sequence, (sequences,)."""
+        return np.diff(self.offsets)
+
+    @property
+    def persons(self) -> int:
+        """The number of persons in every frame."""
+        return int(self.positions.shape[1])
+
+    @property
+    def title(self) -> str:
+        """The name for people to read; it says so where the motion is synthetic."""
+        return f"{self.name} (synthetic)" if self.synthetic else self.name
+
+    @cached_property
+    def sha256(self) -> str:
+        """A hash of everything that decides an episode; recorded beside every result."""
+        digest = hashlib.sha256()
+        digest.update(np.ascontiguousarray(self.positions, dtype=np.float32).tobytes())
+        for indices in (self.offsets, self.labels, self.skeleton.bone_indices):
+            digest.update(np.ascontiguousarray(indices, dtype=np.int64).tobytes())
+        if self.is_test is not None:
+            digest.update(self.is_test.tobytes())
+        words = (*self.class_names, *self.sequence_names, *self.skeleton.joint_names, repr(float(self.fps)))
+        digest.update("\0".join(words).encode())
+        return digest.hexdigest()
+
+    def sequence(self, index: int) -> FloatArray:
+        """Return the positions (T, P, J, 3) of one sequence."""
+        return self.positions[self.offsets[index] : self.offsets[index + 1]]
+
+    def resampled(self, fps: float) -> "MotionData":
+        """Return the data at another frame rate: linear interpolation in time, each sequence by itself.
+
+        Motion slower than half the new rate is kept; nothing filters what is faster, as no camera would.
+        """
+        if fps == self.fps:
+            return self
+        pieces = []
+        for index in range(len(self.labels)):
+            motion = self.sequence(index)
+            duration = (len(motion) - 1) / self.fps
+            times = np.arange(int(np.floor(duration * fps + 1e-6)) + 1) * (self.fps / fps)
+            pieces.append(interpolated(motion, times))
+        offsets = np.concatenate([[0], np.cumsum([len(piece) for piece in pieces])]).astype(np.int64)
+        return replace(self, positions=np.concatenate(pieces), offsets=offsets, fps=float(fps))
+
+
+def interpolated(motion: FloatArray, times: FloatArray) -> FloatArray:
+    """Return motion (T, P, J, 3) at `times` (S,), in frames from its first, linearly interpolated: (S, P, J, 3).
+
+    Times after the last frame show the last frame.
+    """
+    before = np.minimum(times.astype(np.int64), len(motion) - 1)
+    after = np.minimum(before + 1, len(motion) - 1)
+    share = (times - before).astype(np.float32)[:, None, None, None]
+    between: FloatArray = motion[before] * (1 - share) + motion[after] * share
+    return between

@@ -1,0 +1,1 @@
+"""Readers of original files: one file a format."""

@@ -1,0 +1,130 @@
+"""Scenarios: labelled windows of L frames, cut from sequences that are split into four parts."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.data.motion_data import UNKNOWN_SUBJECT, MotionData
+from ehar.errors import DataError, UsageError
+
+VALIDATION_SHARE = 0.15  # Sec. 5.1: train : validation = 0.85 : 0.15
+RECOGNISER_SHARE = 0.4  # Sec. 5.1: recogniser training : policy training = 0.4 : 0.6
+TEST_SHARE = 1 / 3  # where the data names no split, as AIST++ (7 of 21)
+TEST = "test"
+PARTS = ("recogniser", "policy", "validation", TEST)
+SPLIT_SEED = 0  # the parts are properties of the data, not of a run
+
+
+@dataclass(frozen=True, eq=False)
+class Scenarios:
+    """N windows of L frames.
+
+    Args:
+        data: where they are cut from.
+        length: L, frames.
+        sequence: (N,) the sequence of each window.
+        first: (N,) its first frame, counted within the sequence.
+    """
+
+    data: MotionData
+    length: int
+    sequence: IntArray
+    first: IntArray
+
+    def __len__(self) -> int:
+        """The number of scenarios, N."""
+        return len(self.sequence)
+
+    @property
+    def labels(self) -> IntArray:
+        """The true class of each scenario, (N,)."""
+        return self.data.labels[self.sequence]
+
+    def positions(self, indices: IntArray) -> FloatArray:
+        """Return joints (n, L, P, J, 3) float32 [m] relative to each scenario's centre.
+
+        The centre of the space of interest is the mean of all joints over the whole window: the paper takes
+        it as known a priori (Sec. 3) and does not say where it lies.
+        """
+        begin = self.data.offsets[self.sequence[indices]] + self.first[indices]
+        motion = self.data.positions[begin[:, None] + np.arange(self.length)]
+        centred: FloatArray = motion - motion.mean(axis=(1, 2, 3), keepdims=True)
+        return centred.astype(np.float32, copy=False)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Sequences of each part; every sequence is in exactly one."""
+
+    recogniser: IntArray
+    policy: IntArray
+    validation: IntArray
+    test: IntArray
+
+
+def windows(data: MotionData, sequences: IntArray, length: int, stride: int) -> Scenarios:
+    """Return the windows of `length` frames, `stride` frames apart, of some sequences.
+
+    Sequences shorter than `length` have none. Sec. 5.1: stride 1 to train and validate, L to test.
+    """
+    if length < 1:
+        raise DataError(f"{data.name}: expected an episode length of at least 1 frame, got {length}")
+    counts = np.maximum((data.lengths[sequences] - length) // stride + 1, 0)
+    counts[data.lengths[sequences] < length] = 0
+    sequence = np.repeat(sequences, counts)
+    ends = np.cumsum(counts)
+    first = (np.arange(len(sequence)) - np.repeat(ends - counts, counts)) * stride
+    return Scenarios(data, length, sequence, first)
+
+
+def split_parts(data: MotionData) -> Parts:
+    """Split the sequences into recogniser, policy, validation and test parts, class by class.
+
+    The data's own split decides what is tested; without one, a third of the subjects, or of each class's
+    sequences where subjects are unknown. The rest is divided as in Sec. 5.1, by whole sequences, so that never
+    two windows of one sequence are in two parts; every class with two training sequences or more has one in the
+    recogniser part and one in the policy part.
+    """
+    rng = np.random.default_rng(SPLIT_SEED)
+    is_test = data.is_test if data.is_test is not None else _hold_out(data, rng)
+    parts: dict[str, list[IntArray]] = {"recogniser": [], "policy": [], "validation": []}
+    for label in range(len(data.class_names)):
+        members = rng.permutation(np.flatnonzero((data.labels == label) & ~is_test))
+        held = round(VALIDATION_SHARE * len(members))
+        learn = max(1, round(RECOGNISER_SHARE * (len(members) - held)))
+        parts["validation"].append(members[:held])
+        parts["recogniser"].append(members[held : held + learn])
+        parts["policy"].append(members[held + learn :])
+    return Parts(
+        test=np.flatnonzero(is_test),
+        **{name: np.sort(np.concatenate(members)) for name, members in parts.items()},
+    )
+
+
+def part_of(data: MotionData, part: str) -> IntArray:
+    """Return the sequences of one of the `PARTS`.
+
+    Raises:
+        UsageError: it is none of these.
+    """
+    if part not in PARTS:
+        raise UsageError(f"unknown part {part!r}; expected one of: {', '.join(PARTS)}")
+    sequences: IntArray = getattr(split_parts(data), part)
+    return sequences
+
+
+def _hold_out(data: MotionData, rng: np.random.Generator) -> BoolArray:
+    """Choose test sequences for data without a split: by subject where that leaves every class on both sides."""
+    is_test = np.zeros(len(data.labels), dtype=bool)
+    subjects = np.unique(data.subjects)
+    if UNKNOWN_SUBJECT not in subjects and len(subjects) >= 3:
+        held = rng.permutation(subjects)[: max(1, round(TEST_SHARE * len(subjects)))]
+        by_subject = np.asarray(np.isin(data.subjects, held).any(axis=1))
+        labels = np.arange(len(data.class_names))
+        if np.isin(labels, data.labels[by_subject]).all() and np.isin(labels, data.labels[~by_subject]).all():
+            return by_subject
+    for label in range(len(data.class_names)):
+        members = rng.permutation(np.flatnonzero(data.labels == label))
+        is_test[members[: max(1, round(TEST_SHARE * len(members)))]] = True
+    return is_test

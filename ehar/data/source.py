@@ -1,0 +1,41 @@
+"""Where motion data comes from: a built-in name, or the path of a prepared .npz."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+from ehar.data.motion_data import MotionData
+from ehar.data.motion_file import load_motion
+from ehar.data.synthetic.sets import duo, solo
+from ehar.errors import DataError, UsageError
+
+BUILT_IN: dict[str, Callable[[], MotionData]] = {"duo": duo, "solo": solo}
+
+
+def load_data(source: str | Path, *, fps: float | None = None) -> MotionData:
+    """Return the built-in data of a name, or the motion data of an .npz file.
+
+    Args:
+        source: `duo`, `solo`, or a path.
+        fps: the frame rate to resample to [1/s]; None keeps the data's own.
+
+    Raises:
+        UsageError: `source` is neither a known name nor a file, or `fps` is not above 0.
+        DataError: the file does not hold what the schema asks for.
+    """
+    if fps is not None and not (math.isfinite(fps) and fps > 0):
+        raise UsageError(f"fps: got {fps}, expected frames per second above 0")
+    data = _load(source)
+    return data if fps is None else data.resampled(fps)
+
+
+def _load(source: str | Path) -> MotionData:
+    built_in = BUILT_IN.get(str(source))
+    if built_in is not None:
+        return built_in()
+    path = Path(source)
+    if path.is_file():
+        return load_motion(path)
+    if path.suffix == ".npz":
+        raise DataError(f"{path}: no such file; expected an .npz of motion data, or one of {', '.join(BUILT_IN)}")
+    raise UsageError(f"unknown data {str(source)!r}; expected {', '.join(BUILT_IN)}, or the path of an .npz file")

@@ -1,1 +1,0 @@
-"""Where motion comes from: ExPI, AIST++ and BVH files, and two synthetic sets."""

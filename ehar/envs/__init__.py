@@ -1,0 +1,1 @@
+"""The task as Gymnasium environments: one episode, or a batch in lockstep."""

@@ -1,0 +1,117 @@
+"""What an agent's actions mean in the Gymnasium environments: grid moves, or a target to fly to."""
+
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from ehar.arrays import FloatArray
+from ehar.errors import EpisodeError
+from ehar.flight.motion import FlightMotion
+from ehar.flight.vehicle import Vehicle
+from ehar.motion import GridMotion, Motion
+from ehar.viewpoint import AZIMUTH, DISTANCE, MOVES, POLAR, Workspace, apply_moves
+
+
+class Controls(Protocol):
+    """An action space, and the motion that carries its actions out."""
+
+    @property
+    def motion(self) -> Motion:
+        """What carries the camera."""
+        ...
+
+    @property
+    def action_space(self) -> spaces.Space[Any]:
+        """The actions of one episode."""
+        ...
+
+    @property
+    def observation_spaces(self) -> dict[str, spaces.Space[Any]]:
+        """What these controls add to an observation, beside what every environment shows."""
+        ...
+
+    def targets(self, actions: npt.NDArray[Any], viewpoint: FloatArray, where: str) -> FloatArray:
+        """Return the targets (B, 3) of actions (B, ...) at viewpoints (B, 3).
+
+        Raises:
+            EpisodeError: an action is none; the message begins with `where`.
+        """
+        ...
+
+    def observations(self) -> dict[str, FloatArray]:
+        """Return what is added to the observations now, each (B, ...) in float32."""
+        ...
+
+
+class GridControls:
+    """The paper's 7 moves, numbered as in `ehar.viewpoint.MOVES`; a move out of the workspace is none.
+
+    Args:
+        workspace: where the camera may be; the paper's by default.
+    """
+
+    def __init__(self, *, workspace: Workspace | None = None) -> None:
+        """Create the controls."""
+        self.motion = GridMotion(workspace=workspace)
+        self.action_space = spaces.Discrete(len(MOVES))
+        self.observation_spaces: dict[str, spaces.Space[Any]] = {}
+
+    def targets(self, actions: npt.NDArray[Any], viewpoint: FloatArray, where: str) -> FloatArray:
+        """Return the neighbouring cells (B, 3) that moves (B,) lead to."""
+        if actions.shape != viewpoint.shape[:1] or ((actions < 0) | (actions >= len(MOVES))).any():
+            raise EpisodeError(
+                f"{where}: expected {len(viewpoint)} moves from 0 to {len(MOVES) - 1}, got {actions.tolist()}"
+            )
+        return apply_moves(viewpoint, actions, self.motion.workspace)
+
+    def observations(self) -> dict[str, FloatArray]:
+        """Return nothing: a cell says all about a camera on the grid."""
+        return {}
+
+
+class FlightControls:
+    """A target viewpoint for a vehicle, as four numbers from -1 to 1: where to go, whatever there is on the way.
+
+    The first and the last are the distance and the polar angle, from the least to the greatest of the workspace.
+    Those between are a direction whose angle is the azimuth, sine first, as in the observed viewpoint; its length
+    does not matter, and without one the camera keeps its azimuth. Numbers beyond -1 and 1 count as these.
+
+    Observations gain `velocity` (3,): the rates of distance, azimuth and polar angle, each as a share of the
+    greatest that the vehicle can ever have.
+
+    Args:
+        vehicle: what carries the camera.
+        workspace: where the camera may be; the paper's by default.
+    """
+
+    def __init__(self, *, vehicle: Vehicle, workspace: Workspace | None = None) -> None:
+        """Create the controls."""
+        self.motion = FlightMotion(vehicle=vehicle, workspace=workspace)
+        self.action_space = spaces.Box(-1, 1, (4,), np.float32)
+        self.observation_spaces: dict[str, spaces.Space[Any]] = {"velocity": spaces.Box(-1, 1, (3,), np.float32)}
+
+    def targets(self, actions: npt.NDArray[Any], viewpoint: FloatArray, where: str) -> FloatArray:
+        """Return the target viewpoints (B, 3) that actions (B, 4) stand for."""
+        if actions.shape != (len(viewpoint), 4) or not np.isfinite(actions).all():
+            raise EpisodeError(f"{where}: expected {len(viewpoint)} times 4 finite numbers, got {actions.tolist()}")
+        distance, sine, cosine, polar = np.clip(actions.astype(np.float64), -1, 1).T
+        workspace = self.motion.workspace
+        targets = np.empty(viewpoint.shape)
+        targets[:, DISTANCE] = _between(workspace.distance_min, workspace.distance_max, distance)
+        targets[:, POLAR] = _between(workspace.polar_min, workspace.polar_max, polar)
+        directed = np.hypot(sine, cosine) > 1e-6
+        targets[:, AZIMUTH] = np.where(directed, np.arctan2(sine, cosine), viewpoint[:, AZIMUTH])
+        return targets
+
+    def observations(self) -> dict[str, FloatArray]:
+        """Return the velocities (B, 3)."""
+        vehicle, nearest = self.motion.vehicle, max(self.motion.workspace.distance_min, 1e-3)
+        greatest = np.array([vehicle.speed, vehicle.yaw_rate, vehicle.speed / nearest])
+        return {"velocity": np.clip(self.motion.velocity / greatest, -1, 1).astype(np.float32)}
+
+
+def _between(low: float, high: float, action: FloatArray) -> FloatArray:
+    """Return what lies between two bounds as an action does between -1 and 1."""
+    return low + (high - low) * (action + 1) / 2

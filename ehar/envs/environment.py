@@ -1,0 +1,205 @@
+"""Gymnasium environments of the task, on the grid and in flight: one episode at a time, and a batch in lockstep."""
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import numpy.typing as npt
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+
+from ehar.arrays import BoolArray, FloatArray
+from ehar.data.scenario import Scenarios
+from ehar.envs.controls import FlightControls, GridControls
+from ehar.envs.task import Episodes, Observations
+from ehar.envs.task import reward as reward
+from ehar.flight.vehicle import Vehicle
+from ehar.recogniser import Recogniser
+from ehar.sensors.sensor import Sensor
+from ehar.viewpoint import Workspace
+
+
+class EpisodeEnv(gym.Env[dict[str, Any], Any]):
+    """One episode at a time of the task that `Episodes` describes.
+
+    The last frame terminates an episode, it does not truncate it: the task ends there by its definition, and
+    `ratio` tells the agent when, so there is no value beyond to bootstrap from.
+
+    Args:
+        episodes: the task.
+    """
+
+    metadata = {"render_modes": []}  # noqa: RUF012  as gym.Env declares it
+
+    def __init__(self, episodes: Episodes) -> None:
+        """Create the environment."""
+        self.episodes = episodes
+        self.observation_space = episodes.observation_space
+        self.action_space = episodes.controls.action_space
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, Any]]:
+        """Begin an episode and return frame 1; there are no options."""
+        super().reset(seed=seed)
+        observations = self.episodes.begin(1, self.np_random)
+        return _only(observations), _only(self.episodes.info)
+
+    def step(self, action: Any) -> tuple[Observations, float, bool, bool, dict[str, Any]]:
+        """Carry out an action and see the next frame."""
+        observations, rewards = self.episodes.step(np.asarray(action)[None])
+        return _only(observations), float(rewards[0]), self.episodes.over, False, _only(self.episodes.info)
+
+
+class EpisodeVectorEnv(gym.vector.VectorEnv[Observations, npt.NDArray[Any], npt.NDArray[Any]]):
+    """A batch of episodes in lockstep: one call of the sensor and of the recogniser a step.
+
+    All episodes have L frames, so all end with the same step. Autoreset is by the next step, Gymnasium's
+    default: the step after the last ignores its actions, begins new episodes and rewards 0.
+
+    Args:
+        num_envs: episodes at a time, B.
+        episodes: the task.
+    """
+
+    metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012  as VectorEnv's
+
+    def __init__(self, num_envs: int, episodes: Episodes) -> None:
+        """Create the environments."""
+        self.num_envs = num_envs
+        self.episodes = episodes
+        self.single_observation_space = episodes.observation_space
+        self.single_action_space = episodes.controls.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, Any]]:
+        """Begin B episodes and return frame 1 of each; there are no options."""
+        super().reset(seed=seed)
+        return self.episodes.begin(self.num_envs, self.np_random), self._masked_info()
+
+    def step(self, actions: npt.NDArray[Any]) -> tuple[Observations, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
+        """Carry out actions (B, ...) and see the next frame of each episode."""
+        rewards: FloatArray = np.zeros(self.num_envs)
+        if self.episodes.frame == self.episodes.scenarios.length - 1:
+            observations = self.episodes.begin(self.num_envs, self.np_random)
+        else:
+            observations, rewards = self.episodes.step(np.asarray(actions))
+        terminated = np.full(self.num_envs, self.episodes.over)
+        return observations, rewards, terminated, np.zeros(self.num_envs, dtype=bool), self._masked_info()
+
+    def _masked_info(self) -> dict[str, Any]:
+        """Return the info with the mask that Gymnasium keeps beside each key."""
+        info = self.episodes.info
+        return info | {f"_{key}": np.ones(self.num_envs, dtype=bool) for key in info}
+
+
+class GridEnv(EpisodeEnv):
+    """Episodes on the paper's grid, one at a time: actions as in `GridControls`.
+
+    Args:
+        scenarios: what episodes are drawn from, uniformly.
+        recogniser: sees every frame.
+        sensor: what the recogniser sees.
+        workspace: where the camera may be; the paper's by default.
+    """
+
+    def __init__(
+        self,
+        *,
+        scenarios: Scenarios,
+        recogniser: Recogniser,
+        sensor: Sensor,
+        workspace: Workspace | None = None,
+    ) -> None:
+        """Create the environment."""
+        controls = GridControls(workspace=workspace)
+        super().__init__(Episodes(scenarios=scenarios, recogniser=recogniser, sensor=sensor, controls=controls))
+
+
+class GridVectorEnv(EpisodeVectorEnv):
+    """Episodes on the paper's grid, B at a time: actions as in `GridControls`.
+
+    Args:
+        num_envs: episodes at a time, B.
+        scenarios: what episodes are drawn from, uniformly.
+        recogniser: sees every frame.
+        sensor: what the recogniser sees.
+        workspace: where the camera may be; the paper's by default.
+    """
+
+    def __init__(
+        self,
+        *,
+        num_envs: int,
+        scenarios: Scenarios,
+        recogniser: Recogniser,
+        sensor: Sensor,
+        workspace: Workspace | None = None,
+    ) -> None:
+        """Create the environments."""
+        controls = GridControls(workspace=workspace)
+        super().__init__(
+            num_envs, Episodes(scenarios=scenarios, recogniser=recogniser, sensor=sensor, controls=controls)
+        )
+
+
+class FlightEnv(EpisodeEnv):
+    """Episodes in flight, one at a time: actions and observations as in `FlightControls`.
+
+    Args:
+        scenarios: what episodes are drawn from, uniformly.
+        recogniser: sees every frame.
+        sensor: what the recogniser sees.
+        vehicle: what carries the camera.
+        workspace: where the camera may be; the paper's by default.
+    """
+
+    def __init__(
+        self,
+        *,
+        scenarios: Scenarios,
+        recogniser: Recogniser,
+        sensor: Sensor,
+        vehicle: Vehicle,
+        workspace: Workspace | None = None,
+    ) -> None:
+        """Create the environment."""
+        controls = FlightControls(vehicle=vehicle, workspace=workspace)
+        super().__init__(Episodes(scenarios=scenarios, recogniser=recogniser, sensor=sensor, controls=controls))
+
+
+class FlightVectorEnv(EpisodeVectorEnv):
+    """Episodes in flight, B at a time: actions and observations as in `FlightControls`.
+
+    Args:
+        num_envs: episodes at a time, B.
+        scenarios: what episodes are drawn from, uniformly.
+        recogniser: sees every frame.
+        sensor: what the recogniser sees.
+        vehicle: what carries the camera.
+        workspace: where the camera may be; the paper's by default.
+    """
+
+    def __init__(
+        self,
+        *,
+        num_envs: int,
+        scenarios: Scenarios,
+        recogniser: Recogniser,
+        sensor: Sensor,
+        vehicle: Vehicle,
+        workspace: Workspace | None = None,
+    ) -> None:
+        """Create the environments."""
+        controls = FlightControls(vehicle=vehicle, workspace=workspace)
+        super().__init__(
+            num_envs, Episodes(scenarios=scenarios, recogniser=recogniser, sensor=sensor, controls=controls)
+        )
+
+
+def _only(batched: dict[str, Any]) -> dict[str, Any]:
+    """Return the first entry of every array."""
+    return {key: array[0] for key, array in batched.items()}

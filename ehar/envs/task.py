@@ -1,0 +1,172 @@
+"""The task behind the Gymnasium environments: B episodes in lockstep, and the reward of the paper."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from ehar.arrays import BoolArray, FloatArray
+from ehar.data.scenario import Scenarios
+from ehar.envs.controls import Controls
+from ehar.envs.observations import Observations as Observations
+from ehar.envs.observations import shown
+from ehar.errors import EpisodeError, UsageError
+from ehar.recogniser import Recogniser
+from ehar.rollout import Batch
+from ehar.sensors.sensor import Sensor, SensorNoise, draw_noise
+from ehar.viewpoint import sample_starts
+
+
+def reward(correct_now: BoolArray, correct_before: BoolArray, length: int, *, first: bool) -> FloatArray:
+    """Return the reward of one frame, Eq. 1, (B,).
+
+    Args:
+        correct_now: whether the label is recognised after this frame, (B,).
+        correct_before: and after the frame before, (B,); of no effect on the first frame.
+        length: L, frames in an episode.
+        first: whether this is the first frame, t = 1 in Eq. 1.
+    """
+    accuracy = correct_now.astype(np.float64)
+    improvement = 0.0 if first else accuracy - correct_before
+    total: FloatArray = accuracy / length + improvement
+    return total
+
+
+class Episodes:
+    """B episodes in lockstep, whose cameras an agent moves by its controls.
+
+    An episode of L frames is a reset, which shows frame 1 from the start viewpoint, and L - 1 steps. Eq. 1
+    rewards frame 1 too, where nothing has been decided yet: its reward comes with that of the first step, so
+    that the undiscounted return is the paper's sum over t = 1..L.
+
+    An observation holds, all in float32, each with a leading B:
+
+    - `joints` (P, J, 2): the sensed joints from the image centre, in half image widths
+    - `confidence` (P, J), in [0, 1]
+    - `viewpoint` (4,): distance and polar angle scaled to [0, 1] over the workspace, first and last; between
+      them sine and cosine of the azimuth
+    - `probabilities` (K,): the recogniser's, of all classes
+    - `embedding` (D,): the recogniser's
+    - `ratio` (1,): the share of the episode that has been observed, in (0, 1]
+    - and what the controls add
+
+    Args:
+        scenarios: what episodes are drawn from, uniformly.
+        recogniser: sees every frame.
+        sensor: what the recogniser sees.
+        controls: what actions mean, and where the camera may be.
+        copies: episodes in a row that differ in the agent's actions only: the same scenario, start and noise.
+
+    Raises:
+        UsageError: there is no scenario, episodes have no step, or the recogniser knows other classes.
+    """
+
+    def __init__(
+        self, *, scenarios: Scenarios, recogniser: Recogniser, sensor: Sensor, controls: Controls, copies: int = 1
+    ) -> None:
+        """Create the task; nothing is drawn before `begin`."""
+        data = scenarios.data
+        if len(scenarios) == 0:
+            raise UsageError(f"{data.name}: expected at least one scenario of {scenarios.length} frames, got none")
+        if scenarios.length < 2:
+            raise UsageError(f"{data.name}: expected episodes of at least 2 frames, got {scenarios.length}")
+        if recogniser.class_names != data.class_names:
+            raise UsageError(f"{data.name}: expected a recogniser of its {len(data.class_names)} classes")
+        self.scenarios = scenarios
+        self.recogniser = recogniser
+        self.sensor = sensor
+        self.controls = controls
+        self.copies = copies
+        self.workspace = controls.motion.workspace
+        self.frame = -1  # no episode has begun
+
+    @property
+    def observation_space(self) -> spaces.Dict:
+        """The space of one episode's observations."""
+        data = self.scenarios.data
+        persons, joints = data.persons, len(data.skeleton.joint_names)
+        return spaces.Dict(
+            {
+                "joints": spaces.Box(-np.inf, np.inf, (persons, joints, 2), np.float32),
+                "confidence": spaces.Box(0, 1, (persons, joints), np.float32),
+                "viewpoint": spaces.Box(np.array([0, -1, -1, 0], dtype=np.float32), np.ones(4, dtype=np.float32)),
+                "probabilities": spaces.Box(0, 1, (len(data.class_names),), np.float32),
+                "embedding": spaces.Box(-np.inf, np.inf, (self.recogniser.embedding_size,), np.float32),
+                "ratio": spaces.Box(0, 1, (1,), np.float32),
+                **self.controls.observation_spaces,
+            }
+        )
+
+    @property
+    def over(self) -> bool:
+        """Whether the last frame has been seen, or no episode has begun."""
+        return self.frame in (-1, self.scenarios.length - 1)
+
+    def begin(self, episodes: int, rng: np.random.Generator) -> Observations:
+        """Draw scenarios, starts and noise of `episodes` new episodes, and see frame 1.
+
+        Raises:
+            UsageError: their number is no multiple of the copies.
+        """
+        if episodes % self.copies:
+            raise UsageError(f"episodes: expected a multiple of {self.copies} copies, got {episodes}")
+        data, drawn = self.scenarios.data, episodes // self.copies
+        indices = rng.integers(0, len(self.scenarios), size=drawn).repeat(self.copies)
+        leading = (drawn, self.scenarios.length)
+        noise = draw_noise(rng, leading, data.persons, len(data.skeleton.joint_names))
+        self._batch = Batch(
+            positions=self.scenarios.positions(indices),
+            labels=self.scenarios.labels[indices],
+            starts=self.workspace.clip(sample_starts(rng, drawn).repeat(self.copies, axis=0)),
+            noise=SensorNoise(*(draws.repeat(self.copies, axis=0) for draws in noise)),
+            names=tuple(data.sequence_names[sequence] for sequence in self.scenarios.sequence[indices]),
+        )
+        self.frame = 0
+        self.viewpoint = self._batch.starts
+        self.controls.motion.reset(self.viewpoint, 1 / data.fps)
+        self._state = self.recogniser.start(episodes)
+        return self._see()
+
+    def step(self, actions: npt.NDArray[Any]) -> tuple[Observations, FloatArray]:
+        """Carry out actions (B, ...) and see the next frame; return what is seen, and the rewards (B,).
+
+        Raises:
+            EpisodeError: the episodes are over, or an action is none.
+        """
+        if self.over:
+            raise EpisodeError(f"step after frame {self.frame + 1} of {self.scenarios.length}: expected a reset")
+        targets = self.controls.targets(actions, self.viewpoint, f"frame {self.frame + 1}")
+        before, length = self.correct, self.scenarios.length
+        self.viewpoint = self.controls.motion.advance(targets)
+        self.frame += 1
+        observations = self._see()
+        rewards = reward(self.correct, before, length, first=False)
+        if self.frame == 1:
+            rewards = rewards + reward(before, before, length, first=True)
+        return observations, rewards
+
+    @property
+    def info(self) -> dict[str, Any]:
+        """For analysis, not for the agent: the true labels (B,), and whether they are recognised (B,)."""
+        return {"label": self._batch.labels, "correct": self.correct}
+
+    def _see(self) -> Observations:
+        """Sense and recognise the present frame."""
+        noise = self._batch.noise.frame(self.frame)
+        sensed = self.sensor.sense(self._batch.positions[:, self.frame], self.viewpoint, noise)
+        recognition, self._state = self.recogniser.step(self._state, sensed, self.viewpoint)
+        self.correct = np.argmax(recognition.log_probs, axis=1) == self._batch.labels
+        return {
+            **shown(
+                joints_2d=sensed.joints_2d,
+                confidence=sensed.confidence,
+                viewpoint=self.viewpoint,
+                log_probs=recognition.log_probs,
+                embedding=recognition.embedding,
+                ratio=(self.frame + 1) / self.scenarios.length,
+                workspace=self.workspace,
+                camera=self.sensor.camera,
+            ),
+            **self.controls.observations(),
+        }

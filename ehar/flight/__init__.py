@@ -1,0 +1,1 @@
+"""Flight: a vehicle carries the camera, and keeps its limits."""

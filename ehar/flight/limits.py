@@ -1,0 +1,53 @@
+"""What a vehicle is held to in flight."""
+
+import numpy as np
+
+from ehar.arrays import BoolArray, FloatArray
+from ehar.flight.kinematics import SphericalState, local_motion
+from ehar.flight.profile import JerkProfile
+from ehar.flight.vehicle import Vehicle
+from ehar.viewpoint import AZIMUTH, Workspace
+
+HEADROOM = 0.995  # what may be used of a limit at a sample, so that it also holds between samples
+BLOCK = 64  # flights at a time, so that their samples stay in the cache
+
+
+def limit_shares(vehicle: Vehicle, state: SphericalState) -> FloatArray:
+    """Return how much of each limit states (..., 3) use, (..., 5); 1 is all of it.
+
+    In this order: speed, acceleration, jerk, climb or descent speed, yaw rate. A camera that looks at the centre
+    turns about the vertical axis as fast as its azimuth changes.
+    """
+    motion = local_motion(state)
+    speed, acceleration, jerk = (np.sqrt((vector**2).sum(axis=-1)) for vector in motion)
+    upwards = motion.velocity[..., 2]
+    return np.stack(
+        [
+            speed / vehicle.speed,
+            acceleration / vehicle.acceleration,
+            jerk / vehicle.jerk,
+            np.maximum(upwards / vehicle.climb_speed, -upwards / vehicle.descent_speed),
+            np.abs(state.velocity[..., AZIMUTH]) / vehicle.yaw_rate,
+        ],
+        axis=-1,
+    )
+
+
+def keeps_limits(profile: JerkProfile, vehicle: Vehicle, workspace: Workspace) -> BoolArray:
+    """Return which flights, until they are at rest, keep the vehicle's limits and stay in the workspace, (B,).
+
+    Between two changes of jerk a flight only bends as fast as the camera goes round, and it is sampled nine times
+    within the time that it takes for one radian, and wherever the jerk changes. Most flights that break a limit do so
+    near such a change: a first pass only looks there, and leaves few for the second.
+    """
+    turn = min(float(np.sqrt(max(workspace.distance_min, 1e-3) / vehicle.acceleration)), 1 / vehicle.yaw_rate)
+    lowest, highest = profile.extremes()
+    keeps = workspace.contains(lowest) & workspace.contains(highest)
+    for longest in (np.inf, turn / 3):
+        left = np.flatnonzero(keeps)
+        for first in range(0, len(left), BLOCK):
+            rows = left[first : first + BLOCK]
+            flight, state = profile.select(rows).samples(longest)
+            breaks = (limit_shares(vehicle, state) > HEADROOM).any(axis=(1, 2))
+            keeps[rows[flight[breaks]]] = False
+    return keeps

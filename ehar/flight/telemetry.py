@@ -1,0 +1,51 @@
+"""What flights demand of a vehicle: peaks, effort, and how often it is at a limit."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.flight.kinematics import SphericalState
+from ehar.flight.limits import limit_shares
+from ehar.flight.vehicle import Vehicle
+
+AT_LIMIT = 0.99  # of a limit
+
+
+@dataclass(frozen=True, eq=False)
+class FlightTelemetry:
+    """Of each of B flights since they began, in SI units; speed, acceleration and jerk are Cartesian lengths."""
+
+    frames: int  # flown
+    peak_speed: FloatArray  # (B,) [m/s]
+    peak_acceleration: FloatArray  # (B,) [m/s^2]
+    peak_jerk: FloatArray  # (B,) [m/s^3]
+    effort: FloatArray  # (B,) [m^2/s^3], the integral of the squared acceleration
+    frames_at_limit: IntArray  # (B,), in which at least 99 % of some limit is used
+
+    @classmethod
+    def none(cls, episodes: int) -> "FlightTelemetry":
+        """Return the telemetry of `episodes` flights that have not begun."""
+        zero = np.zeros(episodes)
+        return cls(0, zero, zero, zero, zero, np.zeros(episodes, dtype=np.int64))
+
+    @property
+    def share_at_limit(self) -> FloatArray:
+        """The share of frames at a limit, (B,); 0 before the first."""
+        share: FloatArray = self.frames_at_limit / max(self.frames, 1)
+        return share
+
+    def after(self, vehicle: Vehicle, state: SphericalState, frame_time: float) -> "FlightTelemetry":
+        """Return the telemetry after one more frame, given its states (B, S, 3) at equal steps, both ends included."""
+        shares = limit_shares(vehicle, state)
+        peaks = shares.max(axis=1)
+        acceleration = shares[..., 1] * vehicle.acceleration
+        step = frame_time / (acceleration.shape[1] - 1)
+        return FlightTelemetry(
+            frames=self.frames + 1,
+            peak_speed=np.maximum(self.peak_speed, peaks[:, 0] * vehicle.speed),
+            peak_acceleration=np.maximum(self.peak_acceleration, peaks[:, 1] * vehicle.acceleration),
+            peak_jerk=np.maximum(self.peak_jerk, peaks[:, 2] * vehicle.jerk),
+            effort=self.effort + np.trapezoid(acceleration**2, dx=step, axis=1),
+            frames_at_limit=self.frames_at_limit + (peaks.max(axis=1) >= AT_LIMIT),
+        )

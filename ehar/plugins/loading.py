@@ -1,0 +1,131 @@
+"""Loading a class of one's own from its file or module; whatever is wrong with it is said in one line."""
+
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import os
+import sys
+import traceback
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import cloudpickle
+
+from ehar.errors import EharError, UsageError
+from ehar.plugins.class_spec import FORMS, ClassSpec
+
+
+def load_class(spec: ClassSpec, what: str) -> type[Any]:
+    """Run the file, or import the module, and return the class.
+
+    A file may import what lies beside it, and a module may lie in the present folder.
+
+    Args:
+        spec: with a place.
+        what: the class is expected to be, for errors: "planner".
+
+    Raises:
+        UsageError: there is no such file, module or class, or running it fails.
+    """
+    where = f"{what} {'file' if spec.is_file else 'module'} {spec.place}"
+    module = _run_file(Path(spec.place), where) if spec.is_file else _import(spec.place, where)
+    found = getattr(module, spec.name, None)
+    if not inspect.isclass(found):
+        own = [
+            name
+            for name, value in vars(module).items()
+            if inspect.isclass(value) and value.__module__ == module.__name__
+        ]
+        raise UsageError(f"{where}: expected a class {spec.name!r}, it defines: {', '.join(own) or 'no class'}")
+    return found
+
+
+def source_sha256(cls: type[Any]) -> str | None:
+    """Return the hash of the file that a class is defined in; None where it has none, as in a notebook."""
+    path = source_file(cls)
+    return None if path is None else hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def source_file(cls: type[Any]) -> Path | None:
+    """Return the file that a class is defined in; None where it has none."""
+    try:
+        found = inspect.getsourcefile(cls)
+    except TypeError:
+        return None
+    return None if found is None or not Path(found).is_file() else Path(found)
+
+
+def failure(error: BaseException, cls: type[Any] | None = None, *, path: Path | None = None) -> str:
+    """Return one line about what someone's own code raised, with the last of its own lines that led there.
+
+    Args:
+        error: as caught.
+        cls: whose module's lines are meant.
+        path: of the file, where there is no class yet.
+    """
+    said = " ".join(str(error).split())
+    line = type(error).__name__ + (f": {said}" if said else "")
+    own = [
+        (frame.f_code.co_filename, number)
+        for frame, number in traceback.walk_tb(error.__traceback__)
+        # By the module's name: a worker process, which was sent the class, does not have its module.
+        if (path is not None and Path(frame.f_code.co_filename) == path)
+        or (cls is not None and frame.f_globals.get("__name__") == cls.__module__)
+    ]
+    own = [place for place in own if not place[0].startswith("<")]  # an annotation is a string, of no file
+    return "{} ({}, line {})".format(line, *own[-1]) if own else line
+
+
+def _run_file(path: Path, where: str) -> ModuleType:
+    """Run a file once as long as it stays the same, so that two planners of one file share its classes."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        reason = "no such file" if isinstance(error, FileNotFoundError) else error.strerror
+        raise UsageError(f"{where}: {reason}; expected {FORMS}") from error
+    path = path.resolve()
+    # A name that no import has: `random.py` is not to be taken for Python's own.
+    name = f"own_{hashlib.sha256(str(path).encode() + content).hexdigest()[:16]}_{path.stem}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise UsageError(f"{where}: Python cannot load it; expected {FORMS}")
+    module = importlib.util.module_from_spec(spec)
+    _also_import_from(path.parent)
+    sys.modules[name] = module  # where dataclasses look names up
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        del sys.modules[name]
+        raise UsageError(f"{where}: {_load_failure(error, path)}") from error
+    cloudpickle.register_pickle_by_value(module)  # as a worker process cannot import it
+    return module
+
+
+def _import(name: str, where: str) -> ModuleType:
+    _also_import_from(Path.cwd())
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name is None or not f"{name}.".startswith(f"{error.name}."):
+            raise UsageError(f"{where}: {_load_failure(error, None)}") from error
+        raise UsageError(f"{where}: no module {error.name!r}; expected {FORMS}") from error
+    except (Exception, SystemExit) as error:
+        raise UsageError(f"{where}: {_load_failure(error, None)}") from error
+
+
+def _also_import_from(folder: Path) -> None:
+    """Let modules be found in a folder, after all others: what lies there takes nobody's place."""
+    if os.fspath(folder) not in sys.path:
+        sys.path.append(os.fspath(folder))
+
+
+def _load_failure(error: BaseException, path: Path | None) -> str:
+    if isinstance(error, SyntaxError):
+        return f"{type(error).__name__}: {error.msg} ({error.filename}, line {error.lineno})"
+    if isinstance(error, EharError):
+        return str(error)
+    return f"{failure(error, path=path)} while it was loaded"

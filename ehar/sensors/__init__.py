@@ -1,0 +1,1 @@
+"""Sensors: what a pose estimator makes of joints in space."""

@@ -1,0 +1,214 @@
+"""What a 2D pose estimator gets wrong: noise, joints hidden behind limbs, missing joints, left-right swaps."""
+
+import numpy as np
+
+from ehar.arrays import BoolArray, FloatArray
+from ehar.camera import NEAR_PLANE, Camera, project
+from ehar.data.skeleton import Skeleton
+from ehar.errors import UsageError
+from ehar.sensors.sensor import PerfectSensor, Sensed, Sensor, SensorNoise
+
+RELATIVE_NOISE = 0.01  # of the person's height in the image
+NOISE_FLOOR = 1.5  # [px], what is left of the noise however small the person
+OCCLUDED_NOISE = 4.0  # times the noise of a joint in plain view
+OCCLUDED_CONFIDENCE = 0.3  # a joint in plain view has 1, a missing one 0
+SMALLEST_HEIGHT = 60.0  # [px], from which on no joint is missed for being small
+SWAP_PROBABILITY = 0.25  # of a person seen exactly edge-on
+SWAP_WIDTH = 0.4  # seen share of the body's width from which on sides are never confused: 24 degrees off edge-on
+LIMB_RADIUS = 0.05  # [m], about a forearm's or a shin's
+TRUNK_RADIUS = 0.12  # [m], of bones between two joints of the body's middle: spine, neck, head
+OCCLUSION_MARGIN = 0.1  # [m] by which a bone has to be nearer than a joint to hide it, not to belong to the same flesh
+CHUNK_FRAMES = 64  # the temporaries of so many frames stay in a core's cache
+
+
+class EstimatorSensor:
+    r"""2D joints with the errors of a pose estimator.
+
+    A joint is localised with a standard deviation of :math:`\sqrt{(a h)^2 + b^2}` in x and in y, where h is the
+    person's height in the image: the larger side of the bounding box of the true projected joints, so that a
+    person seen from straight above counts by the extent that is seen. Confidence is 1 for a joint in plain
+    view, `occluded_confidence` for one hidden behind a limb, and 0 for a missing one, which lies at the image
+    centre. Missing are joints outside the image or behind the near plane, and each joint of a person smaller
+    than `smallest_height` with probability 1 - h / `smallest_height`. All joints of a person change sides with
+    a probability that rises linearly from 0, where `swap_width` of the body's width is seen, to
+    `swap_probability` where the body is seen edge-on; confidences change sides with them.
+
+    Args:
+        skeleton: of one person. Without mirrored joints there are no swaps.
+        camera: the intrinsics.
+        relative_noise: a above.
+        noise_floor: b above [px].
+        occluded_noise: factor on the noise of an occluded joint.
+        occluded_confidence: confidence of an occluded joint.
+        smallest_height: below this height in the image joints go missing [px].
+        swap_probability: probability of a swap edge-on.
+        swap_width: seen share of the body's width at which swaps begin.
+        limb_radius: radius of the capsules around bones [m].
+        trunk_radius: radius of the capsules around bones of the body's middle [m].
+        occlusion_margin: how much nearer than a joint a bone must be to occlude it [m].
+    """
+
+    name = "estimator"
+
+    def __init__(
+        self,
+        *,
+        skeleton: Skeleton,
+        camera: Camera | None = None,
+        relative_noise: float = RELATIVE_NOISE,
+        noise_floor: float = NOISE_FLOOR,
+        occluded_noise: float = OCCLUDED_NOISE,
+        occluded_confidence: float = OCCLUDED_CONFIDENCE,
+        smallest_height: float = SMALLEST_HEIGHT,
+        swap_probability: float = SWAP_PROBABILITY,
+        swap_width: float = SWAP_WIDTH,
+        limb_radius: float = LIMB_RADIUS,
+        trunk_radius: float = TRUNK_RADIUS,
+        occlusion_margin: float = OCCLUSION_MARGIN,
+    ) -> None:
+        """Create the sensor."""
+        self.camera = camera or Camera()
+        self.skeleton = skeleton
+        self.relative_noise = relative_noise
+        self.noise_floor = noise_floor
+        self.occluded_noise = occluded_noise
+        self.occluded_confidence = occluded_confidence
+        self.smallest_height = smallest_height
+        self.swap_probability = swap_probability
+        self.swap_width = swap_width
+        self.limb_radius = limb_radius
+        self.trunk_radius = trunk_radius
+        self.occlusion_margin = occlusion_margin
+
+    def sense(self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise) -> Sensed:
+        """Return what is sensed of joints (..., P, J, 3) [m] from viewpoints (..., 3); leading axes broadcast."""
+        *_, persons, joints, _ = positions.shape
+        leading = np.broadcast_shapes(positions.shape[:-3], viewpoint.shape[:-1], noise.swap.shape[:-1])
+        frames = int(np.prod(leading))
+        positions = np.broadcast_to(positions, (*leading, persons, joints, 3)).reshape(frames, persons, joints, 3)
+        viewpoint = np.broadcast_to(viewpoint, (*leading, 3)).reshape(frames, 3)
+        localisation = np.broadcast_to(noise.localisation, (*leading, persons, joints, 2))
+        draws = SensorNoise(
+            localisation.reshape(frames, persons, joints, 2),
+            np.broadcast_to(noise.dropout, (*leading, persons, joints)).reshape(frames, persons, joints),
+            np.broadcast_to(noise.swap, (*leading, persons)).reshape(frames, persons),
+        )
+        joints_2d = np.empty((frames, persons, joints, 2), dtype=np.float32)
+        confidence = np.empty((frames, persons, joints), dtype=np.float32)
+        radii = self._capsule_radii(persons)
+        for begin in range(0, frames, CHUNK_FRAMES):
+            chunk = slice(begin, begin + CHUNK_FRAMES)
+            joints_2d[chunk], confidence[chunk] = self._sense_chunk(
+                positions[chunk], viewpoint[chunk], SensorNoise(*(draw[chunk] for draw in draws)), radii
+            )
+        return Sensed(joints_2d.reshape(*leading, persons, joints, 2), confidence.reshape(*leading, persons, joints))
+
+    def _sense_chunk(
+        self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise, radii: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Sense frames (n, ...); `radii` as from `_capsule_radii`."""
+        pixels, depth = project(positions, viewpoint, self.camera)
+        height = np.ptp(pixels, axis=2).max(axis=-1)  # (n, P)
+        occluded = self._occluded(pixels, depth, radii)
+
+        scale = np.sqrt((self.relative_noise * height) ** 2 + self.noise_floor**2)[:, :, None]
+        scale = np.where(occluded, self.occluded_noise * scale, scale).astype(np.float32)
+        joints_2d = pixels + scale[..., None] * noise.localisation
+
+        outside = (pixels < 0) | (pixels >= np.array([self.camera.width, self.camera.height]))
+        missing = outside[..., 0] | outside[..., 1] | (depth < NEAR_PLANE)
+        missing |= noise.dropout < (1 - height / self.smallest_height)[:, :, None]
+        joints_2d[missing] = (self.camera.width / 2, self.camera.height / 2)
+        confidence = np.where(occluded, np.float32(self.occluded_confidence), np.float32(1.0))
+        confidence[missing] = 0.0
+
+        mirror = self.skeleton.mirror
+        swapped = noise.swap < self._swap_probability(positions, pixels, depth)
+        joints_2d[swapped] = joints_2d[swapped][:, mirror]
+        confidence[swapped] = confidence[swapped][:, mirror]
+        return joints_2d, confidence
+
+    def _capsule_radii(self, persons: int) -> FloatArray:
+        """Return the radius [m] of each bone as an occluder of each joint, (P J, P bones, 1); 0: never occludes it.
+
+        A bone of a joint's own person that touches the joint does not occlude it.
+        """
+        bones, joints = self.skeleton.bone_indices, len(self.skeleton.joint_names)
+        middle = self.skeleton.mirror == np.arange(joints)
+        trunk = middle[bones].all(axis=1) & ~middle.all()
+        radius = np.where(trunk, self.trunk_radius, self.limb_radius)
+        touches = (bones[None] == np.arange(joints)[:, None, None]).any(axis=2)
+        own = np.kron(np.eye(persons, dtype=bool), touches)
+        radii: FloatArray = np.where(own, 0.0, np.tile(radius, persons)).astype(np.float32)
+        return radii[..., None]
+
+    def _occluded(self, pixels: FloatArray, depth: FloatArray, radii: FloatArray) -> BoolArray:
+        """Return which joints (n, P, J) lie behind a bone's capsule.
+
+        In the image: the joint's pixel is nearer to the projected bone than the capsule's radius, projected
+        with the depth of the nearest point of the bone (inverse depth is linear along a projected segment),
+        and that point is nearer to the camera than the joint.
+        """
+        frames, persons, joints, _ = pixels.shape
+        bones = (np.arange(persons)[:, None, None] * joints + self.skeleton.bone_indices).reshape(-1, 2)
+        # Frames last: the inner loops then run over frames, which are many, and not over bones, which are few.
+        columns = pixels.reshape(frames, persons * joints, 2).transpose(2, 1, 0)
+        x, y = np.ascontiguousarray(columns)
+        far = np.ascontiguousarray(depth.reshape(frames, persons * joints).T)
+        inverse_depth = 1 / np.maximum(far, np.float32(NEAR_PLANE))
+        begin, end = bones.T
+        bone_x, bone_y = x[end] - x[begin], y[end] - y[begin]
+        inverse_length = 1 / np.maximum(bone_x**2 + bone_y**2, np.float32(1e-6))
+
+        away_x = x[:, None] - x[begin]  # (P J, P bones, n), as all below
+        away_y = y[:, None] - y[begin]
+        along = away_x * bone_x
+        along += away_y * bone_y
+        along *= inverse_length
+        np.clip(along, 0, 1, out=along)
+        away_x -= along * bone_x
+        away_y -= along * bone_y
+        away_x *= away_x
+        away_y *= away_y
+        away_x += away_y
+        along *= inverse_depth[end] - inverse_depth[begin]
+        along += inverse_depth[begin]  # the inverse depth of the bone's nearest point
+        before = along > (1 / np.maximum(far - np.float32(self.occlusion_margin), np.float32(NEAR_PLANE)))[:, None]
+        along *= radii * np.float32(self.camera.focal_length)
+        along *= along
+        before &= away_x < along
+        occluded: BoolArray = before.any(axis=1).T.reshape(frames, persons, joints)
+        return occluded
+
+    def _swap_probability(self, positions: FloatArray, pixels: FloatArray, depth: FloatArray) -> FloatArray:
+        """Return the probability that left and right are confused, (n, P).
+
+        The body's width is the mean vector from the right to the left joints; the share of it that is seen is
+        its length in the image over what it would be if it were parallel to the image.
+        """
+        left = np.flatnonzero(self.skeleton.mirror > np.arange(len(self.skeleton.mirror)))
+        if len(left) == 0:
+            return np.zeros(pixels.shape[:2], dtype=np.float32)
+        right = self.skeleton.mirror[left]
+        width = np.linalg.norm((positions[:, :, left] - positions[:, :, right]).mean(axis=2), axis=-1)
+        seen = np.linalg.norm((pixels[:, :, left] - pixels[:, :, right]).mean(axis=2), axis=-1)
+        full = width * self.camera.focal_length / np.maximum(depth.mean(axis=2), NEAR_PLANE)
+        share = seen / np.maximum(full, 1e-6)
+        probability: FloatArray = self.swap_probability * np.maximum(1 - share / self.swap_width, 0)
+        return probability
+
+
+SENSOR_NAMES = ("perfect", "estimator")
+
+
+def make_sensor(name: str, skeleton: Skeleton) -> Sensor:
+    """Return the sensor of a name, for joints of `skeleton`.
+
+    Raises:
+        UsageError: the name is unknown.
+    """
+    if name == "perfect":
+        return PerfectSensor()
+    if name == "estimator":
+        return EstimatorSensor(skeleton=skeleton)
+    raise UsageError(f"unknown sensor {name!r}; expected one of: {', '.join(SENSOR_NAMES)}")

@@ -1,0 +1,1 @@
+"""Conformance kits for a user's own classes."""

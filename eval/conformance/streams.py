@@ -1,0 +1,132 @@
+"""Streams of a recogniser in the small world of conformance: a few episodes, seen frame by frame."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.data.motion_data import MotionData
+from ehar.errors import EpisodeError
+from ehar.recogniser import Recogniser
+from ehar.rollout import blamed
+from ehar.sensors.sensor import Sensed
+from eval.conformance.checks import first_difference
+from eval.conformance.world import small_batch
+
+TOLERANCE = 1e-4  # of log-probabilities and embeddings: batches of another size may differ by rounding
+
+
+class Frame(NamedTuple):
+    """One frame of B episodes, or of F alternatives of each."""
+
+    sensed: Sensed
+    viewpoint: FloatArray  # (B, 3) or (B, F, 3)
+
+    def rows(self, rows: IntArray) -> "Frame":
+        """Return some of the episodes; copies."""
+        return Frame(Sensed(*(array[rows] for array in self.sensed)), self.viewpoint[rows])
+
+
+class Stream(NamedTuple):
+    """What was recognised of T frames."""
+
+    log_probs: FloatArray  # (T, B, K)
+    embedding: FloatArray  # (T, B, D)
+
+
+def small_frames(data: MotionData) -> list[Frame]:
+    """Return what a perfect sensor sees of 14 episodes from cameras that move at random."""
+    from ehar.sensors.estimator import make_sensor
+    from recognition.training.views import training_viewpoints
+
+    batch = small_batch(data)
+    episodes, length = batch.positions.shape[:2]
+    viewpoints = training_viewpoints("moving", np.random.default_rng(0), episodes, length)
+    sensor = make_sensor("perfect", data.skeleton)
+    return [
+        Frame(
+            sensor.sense(batch.positions[:, frame], viewpoints[:, frame], batch.noise.frame(frame)),
+            viewpoints[:, frame],
+        )
+        for frame in range(length)
+    ]
+
+
+def episodes_of(frames: Sequence[Frame], rows: IntArray) -> list[Frame]:
+    """Return some of the episodes of several frames."""
+    return [frame.rows(rows) for frame in frames]
+
+
+def side_by_side(frames: Sequence[Frame]) -> Frame:
+    """Return alternatives (B, F, ...), each a frame of its own (B, ...)."""
+    sensed = Sensed(*(np.stack(arrays, axis=1) for arrays in zip(*(frame.sensed for frame in frames), strict=True)))
+    return Frame(sensed, np.stack([frame.viewpoint for frame in frames], axis=1))
+
+
+class Streamer:
+    """Steps a recogniser, and says in which of its lines something was raised.
+
+    Args:
+        recogniser: to check.
+    """
+
+    def __init__(self, recogniser: Recogniser) -> None:
+        """Create it; nothing is stepped yet."""
+        self.recogniser = recogniser
+        self.classes = len(recogniser.class_names)
+        self.changed: set[str] = set()  # what of frames was changed
+
+    def start(self, episodes: int) -> Any:
+        """Return a new state."""
+        with blamed(self.recogniser, "start"):
+            return self.recogniser.start(episodes)
+
+    def step(self, state: Any, frame: Frame) -> tuple[Stream, Any]:
+        """See one frame; arrays of the shapes of the contract, in float64."""
+        leading = frame.viewpoint.shape[:-1]
+        shown = Frame(Sensed(*(array.copy() for array in frame.sensed)), frame.viewpoint.copy())
+        with blamed(self.recogniser, "step"):
+            recognition, after = self.recogniser.step(state, shown.sensed, shown.viewpoint)
+        self._note_changes(shown, frame)
+        expected = {"log_probs": (*leading, self.classes), "embedding": (*leading, self.recogniser.embedding_size)}
+        arrays = []
+        for name, shape in expected.items():
+            array = np.asarray(getattr(recognition, name, None))
+            if array.shape != shape or array.dtype.kind != "f" or not np.isfinite(array).all():
+                values = "values" if np.isfinite(np.asarray(array, dtype=np.float64)).all() else "NaN or infinity"
+                raise EpisodeError(f"{name}: {values} of {array.dtype} in shape {array.shape}, for shape {shape}")
+            arrays.append(np.array(array, dtype=np.float64))
+        return Stream(*arrays), after
+
+    def stream(self, frames: Sequence[Frame], state: Any = None) -> tuple[Stream, Any]:
+        """See several frames, from a new state or a given one."""
+        state = self.start(len(frames[0].viewpoint)) if state is None else state
+        seen = []
+        for frame in frames:
+            recognised, state = self.step(state, frame)
+            seen.append(recognised)
+        return Stream(*(np.stack(arrays) for arrays in zip(*seen, strict=True))), state
+
+    def _note_changes(self, shown: Frame, frame: Frame) -> None:
+        pairs = zip(
+            (*Sensed._fields, "viewpoint"),
+            (*shown.sensed, shown.viewpoint),
+            (*frame.sensed, frame.viewpoint),
+            strict=True,
+        )
+        self.changed |= {name for name, one, other in pairs if not np.array_equal(one, other)}
+
+
+def difference_of(one: Stream, other: Stream, names: tuple[str, str], tolerance: float = TOLERANCE) -> str | None:
+    """Return where two streams first differ, in words; None where nowhere."""
+    for what, a, b in zip(Stream._fields, one, other, strict=True):
+        difference = first_difference(a, b, names, tolerance=tolerance, what=what)
+        if difference is not None:
+            return difference
+    return None
+
+
+def cut(stream: Stream, rows: Any, frames: Any = slice(None)) -> Stream:
+    """Return some rows, and some frames."""
+    return Stream(*(array[frames][:, rows] for array in stream))

@@ -1,0 +1,66 @@
+"""The small world in which conformance is checked: a few episodes of real data, and what was seen of them."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.camera import Camera
+from ehar.data.motion_data import MotionData
+from ehar.data.scenario import TEST, part_of
+from ehar.errors import DataError
+from ehar.rollout import Batch
+from ehar.sensors.sensor import Sensed, SensorNoise
+from eval.running.episodes import cut_scenarios, random_starts
+
+LENGTH = 20  # frames of an episode, L
+EPISODES = 14  # of which 7 run at a time: 7 to look at, 7 others to put beside them
+BATCH = 7
+
+
+def small_batch(data: MotionData) -> Batch:
+    """Return 14 test episodes of 20 frames, spread over the data, from random starts.
+
+    Raises:
+        DataError: no test sequence is long enough.
+    """
+    shortest = int(data.lengths[part_of(data, TEST)].max())
+    scenarios = cut_scenarios(data, part_of(data, TEST), min(LENGTH, shortest), lambda _: None)
+    if scenarios.length < 3:
+        raise DataError(f"{data.name}: expected a test sequence of at least 3 frames, the longest has {shortest}")
+    episodes = random_starts(scenarios, starts=-(-EPISODES // len(scenarios)), seed=0)
+    spread = np.linspace(0, len(episodes) - 1, EPISODES).astype(np.int64)
+    some = type(episodes)(scenarios, episodes.scenario[spread], episodes.starts[spread], seed=0)
+    return some.batch(0)
+
+
+def rows_of(batch: Batch, rows: IntArray, frames: int | None = None) -> Batch:
+    """Return some of the episodes, and of each the first frames."""
+    return Batch(
+        positions=batch.positions[rows, :frames],
+        labels=batch.labels[rows],
+        starts=batch.starts[rows],
+        noise=SensorNoise(*(draws[rows, :frames] for draws in batch.noise)),
+        names=tuple(batch.names[row] for row in rows),
+    )
+
+
+@dataclass
+class ReplayedSensor:
+    """Shows, frame by frame, what was seen before, whoever stands before the camera now.
+
+    Args:
+        seen: of each frame.
+        camera: that saw it.
+        name: of the sensor.
+    """
+
+    seen: list[Sensed]
+    camera: Camera
+    name: str = "replayed"
+    frame: int = field(default=-1, init=False)
+
+    def sense(self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise) -> Sensed:
+        """Return what was seen in the next frame."""
+        self.frame += 1
+        return self.seen[self.frame]

@@ -1,0 +1,211 @@
+"""The records of a run, from which every number in a report is computed: episodes.jsonl, one line an episode."""
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.errors import DataError
+from ehar.rollout import Record
+from eval.records.flights import KEYS, FlightRecords, join_flights
+
+DIGITS = 6  # decimals that are recorded of viewpoints and probabilities; metrics are computed from these
+
+
+@dataclass(frozen=True, eq=False)
+class EpisodeRecords:
+    """What happened in N episodes of one planner.
+
+    Args:
+        sequence: N names.
+        first: (N,) first frame, counted within the sequence.
+        start: (N, 3) start viewpoints: distance [m], azimuth [rad], polar angle [rad].
+        label: (N,) true class.
+        viewpoint: (N, L, 3), where the camera was in each frame.
+        predicted: (N, L), the most probable class after each frame.
+        true_probability: (N, L), the probability of the true class.
+        top_probability: (N, L), the probability of the predicted class.
+        flight: what the flights demanded of a vehicle; None on the ideal track. A line of the file has its numbers
+            beside the others.
+    """
+
+    sequence: tuple[str, ...]
+    first: IntArray
+    start: FloatArray
+    label: IntArray
+    viewpoint: FloatArray
+    predicted: IntArray
+    true_probability: FloatArray
+    top_probability: FloatArray
+    flight: FlightRecords | None = None
+
+    def __len__(self) -> int:
+        """The number of episodes, N."""
+        return len(self.sequence)
+
+    @property
+    def correct(self) -> BoolArray:
+        """Whether the predicted class is the true one, (N, L)."""
+        right: BoolArray = self.predicted == self.label[:, None]
+        return right
+
+
+COLUMNS = tuple(field.name for field in fields(EpisodeRecords) if field.name != "flight")
+
+
+def record_episodes(
+    record: Record,
+    *,
+    sequence: Sequence[str],
+    first: IntArray,
+    start: FloatArray,
+    label: IntArray,
+    flight: FlightRecords | None = None,
+) -> EpisodeRecords:
+    """Return what is kept of a rollout, rounded as it is written."""
+    probabilities = np.exp(record.log_probs.astype(np.float64))
+    true = np.take_along_axis(probabilities, label[:, None, None], axis=-1)[..., 0]
+    return EpisodeRecords(
+        sequence=tuple(sequence),
+        first=first,
+        start=start.round(DIGITS),
+        label=label,
+        viewpoint=record.viewpoints.round(DIGITS),
+        predicted=record.log_probs.argmax(axis=-1),
+        true_probability=np.minimum(true, 1.0).round(DIGITS),
+        top_probability=np.minimum(probabilities.max(axis=-1), 1.0).round(DIGITS),
+        flight=flight,
+    )
+
+
+def join_records(pieces: Sequence[EpisodeRecords]) -> EpisodeRecords:
+    """Return the records of several batches of one planner as one."""
+    joined = {
+        name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in COLUMNS if name != "sequence"
+    }
+    flights = [piece.flight for piece in pieces if piece.flight is not None]
+    return EpisodeRecords(
+        sequence=tuple(name for piece in pieces for name in piece.sequence),
+        flight=join_flights(flights) if flights else None,
+        **joined,
+    )
+
+
+def episode_lines(records: Mapping[str, EpisodeRecords]) -> Iterable[str]:
+    """Yield the lines of episodes.jsonl: planner by planner, in the order given; keys are the fields' names."""
+    for planner, episodes in records.items():
+        columns = {name: getattr(episodes, name) for name in COLUMNS}
+        if episodes.flight is not None:
+            columns |= {key: getattr(episodes.flight, key) for key in KEYS}
+        listed = {name: values if name == "sequence" else values.tolist() for name, values in columns.items()}
+        for row in zip(*listed.values(), strict=True):
+            line = {"planner": planner, **dict(zip(listed, row, strict=True))}
+            yield json.dumps(line, ensure_ascii=False, separators=(",", ":")) + "\n"
+
+
+def read_episodes(path: Path) -> dict[str, EpisodeRecords]:
+    """Read episodes.jsonl back: the records of each planner, in the order of the file.
+
+    Raises:
+        DataError: the file is missing, or a line is not an episode; it names the line and the field.
+    """
+    rows: dict[str, list[_Row]] = {}
+    try:
+        with path.open(encoding="utf-8") as file:
+            for number, line in enumerate(file, 1):
+                row = _parsed_line(line, f"{path}, line {number}")
+                rows.setdefault(row["planner"], []).append(_Row(f"{path}, line {number}", row))
+        return {planner: _episodes(lines) for planner, lines in rows.items()}
+    except OSError as error:
+        raise DataError(f"{path}: expected the episodes of a run, got {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise DataError(f"{path}: expected text in UTF-8, got {error}") from error
+
+
+class _Row(NamedTuple):
+    where: str
+    fields: dict[str, Any]
+
+
+class _Kind(NamedTuple):
+    """What a field holds: its shape, where L is the number of frames, and its least and greatest value."""
+
+    shape: tuple[int | str, ...]
+    whole: bool
+    least: float = -math.inf
+    greatest: float = math.inf
+
+    def __str__(self) -> str:
+        shape = f", shape ({', '.join(map(str, self.shape))})" if self.shape else ""
+        among = f" from {self.least:g}" if math.isfinite(self.least) else ""
+        among += f" to {self.greatest:g}" if math.isfinite(self.greatest) else ""
+        return f"{'whole' if self.whole else 'finite'} numbers{among}{shape}"
+
+    def array(self, values: Sequence[Any], frames: int) -> FloatArray | None:
+        """Return the values of N episodes of so many frames, (N, ...); None where they are something else."""
+        try:
+            array = np.array(values)
+        except (ValueError, OverflowError):
+            return None  # not all of one shape, or no number of 64 bits
+        shape = (len(values), *(frames if size == "L" else size for size in self.shape))
+        if array.shape != shape or array.dtype.kind not in ("iu" if self.whole else "iuf"):
+            return None
+        among = np.isfinite(array) & (array >= self.least) & (array <= self.greatest)
+        return (array if self.whole else array.astype(np.float64, copy=False)) if among.all() else None
+
+
+_KINDS = {
+    "first": _Kind((), True, 0),
+    "start": _Kind((3,), False),
+    "label": _Kind((), True, 0),
+    "viewpoint": _Kind(("L", 3), False),
+    "predicted": _Kind(("L",), True, 0),
+    "true_probability": _Kind(("L",), False, 0, 1),
+    "top_probability": _Kind(("L",), False, 0, 1),
+    **dict.fromkeys(KEYS, _Kind((), False, 0)),
+}
+
+
+def _parsed_line(line: str, where: str) -> dict[str, Any]:
+    """Return the fields of an episode, or raise a DataError."""
+    try:
+        row = json.loads(line)
+    except ValueError as error:
+        raise DataError(f"{where}: expected one JSON object a line: {error}") from error
+    if not isinstance(row, dict) or not {"planner", *COLUMNS} <= row.keys():
+        raise DataError(f"{where}: expected an episode with the fields planner, {', '.join(COLUMNS)}")
+    for name in ("planner", "sequence"):
+        if not isinstance(row[name], str):
+            raise DataError(f"{where}: {name}: expected a name, got {row[name]!r}")
+    if not isinstance(row["predicted"], list) or not row["predicted"]:
+        raise DataError(f"{where}: predicted: expected a list of at least one frame")
+    flown = row.keys() & set(KEYS)
+    if flown and len(flown) < len(KEYS):
+        raise DataError(f"{where}: expected all of the fields {', '.join(KEYS)}, or none")
+    return row
+
+
+def _episodes(rows: Sequence[_Row]) -> EpisodeRecords:
+    """Return the records of one planner from its lines, or raise a DataError where they do not fit together."""
+    flown = KEYS[0] in rows[0].fields
+    for row in rows:
+        if (KEYS[0] in row.fields) != flown:
+            raise DataError(f"{row.where}: some episodes were flown, and others were not")
+    columns: dict[str, Any] = {name: _column(name, rows) for name in COLUMNS if name != "sequence"}
+    flight = FlightRecords(**{key: _column(key, rows) for key in KEYS}) if flown else None
+    return EpisodeRecords(sequence=tuple(row.fields["sequence"] for row in rows), flight=flight, **columns)
+
+
+def _column(name: str, rows: Sequence[_Row]) -> FloatArray:
+    """Return one field of all episodes, (N, ...), or raise a DataError that names the first line that is off."""
+    kind, frames = _KINDS[name], len(rows[0].fields["predicted"])
+    array = kind.array([row.fields[name] for row in rows], frames)
+    if array is None:
+        off = next(row for row in rows if kind.array([row.fields[name]], frames) is None)
+        raise DataError(f"{off.where}: {name}: expected {kind}, L = {frames} as in the lines before")
+    return array

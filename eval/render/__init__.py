@@ -1,0 +1,1 @@
+"""Rendering: tables, figures and colours."""

@@ -1,0 +1,90 @@
+"""Which episodes and planners are replayed: a report shows few episodes, chosen by a rule that it states."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ehar.arrays import BoolArray, FloatArray, IntArray
+from eval.records.episodes import EpisodeRecords
+from eval.scores.metrics import mean_acc
+from eval.scores.summary import NO_ACT
+
+MOST = 8  # episodes
+RULE = (
+    "chosen after the fact, so they illustrate and prove nothing: those in which {planner} gains most and loses most "
+    "against {other}, the one in which its gain is the median, and those in which planners' accuracies spread most, "
+    "of different classes as far as there are enough"
+)
+RULE_ALONE = "chosen after the fact: those in which the accuracies of planners spread most, of different classes"
+
+
+class Chosen(NamedTuple):
+    """An episode to replay, and why."""
+
+    episode: int
+    why: str
+
+
+def choose_planners(names: Sequence[str], lead: str | None) -> tuple[str, ...]:
+    """Return whom to show first, one planner or two: the one that leads, or else the first, beside no-act.
+
+    Args:
+        names: of the run's planners, at least one.
+        lead: the most accurate without the truth; None where there is none.
+    """
+    first = lead or names[0]
+    return (first, NO_ACT) if NO_ACT in names and first != NO_ACT else (first,)
+
+
+def choose_episodes(
+    records: Mapping[str, EpisodeRecords], planner: str | None, other: str | None, *, most: int = MOST
+) -> tuple[Chosen, ...]:
+    """Return the most telling episodes, none twice, and of different classes until every class has one.
+
+    Args:
+        records: on the same episodes, by the names that `planner` and `other` are among.
+        planner: whose best, worst and typical episode against `other` come first; None leaves these out.
+        other: likewise.
+        most: at most so many.
+    """
+    accuracy = np.stack([mean_acc(episodes.correct) for episodes in records.values()])
+    label = next(iter(records.values())).label
+    free = np.ones(len(label), dtype=bool)
+    chosen: list[Chosen] = []
+
+    def take(preference: FloatArray, why: str, numbers: FloatArray) -> None:
+        """Take the free episode that is preferred most, the first of equal ones, and bar its class."""
+        if free.any() and len(chosen) < most:
+            best = int(np.where(free, preference, -np.inf).argmax())
+            chosen.append(Chosen(best, why.format(numbers[best])))
+            free[:] = _free(label, [one.episode for one in chosen])
+
+    if planner is not None and other is not None:
+        names = list(records)
+        gain = 100 * (accuracy[names.index(planner)] - accuracy[names.index(other)])
+        against = f"against {other}".replace("{", "{{").replace("}", "}}")
+        who = planner.replace("{", "{{").replace("}", "}}")
+        take(gain, f"{who} gains most {against}: {{:+.0f}} points", gain)
+        take(-gain, f"{who} loses most {against}: {{:+.0f}} points", gain)
+        take(-np.abs(gain - np.median(gain)), f"typical: {who} is at its median {against}, {{:+.0f}} points", gain)
+    spread = 100 * accuracy.std(axis=0)
+    while free.any() and len(chosen) < most:
+        take(spread, "planners differ: a standard deviation of {:.0f} points between them", spread)
+    return tuple(chosen)
+
+
+def _free(label: IntArray, taken: list[int]) -> BoolArray:
+    """Return which episodes may be taken next: of the classes that have fewest so far."""
+    classes = np.unique(label)
+    count = dict.fromkeys(classes.tolist(), 0)
+    for episode in taken:
+        count[int(label[episode])] += 1
+    left = np.ones(len(label), dtype=bool)
+    left[taken] = False
+    remaining = [count[int(of)] for of in label[left]]
+    if not remaining:
+        return left
+    fewest = min(remaining)
+    free: BoolArray = left & np.array([count[int(of)] == fewest for of in label])
+    return free

@@ -1,0 +1,129 @@
+"""What the replay of a report holds, as JSON: some episodes, with arrays as base64 of small integers."""
+
+import base64
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.errors import EharError
+from ehar.viewpoint import Workspace, wrap_azimuth
+from eval.replays.choice import Chosen
+from eval.replays.field_map import gain_over_directions
+from eval.replays.rerun import PlannerReplay, Replays, replay_run
+from eval.running.finished_run import FinishedRun
+from eval.verification.inputs import check_inputs
+
+MOST_BYTES = 6_000_000  # of all replays together; episodes beyond are left out
+MILLI = 1000  # joints and distances are in whole millimetres
+CENTI = 100  # angles in hundredths of a degree
+BASIS_POINTS = 10_000  # probabilities in hundredths of a percent
+MAP_STEP = 10.0  # [deg], from one azimuth or polar angle of a field map to the next
+
+
+def replay_data(
+    run: FinishedRun,
+    chosen: Sequence[Chosen],
+    planners: Mapping[str, str],
+    *,
+    data: str | Path | None,
+    models: Path | None,
+    advance: Callable[[str], None],
+) -> dict[str, Any]:
+    """Return the replays of a run; `episodes` is empty, and `missing` says why, where they cannot be had.
+
+    Args:
+        run: the run.
+        chosen: which episodes.
+        planners: by name, the record that is shown.
+        data: where the run's data lie now; None is where they lay.
+        models: where its weights lie now; None is where they lay.
+        advance: told of each record that is done.
+    """
+    try:
+        inputs = check_inputs(run.config, data, models, run_own_code=True)
+        replays = replay_run(run, inputs, [one.episode for one in chosen], list(planners.values()), advance=advance)
+    except EharError as error:
+        return {"episodes": [], "missing": str(error), "notes": []}
+    bones = replays.skeleton.bones
+    pieces: list[dict[str, Any]] = []
+    size = 0
+    for row, one in enumerate(chosen):
+        piece = _episode(run, replays, row, one, planners)
+        size += len(json.dumps(piece))
+        if pieces and size > MOST_BYTES:
+            break
+        pieces.append(piece)
+    _, length, persons, joints, _ = replays.positions.shape
+    workspace = Workspace()
+    return {
+        "episodes": pieces,
+        "missing": None,
+        "notes": list(replays.notes),
+        "frames": length,
+        "persons": persons,
+        "joints": joints,
+        "bones": [list(bone) for bone in bones],
+        "fps": replays.fps,
+        "image": [replays.camera.width, replays.camera.height],
+        "classes": list(replays.class_names),
+        "distances": [workspace.distance_min, workspace.distance_max],
+        "map": [len(_AROUND), len(_DOWN)],
+    }
+
+
+_AROUND = np.radians(np.arange(0.0, 360.0 + MAP_STEP, MAP_STEP))
+_DOWN = np.radians(np.arange(0.0, 90.0 + MAP_STEP, MAP_STEP))
+
+
+def _episode(run: FinishedRun, replays: Replays, row: int, one: Chosen, planners: Mapping[str, str]) -> dict[str, Any]:
+    """Return one episode with all planners."""
+    reference = next(iter(run.records.values()))
+    return {
+        "episode": one.episode,
+        "title": f"{reference.sequence[one.episode]} from frame {reference.first[one.episode]}",
+        "why": one.why,
+        "label": int(reference.label[one.episode]),
+        "people": integers(replays.positions[row] * MILLI, np.int16),
+        "planners": {name: _planner(replays.planners[record], row) for name, record in planners.items()},
+    }
+
+
+def _planner(of: PlannerReplay, row: int) -> dict[str, Any]:
+    """Return what one planner did in one episode."""
+    target, weights = of.targets[row], of.weights[row]
+    return {
+        "path": viewpoints(of.viewpoints[row]),
+        "target": None if target is None else viewpoints(Workspace().clip(target)),
+        "sensed": integers(of.joints_2d[row], np.int16),
+        "missed": integers(of.confidence[row] <= 0, np.uint8),
+        "belief": integers(of.probabilities[row] * BASIS_POINTS, np.uint16),
+        "field": None if weights is None else _field(weights, of.viewpoints[row]),
+    }
+
+
+def _field(weights: FloatArray, path: FloatArray) -> dict[str, Any]:
+    """Return the gain field of every frame but the last, over all directions at the camera's distance.
+
+    Values are differences to where the camera is, in percent of probability; 0 to 255 stand for low to high.
+    """
+    gain = 100 * gain_over_directions(weights, path[: len(weights)], _AROUND, _DOWN)
+    low, high = float(gain.min()), float(gain.max())
+    scaled = 255 * (gain - low) / max(high - low, 1e-9)
+    return {"low": round(low, 2), "high": round(high, 2), "values": integers(scaled, np.uint8)}
+
+
+def viewpoints(path: FloatArray) -> str:
+    """Return viewpoints (T, 3) as whole millimetres and hundredths of a degree."""
+    degrees = np.degrees(np.stack([wrap_azimuth(path[:, 1]), path[:, 2]], axis=1))
+    return integers(np.column_stack([path[:, 0] * MILLI, degrees * CENTI]), np.uint16)
+
+
+def integers(values: FloatArray, kind: type[np.integer[Any]]) -> str:
+    """Return numbers, rounded and kept within what `kind` holds, as base64 of little-endian integers."""
+    bounds = np.iinfo(kind)
+    whole = np.clip(np.rint(np.asarray(values, dtype=np.float64)), bounds.min, bounds.max)
+    return base64.b64encode(whole.astype(np.dtype(kind).newbyteorder("<")).tobytes()).decode("ascii")

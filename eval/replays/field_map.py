@@ -1,0 +1,23 @@
+"""A gain field over directions, all at the camera's distance, as differences to what looking on from there is worth."""
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR
+from planners.value.view_basis import field_value
+
+
+def gain_over_directions(weights: FloatArray, here: FloatArray, azimuth: FloatArray, polar: FloatArray) -> FloatArray:
+    """Return the gained probability of looking from each direction, rather than from here, to the end, (..., H, A).
+
+    Args:
+        weights: (..., 21) of the field.
+        here: (..., 3) where the camera is.
+        azimuth: (A,) [rad].
+        polar: (H,) [rad].
+    """
+    views = np.empty((*here.shape[:-1], len(polar), len(azimuth), 3))
+    views[..., DISTANCE] = here[..., DISTANCE, None, None]
+    views[..., AZIMUTH], views[..., POLAR] = azimuth, polar[:, None]
+    gain: FloatArray = field_value(weights[..., None, None, :], views) - field_value(weights, here)[..., None, None]
+    return gain

@@ -1,0 +1,137 @@
+"""The frames of a replay: pictures of 1280 x 720 pixels, drawn once but for what moves."""
+
+from typing import Any, Protocol
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+from numpy.typing import NDArray
+
+from ehar.viewpoint import wrap_azimuth
+from eval.replays.episode import CameraReplay, EpisodeReplay
+from eval.replays.panels import Beliefs, Course, DirectionMap, Image
+from eval.replays.scene import Scene
+from eval.replays.style import LOOKS, SOFT, TEXT, Look, shortened
+
+WIDTH, HEIGHT = 1280, 720  # [px]
+DPI = 100
+COLUMN, GAP, MARGIN = 332, 26, 24  # [px], what one camera has, between two of them, and around all
+
+
+class Panel(Protocol):
+    """A part of a frame."""
+
+    moving: list[Artist]  # in the order in which they are drawn
+
+    def show(self, frame: int) -> None:
+        """Move to a frame."""
+
+
+class ReplayFigure:
+    """Draws any frame of an episode.
+
+    Args:
+        replay: the episode.
+        slower: how many times slower than life it is shown, to say so.
+    """
+
+    def __init__(self, replay: EpisodeReplay, slower: float) -> None:
+        """Draw all that stays."""
+        self._replay, self._slower = replay, slower
+        self._figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI, facecolor="white")
+        self._canvas = FigureCanvasAgg(self._figure)
+        self._draw_title()
+        self._panels: list[Panel] = []
+        columns = len(replay.cameras) * (COLUMN + GAP)
+        self._draw_left(WIDTH - MARGIN - columns)
+        self._where = [
+            self._draw_column(WIDTH - MARGIN + GAP - columns + index * (COLUMN + GAP), camera, look)
+            for index, (camera, look) in enumerate(zip(replay.cameras, LOOKS, strict=False))
+        ]
+        self._clock = self._text(WIDTH - MARGIN, 40, "", fontsize=13, ha="right", family="DejaVu Sans Mono")
+        self._moving = [*(part for panel in self._panels for part in panel.moving), *self._where, self._clock]
+        for part in self._moving:
+            part.set_animated(True)
+        self._canvas.draw()  # type: ignore[no-untyped-call]
+        self._still = self._canvas.copy_from_bbox(self._figure.bbox)  # type: ignore[no-untyped-call]
+
+    def draw(self, frame: int) -> NDArray[np.uint8]:
+        """Return a frame, counted from 0, as pixels (720, 1280, 3)."""
+        replay = self._replay
+        self._canvas.restore_region(self._still)  # type: ignore[no-untyped-call]
+        for panel in self._panels:
+            panel.show(frame)
+        for where, camera in zip(self._where, replay.cameras, strict=True):
+            distance, azimuth, polar = camera.path[frame]
+            degrees = np.degrees([wrap_azimuth(azimuth), polar])
+            where.set_text(f"at {distance:.1f} m, azimuth {degrees[0]:.0f}°, polar angle {degrees[1]:.0f}°")
+        count = str(replay.frames)
+        self._clock.set_text(f"frame {frame + 1:>{len(count)}} of {count}, {(frame + 1) / replay.fps:.2f} s")
+        for part in self._moving:
+            self._figure.draw_artist(part)
+        buffer = self._canvas.buffer_rgba()  # type: ignore[no-untyped-call]
+        pixels: NDArray[np.uint8] = np.asarray(buffer)[..., :3].copy()
+        return pixels
+
+    def _draw_title(self) -> None:
+        """Say what is shown."""
+        replay = self._replay
+        self._text(
+            MARGIN, 40, f"true class: {shortened(replay.class_names[replay.label], 55)}", fontsize=16, fontweight="bold"
+        )
+        pace = "" if self._slower == 1 else f", {self._slower:g} x slower than life"
+        told = f"{replay.conditions}; episode {replay.index}{pace}, {replay.sequence}"
+        self._text(MARGIN, 62, shortened(told, 160), fontsize=9.5, color=SOFT)
+
+    def _draw_left(self, width: float) -> None:
+        """Draw the scene, what its marks mean, and below it how recognition went."""
+        scene = Scene(self._axes(MARGIN, 84, width - MARGIN, 416), self._replay)
+        self._panels.append(scene)
+        key = [
+            Line2D([], [], color=SOFT, linewidth=3, label="path so far"),
+            Line2D(
+                [], [], color=SOFT, marker="D", markerfacecolor="white", markersize=7, linestyle=":", label="heads for"
+            ),
+            Line2D([], [], color=TEXT, linewidth=2.2, label=f"people, {scene.enlarged:.1f} x enlarged"),
+        ]
+        self._figure.legend(
+            handles=key,
+            loc="center",
+            bbox_to_anchor=((MARGIN + width) / 2 / WIDTH, 1 - 520 / HEIGHT),
+            ncols=len(key),
+            fontsize=9,
+            labelcolor=SOFT,
+            frameon=False,
+        )
+        self._text(MARGIN, 558, "probability of the true class [%], frame by frame", fontsize=9.5, color=SOFT)
+        self._panels.append(Course(self._axes(MARGIN + 34, 570, width - MARGIN - 34, 114), self._replay))
+
+    def _draw_column(self, left: float, camera: CameraReplay, look: Look) -> Text:
+        """Draw what one camera has, and return the text that says where it is."""
+        self._text(left, 98, shortened(camera.name, 24), fontsize=14, fontweight="bold", color=look.colour)
+        replay = self._replay
+        across, height = [left / WIDTH, (left + COLUMN) / WIDTH], 1 - 107 / HEIGHT
+        self._figure.add_artist(Line2D(across, [height, height], color=look.colour, linestyle=look.dash, linewidth=2.5))
+        image = self._axes(left, 136, COLUMN, COLUMN * replay.camera.height / replay.camera.width)
+        beliefs = self._axes(left, 332, COLUMN, 168)
+        directions = self._axes(left + 56, 526, COLUMN - 56, 140)
+        self._panels += [
+            Image(image, replay, camera),
+            Beliefs(beliefs, replay, camera, look),
+            DirectionMap(directions, camera, look),
+        ]
+        return self._text(left, 126, "", fontsize=9.5, color=SOFT)
+
+    def _axes(self, left: float, top: float, width: float, height: float) -> Axes:
+        """Return axes in a place that is given in pixels from the top left."""
+        return self._figure.add_axes((left / WIDTH, 1 - (top + height) / HEIGHT, width / WIDTH, height / HEIGHT))
+
+    def _text(self, left: float, baseline: float, text: str, **options: Any) -> Text:
+        """Write text at pixels from the top left, as it is."""
+        return self._figure.text(
+            left / WIDTH, 1 - baseline / HEIGHT, text, parse_math=False, **{"color": TEXT, **options}
+        )

@@ -1,0 +1,154 @@
+"""One episode of a finished run as a film, or as a Rerun recording."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ehar.errors import UsageError
+from eval.replays.choice import Chosen, choose_episodes, choose_planners
+from eval.running.finished_run import FinishedRun, read_run
+from eval.running.progress import ConsoleReporter, Reporter
+from eval.scores.training_seeds import first_trainings
+
+if TYPE_CHECKING:
+    from eval.replays.episode import EpisodeReplay
+
+TELLING = ("gain", "loss", "typical")  # the first three episodes of a report, in this order
+MOST_PLANNERS = 2
+SLOWER = 4.0  # than life: an episode lasts a second or two, too short to look at all that a frame shows
+
+
+@dataclass(frozen=True)
+class WrittenReplay:
+    """What was written.
+
+    Args:
+        path: of the film or the recording.
+        episode: which one it is.
+        planners: who is shown.
+        why: this episode, and these planners, where that was left to us.
+    """
+
+    path: Path
+    episode: int
+    planners: tuple[str, ...]
+    why: tuple[str, ...]
+
+
+def make_replay(
+    directory: Path,
+    episode: int | str,
+    *,
+    planners: Sequence[str] = (),
+    out: Path | None = None,
+    slower: float = SLOWER,
+    rerun: bool = False,
+    data: str | Path | None = None,
+    models: Path | None = None,
+    reporter: Reporter | None = None,
+) -> WrittenReplay:
+    """Replay one episode of a run on its recorded way, and write it.
+
+    Planners and a recogniser of one's own are made again: the files that the run's config.json names are run.
+
+    Args:
+        directory: of the run.
+        episode: counted from 0, in the order of episodes.jsonl; or `gain`, `loss`, `typical`: the one in which the
+            first planner gains most or loses most against the second, or is at its median, as in a report.
+        planners: one or two; none takes the most accurate one that is not handed the truth, beside no-act.
+        out: the file to write, .mp4 or .gif, or .rrd for Rerun; None is replay-<episode>.mp4 or .rrd in the folder of
+            the run.
+        slower: how many times slower than life a film is.
+        rerun: write a Rerun recording, not a film.
+        data: where the run's data lie now; None is where they lay.
+        models: where its weights lie now; None is where they lay.
+        reporter: hears of progress; None reports on standard error.
+
+    Raises:
+        EharError: one line that says what was got and what was expected.
+    """
+    from eval.replays.film import check_film, write_film
+    from eval.replays.recording import check_recording, write_recording
+
+    directory, out = Path(directory), None if out is None else Path(out)
+    if rerun:
+        check_recording(out)
+    elif out is not None:
+        check_film(out)
+    if out is not None and not out.absolute().parent.is_dir():
+        raise UsageError(f"{out}: expected a file in a folder that is there, {out.absolute().parent} is not")
+    if not (isfinite(slower) and slower > 0):
+        raise UsageError(f"--slower: expected a number above 0, got {slower:g}")
+    if len(planners) > MOST_PLANNERS or len(set(planners)) < len(planners):
+        raise UsageError(f"--planners: expected one or two different planners, got {', '.join(planners)}")
+    reporter = reporter or ConsoleReporter()
+    run = read_run(directory)
+    records, why_planners = _records(run, planners)
+    chosen = _choose(run, episode, records)
+    path = out or directory / f"replay-{chosen.episode}{'.rrd' if rerun else '.mp4'}"
+    replay = _replay(run, data, models, chosen.episode, records, reporter)
+    if rerun:
+        write_recording(replay, path)
+    else:
+        from eval.replays.figure import ReplayFigure
+
+        write_film(ReplayFigure(replay, slower).draw, replay.frames, replay.fps / slower, path)
+    return WrittenReplay(path, chosen.episode, records, tuple(why for why in (why_planners, chosen.why) if why))
+
+
+def _records(run: FinishedRun, planners: Sequence[str]) -> tuple[tuple[str, ...], str]:
+    """Return the record names of the planners to show, and why these where none was asked for."""
+    if planners:
+        return tuple(run.record_name(name) for name in planners), ""
+    from eval.reports.data import lead_planner, read_summary
+
+    lead = lead_planner(read_summary(run))
+    shown = choose_planners(list(first_trainings(run.records)), lead)
+    reason = f"{lead} is the most accurate planner that is not handed the truth" if lead else f"{shown[0]} is the first"
+    return tuple(run.record_name(name) for name in shown), reason
+
+
+def _choose(run: FinishedRun, episode: int | str, records: Sequence[str]) -> Chosen:
+    """Return which episode is meant, and why it where that was not said by its number."""
+    count = len(run.records[records[0]])
+    expected = f"episode: expected 0 to {count - 1}, or {', '.join(TELLING)}"
+    if isinstance(episode, str) and episode in TELLING:
+        if len(records) < MOST_PLANNERS:
+            raise UsageError(f"episode: {episode} compares two planners, got {records[0]} alone")
+        chosen = choose_episodes({name: run.records[name] for name in records}, *records, most=len(TELLING))
+        rank = TELLING.index(episode)
+        if rank >= len(chosen):
+            raise UsageError(f"episode: {episode} needs {rank + 1} episodes, the run has {count}")
+        return chosen[rank]
+    try:
+        index = int(episode)
+    except ValueError as error:
+        raise UsageError(f"{expected}, got {episode!r}") from error
+    if not 0 <= index < count:
+        raise UsageError(f"{expected}, got {index}")
+    return Chosen(index, "")
+
+
+def _replay(
+    run: FinishedRun,
+    data: str | Path | None,
+    models: Path | None,
+    index: int,
+    records: Sequence[str],
+    reporter: Reporter,
+) -> "EpisodeReplay":
+    """Return an episode, and say what could not be had."""
+    from eval.replays.episode import replay_episode
+    from eval.verification.inputs import check_inputs
+
+    reporter.begin(len(records))
+    try:
+        inputs = check_inputs(run.config, data, models, run_own_code=True)
+        replay = replay_episode(run, inputs, index, records, advance=reporter.advance)
+    finally:
+        reporter.end()
+    for note in replay.notes:
+        reporter.note(note)
+    return replay

@@ -1,0 +1,236 @@
+"""Episodes of a finished run once more, along the paths that were recorded: what was sensed, recognised and wanted.
+
+Records hold neither joints nor all probabilities nor targets. The camera is led along its recorded path, so that the
+recogniser sees what it saw, and the planner, asked once more, says where it wanted to go.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ehar.arrays import BoolArray, FloatArray
+from ehar.camera import Camera
+from ehar.data.scenario import part_of
+from ehar.data.skeleton import Skeleton
+from ehar.errors import DataError
+from ehar.planner import Context, Observation, Planner
+from ehar.rollout import Batch, rollout
+from ehar.sensors.sensor import SensorNoise
+from eval.running.finished_run import FinishedRun
+from eval.verification.checks import FAILED, OK
+from eval.verification.followed_way import FollowedWay
+from eval.verification.inputs import Inputs
+from eval.verification.rerun import first_difference, make_again
+from planners.registry import VALUING
+
+if TYPE_CHECKING:
+    from eval.running.episodes import Episodes
+    from eval.running.jobs import World
+    from planners.value.view_value import ViewValue
+
+
+@dataclass(frozen=True, eq=False)
+class PlannerReplay:
+    """What one planner did in E episodes.
+
+    Args:
+        viewpoints: (E, L, 3), where the camera was.
+        joints_2d: (E, L, P, J, 2) [px], as sensed.
+        confidence: (E, L, P, J), 0 where a joint was missed.
+        probabilities: (E, L, K), those that were scored.
+        targets: E of (L - 1, 3), where it wanted to be; None where that is not known.
+        weights: E of (L - 1, 21) of its gain field, see `planners.value.view_basis.field_value`; None without one.
+    """
+
+    viewpoints: FloatArray
+    joints_2d: FloatArray
+    confidence: FloatArray
+    probabilities: FloatArray
+    targets: tuple[FloatArray | None, ...]
+    weights: tuple[FloatArray | None, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Replays:
+    """E episodes of a run, with all planners that could be replayed.
+
+    Args:
+        positions: (E, L, P, J, 3) [m], relative to each scenario's centre.
+        skeleton: of one person.
+        class_names: K.
+        fps: frames a second.
+        camera: through which they were seen.
+        planners: by record name.
+        notes: what could not be had, one sentence each.
+    """
+
+    positions: FloatArray
+    skeleton: Skeleton
+    class_names: tuple[str, ...]
+    fps: float
+    camera: Camera
+    planners: Mapping[str, PlannerReplay]
+    notes: tuple[str, ...]
+
+
+class Listener(Planner):
+    """Asks a planner, if there is one, and keeps what it said.
+
+    Args:
+        planner: to ask; None stays where it is.
+        value: of views, kept beside it; None where the planner has no gain field.
+    """
+
+    name = "listener"
+
+    def __init__(self, planner: Planner | None, value: "ViewValue | None") -> None:
+        """Keep nothing yet."""
+        self.privileged = planner is not None and planner.privileged
+        self.planner, self._value = planner, value
+
+    def reset(self, context: Context) -> None:
+        """Begin anew."""
+        self.targets: list[FloatArray] = []
+        self.weights: list[FloatArray] = []
+        for part in (self.planner, self._value):
+            if part is not None:
+                part.reset(context)
+
+    def act(self, observation: Observation) -> FloatArray:
+        """Return the planner's targets, (B, 3)."""
+        target = observation.viewpoint if self.planner is None else self.planner.act(observation)
+        self.targets.append(np.array(target))
+        if self._value is not None:
+            self._value.update(observation)
+            self.weights.append(self._value.weights.copy())
+        return target
+
+
+def replay_run(
+    run: FinishedRun, inputs: Inputs, indices: Sequence[int], names: Sequence[str], *, advance: Callable[[str], None]
+) -> Replays:
+    """Replay some episodes of a run.
+
+    They run side by side, not in the chunks that they ran in: a planner that draws random numbers draws others, and its
+    targets, which do not lead where it went, are left out.
+
+    Args:
+        run: the run.
+        inputs: what it was made from.
+        indices: of E episodes.
+        names: of the planners, by record name.
+        advance: told of each planner that is done.
+
+    Raises:
+        DataError: the data or the recogniser are not at hand, or what is recognised along the recorded paths is not
+            what was recorded.
+        EharError: something that the run needed cannot be read.
+    """
+    from eval.running.episodes import cut_scenarios, random_starts
+    from eval.running.jobs import World
+
+    conditions = run.conditions
+    if inputs.setting is None or inputs.place is None or any(check.result == FAILED for check in inputs.checks[:2]):
+        raise DataError(next(check.what for check in inputs.checks if check.result != OK))
+    data = inputs.setting.data
+    scenarios = cut_scenarios(data, part_of(data, conditions.part), conditions.length, lambda line: None)
+    episodes = random_starts(scenarios, conditions.starts, conditions.seed)
+    belief = inputs.place.load_gain_model().belief if conditions.readout == "belief" else None
+    world = World(episodes, inputs.setting.recogniser, inputs.setting.sensor, run.config.vehicle, belief)
+    batch = _batch(episodes, indices)
+    asked = tuple(planner for planner in run.config.planners if planner.name in names)
+    planners, left = make_again(replace(run.config, planners=asked), inputs.place)
+    notes = [f"What {name} wanted is not shown: {left[name]}." for name in names if name in left]
+    replayed = {}
+    for name in names:
+        value = None
+        if name in planners and name in VALUING:
+            from planners.value.view_value import ViewValue
+
+            value = ViewValue(inputs.place.load_gain_model())
+        listener = Listener(planners.get(name), value)
+        replayed[name], astray = _replay(run, name, listener, world, batch, indices)
+        if name in planners and astray:
+            notes.append(
+                f"What {name} wanted is not shown in {astray} of {len(indices)} episodes: asked once more, it would "
+                "not have gone where it went."
+            )
+        advance(name)
+    return Replays(
+        positions=batch.positions,
+        skeleton=data.skeleton,
+        class_names=data.class_names,
+        fps=data.fps,
+        camera=inputs.setting.sensor.camera,
+        planners=replayed,
+        notes=tuple(notes),
+    )
+
+
+def _batch(episodes: "Episodes", indices: Sequence[int]) -> Batch:
+    """Return some episodes, with the starts and the noise that they had."""
+    from eval.studies.explain import single_episode
+
+    pieces = [single_episode(episodes, index) for index in indices]
+    return Batch(
+        positions=np.concatenate([piece.positions for piece in pieces]),
+        labels=np.concatenate([piece.labels for piece in pieces]),
+        starts=np.concatenate([piece.starts for piece in pieces]),
+        noise=SensorNoise(*(np.concatenate(draws) for draws in zip(*(piece.noise for piece in pieces), strict=True))),
+        names=tuple(name for piece in pieces for name in piece.names),
+    )
+
+
+def _replay(
+    run: FinishedRun, name: str, listener: Listener, world: "World", batch: Batch, indices: Sequence[int]
+) -> tuple[PlannerReplay, int]:
+    """Return what one planner did, and in how many episodes its targets lead elsewhere."""
+    from recognition.torch_threads import one_torch_thread  # here, as torch takes seconds to import
+
+    records, data = run.records[name], world.episodes.scenarios.data
+    way = records.viewpoint[list(indices)]
+    motion = FollowedWay(world.new_motion(), way)
+    context = Context(
+        episodes=len(indices),
+        length=way.shape[1],
+        frame_time=1 / data.fps,
+        class_names=data.class_names,
+        skeleton=data.skeleton,
+        workspace=motion.workspace,
+        track=run.conditions.track,
+        rng=world.episodes.planner_rng(name, 0),
+        vehicle=world.vehicle,
+    )
+    with one_torch_thread():
+        record = rollout(listener, batch, world.recogniser, world.sensor, motion, context)
+        if world.belief is not None:
+            from planners.value.belief import readout
+
+            record = replace(record, log_probs=readout(world.belief, record.log_probs, record.viewpoints))
+    difference = first_difference(name, records, np.array(indices), record)
+    if difference is not None:
+        raise DataError(difference)
+    frames = [
+        world.sensor.sense(batch.positions[:, frame], record.viewpoints[:, frame], batch.noise.frame(frame))
+        for frame in range(way.shape[1])
+    ]
+    astray: BoolArray = np.asarray(motion.elsewhere.any(axis=1))
+    led = np.zeros(len(way), dtype=bool) if listener.planner is None else ~astray
+    return PlannerReplay(
+        viewpoints=way,
+        joints_2d=np.stack([sensed.joints_2d for sensed in frames], axis=1),
+        confidence=np.stack([sensed.confidence for sensed in frames], axis=1),
+        probabilities=np.exp(record.log_probs.astype(np.float64)),
+        targets=_by_episode(listener.targets, led),
+        weights=_by_episode(listener.weights, led),
+    ), int(astray.sum())
+
+
+def _by_episode(frames: list[FloatArray], kept: BoolArray) -> tuple[FloatArray | None, ...]:
+    """Return what was heard in each episode, from an array a frame; None where it is not kept, or was not heard."""
+    if not frames:
+        return (None,) * len(kept)
+    heard = np.stack(frames, axis=1)
+    return tuple(of if keep else None for of, keep in zip(heard, kept, strict=True))

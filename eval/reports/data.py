@@ -1,0 +1,166 @@
+"""What a report shows of a finished run, as plain data: everything but the replay."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.errors import DataError
+from eval.records.episodes import EpisodeRecords
+from eval.records.json_object import read_object
+from eval.records.run_files import SUMMARY
+from eval.running.finished_run import FinishedRun
+from eval.scores.accuracy_bands import accuracy_bands
+from eval.scores.behaviour import PositionHistogram, level_share, move_shares, position_histograms, recover_moves
+from eval.scores.confusion import ClassGains, class_gains, confusion
+from eval.scores.differences import compare_pairs
+from eval.scores.planner_accuracy import Resamples, planner_accuracy, resample_sequences
+from eval.scores.predictability import Predictability, predictability
+from eval.scores.reliability import Reliability, reliability
+from eval.scores.seed_accuracy import pool_seeds, seeds_of
+from eval.scores.sphere_density import SphereDensity, sphere_density
+from eval.scores.summary import NO_ACT
+from eval.scores.training_seeds import curves, group_planners
+
+STAGED_FROM = 4  # frames that an episode needs for three stages
+
+
+@dataclass(frozen=True, eq=False)
+class PlannerData:
+    """What a report shows of one planner, the records of all its trainings together.
+
+    Args:
+        reliability: the diagram.
+        confusion: (K, K).
+        gains: over no-act, by class; None where that did not run, and for no-act itself.
+        positions: histograms of distance, azimuth and polar angle.
+        level_share: the share of frames about level with the people.
+        sphere: where cameras were, seen from above.
+        moves: (4, 7), by stage; None in flight and for episodes that are too short.
+        predictability: after how much classes are recognised.
+    """
+
+    reliability: Reliability
+    confusion: FloatArray
+    gains: ClassGains | None
+    positions: tuple[PositionHistogram, ...]
+    level_share: float
+    sphere: SphereDensity
+    moves: FloatArray | None
+    predictability: Predictability
+
+
+@dataclass(frozen=True, eq=False)
+class ReportData:
+    """What a report shows.
+
+    Args:
+        run: with conditions and records.
+        summary: summary.json.
+        class_names: K.
+        differences: paired ones, those of summary.json; where it has none, of each planner without the truth and
+            no-act, or else the first.
+        curves: (L,) accuracy after each frame, by planner.
+        bands: (L, 2) its 95 % interval; NaN where there is none.
+        planners: by name, in the order of the run.
+    """
+
+    run: FinishedRun
+    summary: Mapping[str, Any]
+    class_names: tuple[str, ...]
+    differences: Sequence[Mapping[str, Any]]
+    curves: Mapping[str, FloatArray]
+    bands: Mapping[str, FloatArray]
+    planners: Mapping[str, PlannerData]
+
+    @property
+    def privileged(self) -> dict[str, bool]:
+        """Whether each planner was handed the truth."""
+        return {planner["name"]: planner["privileged"] for planner in self.summary["planners"]}
+
+    @property
+    def lead(self) -> str | None:
+        """The planner that leads, see `lead_planner`."""
+        return lead_planner(self.summary)
+
+
+def read_summary(run: FinishedRun) -> dict[str, Any]:
+    """Return a run's summary.json.
+
+    Raises:
+        UsageError: the run has none, as when it was interrupted.
+        DataError: it is not that of the run's records.
+    """
+    summary = read_object(run.directory / SUMMARY, "a finished run of ehar benchmark")
+    trainings = seeds_of(run.records)
+    names = [of.get("name") for of in summary.get("planners", ()) if isinstance(of, dict)]
+    if names != list(trainings):
+        raise DataError(
+            f"{run.directory / SUMMARY}: expected the planners of the records, {', '.join(trainings)}, "
+            f"got {', '.join(map(str, names)) or 'none'}"
+        )
+    return summary
+
+
+def lead_planner(summary: Mapping[str, Any]) -> str | None:
+    """Return the planner without the truth that is most accurate, no-act left out; None where there is none."""
+    rivals = [of for of in summary["planners"] if not of["privileged"] and of["name"] != NO_ACT]
+    return max(rivals, key=lambda of: of["acc_mean"])["name"] if rivals else None
+
+
+def report_data(run: FinishedRun, summary: Mapping[str, Any], class_names: tuple[str, ...]) -> ReportData:
+    """Compute what a report shows.
+
+    Args:
+        run: with records and conditions.
+        summary: its summary.json, from `read_summary`.
+        class_names: K.
+    """
+    trainings, pooled = seeds_of(run.records), pool_seeds(run.records)
+    classes = len(class_names)
+    resamples = resample_sequences(list(run.records.values()))
+    return ReportData(
+        run=run,
+        summary=summary,
+        class_names=class_names,
+        differences=summary.get("differences") or _differences(run, summary, resamples),
+        curves=curves(run.records),
+        bands=accuracy_bands(run.records, resamples),
+        planners={name: _planner(name, of, trainings, classes, staged=not run.flown) for name, of in pooled.items()},
+    )
+
+
+def _planner(
+    name: str, pooled: EpisodeRecords, trainings: Mapping[str, list[EpisodeRecords]], classes: int, *, staged: bool
+) -> PlannerData:
+    staged = staged and pooled.predicted.shape[1] >= STAGED_FROM
+    compared = NO_ACT in trainings and name != NO_ACT
+    return PlannerData(
+        reliability=reliability(pooled.top_probability, pooled.correct),
+        confusion=confusion(pooled, classes),
+        gains=class_gains(trainings[name], trainings[NO_ACT], classes) if compared else None,
+        positions=position_histograms(pooled),
+        level_share=level_share(pooled),
+        sphere=sphere_density(pooled.viewpoint),
+        moves=move_shares(recover_moves(pooled)) if staged else None,
+        predictability=predictability(pooled, classes),
+    )
+
+
+def _differences(run: FinishedRun, summary: Mapping[str, Any], resamples: Resamples) -> list[dict[str, Any]]:
+    """Return what every planner without the truth has more than no-act, or than the first where that did not run."""
+    able = [of["name"] for of in summary["planners"] if not of["privileged"]]
+    compared = {group.name: group for group in group_planners(run.records) if group.name in able}
+    accuracy = {name: planner_accuracy(group, run.records, resamples) for name, group in compared.items()}
+    base = NO_ACT if NO_ACT in accuracy else next(iter(accuracy), None)
+    pairs = [(of, accuracy[base]) for name, of in accuracy.items() if base is not None and name != base]
+    return [asdict(of) for of in compare_pairs(pairs, resamples)] if pairs else []
+
+
+def finite(values: FloatArray, digits: int) -> list[Any]:
+    """Return numbers for JSON, rounded; None where they are not finite."""
+    rounded = np.round(np.asarray(values, dtype=np.float64), digits)
+    listed: list[Any] = np.where(np.isfinite(rounded), rounded.astype(object), np.array(None)).tolist()
+    return listed

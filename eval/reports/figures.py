@@ -1,0 +1,200 @@
+"""The figures of a report that compare planners: accuracy, its cost, and paired differences."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from eval.reports.data import ReportData, finite
+from eval.reports.style import Figure, Look, figure, looks, plain
+from eval.scores.pareto import pareto_front
+from eval.scores.summary import NO_ACT, ORACLE
+
+LEAST_MS = 1e-4  # planning times below are drawn here, as the axis is logarithmic
+
+
+def accuracy_figure(data: ReportData, focus: str) -> Figure:
+    """Return accuracy against the observation ratio: all planners, with bands of the one in focus and both ends."""
+    styles = looks(data.privileged)
+    length = data.run.conditions.length
+    ratios = finite(100 * np.arange(1, length + 1) / length, 2)
+    banded = [name for name in data.curves if name in (NO_ACT, ORACLE, focus)]
+    traces: list[dict[str, Any]] = []
+    for name in banded:
+        band = 100 * data.bands[name]
+        if np.isfinite(band).all():
+            traces.append(
+                {
+                    "x": ratios + ratios[::-1],
+                    "y": finite(np.concatenate([band[:, 0], band[::-1, 1]]), 2),
+                    "fill": "toself",
+                    "fillcolor": f"{styles[name].colour}/0.16",
+                    "line": {"width": 0},
+                    "mode": "lines",
+                    "hoverinfo": "skip",
+                    "showlegend": False,
+                    "legendgroup": plain(name),
+                }
+            )
+    for name, curve in data.curves.items():
+        look = styles[name]
+        traces.append(
+            {
+                "x": ratios,
+                "y": finite(100 * curve, 2),
+                "name": _legend(name, data),
+                "legendgroup": plain(name),
+                "mode": "lines",
+                "opacity": 1.0 if name in banded else 0.55,
+                "line": {"color": look.colour, "dash": look.dash, "width": 3.0 if name == focus else 1.7},
+                "hovertemplate": f"{plain(name)}<br>%{{x:.0f}} % seen: %{{y:.1f}} %<extra></extra>",
+            }
+        )
+    chance = 100 / len(data.class_names)
+    traces.append(
+        {
+            "x": [0, 100],
+            "y": [chance, chance],
+            "name": "chance",
+            "mode": "lines",
+            "line": {"color": "@neutral", "width": 1, "dash": "dot"},
+            "hovertemplate": f"chance: {chance:.1f} %<extra></extra>",
+        }
+    )
+    return figure(
+        traces,
+        x={"title": "observed share of the episode [%]", "range": [0, 100]},
+        y={"title": "accuracy [%]", "rangemode": "tozero"},
+        height=480,
+    )
+
+
+def cost_figures(data: ReportData) -> dict[str, Figure]:
+    """Return accuracy against motion and against planning time, with the Pareto front of those without the truth."""
+    planners = data.summary["planners"]
+    value = np.array([of["acc_mean"] for of in planners])
+    motion = np.array([of["path_length_m"] for of in planners])
+    seconds = np.maximum([of["step_ms"] for of in planners], LEAST_MS)
+    return {
+        "motion": _cost(data, motion, value, {"title": "path length of an episode [m]", "rangemode": "tozero"}, "m"),
+        "time": _cost(
+            data,
+            seconds,
+            value,
+            {"title": "planning time a frame [ms], log scale", "type": "log", "tickformat": "~g"},
+            "ms",
+        ),
+    }
+
+
+def _cost(data: ReportData, cost: FloatArray, value: FloatArray, axis: Mapping[str, Any], unit: str) -> Figure:
+    planners = data.summary["planners"]
+    styles = looks(data.privileged)
+    able = np.flatnonzero([not of["privileged"] for of in planners])
+    front = able[pareto_front(cost[able], value[able])]
+    front = front[np.argsort(cost[front], kind="stable")]
+    traces: list[dict[str, Any]] = [
+        {
+            "x": finite(cost[front], 4),
+            "y": finite(value[front], 2),
+            "mode": "lines",
+            "line": {"color": "@text", "width": 1.5, "dash": "dot", "shape": "hv"},
+            "name": "Pareto front",
+            "hoverinfo": "skip",
+        }
+    ]
+    for row, of in enumerate(planners):
+        name = of["name"]
+        ends = of["acc_mean_ci95"]
+        on_front = row in front
+        traces.append(
+            {
+                "x": [round(float(cost[row]), 4)],
+                "y": [round(float(value[row]), 2)],
+                "error_y": _errors([value[row]], [ends], thickness=1),
+                "name": _legend(name, data) + (", front" if on_front else ""),
+                "mode": "markers",
+                "cliponaxis": False,
+                "marker": _marker(styles[name], 13 if on_front else 9),
+                "hovertemplate": f"{plain(name)}<br>%{{y:.1f}} %, %{{x:.4g}} {unit}<extra></extra>",
+            }
+        )
+    return figure(traces, x=axis, y="mean accuracy [%]", height=400 + 14 * len(planners))
+
+
+def difference_figures(data: ReportData) -> dict[str, Figure]:
+    """Return the paired differences of each planner that is compared with the others, by its name."""
+    found: dict[str, list[Mapping[str, Any]]] = {}
+    for of in data.differences:
+        found.setdefault(of["planner"], []).append(of)
+    return {name: _differences(name, pairs) for name, pairs in found.items()}
+
+
+def _differences(name: str, pairs: list[Mapping[str, Any]]) -> Figure:
+    pairs = sorted(pairs, key=lambda of: of["acc_mean"])
+    rows = [plain(of["other"]) for of in pairs]
+    means = [of["acc_mean"] for of in pairs]
+    clear = [_clear(of["ci95"]) for of in pairs]
+    smallest = [of.get("smallest") for of in pairs]
+    traces: list[dict[str, Any]] = []
+    if any(value is not None for value in smallest):
+        traces.append(
+            {
+                "type": "bar",
+                "orientation": "h",
+                "y": rows,
+                "base": [-(value or 0) for value in smallest],
+                "x": [2 * (value or 0) for value in smallest],
+                "marker": {"color": "@neutral/0.18"},
+                "name": "too small for this run to show 8 times in 10",
+                "hoverinfo": "skip",
+            }
+        )
+    for kind, label, symbol, colour in (
+        (True, "interval excludes zero", "circle", "@0"),
+        (False, "interval includes zero", "circle-open", "@neutral"),
+    ):
+        chosen = [row for row, is_clear in enumerate(clear) if is_clear is kind]
+        if chosen:
+            values = [means[row] for row in chosen]
+            traces.append(
+                {
+                    "x": [round(value, 3) for value in values],
+                    "y": [rows[row] for row in chosen],
+                    "mode": "markers",
+                    "marker": {"color": colour, "size": 11, "symbol": symbol, "line": {"width": 2, "color": colour}},
+                    "error_x": {
+                        **_errors(values, [pairs[row]["ci95"] for row in chosen], thickness=2),
+                        "color": colour,
+                    },
+                    "name": label,
+                    "hovertemplate": f"{plain(name)} minus %{{y}}: %{{x:+.1f}} points<extra></extra>",
+                }
+            )
+    return figure(
+        traces,
+        x={"title": f"{plain(name)} minus the other [points]", "zerolinecolor": "@text"},
+        y={"type": "category", "categoryorder": "array", "categoryarray": rows},
+        height=150 + 34 * len(rows),
+        barmode="overlay",
+    )
+
+
+def _clear(ends: Any) -> bool:
+    return ends is not None and (ends[0] > 0 or ends[1] < 0)
+
+
+def _errors(values: Any, ends: list[Any], *, thickness: float) -> dict[str, Any]:
+    """Return Plotly's error bars from interval ends; none where an interval is missing."""
+    high = [0 if pair is None else round(pair[1] - value, 3) for value, pair in zip(values, ends, strict=True)]
+    low = [0 if pair is None else round(value - pair[0], 3) for value, pair in zip(values, ends, strict=True)]
+    return {"type": "data", "symmetric": False, "array": high, "arrayminus": low, "thickness": thickness, "width": 4}
+
+
+def _marker(look: Look, size: int) -> dict[str, Any]:
+    return {"color": look.colour, "symbol": look.symbol, "size": size, "line": {"color": "@text", "width": 1}}
+
+
+def _legend(name: str, data: ReportData) -> str:
+    return plain(name) + (" (privileged)" if data.privileged[name] else "")

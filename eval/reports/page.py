@@ -1,0 +1,187 @@
+"""The report of a finished run: one HTML file, which needs neither a server nor a network."""
+
+import json
+from collections.abc import Callable
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from eval.records.run_files import package_version, write_text
+from eval.replays.choice import RULE, RULE_ALONE, choose_episodes, choose_planners
+from eval.replays.data import replay_data
+from eval.reports.behaviour_figures import behaviour_figures
+from eval.reports.data import ReportData, read_summary, report_data
+from eval.reports.figures import accuracy_figure, cost_figures, difference_figures
+from eval.reports.recognition_figures import predictability_figure, recognition_figures
+from eval.reports.tables import (
+    differences_part,
+    lead_sentence,
+    levels_table,
+    options,
+    picker,
+    planner_table,
+    what_ran,
+)
+from eval.running.finished_run import class_names, read_run
+from eval.running.progress import ConsoleReporter, Reporter
+from eval.scores.summary import NO_ACT
+from eval.scores.training_seeds import first_trainings
+
+REPORT = "report.html"
+SCRIPTS = ("theme.js", "figures.js", "tables.js", "codec.js", "canvas.js", "scene.js", "views.js", "replay.js")
+PAGE = files("eval.reports") / "assets"
+
+
+def make_report(
+    directory: Path,
+    *,
+    out: Path | None = None,
+    data: str | Path | None = None,
+    models: Path | None = None,
+    reporter: Reporter | None = None,
+) -> Path:
+    """Write the report of a finished run, and return its path.
+
+    Args:
+        directory: of the run.
+        out: the file to write; None is report.html in the run's folder.
+        data: where the run's data lie now; None is where they lay.
+        models: where its weights lie now; None is where they lay.
+        reporter: hears of progress; None reports on standard error.
+
+    Raises:
+        EharError: one line that says what was got and what was expected.
+    """
+    reporter = reporter or ConsoleReporter()
+    run = read_run(Path(directory))
+    summary = read_summary(run)
+    shown = report_data(run, summary, class_names(run, reporter.note, data))
+    replays, rule = _replays(shown, data, models, reporter)
+    path = run.directory / REPORT if out is None else Path(out)
+    write_text(path, [page(shown, replays, rule)])
+    return path
+
+
+def page(data: ReportData, replays: dict[str, Any], rule: str) -> str:
+    """Return the report as HTML.
+
+    Args:
+        data: what it shows.
+        replays: from `replay_data`.
+        rule: by which the replayed episodes were chosen.
+    """
+    from plotly.offline import get_plotlyjs  # 5 MB that nothing else waits for
+
+    names = list(data.planners)
+    focus = data.lead or names[0]
+    return Template(_read("page.html")).substitute(
+        title=escape(data.run.conditions.title),
+        style=_read("style.css"),
+        lead=escape(lead_sentence(data)),
+        ran=what_ran(data),
+        table=planner_table(data),
+        replay=_replay_part(data, replays, rule),
+        focus=picker("focus", "Planner in focus, in all figures below", names, focus),
+        differences=differences_part(data),
+        moves=escape(_moves_text(data)),
+        levels=levels_table(data),
+        footer=escape(
+            f"Made by ehar {package_version('ehar')}. Every number is in summary.json, or computed from episodes.jsonl."
+        ),
+        report_json=for_script(_figures(data)),
+        replays_json=for_script(replays),
+        plotly=get_plotlyjs(),
+        script="\n".join(_read(name) for name in SCRIPTS),
+    )
+
+
+def for_script(value: Any) -> str:
+    """Return JSON that may stand in a script element, whatever its strings hold: they cannot end it."""
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _figures(data: ReportData) -> dict[str, Any]:
+    """Return all figures: those of their own, and those of a planner that the reader picks."""
+    focused = {
+        name: {
+            **recognition_figures(data, name),
+            **behaviour_figures(data, name),
+            "accuracy": accuracy_figure(data, name),
+        }
+        for name in data.planners
+    }
+    pairs = {name: {"pairs": of} for name, of in difference_figures(data).items()}
+    return {
+        "figures": {**cost_figures(data), "predictability": predictability_figure(data)},
+        "grouped": {"focus": focused, "pairs": pairs},
+        "missing": {
+            "gains": f"Needs {NO_ACT} in the run, and another planner in focus.",
+            "moves": _moves_text(data),
+        },
+    }
+
+
+def _moves_text(data: ReportData) -> str:
+    if data.run.flown:
+        return "Cameras flew, and flights make no moves."
+    if all(of.moves is None for of in data.planners.values()):
+        return "Episodes are too short for three stages."
+    return "Which of the grid's seven moves the camera made in each third of an episode."
+
+
+def _replays(
+    data: ReportData, source: str | Path | None, models: Path | None, reporter: Reporter
+) -> tuple[dict[str, Any], str]:
+    """Return the replays of the most telling episodes, and the rule that chose them."""
+    shown = first_trainings(data.run.records)
+    records = {name: data.run.records[record] for name, record in shown.items()}
+    led = data.lead if NO_ACT in records else None
+    chosen = choose_episodes(records, led, NO_ACT if led else None)
+    rule = RULE_ALONE if led is None else RULE.format(planner=led, other=NO_ACT)
+    reporter.begin(len(shown))
+    advance: Callable[[str], None] = reporter.advance
+    try:
+        replays = replay_data(data.run, chosen, shown, data=source, models=models, advance=advance)
+    finally:
+        reporter.end()
+    if replays["missing"]:
+        reporter.note(f"the report has no replays: {replays['missing']}")
+    seeds = [name for name, record in shown.items() if name != record]
+    if seeds:
+        rule += f". Of {', '.join(seeds)} the first training seed is shown"
+    return replays, rule
+
+
+def _replay_part(data: ReportData, replays: dict[str, Any], rule: str) -> str:
+    """Return the replay's controls, or why there is none."""
+    if replays["missing"]:
+        return (
+            '<p class="notice">There are no replays: they need the data and the recogniser of the run. '
+            f"{escape(replays['missing'])}</p>"
+        )
+    episodes = {
+        str(row): f"{data.class_names[of['label']]}: {of['title']} (episode {of['episode']})"
+        for row, of in enumerate(replays["episodes"])
+    }
+    names = list(data.planners)
+    first, second = (*choose_planners(names, data.lead), "")[:2]
+    count = len(next(iter(data.run.records.values())))
+    told = f"Shown are {len(episodes)} of {count} episodes, {rule}."
+    notes = "".join(f"<li>{escape(note)}</li>" for note in replays["notes"])
+    sensor = data.run.conditions.sensor
+    return Template(_read("replay.html")).substitute(
+        rule=escape(told),
+        episodes=options(episodes, "0"),
+        first=options(names, first),
+        second=options({"": "nobody", **{name: name for name in names}}, second),
+        last=replays["frames"] - 1,
+        notes=f'<ul class="notes">{notes}</ul>' if notes else "",
+        sensor="" if sensor == "perfect" else ": joints as the estimator reports them, missed ones left out",
+    )
+
+
+def _read(name: str) -> str:
+    return (PAGE / name).read_text(encoding="utf-8")

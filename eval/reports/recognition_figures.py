@@ -1,0 +1,206 @@
+"""The figures of a report about what is recognised under one planner: how surely, and which classes."""
+
+from typing import Any
+
+import numpy as np
+
+from eval.reports.data import PlannerData, ReportData, finite
+from eval.reports.style import Figure, beside_no_act, colour_scale, figure, looks, pattern, plain, shortened
+from eval.scores.predictability import LEVELS, RATIOS
+
+LEVEL_COLOURS = ("@2", "@4", "@5", "@neutral")
+LEVEL_PATTERNS = ("", "/", ".", "x")
+
+
+def recognition_figures(data: ReportData, name: str) -> dict[str, Figure]:
+    """Return the figures of one planner by their kind; those that cannot be had are left out."""
+    of = data.planners[name]
+    figures = {
+        "calibration": _calibration(data, name),
+        "confusion": _confusion(of, data.class_names),
+        "classes": _classes(of, data.class_names),
+    }
+    if of.gains is not None:
+        figures["gains"] = _gains(of, data.class_names)
+    return figures
+
+
+def _calibration(data: ReportData, name: str) -> Figure:
+    styles = looks(data.privileged)
+    bins = data.planners[name].reliability
+    traces: list[dict[str, Any]] = [
+        {
+            "type": "bar",
+            "x": finite(100 * bins.confidence, 2),
+            "y": finite(100 * bins.share, 2),
+            "marker": {"color": "@neutral/0.25"},
+            "name": f"share of the answers of {plain(name)}",
+            "hovertemplate": "%{y:.1f} % of answers<extra></extra>",
+            "width": 4,
+        },
+        {
+            "x": [0, 100],
+            "y": [0, 100],
+            "mode": "lines",
+            "line": {"color": "@text", "width": 1, "dash": "dot"},
+            "name": "as sure as right",
+            "hoverinfo": "skip",
+        },
+    ]
+    for one in beside_no_act(data.planners, name):
+        of, look = data.planners[one].reliability, styles[one]
+        traces.append(
+            {
+                "x": finite(100 * of.confidence, 2),
+                "y": finite(100 * of.accuracy, 2),
+                "mode": "lines+markers",
+                "connectgaps": True,
+                "line": {"color": look.colour, "dash": look.dash},
+                "marker": {"color": look.colour, "symbol": look.symbol, "size": 8},
+                "name": plain(one),
+                "hovertemplate": f"{plain(one)}<br>%{{x:.0f}} % sure: %{{y:.0f}} % right<extra></extra>",
+            }
+        )
+    return figure(
+        traces,
+        x={"title": "probability of the answer [%]", "range": [0, 102]},
+        y={"title": "right answers [%]", "range": [0, 102]},
+        height=440,
+    )
+
+
+def _confusion(of: PlannerData, names: tuple[str, ...]) -> Figure:
+    ticks = [plain(name) for name in names]
+    few, short = len(names) <= 12, shortened(names)
+    trace: dict[str, Any] = {
+        "type": "heatmap",
+        "x": ticks,
+        "y": ticks,
+        "z": finite(100 * of.confusion, 1),
+        "zmin": 0,
+        "zmax": 100,
+        "colorscale": [[0, "@paper"], [1, "@0"]],
+        "xgap": 1,
+        "ygap": 1,
+        "colorbar": colour_scale("share of frames [%]"),
+        "hovertemplate": "%{y} taken for %{x}: %{z:.1f} % of frames<extra></extra>",
+    }
+    if few:
+        trace |= {"texttemplate": "%{z:.0f}", "textfont": {"size": 12}}
+    return figure(
+        [trace],
+        x={"title": "taken for", "type": "category", "showgrid": False, "tickangle": -40, "labelalias": short},
+        y={"title": "true class", "type": "category", "autorange": "reversed", "showgrid": False, "labelalias": short},
+        height=270 + max(200, min(28, 900 // len(names)) * len(names)),
+        margin={"l": 56, "r": 16, "t": 16, "b": 150},
+    )
+
+
+def _gains(of: PlannerData, names: tuple[str, ...]) -> Figure:
+    assert of.gains is not None
+    gain, ends = 100 * of.gains.gain, 100 * of.gains.ci95
+    order = [row for row in np.argsort(gain, kind="stable") if np.isfinite(gain[row])]
+    traces = []
+    for label, symbol, colour, chosen in (
+        ("wins: the interval is above zero", "circle", "@0", [row for row in order if ends[row, 0] > 0]),
+        ("loses: the interval is below zero", "diamond", "@1", [row for row in order if ends[row, 1] < 0]),
+        (
+            "cannot be told",
+            "circle-open",
+            "@neutral",
+            [row for row in order if not (ends[row, 0] > 0 or ends[row, 1] < 0)],
+        ),
+    ):
+        if not chosen:
+            continue
+        widths = np.nan_to_num(np.stack([ends[chosen, 1] - gain[chosen], gain[chosen] - ends[chosen, 0]]))
+        traces.append(
+            {
+                "x": finite(gain[chosen], 2),
+                "y": [plain(names[row]) for row in chosen],
+                "mode": "markers",
+                "marker": {"color": colour, "symbol": symbol, "size": 11, "line": {"color": colour, "width": 2}},
+                "error_x": {
+                    "type": "data",
+                    "symmetric": False,
+                    "array": finite(widths[0], 2),
+                    "arrayminus": finite(widths[1], 2),
+                    "color": colour,
+                    "thickness": 2,
+                    "width": 4,
+                },
+                "name": label,
+                "hovertemplate": "%{y}: %{x:+.1f} points<extra></extra>",
+            }
+        )
+    return figure(
+        traces,
+        x={"title": "more accurate than no-act [points]", "zerolinecolor": "@text"},
+        y={
+            "type": "category",
+            "categoryorder": "array",
+            "categoryarray": [plain(names[row]) for row in order],
+            "labelalias": shortened(names),
+        },
+        height=160 + 26 * len(order),
+    )
+
+
+def _classes(of: PlannerData, names: tuple[str, ...]) -> Figure:
+    held = [row for row in range(len(names)) if np.isfinite(of.predictability.accuracy[row]).all()]
+    order = sorted(held, key=lambda row: tuple(of.predictability.accuracy[row]))
+    traces = [
+        {
+            "x": finite(100 * of.predictability.accuracy[order, column], 1),
+            "y": [plain(names[row]) for row in order],
+            "mode": "markers",
+            "marker": {
+                "symbol": symbol,
+                "color": colour,
+                "size": 11,
+                "line": {"width": 2, "color": colour},
+            },
+            "name": f"after {RATIOS[column]} %",
+            "hovertemplate": f"%{{y}} after {RATIOS[column]} %: %{{x:.0f}} % right<extra></extra>",
+        }
+        for column, (symbol, colour) in enumerate((("circle-open", "@1"), ("diamond-open", "@4"), ("circle", "@0")))
+    ]
+    return figure(
+        traces,
+        x={"title": "episodes recognised [%]", "range": [-3, 103]},
+        y={
+            "type": "category",
+            "categoryorder": "array",
+            "categoryarray": [plain(names[row]) for row in order],
+            "labelalias": shortened(names),
+        },
+        height=160 + 26 * len(order),
+    )
+
+
+def predictability_figure(data: ReportData) -> Figure:
+    """Return the share of episodes at each level of predictability, one bar a planner."""
+    names = list(data.planners)[::-1]
+    traces = [
+        {
+            "type": "bar",
+            "orientation": "h",
+            "y": [plain(name) for name in names],
+            "x": finite(np.array([100 * data.planners[name].predictability.total[level] for name in names]), 2),
+            "name": LEVELS[level],
+            "marker": {
+                "color": LEVEL_COLOURS[level],
+                "pattern": pattern(LEVEL_PATTERNS[level]),
+            },
+            "hovertemplate": f"%{{y}}, {LEVELS[level]}: %{{x:.1f}} % of episodes<extra></extra>",
+        }
+        for level in range(len(LEVELS))
+    ]
+    return figure(
+        traces,
+        x={"title": "share of episodes [%]", "range": [0, 100]},
+        y={"type": "category"},
+        height=150 + 28 * len(names),
+        barmode="stack",
+        legend={"orientation": "h", "y": -0.2, "yanchor": "top", "x": 0, "xanchor": "left", "traceorder": "normal"},
+    )

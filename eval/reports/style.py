@@ -1,0 +1,120 @@
+"""How planners look in the figures of a report, and the plain Plotly figures that they are drawn into.
+
+A figure is a dict of Plotly's JSON schema. Its colours are tokens that the page replaces by those of its light or dark
+theme: `@0` to `@5` of Okabe and Ito, `@neutral`, `@text`, `@grid`, `@paper`; `@0/0.2` is a fifth opaque.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from typing import Any, NamedTuple
+
+from eval.scores.summary import NO_ACT
+
+Figure = dict[str, Any]
+
+COLOURS = 6
+LONGEST_LABEL = 24  # characters of an axis's label; from 45 on Plotly cannot draw a confusion of few classes
+DASHES = ("solid", "dashdot", "longdash")
+TOLD_DASHES = ("dot", "dash")
+TOLD_SYMBOLS = ("star-open", "hexagram-open")
+SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "pentagon", "triangle-down", "x", "hexagon")
+
+
+class Look(NamedTuple):
+    """How a planner is drawn: by colour, by dash and by symbol, so that no reader depends on one of them."""
+
+    colour: str
+    dash: str
+    symbol: str
+
+
+def looks(planners: Mapping[str, bool]) -> dict[str, Look]:
+    """Return how planners look, by name; `planners` says which were handed the truth. No-act is grey.
+
+    Those handed the truth are in the colour of the text, dotted or dashed.
+    """
+    rivals = [name for name, privileged in planners.items() if name != NO_ACT and not privileged]
+    told = [name for name, privileged in planners.items() if privileged]
+    found = {NO_ACT: Look("@neutral", "solid", "circle-open")}
+    for index, name in enumerate(rivals):
+        dash = DASHES[index // COLOURS % len(DASHES)]
+        found[name] = Look(f"@{index % COLOURS}", dash, SYMBOLS[index % len(SYMBOLS)])
+    for index, name in enumerate(told):
+        found[name] = Look("@text", TOLD_DASHES[index % len(TOLD_DASHES)], TOLD_SYMBOLS[index % len(TOLD_SYMBOLS)])
+    return {name: found[name] for name in planners}
+
+
+def plain(text: str) -> str:
+    """Return text that Plotly shows as it is: it takes some HTML for markup."""
+    return escape(text, quote=False)
+
+
+def pattern(shape: str) -> dict[str, Any]:
+    """Return a pattern over a bar's own colour, for who cannot tell colours."""
+    return {"shape": shape, "fillmode": "overlay", "fgcolor": "@paper", "size": 7, "solidity": 0.25}
+
+
+def colour_scale(title: str) -> dict[str, Any]:
+    """Return a scale of colours below a figure, where a phone has room for it."""
+    below = {"orientation": "h", "y": 0, "yref": "container", "yanchor": "bottom"}
+    return {**below, "title": {"text": title, "side": "bottom"}, "thickness": 10, "outlinewidth": 0}
+
+
+def shortened(names: Sequence[str]) -> dict[str, str]:
+    """Return what an axis shows in place of each name that would leave no room for the plot: its start and its end."""
+    long = [name for name in names if len(name) > LONGEST_LABEL]
+    return {plain(name): plain(f"{name[:14]}…{name[-9:]}") for name in long}
+
+
+def beside_no_act(planners: Iterable[str], name: str) -> list[str]:
+    """Return the planners of a figure about one: it, behind no-act where that ran."""
+    ran = set(planners)
+    return list(dict.fromkeys(one for one in (NO_ACT, name) if one in ran))
+
+
+def figure(
+    data: Sequence[Mapping[str, Any]],
+    *,
+    x: Mapping[str, Any] | str,
+    y: Mapping[str, Any] | str,
+    height: int = 380,
+    **layout: Any,
+) -> Figure:
+    """Return a figure with titled axes.
+
+    Args:
+        data: its traces.
+        x: the title of the axis, or all of its options.
+        y: likewise.
+        height: [px].
+        layout: more of Plotly's options.
+    """
+    return {
+        "data": [dict(trace) for trace in data],
+        "layout": {
+            "height": height,
+            "margin": {"l": 56, "r": 16, "t": 16, "b": 48},
+            "paper_bgcolor": "@paper",
+            "plot_bgcolor": "@paper",
+            "font": {"color": "@text", "size": 13},
+            "legend": {"orientation": "h", "y": -0.2, "yanchor": "top", "x": 0, "xanchor": "left"},
+            "hovermode": "closest",
+            "xaxis": _axis(x),
+            "yaxis": _axis(y),
+            **layout,
+        },
+    }
+
+
+def _axis(options: Mapping[str, Any] | str) -> dict[str, Any]:
+    given = {"title": options} if isinstance(options, str) else dict(options)
+    title = {"text": given.pop("title", ""), "standoff": 8}
+    return {
+        "title": title,
+        "gridcolor": "@grid",
+        "linecolor": "@grid",
+        "zerolinecolor": "@grid",
+        "automargin": True,
+        "fixedrange": True,
+        **given,
+    }

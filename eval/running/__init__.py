@@ -1,0 +1,1 @@
+"""Running the benchmark: episodes, planners, jobs and processes."""

@@ -1,0 +1,74 @@
+"""What a flight is compared with: the finished run of the same planners on the same episodes, on the ideal track."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from ehar.errors import UsageError
+from eval.records.episodes import EpisodeRecords
+from eval.records.run_files import RunConfig
+from eval.running.finished_run import read_run
+from eval.running.tracks import IDEAL
+from eval.scores.summary import NO_ACT
+
+SAME = (  # of both runs' config.json; without the gain model, which not every run needs
+    "data_sha256",
+    "recogniser_sha256",
+    "sensor",
+    "views",
+    "form",
+    "readout",
+    "part",
+    "starts",
+    "seed",
+    "length",
+    "fps",
+)
+
+
+def read_ideal_run(directory: Path, config: RunConfig) -> Mapping[str, EpisodeRecords]:
+    """Return the records of each planner of a run on the ideal track that a flight may be compared with.
+
+    Args:
+        directory: of the run.
+        config: of the flight.
+
+    Raises:
+        UsageError: the flight's track is `ideal`, the folder holds no run, one on another track or under other
+            conditions or with other weights of a learned planner, or one without no-act.
+        DataError: its files cannot be read, or it is incomplete.
+    """
+    if config.track == IDEAL:
+        raise UsageError(f"{directory}: a run to compare flights with, but the track is {IDEAL}; expected a vehicle")
+    run = read_run(directory)
+    held = run.config
+    wanted = {"track": IDEAL, **{name: getattr(config, name) for name in SAME}}
+    if config.gain_model_sha256 is not None and held.gain_model_sha256 is not None:
+        wanted["gain_model_sha256"] = config.gain_model_sha256
+    _check_same(directory, held, wanted)
+    _check_weights(directory, held, config)
+    if NO_ACT not in run.records:
+        raise UsageError(f"{directory}: expected a run with {NO_ACT} among its planners, got {', '.join(run.records)}")
+    return run.records
+
+
+def _check_weights(directory: Path, held: RunConfig, config: RunConfig) -> None:
+    """Raise a UsageError that names the first planner of both runs whose trained weights differ."""
+    weights = {planner.name: planner.weights_sha256 for planner in held.planners}
+    for planner in config.planners:
+        on_ideal = weights.get(planner.name, planner.weights_sha256)
+        if on_ideal != planner.weights_sha256:
+            raise UsageError(
+                f"{directory}: expected the planners of the flight; the weights of {planner.name} differ: "
+                f"expected sha256 {planner.weights_sha256}, got {on_ideal}"
+            )
+
+
+def _check_same(directory: Path, held: RunConfig, wanted: Mapping[str, object]) -> None:
+    """Raise a UsageError that says what differs."""
+    differing = [name for name, value in wanted.items() if getattr(held, name) != value]
+    if differing:
+        name = differing[0]
+        raise UsageError(
+            f"{directory}: expected a run under the flight's conditions, on the {IDEAL} track; it differs in "
+            f"{', '.join(differing)} ({name}: expected {wanted[name]!r}, got {getattr(held, name)!r})"
+        )

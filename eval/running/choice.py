@@ -1,0 +1,219 @@
+"""Which planners run: those that are named, or all that can; and the trained weights that some of them need."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from ehar.data.motion_data import MotionData
+from ehar.errors import ModelError, UsageError
+from ehar.planner import Planner
+from eval.scores.training_seeds import group_planners, record_name, split_record_name
+from planners.own_planner import Origin, check_planner_contract
+from planners.registry import check_spec, is_learned, needs_gain_model, planner_names, resolve_planner
+
+if TYPE_CHECKING:
+    from planners.agents.agent import Agent
+    from planners.value.model import GainModel
+
+READOUTS = ("recogniser", "belief")
+_CAUSAL_FIELDS = "gain fields are trained for the causal recogniser"
+_CAUSAL_AGENTS = "agents are trained for the causal recogniser"
+
+
+@dataclass(frozen=True, eq=False)
+class ModelPlace:
+    """Where gain models and agents lie, and what they have to fit.
+
+    Args:
+        models: folder of weights; None takes those that ship with ehar.
+        data: what planners are compared on.
+        sensor: that they see through.
+        views: the recogniser's.
+        form: the recogniser's; none of ours for one of the user's own.
+        recogniser_sha256: that they were trained for.
+    """
+
+    models: Path | None
+    data: MotionData
+    sensor: str
+    views: str
+    form: str
+    recogniser_sha256: str
+
+    def load_gain_model(self) -> "GainModel":
+        """Return the gain model.
+
+        Raises:
+            ModelError: there is none, or it belongs to another recogniser.
+        """
+        from planners.value.model import load_gain_model  # brings torch
+
+        if self.form != "causal":
+            raise ModelError(f"{_CAUSAL_FIELDS}, and this is {self.form}")
+        return load_gain_model(
+            self.models,
+            self.data,
+            sensor=self.sensor,
+            views=self.views,
+            recogniser_sha256=self.recogniser_sha256,
+        )
+
+    def load_agent(self, spec: str) -> "Agent":
+        """Return one training of a learned planner, `il-ppo/0`; of `il-ppo` alone the first, by that name.
+
+        Raises:
+            ModelError: there is none, it belongs to another data set or recogniser, or none could be trained.
+        """
+        from planners.agents.storage import load_agent  # brings torch
+
+        if self.form != "causal":
+            raise ModelError(f"planner {spec!r}: {_CAUSAL_AGENTS}, and this is {self.form}")
+        name, seed = split_record_name(spec)
+        if seed is None:
+            seed = next(iter(self.seeds(name)), 0)
+        agent = load_agent(
+            self.models,
+            self.data,
+            name,
+            sensor=self.sensor,
+            views=self.views,
+            recogniser_sha256=self.recogniser_sha256,
+            seed=seed,
+        )
+        agent.name = spec
+        return agent
+
+    def seeds(self, name: str) -> tuple[int, ...]:
+        """Return with which seeds a learned planner was trained here."""
+        from planners.agents.storage import agent_seeds  # brings torch
+
+        return agent_seeds(self.models, self.data, name, sensor=self.sensor, views=self.views)
+
+    def expanded(self, spec: str) -> tuple[str, ...]:
+        """Return the trainings of a learned planner that is named without one, or at least the first."""
+        name, seed = split_record_name(spec)
+        return (spec,) if seed is not None else tuple(record_name(name, seed) for seed in self.seeds(name) or (0,))
+
+    def reason_for_no_gain_model(self) -> str | None:
+        """Return why there can be no gain model here, and what to do about it; None where there is one."""
+        from planners.value.model import SHIPPED, gain_model_path
+
+        if self.form != "causal":
+            return f"{_CAUSAL_FIELDS}, and this is {self.form}"
+        path = gain_model_path(self.models or SHIPPED / self.data.name, sensor=self.sensor, views=self.views)
+        if path.is_file():
+            return None
+        try:
+            self.load_gain_model()
+        except ModelError as error:
+            return str(error)
+        return None
+
+    def reason_for_no_agent(self, name: str) -> str | None:
+        """Return why a learned planner cannot run here, and what to do about it; None where it can."""
+        if self.form != "causal":
+            return f"{_CAUSAL_AGENTS}, and this is {self.form}"
+        if self.seeds(name):
+            return None
+        return (
+            f"no agent was trained for this recogniser: expected those of `ehar train agent --data {self.data.name} "
+            f"--models {self.models or 'DIR'} --sensor {self.sensor} --views {self.views}`"
+        )
+
+
+def check_planners(planners: Sequence[str | Planner] | None) -> None:
+    """Raise a UsageError if a name is unknown or an instance is no planner; nothing is loaded for that."""
+    for planner in planners or ():
+        if isinstance(planner, str):
+            check_spec(planner)
+        else:
+            check_planner_contract(planner, f"planner {planner!r}")
+
+
+class Choice(NamedTuple):
+    """Who runs.
+
+    Args:
+        planners: each with a name of its own.
+        origins: of those that are not ours, by name.
+        model: the gain model, where a planner or the readout needs it.
+    """
+
+    planners: list[Planner]
+    origins: dict[str, Origin]
+    model: "GainModel | None" = None
+
+
+def choose_planners(
+    planners: Sequence[str | Planner] | None, place: ModelPlace, *, readout: str, note: Callable[[str], None]
+) -> Choice:
+    """Return the planners that run and, where one of them or the readout needs it, the gain model.
+
+    Args:
+        planners: names and instances, all of which have to run; None is all of ours that can.
+        place: of gain models and agents.
+        readout: one of `READOUTS`.
+        note: told who is left out where `planners` is None.
+
+    Raises:
+        UsageError: a planner cannot be made, or two share a name.
+        ModelError: a planner that was named, or the readout, needs what was not trained; or what was trained
+            belongs to another recogniser.
+        DataError: a planner is there both with and without a training seed.
+    """
+    load_model = cache(place.load_gain_model)
+    if readout == "belief":
+        load_model()
+    specs = list(_those_that_can(place, note) if planners is None else planners)
+    chosen = make_planners(specs, load_model, place)
+    return chosen._replace(model=load_model() if load_model.cache_info().currsize else None)
+
+
+def _those_that_can(place: ModelPlace, note: Callable[[str], None]) -> list[str]:
+    """Return the names of our planners for which something was trained, or nothing has to be; tell of the others."""
+    missing: dict[str, list[str]] = {}  # what is missing, and who would need it
+    can: list[str] = []
+    for name in planner_names():
+        reason = None
+        if needs_gain_model(name):
+            reason = place.reason_for_no_gain_model()
+        elif is_learned(name):
+            reason = place.reason_for_no_agent(name)
+        if reason is None:
+            can.append(name)
+        else:
+            missing.setdefault(reason, []).append(name)
+    for reason, names in missing.items():
+        note(f"left out: {', '.join(names)}: {reason}")
+    return can
+
+
+def make_planners(
+    specs: Sequence[str | Planner],
+    load_model: "Callable[[], GainModel] | None" = None,
+    place: ModelPlace | None = None,
+) -> Choice:
+    """Return planners, made where they were named; of a learned one, each training that lies in `place`.
+
+    Raises:
+        UsageError: one cannot be made, there are none, or two share a name.
+        ModelError: an agent is missing, or belongs to another data set or recogniser.
+        DataError: a planner is there both with and without a training seed.
+    """
+    if place is not None:
+        specs = [one for spec in specs for one in (place.expanded(str(spec)) if _learned(spec) else (spec,))]
+    load_agent = None if place is None else place.load_agent
+    made = [resolve_planner(spec, load_model, load_agent) for spec in specs]
+    names = [planner.name for planner, _ in made]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if not names or twice:
+        raise UsageError(f"planners: expected each once, got {twice[0]!r} twice" if twice else "planners: got none")
+    group_planners(names)  # so that what no summary could be made of does not run
+    origins = {planner.name: origin for planner, origin in made if origin is not None}
+    return Choice([planner for planner, _ in made], origins)
+
+
+def _learned(spec: str | Planner) -> bool:
+    return isinstance(spec, str) and is_learned(spec)

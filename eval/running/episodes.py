@@ -1,0 +1,118 @@
+"""The episodes of a run: the same scenarios, start viewpoints and sensor noise for every planner."""
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.data.motion_data import MotionData
+from ehar.data.scenario import Scenarios, windows
+from ehar.errors import DataError
+from ehar.rollout import Batch
+from ehar.sensors.sensor import draw_noise
+from ehar.viewpoint import sample_starts
+
+# Episodes that run in lockstep; fixed, so that results do not depend on the number of workers. 128 are no faster,
+# and an oracle that forks each of them 7 ways then needs three times the memory (2.7 GB a worker instead of 0.9).
+CHUNK = 32
+
+# What the random numbers are for; with the run's seed it begins every generator's seed.
+_STARTS, _NOISE, _PLANNER = range(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Episodes:
+    """N episodes, cut into chunks of `CHUNK`.
+
+    Args:
+        scenarios: the motions.
+        scenario: (N,) index into `scenarios`.
+        starts: (N, 3) start viewpoints.
+        seed: of the sensor's noise and the planners' generators.
+    """
+
+    scenarios: Scenarios
+    scenario: IntArray
+    starts: FloatArray
+    seed: int
+
+    def __len__(self) -> int:
+        """The number of episodes, N."""
+        return len(self.scenario)
+
+    @property
+    def chunks(self) -> int:
+        """The number of chunks."""
+        return -(-len(self) // CHUNK)
+
+    def chunk(self, index: int) -> "Episodes":
+        """Return the episodes of one chunk."""
+        part = slice(index * CHUNK, (index + 1) * CHUNK)
+        return Episodes(self.scenarios, self.scenario[part], self.starts[part], self.seed)
+
+    @property
+    def sequence_names(self) -> tuple[str, ...]:
+        """The name of each episode's sequence."""
+        names = self.scenarios.data.sequence_names
+        return tuple(names[index] for index in self.scenarios.sequence[self.scenario])
+
+    @property
+    def first(self) -> IntArray:
+        """The first frame of each episode within its sequence, (N,)."""
+        return self.scenarios.first[self.scenario]
+
+    @property
+    def labels(self) -> IntArray:
+        """The true class of each episode, (N,)."""
+        return self.scenarios.labels[self.scenario]
+
+    def batch(self, index: int) -> Batch:
+        """Return one chunk, ready to run; its noise depends on the seed and the chunk only."""
+        part = self.chunk(index)
+        positions = self.scenarios.positions(part.scenario)
+        episodes, length, persons, joints, _ = positions.shape
+        noise = draw_noise(np.random.default_rng([self.seed, _NOISE, index]), (episodes, length), persons, joints)
+        names = tuple(f"{name} from frame {first}" for name, first in zip(part.sequence_names, part.first, strict=True))
+        return Batch(positions=positions, labels=part.labels, starts=part.starts, noise=noise, names=names)
+
+    def planner_rng(self, name: str, index: int) -> np.random.Generator:
+        """Return the generator that a planner is given for one chunk."""
+        word = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
+        return np.random.default_rng([self.seed, _PLANNER, word, index])
+
+
+def cut_scenarios(data: MotionData, sequences: IntArray, length: int, note: Callable[[str], None]) -> Scenarios:
+    """Cut sequences into windows that do not overlap (Sec. 5.1: stride L); say what is too short for one.
+
+    Raises:
+        DataError: a class has no sequence among them, or no sequence has `length` frames.
+    """
+    for label, name in enumerate(data.class_names):
+        if not (data.labels[sequences] == label).any():
+            raise DataError(f"{data.name}: expected a test sequence of every class, class {name!r} has none")
+    scenarios = windows(data, sequences, length, stride=length)
+    if not len(scenarios):
+        raise DataError(
+            f"{data.name}: expected test sequences of at least {length} frames, "
+            f"the longest of {len(sequences)} has {data.lengths[sequences].max()}"
+        )
+    short = int((data.lengths[sequences] < length).sum())
+    if short:
+        note(f"{data.name}: {short} of {len(sequences)} test sequences are shorter than {length} frames and left out")
+    for label, name in enumerate(data.class_names):
+        if label not in scenarios.labels:
+            note(f"{data.name}: class {name!r} has no test sequence of {length} frames left")
+    return scenarios
+
+
+def random_starts(scenarios: Scenarios, starts: int, seed: int) -> Episodes:
+    """Return episodes from `starts` start viewpoints a scenario, uniform over the 250,000 of Sec. 5.1."""
+    count = len(scenarios)
+    return Episodes(scenarios, np.tile(np.arange(count), starts), draw_starts(starts * count, seed), seed)
+
+
+def draw_starts(count: int, seed: int) -> FloatArray:
+    """Return the start viewpoints of so many episodes, (count, 3), which depend on nothing else."""
+    return sample_starts(np.random.default_rng([seed, _STARTS]), count)

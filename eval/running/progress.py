@@ -1,0 +1,137 @@
+"""What is said while a run goes on: a progress bar where there is a terminal, lines where there is none."""
+
+from typing import TYPE_CHECKING, Protocol
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+if TYPE_CHECKING:
+    from recognition.training.trainer import Evaluation
+
+
+class Reporter(Protocol):
+    """Hears of a run's progress."""
+
+    def note(self, line: str) -> None:
+        """Hear what the user should know."""
+
+    def begin(self, jobs: int) -> None:
+        """Hear that so many jobs begin."""
+
+    def advance(self, planner: str) -> None:
+        """Hear that one job of a planner is done."""
+
+    def end(self) -> None:
+        """Hear that no more jobs follow."""
+
+
+def _bar(console: Console) -> Progress:
+    """Return a bar that is drawn on a terminal only, and leaves nothing behind."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+
+
+class ConsoleReporter:
+    """Reports on standard error, which leaves standard output to results."""
+
+    def __init__(self) -> None:
+        """Create the reporter; it draws nothing yet."""
+        self._console = Console(stderr=True)
+        self._bar = _bar(self._console)
+
+    def note(self, line: str) -> None:
+        """Print a line."""
+        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+    def begin(self, jobs: int) -> None:
+        """Start a bar of so many jobs."""
+        self._bar.start()
+        self._bar.add_task("", total=jobs)
+
+    def advance(self, planner: str) -> None:
+        """Advance the bar, and show which planner it was."""
+        if self._bar.task_ids:
+            self._bar.update(self._bar.task_ids[-1], advance=1, description=planner)
+
+    def end(self) -> None:
+        """Take the bar away."""
+        self._bar.stop()
+        for task in self._bar.task_ids:
+            self._bar.remove_task(task)
+
+
+class TrainingProgress:
+    """A bar over the steps of a training run, and a line for each look at the validation clips."""
+
+    def __init__(self) -> None:
+        """Create the bar; it is drawn on standard error, and only on a terminal."""
+        self._console = Console(stderr=True)
+        self._bar = _bar(self._console)
+
+    def __enter__(self) -> "TrainingProgress":
+        """Draw the bar."""
+        self._bar.start()
+        self._task = self._bar.add_task("training")
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Take the bar away."""
+        self._bar.stop()
+
+    def report(self, step: int, steps: int, evaluation: "Evaluation | None") -> None:
+        """Advance to a step; say what an evaluation found."""
+        self._bar.update(self._task, completed=step, total=steps)
+        if evaluation is not None:
+            self._console.print(
+                f"step {step} of {steps}: training loss {evaluation.train_loss:.3f}, validation NLL "
+                f"{evaluation.nll:.3f}, accuracy {100 * evaluation.accuracy:.1f} %",
+                highlight=False,
+                soft_wrap=True,
+            )
+
+
+class StageProgress:
+    """A bar for each stage of a longer task, and a line where there is no terminal."""
+
+    def __init__(self) -> None:
+        """Create the bars; they are drawn on standard error."""
+        self._console = Console(stderr=True)
+        self._bar = _bar(self._console)
+        self._tasks: dict[str, TaskID] = {}
+
+    def __enter__(self) -> "StageProgress":
+        """Draw the bars."""
+        self._bar.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Take the bars away."""
+        self._bar.stop()
+
+    def report(self, stage: str, done: int, total: int) -> None:
+        """Advance a stage."""
+        if stage not in self._tasks:
+            self._tasks[stage] = self._bar.add_task(stage)
+        self._bar.update(self._tasks[stage], completed=done, total=total)
+        if done == total:
+            self._console.print(f"{stage}: {total} done", highlight=False)
+
+    def note(self, line: str) -> None:
+        """Print a line."""
+        self._console.print(line, markup=False, highlight=False, soft_wrap=True)

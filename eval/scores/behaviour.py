@@ -1,0 +1,154 @@
+"""What planners do with the camera: where it is (Fig. 6), and which moves it makes (Fig. 7a-d).
+
+Axes: N episodes, L frames, M moves.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.errors import DataError
+from ehar.viewpoint import (
+    ANGLE_STEP,
+    AZIMUTH,
+    AZIMUTH_CELLS,
+    DISTANCE,
+    DISTANCE_STEP,
+    MOVES,
+    POLAR,
+    from_cells,
+    to_cells,
+    wrap_difference,
+)
+from eval.records.episodes import EpisodeRecords
+
+STAGES = ("whole episode", "first third", "second third", "last third")
+LEVEL_FROM = 85.0  # polar angle [deg], Sec. 5.2: from here the paper's agent is "at a same horizontal level"
+ON_GRID = 1e-4  # [m] or [rad]; records are rounded to 6 decimals
+
+_DEGREE_STEP = float(np.degrees(ANGLE_STEP))
+
+
+class Axis(NamedTuple):
+    """One of the three dimensions of a viewpoint, as it is drawn.
+
+    Args:
+        name: distance, azimuth or polar angle.
+        unit: m or deg.
+        column: of a viewpoint.
+        edges: of the bins, in that unit. They lie halfway between cells of the grid, and a bin holds as many cells
+            as every other of its axis: bins of 5 degrees would hold one cell or two, and show that.
+    """
+
+    name: str
+    unit: str
+    column: int
+    edges: FloatArray
+
+
+def _edges(cells: int, each: int, step: float, low: float) -> FloatArray:
+    """Return edges around cells 0 to `cells` - 1, `each` to a bin; those left over go into the last one."""
+    inner = np.arange(0, cells - each + 1, each)
+    edges: FloatArray = low + step * (np.append(inner, cells) - 0.5)
+    return edges
+
+
+AXES = (
+    Axis("distance", "m", DISTANCE, _edges(101, 5, DISTANCE_STEP, 5.0)),  # the last of 20 bins holds 6 cells
+    Axis("azimuth", "deg", AZIMUTH, _edges(AZIMUTH_CELLS, 5, _DEGREE_STEP, 0.0)),
+    Axis("polar angle", "deg", POLAR, _edges(26, 2, _DEGREE_STEP, 0.0)),
+)
+
+
+class PositionHistogram(NamedTuple):
+    """Where the camera was along one axis, over all frames.
+
+    Args:
+        axis: which.
+        density: of frames in each bin [1/m] or [1/deg]; its integral is 1.
+        mean: of the axis [m] or [deg]; None for the azimuth, which is a circle.
+        std: its standard deviation; likewise.
+    """
+
+    axis: Axis
+    density: FloatArray
+    mean: float | None
+    std: float | None
+
+    @property
+    def from_uniform(self) -> float:
+        """The total variation distance to the uniform distribution over the bins' range, 0 to 1."""
+        width = np.diff(self.axis.edges)
+        return float(0.5 * np.abs(self.density * width - width / width.sum()).sum())
+
+
+def position_histograms(episodes: EpisodeRecords) -> tuple[PositionHistogram, ...]:
+    """Return the histograms of distance [m], azimuth [deg] and polar angle [deg] over all frames (Fig. 6)."""
+    histograms = []
+    for axis in AXES:
+        values = episodes.viewpoint[..., axis.column].ravel()
+        shown = np.degrees(values) if axis.unit == "deg" else values
+        turns = axis.column == AZIMUTH
+        if turns:
+            shown = (shown - axis.edges[0]) % 360 + axis.edges[0]
+        density, _ = np.histogram(shown, axis.edges, density=True)
+        ends = (None, None) if turns else (float(shown.mean()), float(shown.std()))
+        histograms.append(PositionHistogram(axis, density, *ends))
+    return tuple(histograms)
+
+
+def level_share(episodes: EpisodeRecords) -> float:
+    """Return the share of frames in which the camera is about level with the people, 85 degrees or more."""
+    return float((np.degrees(episodes.viewpoint[..., POLAR]) >= LEVEL_FROM).mean())
+
+
+def recover_moves(episodes: EpisodeRecords) -> IntArray:
+    """Return the moves between consecutive frames, (N, L - 1) indices into `ehar.viewpoint.MOVES`.
+
+    They are what the camera did: a move that would have led out of the workspace was none, and counts as hovering.
+
+    Raises:
+        DataError: a camera flew, is off the grid, or did something else than one move in a frame.
+    """
+    if episodes.flight is not None:
+        raise DataError("moves: expected a run on the ideal track, got flights, which make none")
+    viewpoint = episodes.viewpoint
+    cells = to_cells(viewpoint)
+    error = viewpoint - from_cells(cells)
+    error[..., AZIMUTH] = wrap_difference(error[..., AZIMUTH])
+    on_grid: BoolArray = np.abs(error).max(axis=-1) <= ON_GRID
+    _check(on_grid, episodes, "a camera on the grid")
+    change = np.diff(cells, axis=1)
+    change[..., AZIMUTH] = (change[..., AZIMUTH] + AZIMUTH_CELLS // 2) % AZIMUTH_CELLS - AZIMUTH_CELLS // 2
+    matches = (change[..., None, :] == MOVES).all(axis=-1)
+    _check(matches.any(axis=-1), episodes, "one of the 7 moves to the next frame")
+    moves: IntArray = matches.argmax(axis=-1)
+    return moves
+
+
+def _check(right: BoolArray, episodes: EpisodeRecords, expected: str) -> None:
+    """Raise a DataError that names the first episode and frame that is not right (N, T)."""
+    if not right.all():
+        episode, frame = (int(index) for index in np.argwhere(~right)[0])
+        raise DataError(
+            f"moves: episode {episodes.sequence[episode]!r} from frame {episodes.first[episode]}, frame {frame}: "
+            f"expected {expected}, got viewpoints {episodes.viewpoint[episode, frame : frame + 2].tolist()}"
+        )
+
+
+def move_shares(moves: IntArray) -> FloatArray:
+    """Return how often each move is made, (4, 7): in the whole episode and in its three equal stages (Fig. 7a-d).
+
+    Args:
+        moves: (N, M) from `recover_moves`. 60 frames have 59 moves, in stages of 20, 20 and 19.
+
+    Raises:
+        DataError: there are too few moves for three stages.
+    """
+    steps = moves.shape[1]
+    if steps < 3:
+        raise DataError(f"moves: expected episodes of at least 4 frames, for three stages, got {steps + 1}")
+    stage = 3 * np.arange(steps) // steps
+    made = (moves[..., None] == np.arange(len(MOVES))).mean(axis=0)  # (M, 7)
+    return np.stack([made.mean(axis=0), *(made[stage == part].mean(axis=0) for part in range(3))])

@@ -1,0 +1,61 @@
+"""What classes are taken for, and which of them a planner wins or loses against another. Axis: K classes."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from eval.records.episodes import EpisodeRecords
+from eval.scores.metrics import mean_acc
+from eval.scores.statistics import BOOTSTRAP_SEED, RESAMPLES, interval, resample_counts, resampled_means
+
+
+class ClassGains(NamedTuple):
+    """How much more accurate one planner is than another, class by class; NaN for a class without episodes.
+
+    Args:
+        gain: (K,), the difference of the accuracies over all frames, -1 to 1.
+        ci95: (K, 2), its 95 % interval, bootstrap over the class's sequences; NaN with fewer than two. It is not
+            corrected for the number of classes, and does not draw training seeds.
+    """
+
+    gain: FloatArray
+    ci95: FloatArray
+
+
+def confusion(episodes: EpisodeRecords, classes: int) -> FloatArray:
+    """Return how often each class is taken for each, (K, K): the share of the frames of a class's episodes.
+
+    Rows are true classes and sum to 1; those of a class without episodes are NaN. The diagonal is the accuracy of the
+    class, the mean over all frames.
+    """
+    length = episodes.predicted.shape[1]
+    pairs = np.repeat(episodes.label, length) * classes + episodes.predicted.ravel()
+    counts = np.bincount(pairs, minlength=classes**2).reshape(classes, classes)
+    total = counts.sum(axis=1, keepdims=True)
+    shares: FloatArray = counts / np.where(total > 0, total, np.nan)
+    return shares
+
+
+def class_gains(trainings: list[EpisodeRecords], others: list[EpisodeRecords], classes: int) -> ClassGains:
+    """Return what a planner gains over another, by class; of several trainings the mean.
+
+    Args:
+        trainings: records of the trainings of the one, on the same episodes.
+        others: those of the other.
+        classes: K.
+    """
+    reference = trainings[0]
+    gained = np.mean([mean_acc(one.correct) for one in trainings], axis=0)
+    gained = gained - np.mean([mean_acc(one.correct) for one in others], axis=0)
+    gain, ends = np.full(classes, np.nan), np.full((classes, 2), np.nan)
+    names = np.array(reference.sequence)
+    rng = np.random.default_rng(BOOTSTRAP_SEED)
+    for label in np.unique(reference.label):
+        members = reference.label == label
+        sequences, clusters = np.unique(names[members], return_inverse=True)
+        gain[label] = gained[members].mean()
+        if len(sequences) > 1:
+            counts = resample_counts(rng, len(sequences), RESAMPLES)
+            ends[label] = interval(resampled_means(gained[members], clusters, counts))
+    return ClassGains(gain, ends)

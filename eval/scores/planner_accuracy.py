@@ -1,0 +1,79 @@
+"""How accurate planners were, in the forms that comparisons need, and how accurate they are in shared resamples."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray
+from eval.records.episodes import EpisodeRecords
+from eval.scores.metrics import mean_acc, right_at
+from eval.scores.sequence_scores import accuracy_by_sequence
+from eval.scores.statistics import BOOTSTRAP_SEED, RESAMPLES, resample_counts, resampled_means, why_no_intervals
+from eval.scores.training_seeds import PlannerGroup, resample_seeds, seed_counts
+
+TESTED_AT = 50  # the observation ratio of McNemar's test [%]: one that is chosen before anything is seen
+
+
+@dataclass(frozen=True, eq=False)
+class Resamples:
+    """R resamples of S sequences, which all planners share; none where intervals cannot be had.
+
+    Args:
+        clusters: (N,), the sequence of each episode, 0 to S - 1.
+        counts: (R, S), how often each sequence is drawn.
+        why_none: why R is 0, or None.
+    """
+
+    clusters: IntArray
+    counts: IntArray
+    why_none: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class PlannerAccuracy:
+    """How accurate the G trainings of a planner were; without training seeds G is 1.
+
+    Args:
+        name: the planner's.
+        mean: accuracy, 0 to 1, the mean over all frames and trainings.
+        resampled: (R,), the same in every resample of sequences and trainings.
+        by_sequence: (G, S), the accuracy of each training in each sequence.
+        draws: (R, G), how often each training is drawn in each resample.
+        right: (N,), the share of trainings that are right in each episode after `TESTED_AT` % of its frames.
+    """
+
+    name: str
+    mean: float
+    resampled: FloatArray
+    by_sequence: FloatArray
+    draws: IntArray
+    right: FloatArray
+
+
+def resample_sequences(records: Sequence[EpisodeRecords]) -> Resamples:
+    """Draw the resamples for the records of planners that ran the same episodes."""
+    sequences, clusters = np.unique(records[0].sequence, return_inverse=True)
+    classes = np.unique(np.concatenate([records[0].label, *(episodes.predicted.ravel() for episodes in records)]))
+    why_none = why_no_intervals(len(sequences), len(classes))
+    rng = np.random.default_rng(BOOTSTRAP_SEED)
+    counts = resample_counts(rng, len(sequences), RESAMPLES if why_none is None else 0)
+    return Resamples(clusters, counts, why_none)
+
+
+def planner_accuracy(
+    group: PlannerGroup, records: Mapping[str, EpisodeRecords], resamples: Resamples
+) -> PlannerAccuracy:
+    """Return how accurate one planner was and is in resamples; trainings are drawn by its name."""
+    correct = [records[name].correct for name in group.records]
+    accuracy = np.stack([mean_acc(right) for right in correct])
+    means = resampled_means(accuracy, resamples.clusters, resamples.counts)
+    alone = replace(group, rows=tuple(range(len(correct))))
+    return PlannerAccuracy(
+        name=group.name,
+        mean=float(accuracy.mean(axis=1).mean()),
+        resampled=resample_seeds(means, [alone])[0],
+        by_sequence=np.stack([accuracy_by_sequence(right, resamples.clusters) for right in correct]),
+        draws=seed_counts(group.name, len(correct), len(resamples.counts)),
+        right=np.mean([right_at(right, TESTED_AT) for right in correct], axis=0),
+    )

@@ -1,0 +1,64 @@
+"""The accuracy of a planner over its trainings, as in the paper's Table 3, and their records together."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from eval.records.episodes import EpisodeRecords, join_records
+from eval.scores.metrics import acc_at, mean_acc
+from eval.scores.training_seeds import group_planners
+
+TABLE_3 = ("il-ppo-no-recognition", "il-ppo-no-vision", "il-ppo-no-position", "il-ppo")  # w/o f^A, f^V, f^P; ours
+TABLE_3_AT = (10, 50, 100)  # the observation ratios of Table 3 [%]
+
+
+class Spread(NamedTuple):
+    """A number over training seeds: its mean, and its standard deviation (n - 1); None with one seed."""
+
+    mean: float
+    std: float | None
+
+
+@dataclass(frozen=True)
+class SeedAccuracy:
+    """How well the trainings of one planner did.
+
+    Args:
+        name: the planner's.
+        seeds: how many trainings.
+        acc: accuracy [%] after 10, 50 and 100 % of the frames.
+        acc_mean: accuracy [%], the mean over all frames.
+    """
+
+    name: str
+    seeds: int
+    acc: dict[str, Spread]
+    acc_mean: Spread
+
+
+def seeds_of(records: Mapping[str, EpisodeRecords]) -> dict[str, list[EpisodeRecords]]:
+    """Return the records of each planner's trainings, of one for a planner without seeds."""
+    return {group.name: [records[name] for name in group.records] for group in group_planners(records)}
+
+
+def pool_seeds(records: Mapping[str, EpisodeRecords]) -> dict[str, EpisodeRecords]:
+    """Return the records of each planner, those of its trainings one after another."""
+    return {name: join_records(seeds) for name, seeds in seeds_of(records).items()}
+
+
+def accuracy_over_seeds(name: str, seeds: Sequence[EpisodeRecords]) -> SeedAccuracy:
+    """Return the mean and the standard deviation of the accuracies that trainings reached."""
+    return SeedAccuracy(
+        name=name,
+        seeds=len(seeds),
+        acc={str(percent): _spread([acc_at(run.correct, percent) for run in seeds]) for percent in TABLE_3_AT},
+        acc_mean=_spread([float(mean_acc(run.correct).mean()) for run in seeds]),
+    )
+
+
+def _spread(shares: Sequence[float]) -> Spread:
+    """Return the spread of shares, in percent."""
+    std = float(100 * np.std(shares, ddof=1)) if len(shares) > 1 else None
+    return Spread(float(100 * np.mean(shares)), std)

@@ -1,0 +1,121 @@
+"""Planners that were trained several times: one row of a report for all trainings of one planner.
+
+Trainings differ in their seed and enter a run as planners of their own, `il-ppo/0`, `il-ppo/1`, ... All of them meet
+the same episodes. A report's number is the mean over trainings, and its interval says what other sequences and other
+trainings would give: each resample draws both.
+"""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.errors import DataError
+from eval.records.episodes import EpisodeRecords
+from eval.scores.statistics import BOOTSTRAP_SEED, resample_counts
+
+_RECORD_NAME = re.compile(r"(.+)/(0|[1-9][0-9]*)")
+
+
+@dataclass(frozen=True)
+class PlannerGroup:
+    """The trainings of one planner among M record names; a planner without training seed is a group of one.
+
+    Args:
+        name: the planner's, without seeds.
+        seeds: G training seeds in ascending order; empty for a planner that names none.
+        records: the names in the records, in the order of the seeds.
+        rows: where these are among the M names.
+    """
+
+    name: str
+    seeds: tuple[int, ...]
+    records: tuple[str, ...]
+    rows: tuple[int, ...]
+
+
+def record_name(name: str, seed: int) -> str:
+    """Return what a planner that was trained with a seed is called in the records: `il-ppo/0`."""
+    return f"{name}/{seed}"
+
+
+def split_record_name(name: str) -> tuple[str, int | None]:
+    """Return a planner's name and training seed; None for one that names no seed."""
+    match = _RECORD_NAME.fullmatch(name)
+    return (name, None) if match is None else (match[1], int(match[2]))
+
+
+def group_planners(names: Iterable[str]) -> tuple[PlannerGroup, ...]:
+    """Return the planners behind record names, each once, in the order in which they first appear.
+
+    Raises:
+        DataError: a planner is there both with and without training seeds.
+    """
+    found: dict[str, list[tuple[int | None, str, int]]] = {}
+    for row, record in enumerate(names):
+        name, seed = split_record_name(record)
+        found.setdefault(name, []).append((seed, record, row))
+    groups = []
+    for name, trainings in found.items():
+        seeds = [seed for seed, _, _ in trainings if seed is not None]
+        if seeds and len(seeds) < len(trainings):
+            got = ", ".join(record for _, record, _ in trainings)
+            raise DataError(f"planner {name!r}: expected every record name with a training seed, or none, got {got}")
+        ordered = sorted(trainings, key=lambda training: -1 if training[0] is None else training[0])
+        groups.append(
+            PlannerGroup(
+                name=name,
+                seeds=tuple(sorted(seeds)),
+                records=tuple(record for _, record, _ in ordered),
+                rows=tuple(row for _, _, row in ordered),
+            )
+        )
+    return tuple(groups)
+
+
+def first_trainings(names: Iterable[str]) -> dict[str, str]:
+    """Return the record name of each planner's first training, by the planner's own name."""
+    return {group.name: group.records[0] for group in group_planners(names)}
+
+
+def mean_over_seeds(values: FloatArray, groups: Sequence[PlannerGroup]) -> FloatArray:
+    """Return the mean of each planner's trainings, (P, ...) from (M, ...)."""
+    means: FloatArray = np.stack([values[list(group.rows)].mean(axis=0) for group in groups])
+    return means
+
+
+def seed_counts(name: str, seeds: int, resamples: int) -> IntArray:
+    """Return how often each of a planner's G trainings is drawn in each resample, (R, G): G draws with replacement.
+
+    The draws of two planners are independent, and do not depend on who else is in the run.
+    """
+    return resample_counts(np.random.default_rng([BOOTSTRAP_SEED, *name.encode()]), seeds, resamples)
+
+
+def resample_seeds(resampled: FloatArray, groups: Sequence[PlannerGroup]) -> FloatArray:
+    """Return the mean over drawn trainings in every resample, (P, R); without several seeds nothing is drawn.
+
+    As every bootstrap, that of G seeds sees (G - 1) / G of the variance between them: half of it with two.
+
+    Args:
+        resampled: (M, R), a statistic of each training in resamples of sequences, which all of them share.
+        groups: P planners.
+    """
+    drawn = np.empty((len(groups), resampled.shape[1]))
+    for row, group in enumerate(groups):
+        trainings = resampled[list(group.rows)]
+        if len(trainings) > 1:
+            counts = seed_counts(group.name, len(trainings), resampled.shape[1])
+            drawn[row] = (counts.T * trainings).sum(axis=0) / len(trainings)
+        else:
+            drawn[row] = trainings[0]
+    return drawn
+
+
+def curves(records: Mapping[str, EpisodeRecords]) -> dict[str, FloatArray]:
+    """Return the accuracy after each frame, (L,), 0 to 1, of every planner: the mean over its trainings."""
+    groups = group_planners(records)
+    accuracy = np.stack([episodes.correct.mean(axis=0) for episodes in records.values()])
+    return {group.name: curve for group, curve in zip(groups, mean_over_seeds(accuracy, groups), strict=True)}

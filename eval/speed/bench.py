@@ -1,0 +1,121 @@
+"""How fast recognition, the world and planning are: ratios that hold on any machine, and times on this one.
+
+Every measurement runs in processes of its own with one torch thread each, as the benchmark's workers do.
+"""
+
+import json
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from ehar.data.source import load_data
+from eval.records.run_files import write_text
+from eval.render.tables import Table
+from eval.speed.effort import DATA, WORKERS, Effort
+from eval.speed.planning import time_ppo, time_ruckig, time_solves
+from eval.speed.recognition import compare_forms, frame_ratios, streaming_recogniser, time_recogniser, time_world
+from eval.speed.report import time_report
+
+
+class Target(NamedTuple):
+    """What a figure is to reach."""
+
+    bound: float
+    at_most: bool = False
+
+    def met(self, figure: float) -> bool:
+        """Return whether the figure reaches the target."""
+        return figure <= self.bound if self.at_most else figure >= self.bound
+
+
+TARGETS = {
+    "flops_ratio": Target(20.0),
+    "time_ratio": Target(10.0),
+    "late_over_early_frame": Target(1.2, at_most=True),
+    "recognised_frames_per_s": Target(3000.0),
+    "world_frames_per_s": Target(500_000.0),
+    "nbv_solve_ms_median": Target(3.0, at_most=True),
+    "nbv_solve_ms_p95": Target(10.0, at_most=True),
+    "nbv_fallback_share": Target(0.01, at_most=True),
+    "ruckig_us_per_call": Target(5.0, at_most=True),
+    "ppo_frames_per_s": Target(5000.0),
+    "report_interactive_s": Target(3.0, at_most=True),
+}
+
+
+def bench(out: Path, effort: Effort | None = None, report: Path | None = None) -> dict[str, float]:
+    """Measure everything and write it to `out` as JSON.
+
+    Args:
+        out: the file.
+        effort: how much is measured.
+        report: a report.html, which is opened too.
+
+    Returns:
+        flops_ratio, time_ratio: what the published form costs over an episode, evaluated on every prefix, over
+            what the streaming form costs, at the small widths; and, with `_published_widths` behind their names,
+            at the published ones, where the published form also strides over time.
+        late_over_early_frame: the streaming recogniser's time for the last frame over that for the 5th.
+        refresh_over_plain_frame: its time for a frame that refreshes the topologies over that for another.
+        recognised_frames_per_s: of `WORKERS` processes together, from sensing to calibrated probabilities.
+        world_frames_per_s: of as many, moving cameras and sensing alone.
+        nbv_solve_ms_median, nbv_solve_ms_p95: one solve at the default horizon, over the plans on the grid and those
+            of a PX4 in mission mode.
+        nbv_fallback_share: of those plans, the share that was not what the solver that was asked for has found.
+        ruckig_us_per_call: one flight of that vehicle on three axes.
+        ppo_frames_per_s: environment frames of PPO's training, with the recogniser in the loop and 64 environments.
+        report_interactive_s: from opening the report until its table is sorted and its replay has moved; only with one.
+        shipped_weights: 1 if the streaming recogniser is the one that ships, 0 if it is untrained.
+    """
+    effort = effort or Effort()
+    opened = {} if report is None else {"report_interactive_s": time_report(report)}  # first: it may be missing
+    data = load_data(DATA)
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(WORKERS, mp_context=context, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+        small = pool.submit(compare_forms, data, "small", effort.small_episodes, effort.length).result()
+        wide = pool.submit(compare_forms, data, "published", effort.published_episodes, effort.length).result()
+        recognised = [pool.submit(time_recogniser, data, effort) for _ in range(WORKERS)]
+        frame_seconds = np.stack([future.result() for future in recognised])
+        moved = [pool.submit(time_world, data, effort) for _ in range(WORKERS)]
+        world_rate = sum(effort.cameras / future.result() for future in moved)
+        solves = pool.submit(time_solves, data, effort).result()
+        ruckig_seconds = pool.submit(time_ruckig, effort).result()
+    figures = {
+        **small._asdict(),
+        **{f"{name}_published_widths": ratio for name, ratio in wide._asdict().items()},
+        **frame_ratios(frame_seconds.mean(axis=0)),
+        "recognised_frames_per_s": float((effort.episodes * effort.length / frame_seconds.sum(axis=1)).sum()),
+        "world_frames_per_s": world_rate,
+        **solves,
+        "ruckig_us_per_call": 1e6 * ruckig_seconds,
+        "ppo_frames_per_s": time_ppo(data, effort),
+        **opened,
+        "shipped_weights": float(streaming_recogniser(data)[1]),
+    }
+    write_text(out, [json.dumps(figures, indent=1), "\n"])
+    return figures
+
+
+def bench_table(figures: dict[str, float]) -> Table:
+    """Return the figures beside what they are to reach."""
+    rows = []
+    for name, figure in figures.items():
+        target = TARGETS.get(name)
+        goal = f"{'<=' if target.at_most else '>='} {target.bound:,g}" if target else ""
+        rows.append((name, f"{figure:,.4g}" if figure < 1000 else f"{figure:,.0f}", goal, _verdict(target, figure)))
+    return Table(
+        title=f"Speed on {DATA}: episodes of {Effort.length} frames, {WORKERS} processes of one thread",
+        header=("figure", "measured", "target", "met"),
+        rows=tuple(rows),
+        footnotes=() if figures["shipped_weights"] else ("The recogniser is untrained: no weights ship yet.",),
+    )
+
+
+def _verdict(target: Target | None, figure: float) -> str:
+    if target is None:
+        return ""
+    return "yes" if target.met(figure) else "no"

@@ -1,0 +1,131 @@
+"""How fast planning is: solves of the optimal control problem, Ruckig's flights, and PPO's training."""
+
+import math
+import time
+from functools import partial
+
+import numpy as np
+
+from ehar.data.motion_data import MotionData
+from ehar.data.scenario import split_parts, windows
+from ehar.envs.controls import GridControls
+from ehar.envs.environment import EpisodeVectorEnv
+from ehar.envs.task import Episodes
+from ehar.flight.kinematics import SphericalState
+from ehar.flight.proposals import limits_to_target
+from ehar.flight.time_optimal import TimeOptimal
+from ehar.flight.vehicle import VEHICLES
+from ehar.planner import Context
+from ehar.sensors.sensor import PerfectSensor
+from ehar.viewpoint import Workspace, sample_starts
+from eval.speed.effort import WORKERS, Effort
+from eval.speed.recognition import streaming_recogniser
+from planners.agents.config import PPOSetting
+from planners.agents.inputs import InputSizes
+from planners.agents.network import AgentNetwork, AgentSpec
+from planners.agents.ppo import PPOProgress, train_ppo
+from planners.search.limits import camera_limits
+from planners.search.next_best_view import DEFAULT_HORIZON, FLIGHT_PLAN_TIME
+from planners.search.solver import TrajectorySolver
+from planners.search.timing import measure_solves
+from recognition.torch_threads import one_torch_thread
+
+VEHICLE = VEHICLES["px4-auto"]
+ENVIRONMENTS = 64  # of which the frames a second of PPO are told
+PACE = 0.1  # share of the vehicle's speed and acceleration that each axis begins a flight with, at most
+
+
+def time_solves(data: MotionData, effort: Effort) -> dict[str, float]:
+    """Return how long solves take on the grid and in flight together, and the share of plans that fell back."""
+    grid_node = math.ceil((effort.length - 1) / DEFAULT_HORIZON) / data.fps
+    seconds, plans, fallbacks = [], 0, 0
+    for vehicle, node_time in ((None, grid_node), (VEHICLE, FLIGHT_PLAN_TIME / DEFAULT_HORIZON)):
+        rng = np.random.default_rng(0)
+        context = Context(
+            episodes=1,
+            length=effort.length,
+            frame_time=1 / data.fps,
+            class_names=data.class_names,
+            skeleton=data.skeleton,
+            workspace=Workspace(),
+            track="ideal" if vehicle is None else vehicle.name,
+            rng=rng,
+            vehicle=vehicle,
+        )
+        limits = camera_limits(context, sample_starts(rng, 1)[0], node_time)
+        in_a_row = min(15, effort.plans)
+        statistics = measure_solves(
+            rng,
+            TrajectorySolver(horizon=DEFAULT_HORIZON),
+            limits,
+            node_time=node_time,
+            episodes=effort.plans // in_a_row,
+            plans=in_a_row,
+        )
+        seconds += statistics.solve_seconds
+        plans, fallbacks = plans + statistics.counts.total(), fallbacks + statistics.fallbacks
+    return {
+        "nbv_solve_ms_median": 1000 * float(np.median(seconds)),
+        "nbv_solve_ms_p95": 1000 * float(np.percentile(seconds, 95)),
+        "nbv_fallback_share": fallbacks / plans,
+    }
+
+
+def time_ruckig(effort: Effort) -> float:
+    """Return the seconds of one of Ruckig's calculations, between states and limits as flights meet them; median."""
+    rng, flights = np.random.default_rng(0), effort.flights
+    viewpoint, target = sample_starts(rng, flights), sample_starts(rng, flights)
+    per_axis = PACE * np.stack([np.ones(flights), 1 / viewpoint[:, 0], 1 / viewpoint[:, 0]], axis=1)
+    velocity, acceleration = per_axis * rng.uniform(-1, 1, (2, flights, 3))
+    state = SphericalState(
+        viewpoint, VEHICLE.speed * velocity, VEHICLE.acceleration * acceleration, np.zeros((flights, 3))
+    )
+    limits = limits_to_target(VEHICLE, state, target - viewpoint).select(0)
+    optimal, seconds = TimeOptimal(), np.empty(effort.repeats)
+    for repeat in range(effort.repeats):
+        begin = time.perf_counter()
+        optimal.durations(state, target, limits)
+        seconds[repeat] = time.perf_counter() - begin
+    return float(np.median(seconds) / flights)
+
+
+def time_ppo(data: MotionData, effort: Effort) -> float:
+    """Return the environment frames a second of PPO at its default setting, with the recogniser in the loop.
+
+    Its environments run in `WORKERS` processes, and its updates between them in one thread, as in training.
+    """
+    recogniser, _ = streaming_recogniser(data)
+    scenarios = windows(data, split_parts(data).policy, effort.length, 1)
+    classes, moves = len(data.class_names), effort.length - 1
+    sizes = InputSizes.of(
+        persons=data.persons,
+        joints=len(data.skeleton.joint_names),
+        classes=classes,
+        embedding=recogniser.embedding_size,
+    )
+    frames = ENVIRONMENTS * moves
+    setting = PPOSetting(
+        frames=(effort.rollouts + 1) * frames,
+        num_envs=ENVIRONMENTS,
+        minibatches=max(1, PPOSetting.minibatches * ENVIRONMENTS // PPOSetting.num_envs),  # as large as in training
+    )
+    task = Episodes(
+        scenarios=scenarios,
+        recogniser=recogniser,
+        sensor=PerfectSensor(),
+        controls=GridControls(),
+        copies=setting.copies,
+    )
+    ends: list[float] = []
+    with one_torch_thread():
+        train_ppo(
+            PPOProgress(AgentNetwork(AgentSpec(sizes, hindsight=classes + 2 if setting.hindsight else 0))),
+            partial(EpisodeVectorEnv, episodes=task),
+            moves=moves,
+            setting=setting,
+            seed=0,
+            fine_tune=False,
+            keep=lambda _: ends.append(time.perf_counter()),
+            workers=WORKERS,
+        )
+    return effort.rollouts * frames / (ends[-1] - ends[0])

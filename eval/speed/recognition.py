@@ -1,0 +1,121 @@
+"""How fast recognition and the world are: both forms of the network, the streaming recogniser, cameras alone."""
+
+import time
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.data.motion_data import MotionData
+from ehar.data.scenario import windows
+from ehar.errors import ModelError
+from ehar.motion import GridMotion
+from ehar.recogniser import Recogniser
+from ehar.sensors.sensor import PerfectSensor, Sensed, SensorNoise, draw_noise
+from ehar.viewpoint import sample_starts
+from eval.speed.effort import Effort
+from eval.speed.flops import count_flops
+from recognition.calibration import Temperature
+from recognition.networks.causal import CausalCTRGCN
+from recognition.networks.layers import refreshes
+from recognition.networks.spec import NetworkSpec
+from recognition.storage import load_recogniser
+from recognition.streaming import PrefixRecogniser, StreamingRecogniser
+from recognition.training.config import Form, Size
+
+EARLY = 5  # the frame, counted from 1, that the last one is compared with
+
+
+class FormRatios(NamedTuple):
+    """What the published form costs over what the streaming form costs."""
+
+    flops_ratio: float
+    time_ratio: float
+
+
+def compare_forms(data: MotionData, size: Size, episodes: int, length: int) -> FormRatios:
+    """Run both forms, untrained, over the same episodes: frame by frame in turn, so that both meet the same machine."""
+    forms = [_untrained(data, "ctrgcn", size, length), _untrained(data, "causal", size, length)]
+    positions, viewpoint, noise = _episodes(data, episodes, length)
+    sensor = PerfectSensor()
+    states: list[Any] = [form.start(episodes) for form in forms]
+    single: list[Any] = [form.start(1) for form in forms]  # the ratio of operations is that of one episode
+    flops, seconds = np.zeros(2), np.zeros(2)
+    for frame in range(length):
+        sensed = sensor.sense(positions[:, frame], viewpoint, noise.frame(frame))
+        first = Sensed(sensed.joints_2d[:1], sensed.confidence[:1])
+        for i, form in enumerate(forms):
+            step = partial(form.step, single[i], first, viewpoint[:1])
+            flops[i] += count_flops(step)
+            _, single[i] = step()
+            begin = time.perf_counter()
+            _, states[i] = form.step(states[i], sensed, viewpoint)
+            seconds[i] += time.perf_counter() - begin
+    return FormRatios(float(flops[0] / flops[1]), float(seconds[0] / seconds[1]))
+
+
+def time_recogniser(data: MotionData, effort: Effort) -> FloatArray:
+    """Return the seconds that sensing and recognising each frame of an episode take, (L,), medians over repeats."""
+    recogniser, _ = streaming_recogniser(data)
+    sensor = PerfectSensor()
+    positions, viewpoint, noise = _episodes(data, effort.episodes, effort.length)
+    seconds = np.empty((effort.repeats + 1, effort.length))
+    for repeat in range(len(seconds)):
+        state = recogniser.start(effort.episodes)
+        for frame in range(effort.length):
+            begin = time.perf_counter()
+            sensed = sensor.sense(positions[:, frame], viewpoint, noise.frame(frame))
+            _, state = recogniser.step(state, sensed, viewpoint)
+            seconds[repeat, frame] = time.perf_counter() - begin
+    return np.median(seconds[1:], axis=0)  # the first warms up
+
+
+def time_world(data: MotionData, effort: Effort) -> float:
+    """Return the seconds that moving and sensing take for one frame of all cameras, the median over an episode."""
+    positions, viewpoint, noise = _episodes(data, effort.cameras, effort.length)
+    sensor, motion = PerfectSensor(), GridMotion()
+    motion.reset(viewpoint, 1 / data.fps)
+    target = viewpoint[::-1]
+    seconds = np.empty(effort.length)
+    for frame in range(effort.length):
+        begin = time.perf_counter()
+        viewpoint = motion.advance(target)
+        sensor.sense(positions[:, frame], viewpoint, noise.frame(frame))
+        seconds[frame] = time.perf_counter() - begin
+    return float(np.median(seconds))
+
+
+def streaming_recogniser(data: MotionData) -> tuple[Recogniser, bool]:
+    """Return the recogniser that ships for the data and True, or an untrained one of its architecture and False."""
+    try:
+        return load_recogniser(None, data, sensor="perfect", views="moving"), True
+    except ModelError:
+        return _untrained(data, "causal", "small", Effort.length), False
+
+
+def frame_ratios(seconds: FloatArray) -> dict[str, float]:
+    """Return how the seconds of frames (L,) compare; the first frame, which nothing precedes, stands apart."""
+    refresh = np.array([refreshes(count) for count in range(1, len(seconds) + 1)])
+    plain, refreshing = seconds[1:][~refresh[1:]], seconds[1:][refresh[1:]]
+    return {
+        "late_over_early_frame": float(seconds[-1] / seconds[EARLY - 1]),
+        "refresh_over_plain_frame": float(refreshing.mean() / np.median(plain)),
+    }
+
+
+def _untrained(data: MotionData, form: Form, size: Size, length: int) -> StreamingRecogniser | PrefixRecogniser:
+    spec = NetworkSpec.of(data, form=form, size=size, length=length)
+    network = spec.build()
+    if isinstance(network, CausalCTRGCN):
+        return StreamingRecogniser(network=network, spec=spec, temperature=Temperature(), sha256="untrained")
+    return PrefixRecogniser(network=network, spec=spec, temperature=Temperature(), sha256="untrained")
+
+
+def _episodes(data: MotionData, episodes: int, length: int) -> tuple[FloatArray, FloatArray, SensorNoise]:
+    """Return joints (B, L, P, J, 3) of the data's windows, repeated as needed, start viewpoints (B, 3) and noise."""
+    rng = np.random.default_rng(0)
+    scenarios = windows(data, np.arange(len(data.labels)), length, length)
+    positions = scenarios.positions(np.arange(episodes) % len(scenarios))
+    persons, joints = positions.shape[2:4]
+    return positions, sample_starts(rng, episodes), draw_noise(rng, (episodes, length), persons, joints)

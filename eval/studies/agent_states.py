@@ -1,0 +1,240 @@
+"""The states s_t that a learned planner acts from (Fig. 7e): collected in a run's own episodes, and mapped by class.
+
+Records do not hold them, so the planner runs its episodes once more; it has to go where it went.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.data.scenario import part_of
+from ehar.errors import DataError, UsageError
+from ehar.planner import Context, Observation, Planner
+from eval.running.choice import ModelPlace
+from eval.running.finished_run import FinishedRun, RunConditions, same_episodes
+from eval.running.progress import Reporter
+from planners.registry import is_learned
+
+if TYPE_CHECKING:
+    from eval.running.benchmark import Setting
+
+EVERY = 5  # frames, of which one is kept: consecutive states differ little
+MOST = 3000  # points that are drawn
+NEIGHBOURS = 10
+PERPLEXITY = 30.0  # scikit-learn's own; van der Maaten and Hinton, 2008, advise 5 to 50
+
+AgentLoader = Callable[[RunConditions, str], Planner]  # as `load_agent`
+
+
+@dataclass(frozen=True, eq=False)
+class AgentStates:
+    """States s_t of M frames of a run.
+
+    Args:
+        state: (M, S).
+        label: (M,) true class of the episode.
+        sequence: (M,) name of the episode's sequence.
+        frame: (M,) after which the state is, from 0.
+    """
+
+    state: FloatArray
+    label: IntArray
+    sequence: np.ndarray[tuple[int], np.dtype[np.str_]]
+    frame: IntArray
+
+    def sample(self, rng: np.random.Generator, most: int) -> "AgentStates":
+        """Return at most so many of them, drawn without replacement, in their order."""
+        if len(self.label) <= most:
+            return self
+        kept = np.sort(rng.choice(len(self.label), most, replace=False))
+        return AgentStates(self.state[kept], self.label[kept], self.sequence[kept], self.frame[kept])
+
+
+class Purity(NamedTuple):
+    """How many of a state's nearest neighbours are of its class, beside what chance would give.
+
+    Only states of other sequences count as neighbours: those of the same sequence resemble each other whatever
+    the agent makes of the activity.
+
+    Args:
+        purity: the mean share of the nearest neighbours that are of the same class.
+        chance: the mean share of all states of other sequences that are.
+        neighbours: how many are looked at.
+    """
+
+    purity: float
+    chance: float
+    neighbours: int
+
+
+class StateKeeper(Planner):
+    """A planner that does what another does, and keeps its states.
+
+    Args:
+        planner: has `state` (B, S) after each `act`.
+        name: that the planner ran under.
+        every: of so many frames one is kept.
+    """
+
+    def __init__(self, planner: Planner, *, name: str, every: int) -> None:
+        """Keep nothing yet."""
+        self.name = name
+        self.privileged = planner.privileged
+        self._planner = planner
+        self._every = every
+        self._batches: list[list[FloatArray]] = []
+
+    def reset(self, context: Context) -> None:
+        """Begin a new batch."""
+        self._planner.reset(context)
+        self._batches.append([])
+
+    def act(self, observation: Observation) -> FloatArray:
+        """Return the other's targets, (B, 3).
+
+        Raises:
+            UsageError: it has no states.
+        """
+        targets = self._planner.act(observation)
+        state = getattr(self._planner, "state", None)
+        if state is None:
+            raise UsageError(f"planner {self.name!r}: expected a learned one, with a state after each frame; has none")
+        if observation.frame % self._every == 0:
+            self._batches[-1].append(np.array(state))
+        return targets
+
+    @property
+    def states(self) -> FloatArray:
+        """What was kept of all batches, (N, T, S)."""
+        return np.concatenate([np.stack(batch, axis=1) for batch in self._batches])
+
+
+def load_agent(conditions: RunConditions, name: str) -> Planner:
+    """Return the learned planner that a run has under a record name such as `il-ppo/0`.
+
+    Raises:
+        UsageError: the name is not that of a learned planner.
+        DataError: the data cannot be read.
+        ModelError: there is no such agent or no recogniser, or the agent belongs to another data set or recogniser.
+    """
+    if not is_learned(name):
+        raise UsageError(f"planner {name!r}: expected a learned one, such as il-ppo/0, whose states can be kept")
+    setting = _setting(conditions)
+    place = ModelPlace(
+        models=None if conditions.models is None else Path(conditions.models),
+        data=setting.data,
+        sensor=conditions.sensor,
+        views=conditions.views,
+        form=conditions.form,
+        recogniser_sha256=setting.recogniser_sha256,
+    )
+    return place.load_agent(name)
+
+
+def agent_states(
+    run: FinishedRun, name: str, planner: Planner, *, reporter: Reporter, every: int = EVERY
+) -> AgentStates:
+    """Run a planner on a run's own episodes once more, and return its states.
+
+    Args:
+        run: on the ideal track.
+        name: that the planner ran under, `il-ppo/0`.
+        planner: the same, with an attribute `state`, (B, S), after each `act`.
+        reporter: hears of progress.
+        every: of so many frames one is kept, the first among them.
+
+    Raises:
+        UsageError: the run has no such planner, or this one has no states.
+        DataError: data or recogniser are not the run's, the run was in flight, or the planner went elsewhere.
+        ModelError: there is no recogniser.
+    """
+    from eval.running.episodes import cut_scenarios, random_starts  # these bring what `ehar --help` does not wait for
+    from eval.running.jobs import World, run_planners
+
+    conditions = run.conditions
+    if name not in run.records:
+        raise UsageError(f"{run.directory}: no planner {name!r}; expected one of: {', '.join(run.records)}")
+    if run.flown:
+        raise DataError(f"{run.directory}: states: expected a run on the ideal track, got {conditions.track}")
+    setting = _setting(conditions)
+    for what, held, wanted in (
+        ("data", setting.data.sha256, conditions.data_sha256),
+        ("recogniser", setting.recogniser_sha256, conditions.recogniser_sha256),
+    ):
+        if held != wanted:
+            raise DataError(f"{run.directory}: expected the {what} of the run, sha256 {wanted}, got {held}")
+    scenarios = cut_scenarios(setting.data, part_of(setting.data, conditions.part), conditions.length, reporter.note)
+    episodes = random_starts(scenarios, conditions.starts, conditions.seed)
+    keeper = StateKeeper(planner, name=name, every=every)
+    # In this process, as the states stay in it.
+    world = World(episodes, setting.recogniser, setting.sensor)
+    again = run_planners(world, [keeper], workers=1, reporter=reporter)[name].records
+    recorded = run.records[name]
+    if not same_episodes(recorded, again):
+        raise DataError(f"{run.directory}: expected to make its episodes once more, got others")
+    elsewhere = (again.viewpoint != recorded.viewpoint).any(axis=(1, 2))
+    if elsewhere.any():
+        first = int(elsewhere.argmax())
+        raise DataError(
+            f"{run.directory}: expected {name} to go where it went, in {int(elsewhere.sum())} of {len(elsewhere)} "
+            f"episodes it does not, the first {recorded.sequence[first]!r} from frame {recorded.first[first]}"
+        )
+    states = keeper.states
+    count, frames, size = states.shape
+    return AgentStates(
+        state=states.reshape(count * frames, size),
+        label=np.repeat(recorded.label, frames),
+        sequence=np.repeat(np.array(recorded.sequence), frames),
+        frame=np.tile(every * np.arange(frames), count),
+    )
+
+
+def _setting(conditions: RunConditions) -> "Setting":
+    """Load what a run took place in, as far as it is still there."""
+    from eval.running.benchmark import load_setting  # here, as it brings what `ehar --help` does not wait for
+
+    return load_setting(
+        data=conditions.source,
+        models=None if conditions.models is None else Path(conditions.models),
+        sensor=conditions.sensor,
+        views=conditions.views,
+        form="ctrgcn" if conditions.form == "ctrgcn" else "causal",
+        fps=conditions.fps,
+    )
+
+
+def neighbour_purity(states: AgentStates, neighbours: int = NEIGHBOURS) -> Purity:
+    """Return how well states are told apart by class, in the space that the agent acts from.
+
+    Raises:
+        DataError: the states are all of one sequence.
+    """
+    state = states.state.astype(np.float64)
+    _, sequence = np.unique(states.sequence, return_inverse=True)
+    other: BoolArray = sequence[:, None] != sequence
+    if not other.any():
+        raise DataError("states: expected those of at least two sequences, for neighbours in another one")
+    same: BoolArray = states.label[:, None] == states.label
+    square = (state**2).sum(axis=1)
+    distance = np.where(other, square[:, None] + square - 2 * state @ state.T, np.inf)
+    count = min(neighbours, int(other.sum(axis=1).min()))
+    nearest = np.argpartition(distance, count - 1, axis=1)[:, :count]
+    return Purity(
+        purity=float(np.take_along_axis(same, nearest, axis=1).mean()),
+        chance=float(((same & other).sum(axis=1) / other.sum(axis=1)).mean()),
+        neighbours=count,
+    )
+
+
+def map_states(state: FloatArray, seed: int = 0) -> FloatArray:
+    """Return states in the plane, (M, 2) from (M, S): t-SNE (van der Maaten and Hinton, 2008) from the PCA."""
+    from sklearn.manifold import TSNE
+
+    perplexity = min(PERPLEXITY, (len(state) - 1) / 3)
+    embedding = TSNE(n_components=2, init="pca", perplexity=perplexity, random_state=seed).fit_transform(state)
+    mapped: FloatArray = np.asarray(embedding, dtype=np.float64)
+    return mapped

@@ -1,0 +1,173 @@
+"""Pictures of an analysed run: where cameras were (Fig. 6), their moves (Fig. 7a-d), an agent's states (Fig. 7e)."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, MultipleLocator
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.viewpoint import AZIMUTH, MOVE_NAMES, POLAR
+from eval.records.run_files import replacing
+from eval.scores.behaviour import STAGES, PositionHistogram
+from eval.scores.summary import NO_ACT
+from eval.studies.agent_states import Purity
+
+COLOURS = (  # Okabe and Ito's, told apart by colour-blind readers too; black and yellow left out
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#56B4E9",
+    "#E69F00",
+    "#7F5539",
+    "#6A51A3",
+)
+MARKERS = ("o", "^", "s", "D", "v", "P", "X", "*")  # each class has a colour and a marker; 64 pairs differ
+LEGEND_ROWS = 22
+_GREY, _LIGHT = "#6B6B6B", "#D9D9D9"
+_DIGIT_ROOM = 0.012  # of a panel's highest bar, above which its height is written
+_SIGNS = str.maketrans("-", "\N{MINUS SIGN}")
+
+
+def draw_positions(histograms: Mapping[str, tuple[PositionHistogram, ...]], title: str, path: Path) -> None:
+    """Draw the histograms of distance, azimuth and polar angle (Fig. 6): no-act filled, planners as lines over it.
+
+    Args:
+        histograms: of each planner, one an axis.
+        title: of the run.
+        path: of the .png.
+    """
+    axes = [histogram.axis for histogram in next(iter(histograms.values()))]
+    figure = Figure(figsize=(9.0, 3.3), layout="constrained")
+    colours = _colours([name for name in histograms if name != NO_ACT])
+    handles: dict[str, Any] = {}
+    for index, (axis, place) in enumerate(zip(axes, figure.subplots(1, len(axes)), strict=True)):
+        low, high = axis.edges[[0, -1]]
+        for name, of in histograms.items():
+            density = of[index].density
+            if name == NO_ACT:
+                drawn = place.stairs(density, axis.edges, fill=True, color=_LIGHT, label=f"{name} (starts)")
+            else:
+                drawn = place.stairs(density, axis.edges, color=colours[name], linewidth=1.8, label=name, baseline=None)
+            handles.setdefault(name, drawn)
+        handles["uniform"] = place.hlines(
+            1 / (high - low), low, high, color=_GREY, linewidth=1.0, linestyle=":", label="uniform"
+        )
+        place.set_xlim(low, high)
+        place.set_ylim(0, 1.08 * max(of[index].density.max() for of in histograms.values()))
+        place.set_xlabel(f"{axis.name} [{axis.unit}]" + (", 90 is level" if axis.column == POLAR else ""))
+        place.set_ylabel(f"density [1/{axis.unit}]")
+        if axis.column in (AZIMUTH, POLAR):
+            place.xaxis.set_major_locator(MultipleLocator(90 if axis.column == AZIMUTH else 15))
+        else:
+            place.xaxis.set_major_locator(FixedLocator([5, 7.5, 10, 12.5, 15]))
+        _clean(place)
+    figure.suptitle(title, fontsize=9.5, x=0.01, ha="left")
+    figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=6, fontsize=9, frameon=False)
+    _save(figure, path)
+
+
+def draw_moves(shares: Mapping[str, FloatArray], title: str, path: Path) -> None:
+    """Draw how often each move is made, in the whole episode and its three stages (Fig. 7a-d).
+
+    Args:
+        shares: (4, 7) of each planner, from `eval.scores.behaviour.move_shares`.
+        title: of the run.
+        path: of the .png.
+    """
+    figure = Figure(figsize=(9.0, 5.0), layout="constrained")
+    colours = _colours(list(shares))
+    places = figure.subplots(2, 2, sharex=True, sharey=True)
+    width = 0.8 / len(shares)
+    slots = np.arange(len(MOVE_NAMES))
+    top = 100 * max(float(of.max()) for of in shares.values())
+    for stage, (letter, place) in enumerate(zip("abcd", places.flat, strict=True)):
+        for index, (name, of) in enumerate(shares.items()):
+            heights = 100 * of[stage]
+            x = slots + width * (index - (len(shares) - 1) / 2)
+            place.bar(x, heights, 0.92 * width, color=colours[name], label=name)
+            if len(shares) <= 2:
+                for at, height in zip(x, heights, strict=True):
+                    place.text(at, height + _DIGIT_ROOM * top, f"{height:.0f}", ha="center", va="bottom", fontsize=7.5)
+        place.set_title(f"({letter}) {STAGES[stage]}", fontsize=9.5, loc="left")
+        place.set_ylim(0, 1.12 * top)
+        place.set_xticks(slots, [name.translate(_SIGNS) for name in MOVE_NAMES], fontsize=8)
+        place.tick_params(axis="x", length=0)
+        _clean(place)
+    for place in places[:, 0]:
+        place.set_ylabel("share of moves [%]")
+    for place in places[1]:
+        place.set_xticks(slots, [name.translate(_SIGNS) for name in MOVE_NAMES], rotation=25, ha="right", fontsize=8)
+    figure.suptitle(title, fontsize=9.5, x=0.01, ha="left")
+    handles, labels = places[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=9, frameon=False)
+    _save(figure, path)
+
+
+def draw_states(
+    mapped: FloatArray, label: IntArray, class_names: tuple[str, ...], title: str, purity: Purity, path: Path
+) -> None:
+    """Draw states in the plane, coloured by class (Fig. 7e), with how pure their neighbourhoods are.
+
+    Args:
+        mapped: (M, 2).
+        label: (M,) classes.
+        class_names: K.
+        title: of the run, and whose states they are.
+        purity: in the space of the states.
+        path: of the .png.
+    """
+    held = np.unique(label).tolist()
+    columns = -(-len(held) // LEGEND_ROWS)
+    figure = Figure(figsize=(7.0 + 1.8 * (columns - 1), 5.2), layout="constrained")
+    place = figure.add_subplot()
+    for rank, of in enumerate(held):
+        here = mapped[label == of]
+        colour = COLOURS[rank % len(COLOURS)]
+        marker = MARKERS[(rank + rank // len(COLOURS)) % len(MARKERS)]
+        place.scatter(
+            here[:, 0],
+            here[:, 1],
+            s=13,
+            color=colour,
+            marker=marker,
+            linewidths=0,
+            alpha=0.75,
+            label=class_names[of],
+            rasterized=True,
+        )
+    place.set_xticks([])
+    place.set_yticks([])
+    place.set_aspect("equal", adjustable="datalim")
+    place.spines[:].set_color(_LIGHT)
+    place.set_xlabel(
+        f"t-SNE of {len(mapped)} states\nOf the {purity.neighbours} nearest in other sequences "
+        f"{100 * purity.purity:.0f} % are of the class, by chance {100 * purity.chance:.0f} %",
+        fontsize=8.5,
+    )
+    figure.suptitle(title, fontsize=9.5, x=0.01, ha="left")
+    figure.legend(loc="outside right center", ncols=columns, fontsize=8, frameon=False, markerscale=1.8)
+    _save(figure, path)
+
+
+def _colours(names: list[str]) -> dict[str, str]:
+    """Return a colour for each planner."""
+    return {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
+
+
+def _clean(place: Any) -> None:
+    """Leave out what a reader does not need."""
+    place.grid(axis="y", color="#E3E3E3", linewidth=0.6)
+    place.set_axisbelow(True)
+    place.spines[["top", "right"]].set_visible(False)
+
+
+def _save(figure: Figure, path: Path) -> None:
+    """Write a .png without a date in it, renamed into place."""
+    FigureCanvasAgg(figure)
+    with replacing(path) as temporary:
+        figure.savefig(temporary, dpi=160, metadata={"Software": None})

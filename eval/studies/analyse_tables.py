@@ -1,0 +1,182 @@
+"""The tables of an analysed run, for the terminal and in Markdown."""
+
+from ehar.viewpoint import MOVE_NAMES
+from eval.render.tables import Table, markdown
+from eval.scores.behaviour import LEVEL_FROM, STAGES
+from eval.scores.predictability import LEVELS, NO_EPISODE
+from eval.scores.seed_accuracy import TABLE_3_AT, Spread
+from eval.scores.summary import NO_ACT
+from eval.studies.agent_states import EVERY
+from eval.studies.analyse import MOVES_MADE, POSITIONS, STATES, Analysis
+
+_LEVEL_NAMES = ("instantly (10 %)", "early (50 %)", "late (100 %)", "not by the end")
+_NONE = "-"
+_OF_CLASS = (
+    "A class is as predictable as the first of 10, 50 and 100 % of the frames after which at least half of its "
+    "episodes are classified correctly."
+)
+_OF_EPISODE = (
+    "An episode is as predictable as the first of 10, 50 and 100 % from which on it is classified correctly at each."
+)
+
+
+def analysis_tables(analysis: Analysis) -> list[Table]:
+    """Return the tables that fit into a terminal: all but those with a row or a cell for each class."""
+    tables = [counts_table(analysis), positions_table(analysis)]
+    if analysis.seed_accuracy:
+        tables.insert(0, seeds_table(analysis))
+    if analysis.moves is not None:
+        tables.append(moves_table(analysis))
+    if analysis.states is not None:
+        tables.append(states_table(analysis))
+    return tables
+
+
+def analysis_markdown(analysis: Analysis) -> str:
+    """Return all tables and pictures of an analysis in Markdown."""
+    pieces = [f"# {analysis.conditions.title}: {analysis.episodes} episodes of {analysis.conditions.length} frames\n"]
+    if analysis.seed_accuracy:
+        pieces.append(markdown(seeds_table(analysis)))
+    pieces += [markdown(of(analysis)) for of in (counts_table, classes_table, shares_table, positions_table)]
+    pieces.append(f"![Where cameras were]({POSITIONS})\n")
+    if analysis.moves is not None:
+        pieces += [markdown(moves_table(analysis)), f"![Which moves were made]({MOVES_MADE})\n"]
+    if analysis.states is not None:
+        pieces += [markdown(states_table(analysis)), f"![States by class]({STATES})\n"]
+    return "\n".join(pieces)
+
+
+def seeds_table(analysis: Analysis) -> Table:
+    """Return Table 3: accuracies over training seeds."""
+    return Table(
+        title="Parts of the learned agent (Table 3): accuracy over training seeds",
+        header=("planner", "seeds", *(f"acc@{percent}" for percent in TABLE_3_AT), "mean acc"),
+        rows=tuple(
+            (row.name, str(row.seeds), *(_spread(row.acc[str(at)]) for at in TABLE_3_AT), _spread(row.acc_mean))
+            for row in analysis.seed_accuracy
+        ),
+        footnotes=("Mean and standard deviation over training seeds, in percent.",),
+    )
+
+
+def counts_table(analysis: Analysis) -> Table:
+    """Return how many classes, and which share of all episodes, are predictable at each level."""
+    rows = []
+    for name, of in analysis.predictable.items():
+        cells = (f"{len(of.classes_at(level))} ({100 * share:.1f} %)" for level, share in enumerate(of.total))
+        rows.append((_perception(name), *cells))
+    return Table(
+        title="Predictability (Table 4): classes, and in brackets episodes",
+        header=("planner", *_LEVEL_NAMES),
+        rows=tuple(rows),
+        footnotes=(_OF_CLASS, _OF_EPISODE),
+    )
+
+
+def classes_table(analysis: Analysis) -> Table:
+    """Return Table 4: the classes at each level."""
+    names = analysis.class_names
+    return Table(
+        title="Passive and embodied predictability of activities (Table 4)",
+        header=("planner", *_LEVEL_NAMES),
+        rows=tuple(
+            (
+                _perception(name),
+                *("; ".join(names[label] for label in of.classes_at(level)) or _NONE for level in range(len(LEVELS))),
+            )
+            for name, of in analysis.predictable.items()
+        ),
+        footnotes=(),
+    )
+
+
+def shares_table(analysis: Analysis) -> Table:
+    """Return the shares of each class's episodes at each level."""
+    shown = analysis.predictable
+    held = next(iter(shown.values())).class_level != NO_EPISODE
+    return Table(
+        title="Episodes that are predictable instantly / early / late / not by the end, in percent",
+        header=("class", *(_perception(name) for name in shown)),
+        rows=tuple(
+            (name, *(" / ".join(f"{100 * share:.0f}" for share in of.share[label]) for of in shown.values()))
+            for label, name in enumerate(analysis.class_names)
+            if held[label]
+        ),
+        footnotes=(_OF_EPISODE,),
+    )
+
+
+def positions_table(analysis: Analysis) -> Table:
+    """Return what Fig. 6 says in numbers."""
+    axes = [histogram.axis for histogram in next(iter(analysis.positions.values())).histograms]
+    rows = []
+    for name, of in analysis.positions.items():
+        spreads = [_mean_std(histogram.mean, histogram.std) for histogram in of.histograms if histogram.std is not None]
+        uniform = [f"{histogram.from_uniform:.2f}" for histogram in of.histograms]
+        rows.append((name, *spreads, f"{100 * of.level_share:.1f}", *uniform))
+    return Table(
+        title="Where cameras were (Fig. 6), over all frames",
+        header=(
+            "planner",
+            "distance [m]",
+            "polar angle [deg]",
+            f"at {LEVEL_FROM:.0f} deg or more [%]",
+            *(f"{axis.name} from uniform" for axis in axes),
+        ),
+        rows=tuple(rows),
+        footnotes=(
+            "From uniform: the total variation distance of the histogram to the uniform distribution, 0 to 1; the "
+            "starts, which is what no-act shows, are drawn from that distribution. 90 deg is level with the people.",
+        ),
+    )
+
+
+def moves_table(analysis: Analysis) -> Table:
+    """Return Fig. 7a-d in numbers."""
+    return Table(
+        title="Moves (Fig. 7a-d), in percent",
+        header=("planner", "stage", *MOVE_NAMES),
+        rows=tuple(
+            (name, stage, *(f"{100 * share:.1f}" for share in row))
+            for name, shares in (analysis.moves or {}).items()
+            for stage, row in zip(STAGES, shares, strict=True)
+        ),
+        footnotes=("Moves that would have led out of the workspace were none, and count as hovering.",),
+    )
+
+
+def states_table(analysis: Analysis) -> Table:
+    """Return how well the states of Fig. 7e tell classes apart."""
+    assert analysis.states is not None
+    purity = analysis.states.purity
+    return Table(
+        title="States of the learned agent (Fig. 7e)",
+        header=("planner", "states", "neighbours of the same class [%]", "by chance [%]"),
+        rows=(
+            (
+                analysis.states.planner,
+                str(len(analysis.states.mapped)),
+                f"{100 * purity.purity:.1f}",
+                f"{100 * purity.chance:.1f}",
+            ),
+        ),
+        footnotes=(
+            f"Of the {purity.neighbours} nearest states of other sequences, in the space of the states; chance is the "
+            f"share of all of them. One of {EVERY} frames.",
+        ),
+    )
+
+
+def _perception(name: str) -> str:
+    """Return what the paper calls a planner's perception."""
+    return f"{name} ({'passive' if name == NO_ACT else 'embodied'})"
+
+
+def _spread(spread: Spread) -> str:
+    return _mean_std(spread.mean, spread.std)
+
+
+def _mean_std(mean: float | None, std: float | None) -> str:
+    if mean is None:
+        return _NONE
+    return f"{mean:.1f}" if std is None else f"{mean:.1f} ± {std:.1f}"

@@ -1,0 +1,276 @@
+"""The belief against the recogniser that it listens to: on test episodes, and what each of its parts is worth."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.data.motion_data import MotionData
+from ehar.data.scenario import split_parts, windows
+from ehar.errors import DataError
+from ehar.motion import GridMotion
+from ehar.planner import Context, Planner
+from ehar.rollout import rollout
+from eval.records.run_files import CONFIG, check_out, installed_versions, json_text, write_text
+from eval.render.tables import Table, markdown
+from eval.running.benchmark import Setting, check_options, load_setting
+from eval.running.episodes import Episodes, cut_scenarios, random_starts
+from eval.running.progress import ConsoleReporter, Reporter
+from eval.scores.metrics import ece, nll
+from planners.heuristic import NoAct, Random
+from planners.value.belief import readout
+from planners.value.belief_fit import ablate_belief
+from planners.value.model import load_gain_model
+
+NLL_AT = tuple(range(10, 101, 10))  # observation ratios [%]
+CALIBRATED_FROM = 50  # [%]: the calibration error is that of the frames from here on
+
+
+@dataclass(frozen=True)
+class BeliefConfig:
+    """Everything that decides a report."""
+
+    source: str
+    data: str
+    data_sha256: str
+    recogniser_sha256: str
+    gain_model_sha256: str
+    sensor: str
+    views: str
+    starts: int
+    seed: int
+    length: int
+    fps: float | None
+    versions: dict[str, str]
+
+
+@dataclass(frozen=True)
+class BeliefRow:
+    """How good the probabilities of one reader are.
+
+    Args:
+        rollouts: which planner's.
+        reader: recogniser, belief, or a belief without some of its parts.
+        nll_at: mean negative log-likelihood [nat] of the true class after 10 to 100 % of the frames.
+        nll: over all frames.
+        ece_late: expected calibration error, 0 to 1, of the frames from `CALIBRATED_FROM` on.
+    """
+
+    rollouts: str
+    reader: str
+    nll_at: dict[str, float]
+    nll: float
+    ece_late: float
+
+
+@dataclass(frozen=True)
+class BeliefReport:
+    """The belief against the recogniser.
+
+    Args:
+        config: what decides it.
+        test: belief and recogniser on the test part.
+        test_episodes: of each planner.
+        parts: beliefs with and without each of their parts, fitted on one half of the policy part's sequences and
+            scored on the other.
+        parts_episodes: that they are scored on.
+    """
+
+    config: BeliefConfig
+    test: tuple[BeliefRow, ...]
+    test_episodes: int
+    parts: tuple[BeliefRow, ...]
+    parts_episodes: int
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what belief.json holds."""
+        return {name: value for name, value in asdict(self).items() if name != "config"}
+
+
+class Rollouts(NamedTuple):
+    """What was recognised in N episodes."""
+
+    log_probs: FloatArray  # (N, L, K), the recogniser's
+    viewpoints: FloatArray  # (N, L, 3)
+    labels: IntArray  # (N,)
+    sequences: IntArray  # (N,), which of the data's
+
+
+def belief_report(
+    *,
+    data: str | Path | MotionData = "duo",
+    models: Path | None = None,
+    sensor: str = "perfect",
+    views: str = "moving",
+    starts: int = 1,
+    seed: int = 0,
+    length: int = 60,
+    fps: float | None = None,
+    out: Path | None = None,
+    reporter: Reporter | None = None,
+) -> BeliefReport:
+    """Score the belief and the recogniser on cameras that stay and that move at random.
+
+    Args:
+        data: `duo`, `solo`, the path of a prepared .npz, or data in memory.
+        models: folder of recogniser and gain field, with which the belief lies; None takes those that ship.
+        sensor: `perfect` or `estimator`.
+        views: the cameras that the recogniser was trained on, `moving` or `paper`.
+        starts: start viewpoints for each scenario.
+        seed: of start viewpoints, noise, the random planner, and which sequences the parts are fitted on.
+        length: L, frames in an episode.
+        fps: frame rate to resample to [1/s]; None keeps the data's.
+        out: folder for config.json, belief.json and table.md.
+        reporter: hears of progress; None reports on standard error.
+
+    Raises:
+        EharError: one line that says what was got and what was expected.
+    """
+    reporter = reporter or ConsoleReporter()
+    check_options(starts=starts, seed=seed, workers=1)
+    setting = load_setting(data=data, models=models, sensor=sensor, views=views, form="causal", fps=fps)
+    motion, parts = setting.data, split_parts(setting.data)
+    model = load_gain_model(
+        None if models is None else Path(models),
+        motion,
+        sensor=sensor,
+        views=views,
+        recogniser_sha256=setting.recogniser_sha256,
+    )
+    config = BeliefConfig(
+        source=setting.source,
+        data=motion.title,
+        data_sha256=motion.sha256,
+        recogniser_sha256=setting.recogniser_sha256,
+        gain_model_sha256=model.sha256,
+        sensor=sensor,
+        views=views,
+        starts=starts,
+        seed=seed,
+        length=length,
+        fps=fps,
+        versions=installed_versions(),
+    )
+    if out is not None:
+        check_out(Path(out), asdict(config))
+    tested = random_starts(cut_scenarios(motion, parts.test, length, reporter.note), starts, seed)
+    policy = windows(motion, parts.policy, length, stride=length)
+    if not len(policy):
+        raise DataError(f"{motion.name}: expected policy sequences of at least {length} frames, got none")
+    trained = random_starts(policy, starts, seed)
+    planners: list[Planner] = [NoAct(), Random()]
+    reporter.begin(len(planners) * (tested.chunks + trained.chunks))
+    try:
+        test = {planner.name: run_rollouts(setting, tested, planner, reporter) for planner in planners}
+        fitted = [run_rollouts(setting, trained, planner, reporter) for planner in planners]
+    finally:
+        reporter.end()
+    rows = []
+    for name, of in test.items():
+        believed = readout(model.belief, of.log_probs, of.viewpoints)
+        rows += [belief_row(name, "recogniser", of.log_probs, of.labels)]
+        rows += [belief_row(name, "belief", believed, of.labels)]
+    together = Rollouts(*(np.concatenate(arrays) for arrays in zip(*fitted, strict=True)))
+    ablation = ablate_belief(*together, np.random.default_rng(seed))
+    report = BeliefReport(
+        config=config,
+        test=tuple(rows),
+        test_episodes=len(tested),
+        parts=tuple(
+            belief_row(" and ".join(test), reader, log_probs, ablation.labels)
+            for reader, log_probs in ablation.log_probs.items()
+        ),
+        parts_episodes=len(ablation.labels),
+    )
+    if out is not None:
+        _write(Path(out), report)
+    return report
+
+
+def run_rollouts(setting: Setting, episodes: Episodes, planner: Planner, reporter: Reporter) -> Rollouts:
+    """Run a planner over all episodes on the ideal track, and keep the probabilities of all classes."""
+    records, data = [], setting.data
+    for chunk in range(episodes.chunks):
+        batch, motion = episodes.batch(chunk), GridMotion()
+        context = Context(
+            episodes=len(batch.labels),
+            length=episodes.scenarios.length,
+            frame_time=1 / data.fps,
+            class_names=data.class_names,
+            skeleton=data.skeleton,
+            workspace=motion.workspace,
+            track="ideal",
+            rng=episodes.planner_rng(planner.name, chunk),
+        )
+        records.append(rollout(planner, batch, setting.recogniser, setting.sensor, motion, context))
+        reporter.advance(planner.name)
+    return Rollouts(
+        log_probs=np.concatenate([record.log_probs for record in records]),
+        viewpoints=np.concatenate([record.viewpoints for record in records]),
+        labels=episodes.labels,
+        sequences=episodes.scenarios.sequence[episodes.scenario],
+    )
+
+
+def belief_row(rollouts: str, reader: str, log_probs: FloatArray, labels: IntArray) -> BeliefRow:
+    """Score log-probabilities (N, L, K) against true classes (N,)."""
+    probabilities = np.exp(log_probs.astype(np.float64))
+    true = np.take_along_axis(probabilities, labels[:, None, None], axis=-1)[..., 0]
+    length = true.shape[1]
+    frames = {percent: max(-(-percent * length // 100), 1) - 1 for percent in (*NLL_AT, CALIBRATED_FROM)}
+    late = slice(frames[CALIBRATED_FROM], None)
+    return BeliefRow(
+        rollouts=rollouts,
+        reader=reader,
+        nll_at={str(percent): nll(true[:, frames[percent]]) for percent in NLL_AT},
+        nll=nll(true),
+        ece_late=ece(probabilities.max(axis=-1)[:, late], (probabilities.argmax(axis=-1) == labels[:, None])[:, late]),
+    )
+
+
+def belief_tables(report: BeliefReport) -> list[Table]:
+    """Return the belief against the recogniser on test, and what each of its parts is worth."""
+    config = report.config
+    return [
+        _table(
+            f"{config.data}: sensor {config.sensor}, views {config.views}, "
+            f"{report.test_episodes} test episodes of {config.length} frames for each planner",
+            report.test,
+            (f"NLL [nat] of the true class; ECE: calibration error of the frames from {CALIBRATED_FROM} % on.",),
+        ),
+        _table(
+            f"What each part of the belief is worth: {report.parts_episodes} episodes of policy sequences "
+            "that it was not fitted on",
+            report.parts,
+            ('"+" adds one part to "difference" alone; "full" has them all.',),
+        ),
+    ]
+
+
+def _table(title: str, rows: Sequence[BeliefRow], footnotes: tuple[str, ...]) -> Table:
+    return Table(
+        title=title,
+        header=("reader", "planner", *(f"NLL@{percent}" for percent in NLL_AT), "mean NLL", "ECE"),
+        rows=tuple(
+            (
+                row.reader,
+                row.rollouts,
+                *(f"{row.nll_at[str(percent)]:.3f}" for percent in NLL_AT),
+                f"{row.nll:.3f}",
+                f"{row.ece_late:.3f}",
+            )
+            for row in rows
+        ),
+        footnotes=footnotes,
+    )
+
+
+def _write(out: Path, report: BeliefReport) -> None:
+    """Write config, numbers and tables."""
+    out.mkdir(parents=True, exist_ok=True)
+    write_text(out / CONFIG, [json_text(asdict(report.config))])
+    write_text(out / "belief.json", [json_text(report.to_json())])
+    write_text(out / "table.md", ["\n".join(markdown(table) for table in belief_tables(report))])

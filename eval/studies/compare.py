@@ -1,0 +1,219 @@
+"""Two finished runs, made at different times, compared planner by planner on the episodes that both ran."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ehar.errors import DataError, UsageError
+from eval.records.run_files import CONFIG
+from eval.running.finished_run import FinishedRun, read_run, same_episodes
+from eval.scores.differences import Difference, compare_pairs
+from eval.scores.planner_accuracy import PlannerAccuracy, Resamples, planner_accuracy, resample_sequences
+from eval.scores.training_seeds import PlannerGroup, group_planners
+
+SAME_EPISODES = ("data_sha256", "part", "starts", "seed", "length", "fps", "sensor")  # what decides what planners meet
+MAY_DIFFER = ("recogniser_sha256", "views", "form", "readout", "track", "gain_model_sha256", "versions")  # said aloud
+_SHOWN = 12  # digits of a hash
+
+
+@dataclass(frozen=True)
+class ComparedPlanners:
+    """A planner of run A and one of run B.
+
+    Args:
+        difference: A's accuracy minus B's, and how certain that is.
+        acc: accuracies [%] of A's and B's, the mean over all frames.
+        trainings: how many each has.
+        privileged: which of the two was handed the truth.
+        retrained: whether a training that goes by one name in both has other weights.
+        rewritten: whether a planner of one's own that goes by one name in both has another file or other arguments.
+    """
+
+    difference: Difference
+    acc: tuple[float, float]
+    trainings: tuple[int, int]
+    privileged: tuple[bool, bool]
+    retrained: bool
+    rewritten: bool
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Planners of run A against planners of run B on the same episodes.
+
+    Args:
+        folders: of A and B.
+        title: data, and what else is the same in both.
+        episodes: how many both ran.
+        sequences: of how many sequences.
+        differing: what is not the same in both, with both values, as text.
+        planners: what was compared.
+        no_intervals: why intervals cannot be had, or None.
+    """
+
+    folders: tuple[Path, Path]
+    title: str
+    episodes: int
+    sequences: int
+    differing: Mapping[str, tuple[str, str]]
+    planners: tuple[ComparedPlanners, ...]
+    no_intervals: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """A run, its config.json as written, and what that says of each record name."""
+
+    run: FinishedRun
+    config: Mapping[str, Any]
+    planners: Mapping[str, Mapping[str, Any]]
+
+
+def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) -> Comparison:
+    """Compare each planner that is in both runs, A's minus B's.
+
+    Args:
+        run_a: folder of a run of `ehar benchmark`.
+        run_b: folder of another.
+        planners: none, or one of A and one of B to compare instead, with all its training seeds (`il-ppo`) or a single
+            one (`il-ppo/0`).
+
+    Raises:
+        UsageError: a folder holds no run, the runs' episodes are not the same, or a planner did not run.
+        DataError: files cannot be read, or hold other episodes than their config.json says.
+    """
+    if len(planners) not in (0, 2):
+        raise UsageError(f"planners: expected one of A and one of B, got {len(planners)}: {', '.join(planners)}")
+    a, b = _read(Path(run_a)), _read(Path(run_b))
+    _check_same_episodes(a, b)
+    groups = _choose(a.run, b.run, planners)
+    reference = next(iter(a.run.records.values()))
+    resamples = resample_sequences([*a.run.records.values(), *b.run.records.values()])
+    pairs = [_accuracies(of_a, of_b, a, b, resamples) for of_a, of_b in groups]
+    conditions = a.run.conditions
+    return Comparison(
+        folders=(a.run.directory, b.run.directory),
+        title=f"{conditions.data}, {conditions.sensor} sensor"
+        + ("" if conditions.part == "test" else f", {conditions.part} part"),
+        episodes=len(reference),
+        sequences=len(set(reference.sequence)),
+        differing=dict(_differing(a.config, b.config)),
+        planners=tuple(
+            ComparedPlanners(
+                difference=difference,
+                acc=(100 * pair[0].mean, 100 * pair[1].mean),
+                trainings=(len(of_a.records), len(of_b.records)),
+                privileged=(_is_privileged(of_a, a), _is_privileged(of_b, b)),
+                retrained=any(_weights(name, a) != _weights(name, b) for name in of_a.records if name in of_b.records),
+                rewritten=any(_rewritten(name, a, b) for name in of_a.records if name in of_b.records),
+            )
+            for difference, pair, (of_a, of_b) in zip(compare_pairs(pairs, resamples), pairs, groups, strict=True)
+        ),
+        no_intervals=resamples.why_none,
+    )
+
+
+def _read(directory: Path) -> _Run:
+    """Read a run with all that its config.json says."""
+    run = read_run(directory)
+    path = directory / CONFIG
+    config = json.loads(path.read_text(encoding="utf-8"))
+    try:
+        listed = {str(planner["name"]): {"privileged": False, **planner} for planner in config["planners"]}
+    except (KeyError, TypeError) as error:
+        raise DataError(f"{path}: planners: expected a list of names and what ran under them, got {error!r}") from error
+    unknown = [name for name in run.records if name not in listed]
+    if unknown:
+        raise DataError(f"{path}: expected every planner with episodes among its planners, {unknown[0]!r} is not")
+    return _Run(run, config, listed)
+
+
+def _check_same_episodes(a: _Run, b: _Run) -> None:
+    """Raise an error that says in what the episodes of two runs differ, with both values."""
+    where = f"{a.run.directory} and {b.run.directory}"
+    differing = [name for name in SAME_EPISODES if a.config.get(name) != b.config.get(name)]
+    if differing:
+        got = ", ".join(f"{_label(name)} ({_value(name, a.config)}, {_value(name, b.config)})" for name in differing)
+        raise UsageError(f"{where}: expected runs of the same episodes; they differ in {got}")
+    of_a, of_b = (next(iter(one.run.records.values())) for one in (a, b))
+    if not same_episodes(of_a, of_b):
+        raise DataError(
+            f"{where}: expected the same episodes, as their {CONFIG} say, got {len(of_a)} and {len(of_b)} that differ "
+            "in sequence, first frame, start or label"
+        )
+
+
+def _label(name: str) -> str:
+    return name.removesuffix("_sha256")
+
+
+def _value(name: str, config: Mapping[str, Any]) -> str:
+    """Return a value of config.json as people read it: a hash is cut short, that of data stands behind its name."""
+    value = config.get(name)
+    text = str(value)[:_SHOWN] if name.endswith("_sha256") else str(value)
+    return f"{config.get('data')} {text}" if name == "data_sha256" else text
+
+
+def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str, tuple[str, str]]]:
+    """Yield what else is not the same in two runs, with both values; a gain field that only one needed is left out."""
+    for name in MAY_DIFFER:
+        if name == "versions":
+            versions = a.get(name) or {}, b.get(name) or {}
+            for package in sorted(versions[0].keys() & versions[1].keys()):
+                if versions[0][package] != versions[1][package]:
+                    yield package, (str(versions[0][package]), str(versions[1][package]))
+        elif a.get(name) != b.get(name) and not (name == "gain_model_sha256" and None in (a.get(name), b.get(name))):
+            yield _label(name).replace("_", " "), (_value(name, a), _value(name, b))
+
+
+def _choose(a: FinishedRun, b: FinishedRun, planners: Sequence[str]) -> list[tuple[PlannerGroup, PlannerGroup]]:
+    """Return which planner of A is compared with which of B.
+
+    Raises:
+        UsageError: a planner that is asked for did not run, or no planner ran in both.
+    """
+    in_a, in_b = ({group.name: group for group in group_planners(run.records)} for run in (a, b))
+    if planners:
+        return [(_find(a, planners[0], in_a), _find(b, planners[1], in_b))]
+    both = [(group, in_b[name]) for name, group in in_a.items() if name in in_b]
+    if not both:
+        raise UsageError(
+            f"no planner ran both in {a.directory} ({', '.join(in_a)}) and in {b.directory} ({', '.join(in_b)}); "
+            "expected --planners A B, one of each"
+        )
+    return both
+
+
+def _find(run: FinishedRun, name: str, groups: Mapping[str, PlannerGroup]) -> PlannerGroup:
+    if name in groups:
+        return groups[name]
+    if name in run.records:
+        return PlannerGroup(name=name, seeds=(), records=(name,), rows=(0,))
+    raise UsageError(f"{run.directory}: no planner {name!r}; expected one of: {', '.join({**groups, **run.records})}")
+
+
+def _weights(name: str, one: _Run) -> str | None:
+    return one.planners[name].get("weights_sha256")
+
+
+def _rewritten(name: str, a: _Run, b: _Run) -> bool:
+    """Return whether a planner of one's own has another file or other arguments; of older runs nobody knows."""
+    of_a, of_b = a.planners[name], b.planners[name]
+    return any(key in of_a and key in of_b and of_a[key] != of_b[key] for key in ("source_sha256", "arguments"))
+
+
+def _is_privileged(group: PlannerGroup, one: _Run) -> bool:
+    return any(one.planners[name]["privileged"] for name in group.records)
+
+
+def _accuracies(
+    of_a: PlannerGroup, of_b: PlannerGroup, a: _Run, b: _Run, resamples: Resamples
+) -> tuple[PlannerAccuracy, PlannerAccuracy]:
+    """Return the accuracies of two planners; trainings are drawn together only where both have the very same."""
+    weights = [_weights(name, a) for name in of_a.records]
+    same = None not in weights and weights == [_weights(name, b) for name in of_b.records]
+    drawn = replace(of_b, name=of_a.name if same else f"{of_b.name} of another run")
+    found = planner_accuracy(drawn, b.run.records, resamples)
+    return planner_accuracy(of_a, a.run.records, resamples), replace(found, name=of_b.name)

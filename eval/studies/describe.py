@@ -1,0 +1,171 @@
+"""What a data set holds: a table of its classes, and a picture of a few skeletons of each."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from rich.table import Table
+
+from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.data.motion_data import MotionData
+from ehar.data.scenario import split_parts, windows
+from ehar.data.skeleton import Skeleton
+from ehar.errors import DataError, UsageError
+
+EPISODE_FRAMES = 60  # Sec. 5.1: L
+
+FRAMES_SHOWN = 5
+ROW_HEIGHT = 1.8  # inches
+GROUND = -0.15  # [m] the lower edge of each row
+VIEW_AZIMUTH = np.radians(40)  # from the first person's facing: between front and side
+VIEW_ELEVATION = np.radians(15)
+LEFT, RIGHT, MIDDLE = "#c8502b", "#2b6cb0", "#555555"
+PERSON_TINT = 0.45  # how far the second person's colours are mixed with white
+
+
+def describe(data: MotionData) -> Table:
+    """Return a table of the classes: sequences, their frames, the split, and the test windows of 60 frames."""
+    test = split_parts(data).test
+    is_test = np.isin(np.arange(len(data.labels)), test)
+    tested = windows(data, test, EPISODE_FRAMES, EPISODE_FRAMES).labels
+    table = Table(title=_title(data), caption=_caption(data), title_justify="left", caption_justify="left")
+    table.add_column("class")
+    for heading in ("sequences", "train", "test", "frames min", "median", "max", f"test windows L={EPISODE_FRAMES}"):
+        table.add_column(heading, justify="right")
+    for label, name in enumerate(data.class_names):
+        table.add_row(name, *_counts(data, is_test, data.labels == label, int((tested == label).sum())))
+    table.add_section()
+    table.add_row("all", *_counts(data, is_test, np.ones(len(data.labels), dtype=bool), len(tested)), style="bold")
+    return table
+
+
+def _counts(data: MotionData, is_test: BoolArray, members: BoolArray, test_windows: int) -> list[str]:
+    lengths = data.lengths[members]
+    numbers = [len(lengths), int((members & ~is_test).sum()), int((members & is_test).sum())]
+    frames = (
+        [int(lengths.min()), round(float(np.median(lengths))), int(lengths.max())] if len(lengths) else ["-", "-", "-"]
+    )
+    return [str(number) for number in (*numbers, *frames, test_windows)]
+
+
+def _title(data: MotionData) -> str:
+    persons = "1 person" if data.persons == 1 else f"{data.persons} persons"
+    joints = f"{len(data.skeleton.joint_names)} joints"
+    return f"{data.title}: {persons}, {joints}, {data.fps:g} fps, {len(data.class_names)} classes"
+
+
+def _caption(data: MotionData) -> str:
+    minutes = len(data.positions) / data.fps / 60
+    short = int((data.lengths < EPISODE_FRAMES).sum())
+    lines = [
+        f"{'synthetic motion' if data.synthetic else 'recorded motion'}, {minutes:.1f} minutes, "
+        f"{short} of {len(data.labels)} sequences shorter than {EPISODE_FRAMES} frames",
+        f"split: {'as in the data' if data.is_test is not None else 'none in the data; held out from a fixed seed'}",
+        f"licence: {data.license or 'not stated'}",
+    ]
+    return "\n".join(lines)
+
+
+def describe_figure(data: MotionData, path: Path) -> None:
+    """Draw a row a class to `path`: a few frames of the class's sequence of median length, seen from 3/4 ahead.
+
+    Left limbs are orange, right ones blue, the second person lighter; all rows have one scale, in metres.
+
+    Raises:
+        UsageError: the ending of `path` is not that of a picture.
+        DataError: the file cannot be written.
+    """
+    path = Path(path)
+    figure = Figure(layout="constrained")
+    kinds = sorted(figure.canvas.get_supported_filetypes())
+    if path.suffix[1:] not in kinds:
+        raise UsageError(f"{path}: got the ending {path.suffix!r}, expected one of {', '.join(kinds)}")
+    rows = [_shown(data, label) for label in range(len(data.class_names))]
+    half_width = 1.05 * max(float(np.abs(points[..., 0]).max()) for _, _, points in rows)
+    top = 1.15 * max(float(points[..., 1].max()) for _, _, points in rows)
+    column = max(ROW_HEIGHT * 2 * half_width / (top - GROUND), 1.0)
+    figure.set_size_inches(FRAMES_SHOWN * column + 0.4, len(rows) * (ROW_HEIGHT + 0.2) + 0.5)
+    grid = figure.subplots(len(rows), FRAMES_SHOWN, squeeze=False)
+    for axes, (sequence, frames, points), class_name in zip(grid, rows, data.class_names, strict=True):
+        for axis, frame, joints in zip(axes, frames, points, strict=True):
+            _draw(axis, joints, data.skeleton)
+            axis.set(xlim=(-half_width, half_width), ylim=(GROUND, top), aspect="equal", xticks=[], yticks=[])
+            axis.set_xlabel(f"{frame / data.fps:.1f} s", fontsize=8, labelpad=1)
+            axis.spines[:].set_visible(False)
+            axis.patch.set_visible(False)  # or it would cover the title, which runs on over the columns
+        title = f"{class_name}   ({data.sequence_names[sequence]})"
+        # Above the heads, and no part of the layout, or a long one would widen its column.
+        axes[0].text(0, 1, title, transform=axes[0].transAxes, va="top", fontsize=9).set_in_layout(False)
+    second = ", second person pale" if data.persons > 1 else ""
+    figure.suptitle(f"{_title(data)}\nleft limbs orange, right limbs blue{second}", fontsize=9, x=0.02, ha="left")
+    _write(figure, path)
+
+
+def _shown(data: MotionData, label: int) -> tuple[int, IntArray, FloatArray]:
+    """Return a sequence of a class, the frames of it to show, and their joints as seen, (F, P, J, 2) [m]."""
+    members = np.flatnonzero(data.labels == label)
+    if not members.size:
+        raise DataError(f"{data.name}: class {data.class_names[label]!r} has no sequence to draw")
+    sequence = int(members[np.argsort(data.lengths[members], kind="stable")[len(members) // 2]])
+    motion = data.sequence(sequence)
+    frames = np.linspace(0, len(motion) - 1, FRAMES_SHOWN).round().astype(np.int64)
+    shown = motion[frames].astype(np.float64)
+    shown[..., :2] -= shown[..., :2].mean(axis=(1, 2), keepdims=True)
+    shown[..., 2] -= np.percentile(motion[..., 2], 1)  # the lowest joints, but for noise
+    return sequence, frames, _project(shown, _facing(motion[frames[0]], data.skeleton) + VIEW_AZIMUTH)
+
+
+def _facing(joints: FloatArray, skeleton: Skeleton) -> float:
+    """Return the azimuth [rad] that the first person of (P, J, 3) faces; 0 where left and right have no names."""
+    left = np.flatnonzero(_is_left(skeleton))
+    if not left.size:
+        return 0.0
+    to_left = (joints[0, left] - joints[0, skeleton.mirror[left]]).sum(axis=0)
+    return float(np.arctan2(-to_left[0], to_left[1]))  # forward is left x up
+
+
+def _is_left(skeleton: Skeleton) -> BoolArray:
+    # Of two mirrored names, `left` sorts before `right` and `l` before `r`.
+    names = [name.lower() for name in skeleton.joint_names]
+    return np.array([name < names[other] for name, other in zip(names, skeleton.mirror, strict=True)])
+
+
+def _project(points: FloatArray, azimuth: float) -> FloatArray:
+    """Return what a far camera at an azimuth and `VIEW_ELEVATION` sees of points (..., 3): right and up, (..., 2)."""
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    toward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    up = np.array([0.0, 0.0, np.cos(VIEW_ELEVATION)]) - np.sin(VIEW_ELEVATION) * toward
+    return np.stack([points @ right, points @ up], axis=-1)
+
+
+def _draw(axis: Axes, joints: FloatArray, skeleton: Skeleton) -> None:
+    """Draw the persons (P, J, 2) of one frame, the first on top."""
+    left = _is_left(skeleton)
+    right = left[skeleton.mirror] & ~left
+    start, end = skeleton.bone_indices.T
+    sides = np.select([left[start] | left[end], right[start] | right[end]], [1, 2], default=0)
+    axis.axhline(0.0, color="#cccccc", linewidth=0.8, zorder=0)
+    for person in reversed(range(len(joints))):
+        tint = PERSON_TINT * person / max(1, len(joints) - 1)
+        palette = [np.array(to_rgb(color)) * (1 - tint) + tint for color in (MIDDLE, LEFT, RIGHT)]
+        segments = np.stack([joints[person, start], joints[person, end]], axis=1)
+        axis.add_collection(
+            LineCollection(list(segments), colors=[palette[side] for side in sides], linewidths=1.8, capstyle="round")
+        )
+
+
+def _write(figure: Figure, path: Path) -> None:
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            figure.savefig(temporary, format=path.suffix[1:], dpi=120)
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written: {error.strerror or error}") from error

@@ -1,0 +1,255 @@
+"""An explained episode as a picture: gain fields with the path over them, beliefs below, and how it went on."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.patheffects import Normal, withStroke
+
+from ehar.arrays import FloatArray
+from ehar.errors import UsageError
+from ehar.viewpoint import AZIMUTH, POLAR
+from eval.records.run_files import replacing
+from eval.studies.explanation import Explanation
+
+FORMATS = (".png", ".svg", ".pdf")
+COLOUR_MAP = "cividis"  # the same to colour-blind readers, and in grey
+NARROWEST = 10.0  # [inch], a picture, so that its titles have room
+MOST_CLASSES = 10  # that bars are drawn for
+TURNS = (-360.0, 0.0, 360.0)  # [deg]: lines are drawn three times, so that they go on where they leave the map
+
+_TRUE, _OTHER, _RECOGNISER = "#D55E00", "#7A8794", "#000000"  # Okabe and Ito's vermilion, and greys
+_PEOPLE = ("#56B4E9", "#CC79A7", "#009E73", "#E69F00")
+_OUTLINE = (withStroke(linewidth=4.5, foreground="black"), Normal())
+
+
+def draw_explanation(explanation: Explanation, path: Path) -> None:
+    """Draw an explained episode.
+
+    Args:
+        explanation: what happened.
+        path: of the picture; its ending says which kind.
+
+    Raises:
+        UsageError: the ending is none of `FORMATS`, or the file cannot be written.
+    """
+    check_format(path)
+    columns, bars = len(explanation.moments), shown_classes(explanation)
+    bar_height = 0.35 + 0.19 * len(bars)  # [inch]
+    heights = (2.1, 0.7, bar_height, 0.55, 1.2)
+    figure = Figure(figsize=(max(1.8 + 3.3 * columns, NARROWEST), sum(heights) + 2.2), layout="constrained")
+    grid = figure.add_gridspec(
+        len(heights), columns + 1, height_ratios=heights, width_ratios=(*[1.0] * columns, 0.05 + 0.02 / columns)
+    )
+    colours = figure.add_subplot(grid[0, columns])
+    _draw_maps(explanation, [figure.add_subplot(grid[0, column]) for column in range(columns)], colours)
+    _draw_key(figure.add_subplot(grid[1, :columns]), _map_key(explanation.facing.shape[1]))
+    _draw_beliefs(explanation, bars, [figure.add_subplot(grid[2, column]) for column in range(columns)])
+    _draw_key(figure.add_subplot(grid[3, :columns]), _belief_key(len(explanation.class_names) - len(bars)))
+    _draw_course(explanation, figure.add_subplot(grid[4, :columns]))
+    figure.suptitle(
+        f"{explanation.title}: {explanation.sequence}\n"
+        f"{explanation.planner} looks at {explanation.class_names[explanation.label]}: {explanation.outcome}",
+        fontsize=12,
+    )
+    FigureCanvasAgg(figure)
+    with replacing(path) as temporary:
+        figure.savefig(temporary, dpi=140)
+
+
+def check_format(path: Path) -> None:
+    """Raise a UsageError unless a picture of this name can be drawn."""
+    if path.suffix not in FORMATS:
+        raise UsageError(f"{path}: expected a picture that ends in {', '.join(FORMATS)}")
+
+
+def shown_classes(explanation: Explanation) -> list[int]:
+    """Return the classes that bars are drawn for, at most `MOST_CLASSES`: those most believed at any moment shown.
+
+    The true class is among them; they are in the order of the data, so that columns can be compared.
+    """
+    most = explanation.believed[explanation.moments].max(axis=0)
+    most[explanation.label] = np.inf
+    return sorted(np.argsort(-most, kind="stable")[:MOST_CLASSES].tolist())
+
+
+def _draw_maps(explanation: Explanation, axes: list[Any], colours: Any) -> None:
+    """Draw the gain field at each moment, what the camera did, and where people face."""
+    maps = [explanation.field_map(frame) for frame in explanation.moments]
+    low = 100 * min(field.gain.min() for field in maps)
+    high = 100 * max(field.gain.max() for field in maps)
+    for place, frame, field in zip(axes, explanation.moments, maps, strict=True):
+        mesh = place.pcolormesh(
+            field.azimuth, field.polar, 100 * field.gain, cmap=COLOUR_MAP, vmin=low, vmax=high, rasterized=True
+        )
+        place.contour(
+            field.azimuth, field.polar, field.gain, levels=[0.0], colors="white", linewidths=1.0, linestyles="-"
+        )
+        _draw_path(explanation, frame, place)
+        row, column = field.best
+        place.plot(
+            field.azimuth[column],
+            field.polar[row],
+            "*",
+            color="#F0E442",
+            markersize=15,
+            markeredgecolor="black",
+            clip_on=False,
+            zorder=6,
+        )
+        _draw_facing(explanation, frame, place)
+        share = 100 * (frame + 1) / len(explanation.viewpoints)
+        place.set_title(
+            f"frame {frame + 1} ({share:.0f} %), camera at {explanation.viewpoints[frame, 0]:.1f} m", fontsize=10
+        )
+        place.set_xlim(0, 360)
+        place.set_ylim(field.polar[-1], field.polar[0])
+        place.set_xticks(range(0, 361, 90), [f"{angle}°" for angle in range(0, 361, 90)])
+        place.set_xlabel("azimuth")
+        place.tick_params(axis="x", pad=8 + 7 * explanation.facing.shape[1])
+        place.set_yticks([0, 30, 60, 90], [])
+    axes[0].set_yticks([0, 30, 60, 90], ["0° above", "30°", "60°", "90° level"])
+    axes[0].set_ylabel("polar angle")
+    colours.figure.colorbar(mesh, cax=colours)
+    colours.set_ylabel("gained probability [%]\nof looking from there, not here", fontsize=9)
+
+
+def _draw_path(explanation: Explanation, frame: int, place: Any) -> None:
+    """Draw where the camera came from, is, is told to go, and will have gone."""
+    path = np.degrees(np.unwrap(explanation.viewpoints[:, AZIMUTH])), np.degrees(explanation.viewpoints[:, POLAR])
+    azimuth, polar = path[0] - path[0][frame] + path[0][frame] % 360, path[1]
+    target = np.degrees(explanation.targets[frame])
+    way = (target[AZIMUTH] - azimuth[frame] + 180) % 360 - 180
+    for turn in TURNS:
+        place.plot(azimuth[frame:] + turn, polar[frame:], ":", color="white", linewidth=1.6, path_effects=_thin())
+        place.plot(azimuth[: frame + 1] + turn, polar[: frame + 1], color="white", linewidth=2.5, path_effects=_OUTLINE)
+        here = azimuth[frame] + turn, polar[frame]
+        if np.hypot(way, target[POLAR] - polar[frame]) > 1:
+            place.annotate(
+                "",
+                (here[0] + way, target[POLAR]),
+                here,
+                arrowprops={
+                    "arrowstyle": "-|>,head_width=0.35,head_length=0.7",
+                    "color": "black",
+                    "linewidth": 2,
+                    "shrinkA": 5,
+                    "shrinkB": 0,
+                },
+                annotation_clip=True,
+                zorder=7,
+            )
+        place.plot(*here, "o", color="white", markeredgecolor="black", markeredgewidth=1.5, markersize=9, zorder=8)
+
+
+def _thin() -> tuple[Any, ...]:
+    return withStroke(linewidth=3, foreground="black"), Normal()
+
+
+def _draw_facing(explanation: Explanation, frame: int, place: Any) -> None:
+    """Mark below the map where each person is believed to face, with a standard deviation to either side."""
+    bottom = place.get_xaxis_transform()
+    azimuths, spreads = np.degrees(explanation.facing[frame]), np.degrees(explanation.facing_std[frame])
+    for person, (azimuth, spread) in enumerate(zip(azimuths % 360, spreads, strict=True)):
+        colour, height = _PEOPLE[person % len(_PEOPLE)], -0.06 - 0.065 * person
+        for turn in TURNS:
+            ends = np.clip([azimuth + turn - spread, azimuth + turn + spread], 0, 360)
+            if ends[1] > ends[0]:
+                place.plot(ends, [height, height], color=colour, linewidth=3, transform=bottom, clip_on=False)
+        place.plot(
+            azimuth,
+            height,
+            "^",
+            color=colour,
+            markeredgecolor="black",
+            markersize=9,
+            transform=bottom,
+            clip_on=False,
+            zorder=6,
+        )
+
+
+def _map_key(persons: int) -> list[Any]:
+    """Return what the legend below the maps explains."""
+    black = {"markeredgecolor": "black", "linestyle": "none"}
+    people = [
+        Line2D([], [], marker="^", color=colour, markersize=9, label=f"person {person + 1} faces", **black)  # type: ignore[arg-type]
+        for person, colour in zip(range(persons), _PEOPLE, strict=False)
+    ]
+    return [
+        Line2D([], [], marker="o", color="white", markersize=9, label="camera", **black),  # type: ignore[arg-type]
+        Line2D([], [], color="white", linewidth=2.5, path_effects=_OUTLINE, label="path so far"),
+        Line2D([], [], color="black", marker=">", linewidth=2, label="heads for"),
+        Line2D([], [], color="white", linestyle=":", linewidth=1.6, path_effects=_thin(), label="path from here on"),
+        Line2D([], [], color="white", linewidth=1.0, path_effects=_thin(), label="as good as here"),
+        Line2D([], [], marker="*", color="#F0E442", markersize=14, label="best view at this distance", **black),  # type: ignore[arg-type]
+        *people,
+    ]
+
+
+def _draw_beliefs(explanation: Explanation, bars: list[int], axes: list[Any]) -> None:
+    """Draw what was believed at each moment, the true class marked, beside what the recogniser said."""
+    places = np.arange(len(bars))
+    for place, frame in zip(axes, explanation.moments, strict=True):
+        colours = [_TRUE if label == explanation.label else _OTHER for label in bars]
+        believed: FloatArray = 100 * explanation.believed[frame, bars]
+        place.barh(places, believed, color=colours, height=0.72)
+        recognised = 100 * explanation.recognised[frame, bars]
+        place.plot(recognised, places, "|", color=_RECOGNISER, markersize=11, markeredgewidth=2, clip_on=False)
+        for height, share, mark in zip(places, believed, recognised, strict=True):
+            if share >= 0.5:
+                behind = (max(share, mark), height)
+                place.annotate(f"{share:.0f}", behind, (5, 0), textcoords="offset points", va="center", fontsize=8)
+        place.set_xlim(0, 100)
+        place.set_ylim(len(bars) - 0.4, -0.6)
+        place.spines[["top", "right"]].set_visible(False)
+        place.set_xlabel("believed [%]", fontsize=9)
+        place.set_yticks(places, [])
+    axes[0].set_yticks(places, [explanation.class_names[label] for label in bars], fontsize=9)
+    for name, label in zip(axes[0].get_yticklabels(), bars, strict=True):
+        if label == explanation.label:
+            name.set(fontweight="bold", color=_TRUE)
+
+
+def _belief_key(left: int) -> list[Any]:
+    """Return what the legend below the bars explains; so many classes have none."""
+    return [
+        Patch(color=_TRUE, label="true class"),
+        Patch(color=_OTHER, label=f"other classes ({left} not shown)" if left else "other classes"),
+        Line2D([], [], marker="|", color=_RECOGNISER, linestyle="none", markersize=11, label="recogniser"),
+    ]
+
+
+def _draw_key(place: Any, handles: list[Any]) -> None:
+    """Draw a legend in a row of its own."""
+    place.axis("off")
+    wide = place.figure.get_figwidth() > 1.3 * NARROWEST
+    columns = len(handles) if wide else -(-len(handles) // 2)
+    key = place.legend(handles=handles, loc="center", ncols=columns, fontsize=9, frameon=False)
+    key.set_in_layout(False)  # it may be wider than what lies above it
+
+
+def _draw_course(explanation: Explanation, place: Any) -> None:
+    """Draw the true class's probability over the frames, what was recognised, and the moments shown."""
+    frames = np.arange(1, len(explanation.viewpoints) + 1)
+    place.fill_between(
+        frames, 0, 100, where=explanation.right, step="mid", color="#DCEBD9", linewidth=0, label="recognised rightly"
+    )
+    place.plot(
+        frames, 100 * explanation.recognised[:, explanation.label], color=_RECOGNISER, linewidth=1.4, label="recogniser"
+    )
+    place.plot(
+        frames[:-1], 100 * explanation.believed[:, explanation.label], color=_TRUE, linewidth=2.2, label="belief"
+    )
+    for frame in explanation.moments:
+        place.axvline(frame + 1, color=_OTHER, linewidth=1.2, linestyle="--", zorder=1)
+    place.set_xlim(1, len(frames))
+    place.set_ylim(0, 100)
+    place.set_xlabel("frame (dashed: the moments above)")
+    place.set_ylabel("true class [%]")
+    place.spines[["top", "right"]].set_visible(False)
+    place.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=9, frameon=False)

@@ -1,0 +1,276 @@
+"""Headroom: what there is to win by looking from elsewhere, read from a map of cameras that do not move."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.data.motion_data import MotionData
+from ehar.data.scenario import split_parts, windows
+from ehar.errors import UsageError
+from ehar.viewpoint import Workspace, from_cells, to_cells
+from eval.records.run_files import CONFIG, check_out, installed_versions, json_text, write_text
+from eval.render.tables import markdown
+from eval.running.benchmark import check_options, load_setting
+from eval.running.choice import make_planners
+from eval.running.episodes import Episodes, cut_scenarios, random_starts
+from eval.running.jobs import World, run_planners
+from eval.running.progress import ConsoleReporter, Reporter
+from eval.scores.metrics import mean_acc
+from eval.scores.summary import NO_ACT, ORACLE
+
+REFERENCES = (NO_ACT, ORACLE, "oracle-lookahead")  # what the fixed cameras stand beside
+
+
+@dataclass(frozen=True)
+class HeadroomConfig:
+    """Everything that decides a headroom run."""
+
+    source: str
+    data: str
+    data_sha256: str
+    models: str | None
+    recogniser_sha256: str
+    sensor: str
+    views: str
+    seed: int
+    length: int
+    fps: float | None
+    distance: float
+    azimuths: int
+    polars: int
+    versions: dict[str, str]
+
+
+@dataclass(frozen=True)
+class HeadroomRow:
+    """The accuracy [%], mean over frames, of one way to place cameras."""
+
+    name: str
+    acc_mean: float
+    chosen_on: str  # the episodes that the choice was made on: none, validation or test
+
+
+@dataclass(frozen=True)
+class ClassRow:
+    """The fixed viewpoint that shows one class best, chosen on test, and the accuracy [%] there."""
+
+    class_name: str
+    azimuth_deg: float
+    polar_deg: float
+    acc_mean: float
+    acc_mean_map: float  # the class's mean over the map
+
+
+@dataclass(frozen=True, eq=False)
+class Headroom:
+    """What there is to win on the test scenarios of some data.
+
+    Args:
+        config: what was run.
+        viewpoints: (polars, azimuths, 3), the map of fixed cameras.
+        acc_mean: (polars, azimuths) accuracy [%] on test, mean over frames and scenarios.
+        rows: the ways to place cameras.
+        classes: the best fixed viewpoint of each class that has test scenarios.
+        scenarios: how many test scenarios there are.
+    """
+
+    config: HeadroomConfig
+    viewpoints: FloatArray
+    acc_mean: FloatArray
+    rows: tuple[HeadroomRow, ...]
+    classes: tuple[ClassRow, ...]
+    scenarios: int
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what headroom.json holds."""
+        return {
+            "data": self.config.data,
+            "sensor": self.config.sensor,
+            "views": self.config.views,
+            "scenarios": self.scenarios,
+            "rows": [asdict(row) for row in self.rows],
+            "classes": [asdict(row) for row in self.classes],
+            "map": {
+                "distance_m": self.config.distance,
+                "polar_deg": np.degrees(self.viewpoints[:, 0, 2]).round(3).tolist(),
+                "azimuth_deg": np.degrees(self.viewpoints[0, :, 1]).round(3).tolist(),
+                "acc_mean": self.acc_mean.tolist(),
+                "acc_mean_by_polar": self.acc_mean.mean(axis=1).tolist(),
+            },
+        }
+
+
+def headroom(
+    *,
+    data: str | Path | MotionData = "duo",
+    models: Path | None = None,
+    sensor: str = "perfect",
+    views: str = "moving",
+    seed: int = 0,
+    length: int = 60,
+    fps: float | None = None,
+    distance: float = 10.0,
+    azimuths: int = 12,
+    polars: int = 6,
+    out: Path | None = None,
+    workers: int = 1,
+    reporter: Reporter | None = None,
+) -> Headroom:
+    """Run a camera that stays at each of a map of viewpoints, over every validation and test scenario.
+
+    A viewpoint chosen on the scenarios that it is scored on looks better than it is; so each choice is also made
+    on the validation part. Who picks the best viewpoint of each sample uses its outcome: no camera could.
+
+    Args:
+        data: as in `eval.benchmark`, like every argument not named here.
+        models: folder of weights.
+        sensor: `perfect` or `estimator`.
+        views: `moving` or `paper`.
+        seed: of the references' start viewpoints, and of the noise.
+        length: L, frames in an episode.
+        fps: frame rate to resample to [1/s].
+        distance: of the fixed cameras [m].
+        azimuths: how many azimuths the map has, evenly spaced.
+        polars: how many polar angles the map has, from straight above to level.
+        out: folder for config.json, headroom.json, table.md and the map as a figure.
+        workers: processes.
+        reporter: hears of progress.
+
+    Raises:
+        EharError: as in `eval.benchmark`.
+    """
+    reporter = reporter or ConsoleReporter()
+    check_options(seed=seed, workers=workers)
+    viewpoints = viewpoint_map(distance, azimuths, polars)
+    setting = load_setting(data=data, models=models, sensor=sensor, views=views, form="causal", fps=fps)
+    motion, parts = setting.data, split_parts(setting.data)
+    config = HeadroomConfig(
+        source=setting.source,
+        data=motion.title,
+        data_sha256=motion.sha256,
+        models=None if models is None else str(models),
+        recogniser_sha256=setting.recogniser_sha256,
+        sensor=sensor,
+        views=views,
+        seed=seed,
+        length=length,
+        fps=fps,
+        distance=distance,
+        azimuths=azimuths,
+        polars=polars,
+        versions=installed_versions(),
+    )
+    if out is not None:
+        check_out(Path(out), asdict(config))
+    test = cut_scenarios(motion, parts.test, length, reporter.note)
+    both = windows(motion, np.concatenate([parts.validation, parts.test]), length, stride=length)
+    flat = viewpoints.reshape(-1, 3)
+    fixed = Episodes(both, np.repeat(np.arange(len(both)), len(flat)), np.tile(flat, (len(both), 1)), seed)
+    references = make_planners(REFERENCES).planners
+    world = World(fixed, setting.recogniser, setting.sensor)
+    runs = run_planners(world, references[:1], workers=workers, reporter=reporter)
+    acc = 100 * mean_acc(runs[NO_ACT].records.correct).reshape(len(both), len(flat))
+    world = World(random_starts(test, 1, seed), setting.recogniser, setting.sensor)
+    runs = run_planners(world, references, workers=workers, reporter=reporter)
+    acc_references = {name: 100 * float(mean_acc(run.records.correct).mean()) for name, run in runs.items()}
+    is_test = np.isin(both.sequence, parts.test)
+    acc_test, labels = acc[is_test], both.labels[is_test]
+    result = Headroom(
+        config=config,
+        viewpoints=viewpoints,
+        acc_mean=acc_test.mean(axis=0).reshape(viewpoints.shape[:2]),
+        rows=_rows(acc_test, labels, acc[~is_test], both.labels[~is_test], acc_references),
+        classes=_class_rows(acc_test, labels, motion.class_names, flat),
+        scenarios=len(acc_test),
+    )
+    if out is not None:
+        _write(Path(out), result)
+    return result
+
+
+def viewpoint_map(distance: float, azimuths: int, polars: int) -> FloatArray:
+    """Return fixed viewpoints (polars, azimuths, 3) on the grid, from straight above to level.
+
+    Raises:
+        UsageError: the distance is outside the workspace, or there are too few angles.
+    """
+    workspace = Workspace()
+    if not workspace.distance_min <= distance <= workspace.distance_max:
+        raise UsageError(
+            f"distance: expected {workspace.distance_min:g} to {workspace.distance_max:g} m, got {distance:g}"
+        )
+    if azimuths < 1 or polars < 2:
+        raise UsageError(f"expected a map of at least 1 azimuth and 2 polar angles, got {azimuths} and {polars}")
+    polar = np.linspace(workspace.polar_min, workspace.polar_max, polars)
+    azimuth = 2 * np.pi * np.arange(azimuths) / azimuths
+    return from_cells(to_cells(np.stack(np.broadcast_arrays(distance, azimuth, polar[:, None]), axis=-1)))
+
+
+def best_per_class(acc: FloatArray, labels: IntArray, classes: int) -> IntArray:
+    """Return the best viewpoint of each class, (K,), from accuracies (N, M); overall where it has none."""
+    overall = int(acc.mean(axis=0).argmax())
+    return np.array(
+        [
+            int(acc[labels == label].mean(axis=0).argmax()) if (labels == label).any() else overall
+            for label in range(classes)
+        ]
+    )
+
+
+def _rows(
+    acc: FloatArray, labels: IntArray, acc_val: FloatArray, labels_val: IntArray, references: dict[str, float]
+) -> tuple[HeadroomRow, ...]:
+    """Return the rows from accuracies (N, M) on test and on validation."""
+    scenario, classes = np.arange(len(acc)), int(labels.max()) + 1
+    rows = [
+        HeadroomRow("no-act, random starts", references[NO_ACT], "-"),
+        HeadroomRow("fixed, mean over the map", float(acc.mean()), "-"),
+    ]
+    if len(acc_val):
+        best = acc[:, acc_val.mean(axis=0).argmax()].mean()
+        per_class = acc[scenario, best_per_class(acc_val, labels_val, classes)[labels]].mean()
+        rows += [
+            HeadroomRow("best fixed", float(best), "validation"),
+            HeadroomRow("best fixed per class", float(per_class), "validation"),
+        ]
+    rows += [
+        HeadroomRow("best fixed", float(acc.mean(axis=0).max()), "test"),
+        HeadroomRow(
+            "best fixed per class", float(acc[scenario, best_per_class(acc, labels, classes)[labels]].mean()), "test"
+        ),
+        HeadroomRow("best fixed per sample", float(acc.max(axis=1).mean()), "test"),
+        *(HeadroomRow(f"{name}*", value, "-") for name, value in references.items() if name != NO_ACT),
+    ]
+    return tuple(rows)
+
+
+def _class_rows(
+    acc: FloatArray, labels: IntArray, class_names: tuple[str, ...], viewpoints: FloatArray
+) -> tuple[ClassRow, ...]:
+    best = best_per_class(acc, labels, len(class_names))
+    degrees = np.degrees(viewpoints)
+    return tuple(
+        ClassRow(
+            class_name=name,
+            azimuth_deg=round(float(degrees[best[label], 1]), 3),
+            polar_deg=round(float(degrees[best[label], 2]), 3),
+            acc_mean=float(acc[labels == label, best[label]].mean()),
+            acc_mean_map=float(acc[labels == label].mean()),
+        )
+        for label, name in enumerate(class_names)
+        if (labels == label).any()
+    )
+
+
+def _write(out: Path, result: Headroom) -> None:
+    """Write config, numbers, tables and figure."""
+    from eval.studies.headroom_tables import draw_map, headroom_tables  # matplotlib takes a second to import
+
+    out.mkdir(parents=True, exist_ok=True)
+    write_text(out / CONFIG, [json_text(asdict(result.config))])
+    write_text(out / "headroom.json", [json_text(result.to_json())])
+    write_text(out / "table.md", ["\n".join(markdown(table) for table in headroom_tables(result))])
+    draw_map(result, out / "headroom")

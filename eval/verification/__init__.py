@@ -1,0 +1,1 @@
+"""Verification: does a run's folder hold together?"""

@@ -1,0 +1,145 @@
+"""Whether the data and the weights that a run names are those at hand."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from ehar.data.motion_data import MotionData
+from ehar.errors import EharError, ModelError, UsageError
+from ehar.plugins.class_spec import parse_spec
+from eval.records.run_files import CONFIG, RunConfig
+from eval.running.choice import ModelPlace
+from eval.verification.checks import FAILED, OK, UNCHECKED, Check
+from planners.registry import is_learned
+
+if TYPE_CHECKING:
+    from eval.running.benchmark import Setting
+
+
+class Inputs(NamedTuple):
+    """What a run was made from, as far as it is at hand and the run's.
+
+    Args:
+        checks: of data, recogniser, gain model and agents.
+        setting: data, recogniser and sensor; None where data or recogniser are not here.
+        data: None where they are not here, or others.
+        place: of gain models and agents; None where there are no data for them to fit.
+    """
+
+    checks: tuple[Check, ...]
+    setting: "Setting | None" = None
+    data: MotionData | None = None
+    place: ModelPlace | None = None
+
+
+def check_inputs(
+    config: RunConfig, data: str | Path | None, models: Path | None, *, run_own_code: bool = False
+) -> Inputs:
+    """Load what a run was made from, and compare the hashes.
+
+    Args:
+        config: of the run.
+        data: where its data lie now; None is where they lay.
+        models: where its weights lie now; None is where they lay.
+        run_own_code: whether a recogniser of one's own is loaded, for which the file or module that is recorded runs.
+
+    Raises:
+        EharError: what was asked for by `data` or `models` cannot be read.
+    """
+    from ehar.data.source import load_data  # these bring what `ehar --help` does not wait for
+    from eval.running.benchmark import load_setting
+
+    source = config.source if data is None else data
+    try:
+        motion = load_data(source, fps=config.fps)
+    except EharError as error:
+        if data is not None:
+            raise
+        return _unchecked((Check("data", UNCHECKED, f"{error}; --data says where they lie now"),))
+    checks: tuple[Check, ...] = (_compared("data", config.data_sha256, motion.sha256, str(source)),)
+    if checks[0].result == FAILED:
+        return _unchecked(checks)
+    directory = models or (None if config.models is None else Path(config.models))
+    place = ModelPlace(
+        models=directory,
+        data=motion,
+        sensor=config.sensor,
+        views=config.views,
+        form=config.form,
+        recogniser_sha256=config.recogniser_sha256,
+    )
+    reason = _why_not_loaded(config.recogniser, run_own_code=run_own_code)
+    setting = None
+    try:
+        if reason is None:
+            setting = load_setting(
+                data=motion,
+                models=directory,
+                sensor=config.sensor,
+                views=config.views,
+                form="ctrgcn" if config.form == "ctrgcn" else "causal",
+                recogniser=config.recogniser,
+                fps=None,
+            )
+    except EharError as error:
+        if config.recogniser is not None:
+            reason = str(error)
+        elif models is not None or not isinstance(error, ModelError):
+            raise
+        else:
+            reason = f"{error}; --models says where it lies now"
+    if setting is None:
+        checks += (Check("recogniser", UNCHECKED, str(reason)),)
+        return Inputs((*checks, *_planner_weights(config, place)), None, motion, place)
+    where = config.recogniser or str(directory or "the weights that ship with ehar")
+    checks += (_compared("recogniser", config.recogniser_sha256, setting.recogniser_sha256, where),)
+    return Inputs((*checks, *_planner_weights(config, place)), setting, motion, place)
+
+
+def _why_not_loaded(own: str | None, *, run_own_code: bool) -> str | None:
+    """Return why a recogniser of one's own, as it was named, is left alone; None where it can be tried, or is ours."""
+    if own is None:
+        return None
+    spec = parse_spec(own)
+    if spec is None or not spec.place:
+        return f"recogniser {own}: not replayable, as it was given as an object"
+    return None if run_own_code else f"{own} runs with --rerun-episodes only"
+
+
+def _unchecked(checks: tuple[Check, ...]) -> Inputs:
+    """Return inputs without the run's data, which weights have to fit."""
+    return Inputs((*checks, Check("weights", UNCHECKED, "they can be loaded with the data only")))
+
+
+def _compared(name: str, got: str, expected: str, where: str) -> Check:
+    if got == expected:
+        return Check(name, OK, f"{where}, sha256 {expected[:12]}...")
+    return Check(name, FAILED, f"{CONFIG}: {name}: got sha256 {got}, expected {expected}, which {where} has")
+
+
+def _planner_weights(config: RunConfig, place: ModelPlace) -> list[Check]:
+    """Return what can be said of the weights of planners."""
+    checks = []
+    if config.gain_model_sha256 is not None:
+        try:
+            model = place.load_gain_model()
+            checks.append(_compared("gain model", config.gain_model_sha256, model.sha256, str(place.models or "ehar")))
+        except ModelError as error:
+            checks.append(Check("gain model", UNCHECKED, str(error)))
+    trained = [planner for planner in config.planners if planner.weights_sha256 is not None]
+    absent = []
+    for planner in trained:
+        try:
+            if not is_learned(planner.name):
+                raise UsageError("no weights are known by this name")
+            sha256 = place.load_agent(planner.name).sha256
+        except EharError as error:
+            absent.append(f"{planner.name}: {error}")
+            continue
+        if sha256 != planner.weights_sha256:
+            got = planner.weights_sha256
+            difference = f"{CONFIG}: {planner.name}: weights_sha256: got {got}, expected {sha256}, as in {place.models}"
+            return [*checks, Check("agents", FAILED, difference)]
+    if trained:
+        what = f"{len(trained)} trainings" if not absent else f"{len(absent)} of {len(trained)}: {absent[0]}"
+        checks.append(Check("agents", UNCHECKED if absent else OK, what))
+    return checks

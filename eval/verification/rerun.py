@@ -1,0 +1,269 @@
+"""Episodes of a run, run once more: is what was seen what is seen from there, and do planners go where they went?
+
+What is drawn for an episode depends on the chunk that it runs in: whole chunks are run, as in the benchmark, and all
+of their episodes are compared. On the machine and with the versions of the run all recorded digits are the same.
+Elsewhere sums may be taken in another order: without AVX and FMA, probabilities differ by up to 2e-4, and a planner
+that meets two moves which are nearly as good may take the other. Cameras are therefore kept on the recorded way: what
+is seen has to be the same in every frame, within a tolerance, and a planner's moves have to be so in most. In flight
+a body cannot be brought back to the velocity it had, which records do not hold: there a planner that goes elsewhere in
+many frames is not checked.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.errors import EharError, UsageError
+from ehar.motion import GridMotion
+from ehar.planner import Planner
+from ehar.plugins.loading import source_sha256
+from ehar.rollout import Record
+from eval.records.episodes import DIGITS, EpisodeRecords
+from eval.records.flights import KEYS, FlightRecords, record_flights
+from eval.records.run_files import EPISODES, PlannerConfig, RunConfig, planner_config
+from eval.running.choice import ModelPlace
+from eval.running.episodes import CHUNK, Episodes
+from eval.running.jobs import World, roll_chunk
+from eval.running.progress import Reporter
+from eval.verification.checks import FAILED, OK, UNCHECKED, Check
+from eval.verification.followed_way import FollowedWay
+from eval.verification.records import place
+from planners.heuristic import NoAct
+from planners.own_planner import Origin, load_own_class, make_own_planner, own_spec
+from planners.registry import is_ours, make_planner
+
+if TYPE_CHECKING:
+    from eval.running.benchmark import Setting
+
+PROBABILITY = 1e-3
+FLIGHT = 1e-2  # of peaks and effort, and no less than 1e-2 of their units
+MOVES = 0.95  # of a planner's frames, in which it has to go where it went
+
+
+def check_replay(
+    config: RunConfig,
+    records: Mapping[str, EpisodeRecords],
+    episodes: Episodes,
+    setting: "Setting",
+    models: ModelPlace,
+    *,
+    count: int,
+    seed: int,
+    reporter: Reporter,
+) -> list[Check]:
+    """Run episodes once more, and compare them with what is recorded.
+
+    Args:
+        config: of the run.
+        records: of the run.
+        episodes: of the run.
+        setting: of the run.
+        models: where gain models and agents of the run lie.
+        count: of episodes that are drawn; those that run beside them are compared too.
+        seed: of the draw.
+        reporter: hears of progress.
+
+    Raises:
+        EpisodeError: a planner broke its contract.
+        ModelError: the belief that was scored is not there.
+    """
+    belief = models.load_gain_model().belief if config.readout == "belief" else None
+    world = World(episodes, setting.recogniser, setting.sensor, config.vehicle, belief)
+    planners, left = make_again(config, models)
+    jobs = draw_jobs(list(records), len(episodes), count, np.random.default_rng(seed))
+    compared, moves = 0, {name: Moves() for name, _ in jobs if name in planners}
+    reporter.begin(len(jobs))
+    try:
+        for name, chunk in jobs:
+            of, rows = records[name], np.arange(chunk * CHUNK, min((chunk + 1) * CHUNK, len(episodes)))
+            body = world.new_motion()
+            motion = FollowedWay(body, of.viewpoint[rows])
+            # From a recorded way one sees the same, whoever chose it.
+            record = roll_chunk(world, planners.get(name) or NoAct(), chunk, motion)
+            difference = first_difference(name, of, rows, record)
+            if difference is None and name in planners and not isinstance(body, GridMotion):
+                difference = flight_difference(name, of, rows, record_flights(body.telemetry), motion.elsewhere)
+            if difference is not None:
+                return [Check("seen again", FAILED, difference)]
+            compared += len(rows)
+            if name in moves:
+                moves[name] = moves[name].after(motion.elsewhere, rows)
+            reporter.advance(name)
+    finally:
+        reporter.end()
+    seen = f"{compared} episodes of {len({name for name, _ in jobs})} planners, {count} drawn and those of their chunks"
+    return [Check("seen again", OK, seen), *check_moves(records, moves, left)]
+
+
+class Moves(NamedTuple):
+    """Of how many frames a planner's moves were compared, how many lead elsewhere, and the first, (episode, frame)."""
+
+    frames: int = 0
+    elsewhere: int = 0
+    first: tuple[int, int] | None = None
+
+    def after(self, elsewhere: BoolArray, rows: IntArray) -> "Moves":
+        """Count another chunk, (B, L), whose first frame nobody chose."""
+        first = self.first
+        if first is None and elsewhere.any():
+            episode, frame = np.argwhere(elsewhere)[0]
+            first = (int(rows[episode]), int(frame))
+        chosen = elsewhere[:, 1:]
+        return Moves(self.frames + chosen.size, self.elsewhere + int(chosen.sum()), first)
+
+
+def check_moves(
+    records: Mapping[str, EpisodeRecords], moves: Mapping[str, Moves], left: Mapping[str, str]
+) -> list[Check]:
+    """Return whether planners went where they went, and who could not be asked."""
+    checks, kept = [], []
+    for name, of in moves.items():
+        counted = f"goes elsewhere in {of.elsewhere} of {of.frames} frames"
+        if of.first is None or of.elsewhere <= (1 - MOVES) * of.frames:
+            kept.append(of)
+        elif records[name].flight is None:
+            where = place(name, records[name], *of.first)
+            what = f"{where}: {counted}, this is the first; expected the way recorded in {MOVES:.0%} of them"
+            checks.append(Check("moves again", FAILED, what))
+        else:
+            # It may be that of the planner, or all that followed from one near tie.
+            what = f"{name}: {counted}; a flight that left its way cannot be brought back to it"
+            checks.append(Check("moves again", UNCHECKED, what))
+    if kept:
+        frames, elsewhere = sum(of.frames for of in kept), sum(of.elsewhere for of in kept)
+        what = f"{frames - elsewhere} of {frames} frames of {len(kept)} planners"
+        checks.insert(0, Check("moves again", OK, what))
+    return checks + [Check("moves again", UNCHECKED, f"{name}: {reason}") for name, reason in left.items()]
+
+
+def make_again(config: RunConfig, models: ModelPlace) -> tuple[dict[str, Planner], dict[str, str]]:
+    """Return the run's planners that what is recorded suffices to make, and why the others cannot act again.
+
+    Of a planner that was given as an object only its class is known. One of a file, a module or an entry point is made
+    with its arguments, if it still stands in the file that ran.
+    """
+    made: dict[str, Planner] = {}
+    left: dict[str, str] = {}
+    for held in config.planners:
+        try:
+            planner, origin = _make_one_again(held, models)
+        except EharError as error:
+            left[held.name] = str(error)
+        else:
+            again = asdict(planner_config(planner, origin))
+            other = [
+                f"{field} {again[field]}, ran: {ran}" for field, ran in asdict(held).items() if again[field] != ran
+            ]
+            if other:
+                left[held.name] = f"not replayable, as another is made: {'; '.join(other)}"
+            else:
+                made[held.name] = planner
+    return made, left
+
+
+def _make_one_again(held: PlannerConfig, models: ModelPlace) -> tuple[Planner, Origin | None]:
+    """Return a planner, and where it comes from if it is none of ours.
+
+    Raises:
+        UsageError: it cannot be made, or its file is not the one that ran.
+        ModelError: its weights are not here.
+    """
+    spec = own_spec(held.implementation)
+    if spec is None:
+        if not is_ours(held.name):
+            raise UsageError("not replayable, as it cannot be made from its name")
+        return make_planner(held.name, models.load_gain_model, models.load_agent), None
+    try:
+        found = source_sha256(load_own_class(spec))
+        if found != held.source_sha256:
+            raise UsageError(f"its file has changed: got sha256 {found}, ran: {held.source_sha256}")
+        return make_own_planner(replace(spec, arguments=held.arguments), models.load_gain_model)
+    except UsageError as error:
+        raise UsageError(f"not replayable: {error}") from error
+
+
+def draw_jobs(names: Sequence[str], episodes: int, count: int, rng: np.random.Generator) -> list[tuple[str, int]]:
+    """Return the planners and chunks in which `count` episodes lie: even over planners, at random over the run.
+
+    Args:
+        names: of planners, at least one.
+        episodes: of each of them.
+        count: of episodes to draw; more than there are means all.
+        rng: draws.
+    """
+    drawn: dict[str, IntArray] = {}
+    for rank, index in enumerate(rng.permutation(len(names))):
+        share = count // len(names) + (rank < count % len(names))
+        drawn[names[index]] = np.unique(rng.permutation(episodes)[:share] // CHUNK)
+    return [(name, int(chunk)) for name in names for chunk in drawn[name]]
+
+
+def first_difference(name: str, recorded: EpisodeRecords, rows: IntArray, record: Record) -> str | None:
+    """Return the first frame in which something else is seen than is recorded; None where all is the same.
+
+    Args:
+        name: the planner's.
+        recorded: of all its episodes.
+        rows: (B,) those that were run once more, on the recorded way.
+        record: of these.
+    """
+    found = []
+    for rank, compared in enumerate(_compared(recorded, rows, record)):
+        if not compared.same.all():
+            at, frame = (int(index) for index in np.argwhere(~compared.same)[0])
+            found.append((at, frame, rank, compared))
+    if not found:
+        return None
+    at, frame, _, compared = min(found, key=lambda one: one[:3])
+    got, expected = compared.got[at, frame], compared.expected[at, frame]
+    return f"{place(name, recorded, int(rows[at]), frame)}: {compared.field}: got {got:.6g}, expected {expected:.6g}"
+
+
+def flight_difference(
+    name: str, recorded: EpisodeRecords, rows: IntArray, flight: FlightRecords, elsewhere: BoolArray
+) -> str | None:
+    """Return the first flight that demands something else of the vehicle than is recorded; None where all are the same.
+
+    Args:
+        name: the planner's.
+        recorded: of all its episodes.
+        rows: (B,) those that were flown once more.
+        flight: of these.
+        elsewhere: (B, L) where they left the recorded way; flights that did so are not compared.
+    """
+    if recorded.flight is None:
+        return f"{EPISODES}: {name}: got no {', '.join(KEYS)}, expected those of a flight"
+    for key in KEYS:
+        got, expected = getattr(recorded.flight, key)[rows], getattr(flight, key)
+        # A frame is at a limit or is not: one may lie on the edge.
+        slack = 1 / recorded.predicted.shape[1] if key == "limit_share" else FLIGHT * np.maximum(expected, 1)
+        off = ~(np.abs(got - expected) <= slack + 10**-DIGITS) & ~elsewhere.any(axis=1)
+        if off.any():
+            at = int(off.argmax())
+            return f"{place(name, recorded, int(rows[at]))}: {key}: got {got[at]:.6g}, expected {expected[at]:.6g}"
+    return None
+
+
+class _Compared(NamedTuple):
+    field: str
+    got: FloatArray | IntArray
+    expected: FloatArray | IntArray
+    same: BoolArray  # (B, L)
+
+
+def _compared(recorded: EpisodeRecords, rows: IntArray, record: Record) -> Iterator[_Compared]:
+    """Yield what is compared of each frame."""
+    probabilities = np.exp(record.log_probs.astype(np.float64))
+    top, predicted = probabilities.max(axis=-1), recorded.predicted[rows]
+    label = np.broadcast_to(recorded.label[rows, None], predicted.shape)
+    of_predicted, true = (
+        np.take_along_axis(probabilities, of[..., None], axis=-1)[..., 0] for of in (predicted, label)
+    )
+    # Of two classes that are nearly as probable either may be the first.
+    yield _Compared("predicted", predicted, probabilities.argmax(axis=-1), of_predicted >= top - PROBABILITY)
+    for field, expected in (("true_probability", true), ("top_probability", top)):
+        got = getattr(recorded, field)[rows]
+        yield _Compared(field, got, expected, np.abs(got - expected) <= PROBABILITY)

@@ -1,0 +1,1 @@
+"""What is learned instead: agents that imitate an oracle, or learn from reward."""

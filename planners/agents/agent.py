@@ -1,0 +1,52 @@
+"""The learned agent as a planner: one frame in, one of the 7 moves out."""
+
+import numpy as np
+import torch
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.envs.observations import shown_to_agent
+from ehar.planner import Context, Observation, Planner
+from planners.agents.inputs import AgentInputs, Inputs
+from planners.agents.network import AgentNetwork
+from planners.heading import heading
+
+
+class Agent(Planner):
+    """The paper's agent (Sec. 4): the most probable move of a learned policy.
+
+    A grid move is where it heads on every track; a vehicle, which does not make such a move within a frame, heads
+    a second that way.
+
+    Args:
+        name: il, ppo, il-ppo, ...
+        network: trained.
+        sha256: of its files, recorded beside results.
+    """
+
+    privileged = False
+
+    def __init__(self, *, name: str, network: AgentNetwork, sha256: str = "") -> None:
+        """Put the network in evaluation mode."""
+        self.name = name
+        self.network = network.eval()
+        self.sha256 = sha256
+
+    def reset(self, context: Context) -> None:
+        """Forget what was seen."""
+        self._context = context
+        self._inputs = AgentInputs()
+        self.state: FloatArray = np.empty((context.episodes, 0), dtype=np.float32)  # s_t, (B, S)
+
+    def act(self, observation: Observation) -> FloatArray:
+        """Return where the most probable moves lead, (B, 3)."""
+        inputs = self._inputs.see(shown_to_agent(observation, self._context))
+        moves, self.state = decide(self.network, inputs)
+        return heading(self._context, observation.viewpoint, moves)
+
+
+def decide(network: AgentNetwork, inputs: Inputs) -> tuple[IntArray, FloatArray]:
+    """Return the most probable moves (B,) and the states (B, S) of inputs (B, size)."""
+    with torch.inference_mode():
+        state = network.state({name: torch.from_numpy(values) for name, values in inputs.items()})
+        moves = network.logits(state).argmax(dim=1)
+    return moves.numpy(), state.numpy()

@@ -1,0 +1,217 @@
+"""How agents are trained. Without torch, so that the command line can show it at once."""
+
+import importlib.util
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal, get_args
+
+from ehar.errors import UsageError
+from ehar.processes import cores
+
+Stage = Literal["il", "ppo", "il-ppo", "dagger"]
+Teacher = Literal["oracle", "oracle-lookahead"]
+Labels = Literal["best", "soft"]
+Setting = Literal["quick", "paper"]
+Left = Literal["none", "recognition", "vision", "position"]
+STAGES: tuple[Stage, ...] = get_args(Stage)
+LEAST_LOOKAHEAD = 5  # frames of an episode in which the teacher that looks ahead is asked at all
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImitationSetting:
+    """What is imitated, and how; the defaults are the paper's, but for the number of episodes.
+
+    Args:
+        teacher: oracle tries the 7 moves on the next frame; oracle-lookahead repeats each of them for 15 frames.
+        labels: best is the teacher's best move; soft is what it found each of the 7 moves worth.
+        episodes: that are demonstrated, in all rounds together.
+        rounds: the first is the teacher's, or where it only tries moves a wanderer's; in those that follow the agent
+            cloned so far acts, and the teacher says what it should have done (DAgger). 1 is plain cloning.
+        epochs: passes over the demonstrations.
+        batch: frames of a gradient step.
+        learning_rate: at first; it falls linearly.
+        entropy: weight of the policy's entropy with soft labels, in standard deviations of a move's worth.
+    """
+
+    teacher: Teacher = "oracle"
+    labels: Labels = "best"
+    episodes: int = 1536
+    rounds: int = 1
+    epochs: int = 20
+    batch: int = 256
+    learning_rate: float = 1e-3
+    entropy: float = 0.2
+
+
+DAGGER = ImitationSetting(teacher="oracle-lookahead", labels="soft", rounds=2)
+VARIATIONS = 3  # of each sequence of the policy part, in the quick setting
+PAPER_EPISODES = 10_000  # Sec. 4.2: "10k trajectories of oracle"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PPOSetting:
+    """How the policy is optimised; the defaults were compared on validation scenarios.
+
+    Args:
+        frames: environment frames in all.
+        num_envs: episodes of a rollout.
+        epochs: passes over each rollout.
+        minibatches: of each pass.
+        learning_rate: at first; it falls linearly.
+        clip: of the probability ratio.
+        entropy: weight of the entropy bonus.
+        gamma: discount of one decision, which is held for `hold` frames.
+        gae_lambda: of the generalised advantage estimate.
+        critic_rollouts: at the beginning of a fine-tuning, in which only the critic learns.
+        hindsight: whether the critic is shown the label in training; the actor never is.
+        hold: frames for which a move that was drawn is made again and again; one frame's move alone changes too little
+            for a reward to tell which was good.
+        copies: episodes that differ in the moves only, and are rewarded relative to each other.
+    """
+
+    frames: int = 300_000
+    num_envs: int = 256
+    epochs: int = 4
+    minibatches: int = 8
+    learning_rate: float = 5e-4
+    clip: float = 0.2
+    entropy: float = 0.005
+    gamma: float = 0.8
+    gae_lambda: float = 0.9
+    critic_rollouts: int = 0
+    hindsight: bool = True
+    hold: int = 5
+    copies: int = 8
+
+
+PAPER_PPO = PPOSetting(
+    frames=10_000_000,
+    num_envs=64,
+    minibatches=4,
+    hindsight=False,
+    gamma=0.99,
+    gae_lambda=0.95,
+    hold=1,
+    copies=1,
+    critic_rollouts=3,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgentTrainingConfig:
+    """How agents are trained: without `models` for the recogniser that ships, with `out` to write to.
+
+    Stages: il clones the oracle, ppo starts from scratch, il-ppo from what il has cloned; dagger clones what moves are
+    worth, in states that it comes to itself. All train on recorded motion and on variations of it: mirrored, of other
+    pace and size. Training seeds share the demonstrations.
+
+    Args:
+        data: duo, solo, or a prepared .npz.
+        models: folder of the recogniser, and to write to.
+        out: folder to write to instead.
+        sensor: perfect (exact joints) or estimator (noisy joints).
+        views: cameras the recogniser was trained on: moving or paper.
+        length: L, frames of an episode.
+        fps: frame rate to resample to [Hz]; None keeps the data's.
+        stages: which agents, with commas between them.
+        seeds: how many training seeds, each an agent of its own.
+        without: encoder that is left out (Table 3), as in il-no-vision.
+        setting: quick, for 2 CPU cores; paper, as published, for a GPU.
+        teacher: whom il clones.
+        labels: what il clones: the best move, or each move's worth (soft).
+        rounds: of il's demonstrations; from the second on the agent acts.
+        episodes: demonstrated; None is 1,536, in paper 10,000.
+        frames: of PPO; None is 300,000, in paper 10 million.
+        variations: of each sequence; None is 3, in paper 0.
+        workers: processes; numbers do not depend on it.
+        device: of PPO's network: cpu or cuda.
+        tensorboard: folder for TensorBoard's logs.
+    """
+
+    data: str
+    models: Path | None = None
+    out: Path | None = None
+    sensor: str = "perfect"
+    views: str = "moving"
+    length: int = 60
+    fps: float | None = None
+    stages: str = ",".join(STAGES)
+    seeds: int = 1
+    without: Left = "none"
+    setting: Setting = "quick"
+    teacher: Teacher = ImitationSetting.teacher
+    labels: Labels = ImitationSetting.labels
+    rounds: int = ImitationSetting.rounds
+    episodes: int | None = None
+    frames: int | None = None
+    variations: int | None = None
+    workers: int = field(default_factory=cores)
+    device: str = "cpu"
+    tensorboard: Path | None = None
+
+    @property
+    def directory(self) -> Path:
+        """Where agents are written to.
+
+        Raises:
+            UsageError: neither `models` nor `out` says so.
+        """
+        directory = self.out or self.models
+        if directory is None:
+            raise UsageError("train agent: expected --models DIR, or --out DIR where the shipped recogniser is used")
+        return directory
+
+    @property
+    def stage_names(self) -> tuple[Stage, ...]:
+        """The stages, in the order in which they follow each other.
+
+        Raises:
+            UsageError: one is unknown.
+        """
+        named = self.stages.split(",")
+        for name in named:
+            if name not in STAGES:
+                raise UsageError(f"--stages {self.stages}: expected some of {','.join(STAGES)}, got {name!r}")
+        return tuple(stage for stage in STAGES if stage in named)
+
+    def check(self) -> None:
+        """Raise a UsageError if an option makes no sense, or asks for what is not there."""
+        _ = self.directory
+        stages = self.stage_names
+        least = {"length": 3, "seeds": 1, "workers": 1, "episodes": 1, "rounds": 1, "frames": 1, "variations": 0}
+        if any(stage != "ppo" and self.imitation(stage).teacher == "oracle-lookahead" for stage in stages):
+            least["length"] = LEAST_LOOKAHEAD
+        for name, bound in least.items():
+            value = getattr(self, name)
+            if value is not None and value < bound:
+                raise UsageError(f"--{name}: got {value}, expected at least {bound}")
+        kind = self.device.partition(":")[0]
+        if kind not in ("cpu", "cuda"):
+            raise UsageError(f"--device {self.device}: expected cpu or cuda")
+        if kind == "cuda":
+            import torch  # here, as the command line waits for this file
+
+            if not torch.cuda.is_available():
+                raise UsageError(f"--device {self.device}: expected a GPU that torch can use, got none")
+        if self.tensorboard is not None and importlib.util.find_spec("tensorboard") is None:
+            raise UsageError(f"--tensorboard {self.tensorboard}: expected TensorBoard to be installed, it is not")
+
+    def imitation(self, stage: Stage) -> ImitationSetting:
+        """How is imitated in a stage, or before it: `dagger` by its own setting, `il` and `il-ppo` as was asked for."""
+        default = ImitationSetting.episodes if self.setting == "quick" else PAPER_EPISODES
+        episodes = default if self.episodes is None else self.episodes
+        if stage == "dagger":
+            return replace(DAGGER, episodes=episodes)
+        return ImitationSetting(teacher=self.teacher, labels=self.labels, rounds=self.rounds, episodes=episodes)
+
+    @property
+    def variations_of_each(self) -> int:
+        """How many variations of each sequence are trained on beside it."""
+        default = VARIATIONS if self.setting == "quick" else 0
+        return default if self.variations is None else self.variations
+
+    @property
+    def ppo(self) -> PPOSetting:
+        """How the policy is optimised: likewise."""
+        chosen = PPOSetting() if self.setting == "quick" else PAPER_PPO
+        return chosen if self.frames is None else replace(chosen, frames=self.frames)

@@ -1,0 +1,206 @@
+"""Demonstrations: what the agent saw, and what a teacher who knows the label found its 7 moves worth."""
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import as_completed
+from dataclasses import dataclass, fields
+
+import numpy as np
+import torch
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.data.scenario import Scenarios
+from ehar.envs.observations import shown_to_agent
+from ehar.motion import GridMotion
+from ehar.planner import Context, Observation, Planner, Truth
+from ehar.processes import worker_pool
+from ehar.recogniser import Recogniser
+from ehar.rollout import Batch, rollout
+from ehar.sensors.sensor import Sensor, draw_noise
+from ehar.viewpoint import HOVER, MOVES, apply_moves, sample_starts
+from planners.agents.agent import decide
+from planners.agents.config import Teacher
+from planners.agents.inputs import POSITION, RECOGNITION, VISION, AgentInputs, Inputs
+from planners.agents.network import AgentNetwork
+from planners.oracle import frame_worth, true_log_probs, truth_of, try_moves
+from planners.value.collection import random_viewpoints
+
+EPISODES = 32  # that run in lockstep
+HORIZON = 15  # frames for which the teacher that looks ahead repeats a move
+EVERY = 5  # frames, that it looks ahead; what it finds changes slowly, and costs 7 HORIZON recognised frames
+WANDER = 0.8  # the share of its own episodes whose camera moves: the agent will come everywhere
+NEW_GOAL = 0.05  # a frame, that a wandering camera heads elsewhere
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstrations:
+    """N frames.
+
+    Args:
+        recognition: (N, ...) float16, the inputs of f^A; likewise the next two, of f^V and f^P.
+        vision: (N, ...).
+        position: (N, 4).
+        values: (N, 7), what each move is worth: the log-probability of the true label after it [nat], or with
+            foresight the sum over frames of that probability and of half a point where it is on top.
+    """
+
+    recognition: FloatArray
+    vision: FloatArray
+    position: FloatArray
+    values: FloatArray
+
+    @property
+    def inputs(self) -> Inputs:
+        """The inputs of the network."""
+        return {RECOGNITION: self.recognition, VISION: self.vision, POSITION: self.position}
+
+
+class Demonstrator(Planner):
+    """Asks the teacher at its frames, keeps what it says, and acts: as the agent does, or without one as the teacher.
+
+    Args:
+        teacher: whom to ask.
+        agent: who acts (DAgger, Ross et al. 2011); None leaves it to the teacher. The one that looks ahead asks
+            for moves and makes none, so a wanderer acts in its stead.
+    """
+
+    name = "demonstrator"
+    privileged = True
+
+    def __init__(self, *, teacher: Teacher, agent: AgentNetwork | None) -> None:
+        """Create the planner."""
+        self.teacher = teacher
+        self.agent = agent
+
+    def reset(self, context: Context) -> None:
+        """Forget everything, and draw who wanders."""
+        self._context = context
+        self._inputs = AgentInputs()
+        self._wanders = context.rng.random(context.episodes) < WANDER
+        self._goal = random_viewpoints(context.rng, (context.episodes,), context.workspace)
+        self.inputs: list[Inputs] = []
+        self.values: list[FloatArray] = []
+
+    def act(self, observation: Observation) -> FloatArray:
+        """Ask, keep, and act."""
+        inputs = self._inputs.see(shown_to_agent(observation, self._context))
+        best = self._ask(observation, inputs)
+        if self.agent is not None:
+            best, _ = decide(self.agent, inputs)
+        elif self.teacher == "oracle-lookahead":
+            return self._wander(observation)
+        return apply_moves(observation.viewpoint, best, self._context.workspace)
+
+    def _ask(self, observation: Observation, inputs: Inputs) -> IntArray:
+        """Keep what the teacher says of a frame, if it is one of its frames, and return its best moves (B,)."""
+        truth = truth_of(self, observation)
+        if self.teacher == "oracle":
+            _, log_probs, best, _ = try_moves(
+                truth, truth.state, observation.frame + 1, observation.viewpoint, self._context.workspace
+            )
+            values = true_log_probs(log_probs, truth)
+        elif observation.frame % EVERY == EVERY // 2 and observation.frame < observation.length - 2:
+            values = look_ahead(truth, observation, self._context)
+            best = values.argmax(axis=1)
+        else:
+            return np.full(len(observation.viewpoint), HOVER)
+        self.inputs.append(inputs)
+        self.values.append(values)
+        return best
+
+    def _wander(self, observation: Observation) -> FloatArray:
+        rng = self._context.rng
+        anew = rng.random(len(self._goal)) < NEW_GOAL
+        goals = random_viewpoints(rng, anew.shape, self._context.workspace)
+        self._goal = np.where(anew[:, None], goals, self._goal)
+        return np.where(self._wanders[:, None], self._goal, observation.viewpoint)
+
+
+def look_ahead(truth: Truth, observation: Observation, context: Context) -> FloatArray:
+    """Return what repeating each move for `HORIZON` frames, or to the end, is worth: (B, 7), a sum over frames."""
+    episodes = len(truth.labels)
+    moves = np.broadcast_to(np.arange(len(MOVES)), (episodes, len(MOVES)))
+    viewpoint = np.repeat(observation.viewpoint[:, None], len(MOVES), axis=1)
+    state = truth.state.fork(len(MOVES))
+    values = np.zeros((episodes, len(MOVES)))
+    for step in range(min(HORIZON, observation.length - 1 - observation.frame)):
+        viewpoint = apply_moves(viewpoint, moves, context.workspace)
+        sensed = truth.sense(observation.frame + 1 + step, viewpoint)
+        recognition, state = truth.recogniser.step(state, sensed, viewpoint)
+        values += frame_worth(recognition.log_probs, truth, on_top=0.5)
+    return values
+
+
+@dataclass(frozen=True, eq=False)
+class DemonstrationTask:
+    """What is needed to run batches of demonstrated episodes.
+
+    Args:
+        scenarios: what episodes are drawn from.
+        recogniser: trained.
+        sensor: that it was trained with.
+        teacher: whom to ask.
+        agent: who acts; None leaves it to the teacher.
+        seed: of everything drawn.
+    """
+
+    scenarios: Scenarios
+    recogniser: Recogniser
+    sensor: Sensor
+    teacher: Teacher
+    agent: AgentNetwork | None
+    seed: tuple[int, ...]
+
+
+def demonstrate(
+    task: DemonstrationTask, batches: Sequence[int], *, workers: int = 1
+) -> Iterator[tuple[int, Demonstrations]]:
+    """Run batches of episodes and yield each as it is done; the same numbers with any number of workers."""
+    if workers == 1 or len(batches) < 2:
+        for batch in batches:
+            yield batch, demonstrate_batch(task, batch)
+        return
+    with worker_pool(min(workers, len(batches))) as pool:
+        futures = {pool.submit(demonstrate_batch, task, batch): batch for batch in batches}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+
+
+def demonstrate_batch(task: DemonstrationTask, index: int) -> Demonstrations:
+    """Run one batch of episodes; what is drawn depends on the seed and its index only."""
+    torch.set_num_threads(1)
+    rng = np.random.default_rng([*task.seed, index])
+    scenarios, data = task.scenarios, task.scenarios.data
+    chosen = rng.integers(len(scenarios), size=EPISODES)
+    batch = Batch(
+        positions=scenarios.positions(chosen),
+        labels=scenarios.labels[chosen],
+        starts=sample_starts(rng, EPISODES),
+        noise=draw_noise(rng, (EPISODES, scenarios.length), data.persons, len(data.skeleton.joint_names)),
+        names=tuple(data.sequence_names[sequence] for sequence in scenarios.sequence[chosen]),
+    )
+    motion = GridMotion()
+    context = Context(
+        episodes=EPISODES,
+        length=scenarios.length,
+        frame_time=1 / data.fps,
+        class_names=data.class_names,
+        skeleton=data.skeleton,
+        workspace=motion.workspace,
+        track="ideal",
+        rng=rng,
+    )
+    demonstrator = Demonstrator(teacher=task.teacher, agent=task.agent)
+    rollout(demonstrator, batch, task.recogniser, task.sensor, motion, context)
+    inputs = {name: np.concatenate([seen[name] for seen in demonstrator.inputs]) for name in demonstrator.inputs[0]}
+    kept = {name: values.astype(np.float16) for name, values in inputs.items()}  # 10,000 episodes are half a gigabyte
+    return Demonstrations(**kept, values=np.concatenate(demonstrator.values))
+
+
+def join(pieces: Sequence[Demonstrations]) -> Demonstrations:
+    """Return demonstrations as one."""
+    return Demonstrations(
+        **{
+            name.name: np.concatenate([getattr(piece, name.name) for piece in pieces])
+            for name in fields(Demonstrations)
+        }
+    )

@@ -1,0 +1,81 @@
+"""Imitation learning: behaviour cloning of demonstrations (Sec. 4.2), from best moves or from what all 7 are worth."""
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from ehar.errors import ModelError
+from planners.agents.config import ImitationSetting
+from planners.agents.demonstrations import Demonstrations
+from planners.agents.network import AgentNetwork
+from recognition.torch_threads import one_torch_thread
+
+
+@one_torch_thread()
+def clone(
+    network: AgentNetwork, demonstrations: Demonstrations, setting: ImitationSetting, *, seed: int
+) -> list[dict[str, float]]:
+    r"""Train a network's policy on demonstrations, in place; the critic is left as it is.
+
+    With best moves the loss is their cross-entropy, the standard one. With soft labels it is what the policy
+    :math:`\pi` expects to lose, :math:`-\sum_a \pi(a | s) (v_a - \bar{v}) / \sigma - \eta H(\pi)`, with values
+    v over moves a, their standard deviation :math:`\sigma` over all demonstrations, and a weight :math:`\eta` of the
+    entropy H. A teacher who knows the label does what it likes where the moves differ little; this loss counts a frame
+    by how much they do. Its minimum is the softmax of the expected values, so what the teacher knows and the agent
+    cannot is averaged over, not imitated.
+
+    Args:
+        network: trained in place.
+        demonstrations: N frames.
+        setting: how.
+        seed: of the order of the frames.
+
+    Returns:
+        of each epoch the mean loss, and how often the policy's best move is the teacher's.
+
+    Raises:
+        ModelError: a demonstration or the loss is not finite; the message names the step.
+    """
+    inputs = {name: torch.from_numpy(values).float() for name, values in demonstrations.inputs.items()}
+    values = torch.from_numpy(demonstrations.values).float()
+    best = values.argmax(dim=1)
+    advantage = values - values.mean(dim=1, keepdim=True)
+    advantage = advantage / advantage.std().clamp(min=1e-9)
+    weights = [weight for name, weight in network.named_parameters() if not name.startswith("critic.")]
+    optimiser = torch.optim.AdamW(weights, lr=setting.learning_rate)
+    order = np.random.default_rng(seed)
+    network.train()
+    per_epoch = max(1, len(values) // setting.batch)
+    history = []
+    for epoch in range(setting.epochs):
+        frames = torch.from_numpy(order.permutation(len(values)))
+        losses, agreed = [], []
+        for i, rows in enumerate(frames.tensor_split(per_epoch)):
+            step = epoch * per_epoch + i
+            for group in optimiser.param_groups:
+                group["lr"] = setting.learning_rate * (1 - step / (setting.epochs * per_epoch))
+            logits = network.logits(network.state({name: seen[rows] for name, seen in inputs.items()}))
+            if setting.labels == "best":
+                loss = functional.cross_entropy(logits, best[rows])
+            else:
+                loss = expected_loss(logits, advantage[rows], setting.entropy)
+            if not bool(values[rows].isfinite().all()):  # the best of them would be the one that is none
+                raise ModelError(f"imitation: expected finite worths of moves, got others at step {step}")
+            if not bool(loss.isfinite()):
+                raise ModelError(f"imitation: the loss is {float(loss.detach())} at step {step}: expected a finite one")
+            optimiser.zero_grad(set_to_none=True)
+            loss.backward()  # type: ignore[no-untyped-call]
+            optimiser.step()
+            losses.append(float(loss.detach()))
+            agreed.append(float((logits.argmax(dim=1) == best[rows]).float().mean()))
+        history.append({"loss": float(np.mean(losses)), "agreement": float(np.mean(agreed))})
+    network.eval()
+    return history
+
+
+def expected_loss(logits: Tensor, advantage: Tensor, entropy: float) -> Tensor:
+    """Return what a policy with logits (B, 7) expects to lose of advantages (B, 7), less its weighted entropy."""
+    log_policy = torch.log_softmax(logits, dim=1)
+    loss: Tensor = (log_policy.exp() * (entropy * log_policy - advantage)).sum(dim=1).mean()
+    return loss

@@ -1,0 +1,84 @@
+"""What the agent's three encoders are given: the recognition so far, the present joints, the position (Sec. 4.1).
+
+All of it follows from one frame and a running sum, so an agent streams: nothing of the past is computed anew.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.envs.observations import Observations
+
+RECOGNITION, VISION, POSITION = "recognition", "vision", "position"
+ENCODED = (RECOGNITION, VISION, POSITION)  # f^A, f^V and f^P
+LEAST_LOG_PROB = -8.0  # below it, how improbable a class is says nothing more
+
+Inputs = dict[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class InputSizes:
+    """The numbers that each encoder takes.
+
+    Args:
+        recognition: 2 D + K + 1: embedding, its mean over the frames so far, log-probabilities, observation ratio.
+        vision: P (3 J + 4): a person's joints, their confidence, where the person is and how large.
+        position: 4, the azimuth as sine and cosine.
+    """
+
+    recognition: int
+    vision: int
+    position: int = 4
+
+    @staticmethod
+    def of(*, persons: int, joints: int, classes: int, embedding: int) -> "InputSizes":
+        """Return the sizes for P persons of J joints, K classes and embeddings of D numbers."""
+        return InputSizes(recognition=2 * embedding + classes + 1, vision=persons * (3 * joints + 4))
+
+
+class AgentInputs:
+    """Turns what is shown of each frame into what the encoders take, for B episodes in lockstep.
+
+    f^A is a function of all embeddings so far, e_0 to e_t: it is given the last, which is itself pooled over time,
+    and the running mean, from which the last differs by what is new.
+    """
+
+    def __init__(self) -> None:
+        """Create the memory of episodes of which nothing has been seen."""
+        self._total: FloatArray | None = None
+        self._frames = 0
+
+    def see(self, shown: Observations) -> Inputs:
+        """Return the inputs after one more frame, each (B, size) in float32.
+
+        Args:
+            shown: of that frame, as `ehar.envs.observations.shown` returns it.
+        """
+        embedding = shown["embedding"].astype(np.float64)
+        self._total = embedding if self._total is None else self._total + embedding
+        self._frames += 1
+        log_probs = np.maximum(np.log(np.maximum(shown["probabilities"], 1e-12)), LEAST_LOG_PROB)
+        recognition = [embedding, self._total / self._frames, log_probs, shown["ratio"]]
+        return {
+            RECOGNITION: np.concatenate(recognition, axis=1).astype(np.float32),
+            VISION: _bodies(shown["joints"], shown["confidence"]),
+            POSITION: shown["viewpoint"],
+        }
+
+
+def _bodies(joints: FloatArray, confidence: FloatArray) -> FloatArray:
+    """Return each person's shape, free of place and size, and place, size and share of seen joints beside it.
+
+    Args:
+        joints: (B, P, J, 2).
+        confidence: (B, P, J), 0 where a joint is missing.
+    """
+    seen = (confidence > 0)[..., None]
+    count = np.maximum(seen.sum(axis=2, keepdims=True), 1)
+    place = (joints * seen).sum(axis=2, keepdims=True) / count
+    within = (joints - place) * seen
+    size = np.sqrt((within**2).sum(axis=(2, 3), keepdims=True) / count) + 1e-3
+    episodes = len(joints)
+    pieces = [within / size, confidence, place, np.log(size), seen.mean(axis=2)]
+    return np.concatenate([piece.reshape(episodes, -1) for piece in pieces], axis=1).astype(np.float32)

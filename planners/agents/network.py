@@ -1,0 +1,92 @@
+"""The agent's network (Fig. 4): encoders f^A, f^V and f^P, the state encoder f^S over them, an actor and a critic."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from ehar.errors import ModelError
+from ehar.viewpoint import MOVES
+from planners.agents.inputs import ENCODED, RECOGNITION, InputSizes
+
+WIDTH = 96  # of each encoder
+STATE = 128  # S, of the state s_t
+
+
+@dataclass(frozen=True)
+class AgentSpec:
+    """What a network is built for.
+
+    Args:
+        sizes: of its inputs.
+        without: encoders that are left out (Table 3).
+        hindsight: numbers that the critic is shown in training beside the state; none plays a part in acting.
+
+    Raises:
+        ModelError: a size is not positive, hindsight is negative, or an encoder is unknown or none is left.
+    """
+
+    sizes: InputSizes
+    without: tuple[str, ...] = ()
+    hindsight: int = 0
+
+    def __post_init__(self) -> None:
+        """Check it."""
+        if min(vars(self.sizes).values()) < 1 or self.hindsight < 0:
+            raise ModelError(f"agent: expected sizes of at least 1, got {self.sizes}, hindsight {self.hindsight}")
+        if not set(self.without) <= set(ENCODED) or not self.encoded:
+            raise ModelError(f"agent: without: expected some of {', '.join(ENCODED)} but not all, got {self.without}")
+
+    @property
+    def encoded(self) -> tuple[str, ...]:
+        """The inputs that the network takes."""
+        return tuple(name for name in ENCODED if name not in self.without)
+
+
+class AgentNetwork(nn.Module):
+    """Policy over the 7 moves, and value, of inputs as `AgentInputs` makes them.
+
+    Args:
+        spec: what it is built for.
+        seed: of the initial weights.
+    """
+
+    def __init__(self, spec: AgentSpec, *, seed: int = 0) -> None:
+        """Create the network; its first policy is nearly uniform."""
+        super().__init__()
+        self.spec = spec
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            self.encoders = nn.ModuleDict(
+                {name: _encoder(getattr(spec.sizes, name), name == RECOGNITION) for name in spec.encoded}
+            )
+            self.state_encoder = nn.Sequential(nn.Linear(WIDTH * len(spec.encoded), STATE), nn.ReLU())
+            self.actor = nn.Linear(STATE, len(MOVES))
+            self.critic = nn.Sequential(nn.Linear(STATE + spec.hindsight, 64), nn.ReLU(), nn.Linear(64, 1))
+            with torch.no_grad():
+                self.actor.weight.mul_(0.01)
+                self.actor.bias.zero_()
+
+    def state(self, inputs: Mapping[str, Tensor]) -> Tensor:
+        """Return s_t (B, S) of inputs (B, size)."""
+        encoded = [self.encoders[name](inputs[name]) for name in self.spec.encoded]
+        state: Tensor = self.state_encoder(torch.cat(encoded, dim=1))
+        return state
+
+    def logits(self, state: Tensor) -> Tensor:
+        """Return the unnormalised log-probabilities (B, 7) of the moves."""
+        logits: Tensor = self.actor(state)
+        return logits
+
+    def value(self, state: Tensor, hindsight: Tensor | None = None) -> Tensor:
+        """Return the value (B,) of states (B, S), where the spec has it with hindsight (B, hindsight)."""
+        seen = state if hindsight is None else torch.cat([state, hindsight], dim=1)
+        value: Tensor = self.critic(seen)[:, 0]
+        return value
+
+
+def _encoder(inputs: int, normalised: bool) -> nn.Sequential:
+    """Return an encoder to `WIDTH` numbers; embeddings, whose scale differs between recognisers, are normalised."""
+    layers: list[nn.Module] = [nn.LayerNorm(inputs)] if normalised else []
+    return nn.Sequential(*layers, nn.Linear(inputs, WIDTH), nn.ReLU(), nn.Linear(WIDTH, WIDTH), nn.ReLU())

@@ -1,0 +1,241 @@
+"""Proximal policy optimisation of the agent (Sec. 4.2), by stable-baselines3, on the natively batched environment.
+
+One rollout is one batch of whole episodes. Everything that is drawn in it follows from the seed and its number, so a
+run that was stopped ends as one that ran through.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger, configure
+
+from ehar.errors import ModelError
+from planners.agents.config import PPOSetting
+from planners.agents.episode_groups import MakeEnv
+from planners.agents.network import AgentNetwork
+from planners.agents.policy import AgentPolicy
+from planners.agents.vector_env import AgentVecEnv
+
+DIAGNOSTICS = {  # of each rollout, by the names that people know, and what stable-baselines3 logs them as
+    "return": "rollout/ep_rew_mean",
+    "entropy": "train/entropy_loss",
+    "approx_kl": "train/approx_kl",
+    "clip_fraction": "train/clip_fraction",
+    "explained_variance": "train/explained_variance",
+    "policy_loss": "train/policy_gradient_loss",
+    "value_loss": "train/value_loss",
+}
+
+
+@dataclass
+class PPOProgress:
+    """Where a run stands: all that the rollouts to come depend on.
+
+    Args:
+        network: its weights are trained in place.
+        rollouts: that are done.
+        optimiser: the state of Adam; None before the first rollout.
+        history: the diagnostics of each rollout.
+        frames_per_s: of the environment, since this process began; kept with nothing, as it decides nothing.
+    """
+
+    network: AgentNetwork
+    rollouts: int = 0
+    optimiser: dict[str, Any] | None = None
+    history: list[dict[str, float]] = field(default_factory=list)
+    frames_per_s: float = 0.0
+
+
+def train_ppo(
+    progress: PPOProgress,
+    make_env: MakeEnv,
+    *,
+    moves: int,
+    setting: PPOSetting,
+    seed: int,
+    fine_tune: bool,
+    keep: Callable[[PPOProgress], None],
+    workers: int = 0,
+    device: str = "cpu",
+    tensorboard: str | None = None,
+) -> None:
+    """Train the network of `progress` on, until the setting's frames are done.
+
+    Args:
+        progress: where to begin.
+        make_env: makes a natively batched environment of so many episodes.
+        moves: in an episode, L - 1.
+        setting: how.
+        seed: of episodes, moves and minibatches.
+        fine_tune: whether the policy has been cloned before: its critic, which has not, then learns first.
+        keep: handed the progress after every rollout; its tensors change with the next one.
+        workers: processes that environments run in; 0 runs them here.
+        device: a torch device.
+        tensorboard: a folder for TensorBoard's logs, where it is installed.
+
+    Raises:
+        ModelError: a loss or a weight is not finite, and what was kept before stays; or TensorBoard is not installed.
+    """
+    if progress.rollouts >= rollouts_of(setting, moves):
+        return
+    logger = _logger(tensorboard)
+    env = AgentVecEnv(
+        make_env,
+        num_envs=setting.num_envs,
+        seed=seed,
+        first=progress.rollouts,
+        hold=setting.hold,
+        workers=workers,
+    )
+    try:
+        with _global_numpy_state():
+            _learn(
+                progress,
+                env,
+                moves=moves,
+                setting=setting,
+                seed=seed,
+                critic_rollouts=setting.critic_rollouts if fine_tune else 0,
+                keep=keep,
+                device=device,
+                logger=logger,
+            )
+    finally:
+        progress.network.requires_grad_(True)
+        env.close()
+
+
+def _learn(
+    progress: PPOProgress,
+    env: AgentVecEnv,
+    *,
+    moves: int,
+    setting: PPOSetting,
+    seed: int,
+    critic_rollouts: int,
+    keep: Callable[[PPOProgress], None],
+    device: str,
+    logger: Logger,
+) -> None:
+    """Let stable-baselines3 go on from the progress."""
+    steps = math.ceil(moves / setting.hold)  # each holds its move for several frames
+    per_rollout = steps * setting.num_envs
+    total = rollouts_of(setting, moves) * per_rollout
+    generator = torch.Generator(device)
+    progress.network.to(device)
+    model = PPO(
+        AgentPolicy,
+        env,
+        # What remains is counted after a rollout: that of the last is none, and it is to be learned from too.
+        learning_rate=lambda remaining: setting.learning_rate * min(1.0, remaining + per_rollout / total),
+        n_steps=steps,
+        batch_size=max(2, math.ceil(per_rollout / setting.minibatches)),  # of one, no advantage can be normalised
+        n_epochs=setting.epochs,
+        gamma=setting.gamma,
+        gae_lambda=setting.gae_lambda,
+        clip_range=setting.clip,
+        ent_coef=setting.entropy,
+        stats_window_size=setting.num_envs,  # the return of this rollout, not of those before
+        policy_kwargs={"network": progress.network, "generator": generator},
+        device=device,
+    )
+    if progress.optimiser is not None:
+        model.policy.optimizer.load_state_dict(progress.optimiser)
+    model.num_timesteps = progress.rollouts * per_rollout
+    model.set_logger(logger)
+    callback = _Rollouts(progress, keep, seed, critic_rollouts, frames=moves * setting.num_envs)
+    model.learn(total - model.num_timesteps, callback=callback, reset_num_timesteps=False)
+
+
+def rollouts_of(setting: PPOSetting, moves: int) -> int:
+    """Return how many rollouts of episodes of so many moves make up the setting's frames."""
+    return max(1, round(setting.frames / (moves * setting.num_envs)))
+
+
+def diagnostics_line(progress: PPOProgress, total: int) -> str:
+    """Return what is shown of the last rollout, of so many."""
+    shown = ", ".join(f"{name} {value:.3g}" for name, value in progress.history[-1].items())
+    return f"rollout {progress.rollouts} of {total}: {shown}, {progress.frames_per_s:,.0f} frames/s"
+
+
+class _Rollouts(BaseCallback):
+    """Seeds each rollout, and keeps what the one before it has led to."""
+
+    def __init__(
+        self, progress: PPOProgress, keep: Callable[[PPOProgress], None], seed: int, critic_rollouts: int, frames: int
+    ) -> None:
+        super().__init__()
+        self.progress, self.keep, self.seed, self.critic_rollouts = progress, keep, seed, critic_rollouts
+        self.frames, self.first, self.begin = frames, progress.rollouts, time.perf_counter()
+
+    def _on_rollout_start(self) -> None:
+        """Note the update that has just ended, and begin the next rollout."""
+        if self._updated():
+            self._note()
+        rollout = self.progress.rollouts
+        entropy = np.random.SeedSequence([self.seed, rollout]).generate_state(2)
+        policy = self.model.policy
+        assert isinstance(policy, AgentPolicy)
+        policy.generator.manual_seed(int(entropy[0]))
+        np.random.seed(int(entropy[1]))  # noqa: NPY002  stable-baselines3 shuffles its minibatches with it
+        critic_only = rollout < self.critic_rollouts
+        for name, parameter in policy.network.named_parameters():
+            parameter.requires_grad_(name.startswith("critic.") or not critic_only)
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_training_end(self) -> None:
+        self._note()
+
+    def _updated(self) -> bool:
+        """Return whether a rollout has ended in an update that was not noted yet."""
+        per_rollout = self.model.n_steps * self.training_env.num_envs  # type: ignore[attr-defined]
+        return bool(self.model.num_timesteps // per_rollout > self.progress.rollouts)
+
+    def _note(self) -> None:
+        """Take the diagnostics over and keep the progress, unless something is not finite."""
+        rollout = self.progress.rollouts + 1
+        logged = self.logger.name_to_value
+        loss = float(logged.get("train/loss", 0.0))
+        network = self.progress.network
+        if not math.isfinite(loss) or not all(bool(weight.isfinite().all()) for weight in network.parameters()):
+            raise ModelError(f"PPO: the loss is {loss} in update {rollout}: expected a finite one")
+        diagnostics = {name: float(logged.get(key, math.nan)) for name, key in DIAGNOSTICS.items()}
+        diagnostics["entropy"] *= -1  # logged as a loss
+        episodes = self.model.ep_info_buffer or ()
+        diagnostics["return"] = float(np.mean([episode["r"] for episode in episodes]))
+        self.progress.history = [*self.progress.history, diagnostics]
+        self.progress.rollouts = rollout
+        seconds = time.perf_counter() - self.begin
+        self.progress.frames_per_s = (rollout - self.first) * self.frames / seconds
+        self.progress.optimiser = self.model.policy.optimizer.state_dict()
+        self.keep(self.progress)
+
+
+def _logger(tensorboard: str | None) -> Logger:
+    """Return a logger that prints nothing, and writes for TensorBoard where it is wanted and installed."""
+    if tensorboard is None:
+        return Logger(folder=None, output_formats=[])
+    try:
+        return configure(tensorboard, ["tensorboard"])
+    except (ImportError, AssertionError) as error:
+        raise ModelError(f"{tensorboard}: expected TensorBoard to be installed, got: {error}") from error
+
+
+@contextmanager
+def _global_numpy_state() -> Iterator[None]:
+    """Give numpy's global random state back as it was found."""
+    before = np.random.get_state()  # noqa: NPY002
+    try:
+        yield
+    finally:
+        np.random.set_state(before)  # noqa: NPY002

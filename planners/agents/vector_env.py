@@ -1,0 +1,131 @@
+"""The natively batched environment as stable-baselines3 wants it: a VecEnv that shows the agent's inputs."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
+
+from ehar.arrays import BoolArray, IntArray
+from ehar.envs.environment import EpisodeVectorEnv
+from ehar.errors import UsageError
+from planners.agents.episode_groups import GROUP, HINDSIGHT, GroupSetting, MakeEnv, Seen
+from planners.agents.group_workers import GroupsHere, GroupsThere
+from planners.agents.inputs import Inputs, InputSizes
+
+
+class AgentVecEnv(VecEnv):
+    """Groups of environments in lockstep, here or in worker processes.
+
+    Rewards are those of Eq. 1, relative to an episode's copies where there are any; the returns in `infos` are not.
+    As stable-baselines3 expects, an episode's end is followed by the next one's first frame in the same step; the
+    last frame's inputs are in `terminal_observation`. Nothing is ever truncated.
+
+    Args:
+        make_env: makes a natively batched environment of so many episodes.
+        num_envs: episodes at a time, 1 to `GROUP` or a multiple of it.
+        seed: of all that is drawn.
+        first: the number of the first batch of episodes: what follows does not depend on those before.
+        hold: frames for which each move is made again and again.
+        workers: processes beside this one; 0 runs everything here.
+
+    Raises:
+        UsageError: the number of environments is not as described.
+        EpisodeError: a worker process has ended; any error in one is raised here.
+    """
+
+    render_mode = None
+
+    def __init__(
+        self, make_env: MakeEnv, *, num_envs: int, seed: int, first: int = 0, hold: int = 1, workers: int = 0
+    ) -> None:
+        """Create the environments."""
+        size = min(GROUP, num_envs)
+        if num_envs < 1 or num_envs % size:
+            raise UsageError(f"environments: expected 1 to {GROUP}, or a multiple of {GROUP}, got {num_envs}")
+        groups = [GroupSetting(size, (seed, group), first, hold) for group in range(num_envs // size)]
+        probe = make_env(1)
+        super().__init__(num_envs, _input_space(probe), probe.single_action_space)
+        parts = np.array_split(np.arange(len(groups)), max(1, min(workers, len(groups))))
+        shares = [[groups[group] for group in part] for part in parts]
+        self._shares = [GroupsThere(make_env, share) if workers else GroupsHere(make_env, share) for share in shares]
+        self._ends = np.cumsum([len(share) * size for share in shares])[:-1]
+        self._returns = np.zeros(num_envs)
+        self._frames = 0
+
+    def reset(self) -> VecEnvObs:
+        """Begin episodes."""
+        self._returns[:], self._frames = 0, 0
+        for share in self._shares:
+            share.send(None)
+        return _joined([seen for share in self._shares for seen in share.receive()])
+
+    def step_async(self, actions: IntArray) -> None:
+        """Send moves (num_envs,) out."""
+        for share, moves in zip(self._shares, np.split(np.asarray(actions), self._ends), strict=True):
+            share.send(moves)
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Wait for the next frame of all environments."""
+        seen: list[Seen] = [one for share in self._shares for one in share.receive()]
+        rewards = np.concatenate([one.relative for one in seen])
+        self._returns += np.concatenate([one.rewards for one in seen])
+        self._frames += 1
+        over = seen[0].over
+        dones: BoolArray = np.full(self.num_envs, over)
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if over:
+            last = _joined([one.last for one in seen if one.last is not None])
+            for i, info in enumerate(infos):
+                info["terminal_observation"] = {name: values[i] for name, values in last.items()}
+                info["episode"] = {"r": float(self._returns[i]), "l": self._frames}
+            self._returns[:], self._frames = 0, 0
+        return _joined([one.inputs for one in seen]), rewards.astype(np.float32), dones, infos
+
+    def close(self) -> None:
+        """End the worker processes."""
+        for share in self._shares:
+            share.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """Return an attribute of this object for each environment; there are no objects behind them.
+
+        Raises:
+            AttributeError: there is none of that name, as `has_attr` wants to know.
+        """
+        return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Refuse: environments have no objects of their own."""
+        raise UsageError(f"set_attr {attr_name!r}: environments of a batch cannot be changed one by one")
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Refuse: environments have no objects of their own."""
+        raise UsageError(f"env_method {method_name!r}: environments of a batch cannot be called one by one")
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:
+        """Return False for each environment."""
+        return [False] * len(list(self._get_indices(indices)))
+
+
+def _joined(pieces: Sequence[Inputs]) -> Inputs:
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+
+
+def _input_space(env: EpisodeVectorEnv) -> spaces.Dict:
+    """Return the space of one environment's inputs."""
+    shown = env.single_observation_space
+    assert isinstance(shown, spaces.Dict)
+    persons, joints = shown["confidence"].shape or (0, 0)
+    (classes,), (embedding,) = shown["probabilities"].shape or (0,), shown["embedding"].shape or (0,)
+    sizes = InputSizes.of(persons=persons, joints=joints, classes=classes, embedding=embedding)
+    return spaces.Dict(
+        {
+            name: spaces.Box(-np.inf, np.inf, (size,), np.float32)
+            for name, size in (*vars(sizes).items(), (HINDSIGHT, classes + 2))
+        }
+    )

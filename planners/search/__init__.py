@@ -1,0 +1,1 @@
+"""Where to go for it: search over views, and optimal control over trajectories."""

@@ -1,0 +1,86 @@
+"""Where a solver starts from: smooth trajectories to several goals, and the previous solution moved on in time."""
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, wrap_difference
+from planners.search.task import Trajectory, TrajectoryTask
+
+# The peaks of a quintic from rest to rest over unit distance and time.
+PEAK_VELOCITY, PEAK_ACCELERATION, PEAK_JERK = 15 / 8, 10 / np.sqrt(3), 60.0
+
+
+def trajectories_to(goals: FloatArray, task: TrajectoryTask) -> Trajectory:
+    """Return a trajectory from the present state to rest at each of the goals (G, 3), the short way round.
+
+    Each is the quintic in time that matches position, velocity and acceleration at both ends. It takes about as long
+    as the limits ask for, and stands still afterwards; where that is longer than the horizon, it is cut off. A guess:
+    it may exceed limits.
+    """
+    way = goals - task.position
+    way[:, AZIMUTH] = wrap_difference(way[:, AZIMUTH])
+    duration = _duration(way, task)[:, None, None]
+    times = np.minimum(np.arange(task.horizon + 1)[:, None] * task.node_time, duration)
+    share = times / duration
+    # Coefficients of the quintic in `share`, from both ends' conditions.
+    first, second = task.velocity * duration, task.acceleration * duration**2 / 2
+    way = way[:, None]
+    third = 10 * way - 6 * first - 3 * second
+    fourth = -15 * way + 8 * first + 3 * second
+    fifth = 6 * way - 3 * first - second
+    position = task.position + share * (first + share * (second + share * (third + share * (fourth + share * fifth))))
+    velocity = first + share * (2 * second + share * (3 * third + share * (4 * fourth + share * 5 * fifth)))
+    acceleration = 2 * second + share * (6 * third + share * (12 * fourth + share * 20 * fifth))
+    acceleration = acceleration / duration**2
+    workspace = task.workspace
+    position[..., DISTANCE] = position[..., DISTANCE].clip(workspace.distance_min, workspace.distance_max)
+    position[..., POLAR] = position[..., POLAR].clip(workspace.polar_min, workspace.polar_max)
+    return Trajectory(position, velocity / duration, acceleration, np.diff(acceleration, axis=1) / task.node_time)
+
+
+def _duration(way: FloatArray, task: TrajectoryTask) -> FloatArray:
+    """Return how long (G,) [s] quintics take for ways (G, 3) within the limits, at least two nodes."""
+    limits, far = task.limits, task.workspace.distance_max
+    along = np.abs(way)
+    path = np.linalg.norm(way * np.array([1.0, far, far]), axis=1)
+    stopping = 2 * np.abs(task.velocity) / limits.acceleration
+    duration: FloatArray = np.max(
+        [
+            PEAK_VELOCITY * along / limits.velocity,
+            np.sqrt(PEAK_ACCELERATION * along / limits.acceleration),
+            np.cbrt(PEAK_JERK * along / limits.jerk),
+            np.broadcast_to(stopping, along.shape),
+        ],
+        axis=(0, 2),
+    )
+    if limits.shared:
+        duration = np.maximum(duration, PEAK_VELOCITY * np.linalg.norm(along / limits.velocity, axis=1))
+    at_least: FloatArray = np.maximum(PEAK_VELOCITY * path / limits.speed, 2 * task.node_time)
+    return np.maximum(duration, at_least)
+
+
+def moved_on(trajectory: Trajectory, elapsed: float, task: TrajectoryTask) -> Trajectory:
+    """Return a trajectory as it looks `elapsed` seconds later, standing still once its end is passed.
+
+    The azimuth is unwrapped as the task's is, so that the present one may have been wrapped in between.
+    """
+    times = elapsed + np.arange(task.horizon + 1) * task.node_time
+    node = np.minimum((times / task.node_time + 1e-9).astype(int), task.horizon)
+    after = (times - node * task.node_time)[:, None]
+    # The last node: no velocity and no acceleration any more.
+    ended = (node == task.horizon)[:, None]
+    velocity, acceleration = (np.where(ended, 0.0, of[node]) for of in (trajectory.velocity, trajectory.acceleration))
+    jerk = np.vstack([trajectory.jerk, np.zeros(3)])[node]
+    position = trajectory.position[node] + after * (velocity + after * (acceleration / 2 + after * jerk / 6))
+    velocity = velocity + after * (acceleration + after * jerk / 2)
+    acceleration = acceleration + after * jerk
+    turns = np.rint((task.position[AZIMUTH] - position[0, AZIMUTH]) / (2 * np.pi))
+    position[:, AZIMUTH] += 2 * np.pi * turns
+    return Trajectory(position, velocity, acceleration, np.diff(acceleration, axis=0) / task.node_time)
+
+
+def best_guesses(goals: FloatArray, task: TrajectoryTask, count: int) -> list[Trajectory]:
+    """Return the trajectories to the `count` goals of (G, 3) whose guess collects most, best first."""
+    guesses = trajectories_to(goals, task)
+    order = np.argsort(-task.objective(guesses), kind="stable")[:count]
+    return [Trajectory(*(part[index] for part in guesses)) for index in order]

@@ -1,0 +1,144 @@
+"""The next-best-view planner: a receding-horizon optimal control problem over the gain field (nbv)."""
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.errors import UsageError
+from ehar.planner import Context, Observation, Planner
+from planners.search.limits import camera_limits
+from planners.search.solver import Solution, SolverStatistics, TrajectorySolver
+from planners.search.start import stoppable
+from planners.search.task import TrajectoryTask
+from planners.search.view_search import search_goals
+from planners.value.model import FULL, GainModel
+from planners.value.view_value import ViewValue, node_gains
+
+GRID_LOOKAHEAD = 8  # frames: on the grid the target is a point of the plan this far ahead
+SEEDS = 1  # goals that a plan is started from, beside the plan before it
+FEWEST_NODES = 4  # a plan ends at rest, and with a constant jerk between fewer nodes there is no way but to stay
+LEAST_NODE_FRAMES = 4  # and as many as the default horizon needs to reach the end of the episode
+DEFAULT_HORIZON = 15
+FLIGHT_PLAN_TIME = 4.0  # [s]; a plan of a vehicle that has to stop sooner hardly goes anywhere
+
+
+class NextBestView(Planner):
+    """Plan a smooth trajectory that collects the gain field, follow it for a while, and plan anew.
+
+    The field depends on what is believed by then, and is taken to stay as it is over the horizon; planning anew makes
+    up for that. Without a valid plan the camera holds its viewpoint, and the plan is counted as a fallback.
+
+    Args:
+        model: trained gain fields and belief.
+        horizon: nodes of a plan. The last one also stands for the rest of the episode, those behind its end for
+            nothing. 15 nodes reach to the end of the episode.
+        effort_weight: what a trajectory at the limits of jerk costs, in gained probability.
+        replan: frames from one plan to the next.
+        solver: `fatrop`, with ipopt as its fallback, or `ipopt`.
+        max_iterations: of the solver, the real-time mode; None: until it has converged.
+        variant: which of the model's gain fields; all but `full` are for ablations.
+        name: what reports call the planner.
+
+    Raises:
+        UsageError: a number is too small or not finite, or the model has no such field.
+    """
+
+    def __init__(
+        self,
+        *,
+        model: GainModel,
+        horizon: int = DEFAULT_HORIZON,
+        effort_weight: float = 0.001,
+        replan: int = 10,
+        solver: Literal["fatrop", "ipopt"] = "fatrop",
+        max_iterations: int | None = None,
+        variant: str = FULL,
+        name: str = "nbv",
+    ) -> None:
+        """Create the planner; the problem is built with the first plan."""
+        for option, value in (("horizon", horizon), ("replan", replan), ("max_iterations", max_iterations)):
+            if value is not None and value < 1:
+                raise UsageError(f"{name}: expected {option} of at least 1, got {value}")
+        if not 0 <= effort_weight < math.inf:
+            raise UsageError(f"{name}: expected a finite effort_weight of at least 0, got {effort_weight}")
+        self.name = name
+        self.horizon, self.effort_weight, self.replan = horizon, effort_weight, replan
+        self._solver_options = (solver, max_iterations)
+        self._value = ViewValue(model, variant=variant)
+        self._solver: TrajectorySolver | None = None
+
+    @property
+    def statistics(self) -> SolverStatistics:
+        """What became of all plans since the last reset."""
+        return SolverStatistics() if self._solver is None else self._solver.statistics
+
+    def reset(self, context: Context) -> None:
+        """Forget plans and episodes; the problem stays built."""
+        self._context = context
+        self._value.reset(context)
+        self._plans: list[Solution | None] = [None] * context.episodes
+        self._nodes = max(self.horizon, FEWEST_NODES)
+        frames = max(LEAST_NODE_FRAMES, math.ceil((context.length - 1) / DEFAULT_HORIZON))
+        if context.vehicle is not None:
+            frames = max(frames, math.ceil(FLIGHT_PLAN_TIME / context.frame_time / DEFAULT_HORIZON))
+        self._node_frames = math.ceil(frames * self.horizon / self._nodes)
+        if self._solver is None:
+            solver, max_iterations = self._solver_options
+            self._solver = TrajectorySolver(
+                horizon=self._nodes, solver=solver, max_iterations=max_iterations, seeds=SEEDS
+            )
+        self._solver.statistics = SolverStatistics()
+
+    def act(self, observation: Observation) -> FloatArray:
+        """Return where the plans lead, made anew every `replan` frames."""
+        self._value.update(observation)
+        if observation.frame % self.replan == 0:
+            self._target = self._plan(observation)
+        return self._target[:, observation.frame % self.replan]
+
+    def _plan(self, observation: Observation) -> FloatArray:
+        """Plan for every episode and return the targets of the frames to come, (B, replan, 3)."""
+        assert self._solver is not None
+        context, frame_time = self._context, self._context.frame_time
+        node_time = self._node_frames * frame_time
+        weights = self._value.weights
+        gains = node_gains(observation.frame, observation.length, self._nodes, self._node_frames)
+        goals, collected = search_goals(self._value, observation, context)
+        order = np.argsort(-collected, axis=1)[:, :SEEDS]
+        targets = np.empty((len(weights), self.replan, 3))
+        for episode, viewpoint in enumerate(observation.viewpoint):
+            task = TrajectoryTask(
+                position=viewpoint,
+                velocity=observation.velocity[episode],
+                acceleration=observation.acceleration[episode],
+                field_weights=weights[episode],
+                gain_weights=gains,
+                effort_weight=self.effort_weight,
+                node_time=node_time,
+                limits=camera_limits(context, viewpoint, node_time),
+                workspace=context.workspace,
+                spread_weight=self._value.field.spread,
+            )
+            if context.vehicle is not None:  # which does not follow plans to the letter
+                task = stoppable(task)
+            plan = self._solver.solve_best(
+                task, goals[episode, order[episode]], self._plans[episode], self.replan * frame_time
+            )
+            self._plans[episode] = plan
+            targets[episode] = self._targets(plan, int(np.flatnonzero(gains)[-1]) + 1)
+        return targets
+
+    def _targets(self, plan: Solution, last: int) -> FloatArray:
+        """Return the points of a plan that the camera heads for in the next frames, (replan, 3).
+
+        A vehicle brakes for its target, so it is given the plan's end. The grid is given a point so little ahead that
+        it takes the plan's way, and none after the `last` node that counts: what lies behind it, nothing pays for.
+        """
+        nodes = np.arange(self._nodes + 1)
+        ahead = np.full(self.replan, float(self._nodes))
+        if self._context.vehicle is None:
+            ahead = np.minimum((np.arange(1, self.replan + 1) + GRID_LOOKAHEAD) / self._node_frames, last)
+        position = plan.trajectory.position
+        return np.stack([np.interp(ahead, nodes, position[:, axis]) for axis in range(3)], axis=1)

@@ -1,0 +1,195 @@
+"""The receding-horizon optimal control problem in CasADi: built once, its numbers are parameters.
+
+States are position, velocity and acceleration of (distance, azimuth, polar angle), the control is the jerk, constant
+between nodes, so that the discretisation of the triple integrator is exact. Three more states add up the directions
+looked from, so that their spread can be paid for at the last node. The azimuth is unwrapped: the field is
+periodic. All variables and constraints are in units of their limits, positions in units of 5 m and 1 rad.
+"""
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ehar.arrays import BoolArray, FloatArray
+from ehar.errors import UsageError
+from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, cartesian
+from planners.search.task import Trajectory, TrajectoryTask
+from planners.value.view_basis import BASIS_SIZE, HALF_RANGE, view_basis
+
+POSITION_UNIT = np.array([HALF_RANGE, 1.0, 1.0])  # [m], [rad], [rad]
+REGULARISATION = 1e-5  # on the squared jerk: without gain and effort any trajectory would be a solution
+SMOOTHING = 0.1  # of the root in the pace, under which 1 is the square at the limit
+STATE, CONTROL = 12, 3  # position, velocity, acceleration, sum of directions; jerk
+STAGE = STATE + CONTROL
+
+
+class TrajectoryProblem:
+    """The symbols of the problem, and the ways from a task to their numbers and back to a trajectory.
+
+    `nlp` is what `casadi.nlpsol` takes. Its order is the one fatrop asks for: variables x_0, u_0, x_1, ... x_H, and
+    of the constraints first the gap to the next node, then the stage's others. `equality` marks which are equations.
+    """
+
+    def __init__(self, horizon: int) -> None:
+        """Write the problem down for H = `horizon` nodes after the present one."""
+        self.horizon = horizon
+        start, weights, gains = ca.SX.sym("start", STATE), ca.SX.sym("weights", BASIS_SIZE), ca.SX.sym("gains", horizon)
+        effort, spread, time = ca.SX.sym("effort"), ca.SX.sym("spread"), ca.SX.sym("node_time")
+        units = [ca.SX.sym(name, 3) for name in ("velocity", "acceleration", "jerk")]
+        inverse_speed, shared = ca.SX.sym("inverse_speed"), ca.SX.sym("shared")
+
+        states = [ca.SX.sym(f"x{node}", STATE) for node in range(horizon + 1)]
+        controls = [ca.SX.sym(f"u{node}", CONTROL) for node in range(horizon)]
+        variables, constraints, equality = [], [], []
+        cost: Any = 0
+        for node, state in enumerate(states):
+            variables.append(state)
+            if node < horizon:
+                control = controls[node]
+                variables.append(control)
+                gain = gains[node - 1] if node else 0
+                constraints.append(states[node + 1] - _next_state(state, control, time, units, gain))
+                equality += [True] * STATE
+                cost += (effort + REGULARISATION) * ca.sumsqr(control) / horizon
+            if node == 0:
+                constraints.append(state - start)
+                equality += [True] * STATE
+            else:
+                constraints.append(_pace(state, units[0], inverse_speed, shared))
+                equality.append(False)
+                distance, azimuth, polar = ca.vertsplit(state[:3] * POSITION_UNIT)
+                cost -= gains[node - 1] * ca.dot(weights, ca.vertcat(*view_basis(distance, azimuth, polar, ca)))
+        cost += spread * ca.sumsqr(states[-1][9:] + gains[-1] * _direction(states[-1]))
+        constraints.append(states[-1][3:9])  # at rest: then staying there continues every plan, so a next one exists
+        equality += [True] * 6
+        parameters = ca.vertcat(start, weights, gains, effort, spread, time, *units, inverse_speed, shared)
+        self.nlp = {"x": ca.vertcat(*variables), "f": cost, "g": ca.vertcat(*constraints), "p": parameters}
+        self.equality: list[bool] = equality
+        self._constraints = ca.Function("constraints", [self.nlp["x"], self.nlp["p"]], [self.nlp["g"]])
+        is_equality: BoolArray = np.array(equality)
+        self._constraint_bounds = np.where(is_equality, 0.0, -np.inf), np.where(is_equality, 0.0, 1.0)
+
+    def arguments(self, task: TrajectoryTask, guess: Trajectory) -> dict[str, FloatArray]:
+        """Return the numbers that a CasADi solver is called with: x0, p, lbx, ubx, lbg, ubg.
+
+        Raises:
+            UsageError: the task is for another horizon.
+        """
+        if task.horizon != self.horizon:
+            raise UsageError(f"trajectory task: expected {self.horizon} gain weights, got {task.horizon}")
+        limits = task.limits
+        start = np.concatenate(
+            [
+                task.position / POSITION_UNIT,
+                task.velocity / limits.velocity,
+                task.acceleration / limits.acceleration,
+                np.zeros(3),
+            ]
+        )
+        parameters = np.concatenate(
+            [
+                start,
+                task.field_weights / task.stake,  # so that a solver's tolerance means the same for every field
+                task.gain_weights,
+                [task.effort_weight / task.stake, task.spread_weight / task.stake, task.node_time],
+                limits.velocity,
+                limits.acceleration,
+                limits.jerk,
+                [1 / limits.speed, limits.shared],
+            ]
+        )
+        lower, upper = self._variable_bounds(task)
+        first = self.pack(guess, task)
+        first[:STATE] = start
+        return {
+            "x0": first,
+            "p": parameters,
+            "lbx": lower,
+            "ubx": upper,
+            "lbg": self._constraint_bounds[0],
+            "ubg": self._constraint_bounds[1],
+        }
+
+    def _variable_bounds(self, task: TrajectoryTask) -> tuple[FloatArray, FloatArray]:
+        """Return the bounds of all variables; the present state is given, so it has none."""
+        workspace = task.workspace
+        upper = np.ones((self.horizon + 1, STAGE))
+        lower = -upper
+        unbounded = [AZIMUTH, *range(9, STATE)]
+        lower[:, unbounded], upper[:, unbounded] = -np.inf, np.inf
+        lower[:, DISTANCE], upper[:, DISTANCE] = (
+            workspace.distance_min / HALF_RANGE,
+            workspace.distance_max / HALF_RANGE,
+        )
+        lower[:, POLAR], upper[:, POLAR] = workspace.polar_min, workspace.polar_max
+        lower[0, :STATE], upper[0, :STATE] = -np.inf, np.inf
+        return lower.ravel()[:-CONTROL], upper.ravel()[:-CONTROL]
+
+    def violation(self, variables: FloatArray, numbers: dict[str, FloatArray]) -> float:
+        """Return the largest violation of any bound or constraint, 0 if there is none, NaN if a value is.
+
+        Args:
+            variables: of the problem.
+            numbers: the `arguments` that say what the bounds are.
+        """
+        constraints = self._constraints(variables, numbers["p"]).full().ravel()
+        low = np.concatenate([numbers["lbx"] - variables, numbers["lbg"] - constraints])
+        high = np.concatenate([variables - numbers["ubx"], constraints - numbers["ubg"]])
+        return float(np.max([low.max(), high.max(), 0.0]))
+
+    def pack(self, trajectory: Trajectory, task: TrajectoryTask) -> FloatArray:
+        """Return the problem's variables for a trajectory."""
+        limits = task.limits
+        stages = np.zeros((self.horizon + 1, STAGE))
+        stages[:, 0:3] = trajectory.position / POSITION_UNIT
+        stages[:, 3:6] = trajectory.velocity / limits.velocity
+        stages[:, 6:9] = trajectory.acceleration / limits.acceleration
+        directions = cartesian(trajectory.position) / trajectory.position[:, :1]
+        gains = np.concatenate([[0.0], task.gain_weights[:-1]])
+        stages[1:, 9:STATE] = np.cumsum(gains[:, None] * directions[:-1], axis=0)
+        stages[:-1, STATE:] = trajectory.jerk / limits.jerk
+        return stages.ravel()[:-CONTROL]
+
+    def unpack(self, variables: FloatArray, task: TrajectoryTask) -> Trajectory:
+        """Return the trajectory that the problem's variables stand for."""
+        limits = task.limits
+        stages = np.append(variables, np.zeros(CONTROL)).reshape(self.horizon + 1, STAGE)
+        return Trajectory(
+            stages[:, 0:3] * POSITION_UNIT,
+            stages[:, 3:6] * limits.velocity,
+            stages[:, 6:9] * limits.acceleration,
+            stages[:-1, STATE:] * limits.jerk,
+        )
+
+
+def _next_state(state: Any, control: Any, time: Any, units: list[Any], gain: Any) -> Any:
+    """Return the state one node later, exactly, for a constant jerk; `gain` is what the present node's view weighs."""
+    position, (velocity, acceleration, jerk) = state[:3], (state[3:6], state[6:9], control)
+    velocity, acceleration, jerk = velocity * units[0], acceleration * units[1], jerk * units[2]
+    travelled = time * velocity + time**2 / 2 * acceleration + time**3 / 6 * jerk
+    return ca.vertcat(
+        position + travelled / POSITION_UNIT,
+        (velocity + time * acceleration + time**2 / 2 * jerk) / units[0],
+        (acceleration + time * jerk) / units[1],
+        state[9:] + gain * _direction(state),
+    )
+
+
+def _direction(state: Any) -> Any:
+    """Return the unit vector from the people towards the camera."""
+    azimuth, polar = state[AZIMUTH], state[POLAR]
+    return ca.vertcat(ca.sin(polar) * ca.cos(azimuth), ca.sin(polar) * ca.sin(azimuth), ca.cos(polar))
+
+
+def _pace(state: Any, velocity_limit: Any, inverse_speed: Any, shared: Any) -> Any:
+    """Return what the camera uses of its Cartesian speed, or of what its axes share; at most 1 within the limits.
+
+    The squared speed of (distance, azimuth, polar) = (r, a, p) is r'^2 + (r sin(p) a')^2 + (r p')^2. The root of the
+    squared share is what is nearly linear, so that a solver's steps land near the limit; smoothed where it is small.
+    """
+    distance, _, polar = ca.vertsplit(state[:3] * POSITION_UNIT)
+    radial, azimuthal, polar_rate = ca.vertsplit(state[3:6] * velocity_limit)
+    speed = ca.vertcat(radial, distance * ca.sin(polar) * azimuthal, distance * polar_rate)
+    squared = ca.sumsqr(speed * inverse_speed) + shared * ca.sumsqr(state[3:6])
+    return 1 + ca.sqrt(squared + SMOOTHING) - np.sqrt(1 + SMOOTHING)

@@ -1,0 +1,224 @@
+"""Solves the optimal control problem: fatrop first, ipopt where it fails, the present viewpoint where both do."""
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, Literal, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ehar.arrays import FloatArray
+from planners.search.guess import best_guesses, moved_on
+from planners.search.problem import TrajectoryProblem
+from planners.search.task import Trajectory, TrajectoryTask
+
+TOLERANCE = 1e-6  # on every constraint, in units of its limit (positions: 5 m and 1 rad)
+CAPPED_TOLERANCE = 1e-3  # where the iterations are capped
+OPTIMALITY = 1e-4  # in units of what is at stake: a tenth of it costs half as much time again and wins 0.02 %
+BACK_OFF = (0.9, 0.7, 0.4, 0.0)  # shares of a capped solve's step that are tried in turn
+ITERATIONS = 100  # of a solve that is not capped
+START_TOLERANCE = 1e-6  # [m], [rad]: how far outside the workspace the camera may already be
+
+
+class SolveStatus(StrEnum):
+    """How a solve ended. All but the first two are fallbacks."""
+
+    OPTIMAL = "optimal"
+    CAPPED = "capped"  # the iterations ended at a trajectory within the tolerance
+    IPOPT_FALLBACK = "ipopt-fallback"  # fatrop failed, ipopt did not
+    INFEASIBLE = "infeasible"  # no trajectory within the limits was found: the viewpoint is held
+    NAN_FIELD = "nan-field"  # the field is not finite: the viewpoint is held
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A trajectory and how it came about."""
+
+    trajectory: Trajectory
+    objective: float  # what it collects less what it costs, see `TrajectoryTask.objective`
+    violation: float  # the largest of any constraint, in units of its limit; of a held viewpoint NaN
+    status: SolveStatus
+    seconds: float  # wall time, all seeds and fallbacks together
+
+    @property
+    def fell_back(self) -> bool:
+        """Whether this is not what the solver that was asked for has found."""
+        return self.status not in (SolveStatus.OPTIMAL, SolveStatus.CAPPED)
+
+    @property
+    def held(self) -> bool:
+        """Whether the viewpoint is held because there is no trajectory."""
+        return self.status in (SolveStatus.INFEASIBLE, SolveStatus.NAN_FIELD)
+
+
+@dataclass
+class SolverStatistics:
+    """What became of all plans since it was made; a plan is one solve for each seed, and the fallback's."""
+
+    counts: Counter[SolveStatus] = field(default_factory=Counter)  # of plans
+    plan_seconds: list[float] = field(default_factory=list)
+    solve_seconds: list[float] = field(default_factory=list)
+    violation: float = 0.0  # the largest of any plan that is not a held viewpoint
+
+    def add(self, solution: Solution) -> None:
+        """Count a plan."""
+        self.counts[solution.status] += 1
+        self.plan_seconds.append(solution.seconds)
+        if not solution.held:
+            self.violation = max(self.violation, solution.violation)
+
+    @property
+    def fallbacks(self) -> int:
+        """The number of plans that fell back."""
+        return self.counts.total() - self.counts[SolveStatus.OPTIMAL] - self.counts[SolveStatus.CAPPED]
+
+
+class TrajectorySolver:
+    """Finds trajectories for tasks of one horizon. `statistics` counts what became of them."""
+
+    def __init__(
+        self,
+        *,
+        horizon: int = 15,
+        solver: Literal["fatrop", "ipopt"] = "fatrop",
+        max_iterations: int | None = None,
+        seeds: int = 1,
+    ) -> None:
+        """Build the problem and its solvers, which takes about 0.1 s.
+
+        Args:
+            horizon: nodes after the present one, H.
+            solver: the one to ask first; ipopt is the fallback of fatrop.
+            max_iterations: the real-time mode: stop there, accept what violates the limits by at most 1e-3, and
+                hold the viewpoint otherwise. None: iterate until optimal.
+            seeds: how many of the goals a plan is solved from, the most promising, beside the previous solution.
+        """
+        self.statistics = SolverStatistics()
+        self.horizon = horizon
+        self._problem = TrajectoryProblem(horizon)
+        self._seeds = seeds
+        self._capped = max_iterations is not None
+        self._tolerance = CAPPED_TOLERANCE if self._capped else TOLERANCE
+        self._solver = self._build(solver, max_iterations or ITERATIONS)
+        falls_back = solver == "fatrop" and not self._capped
+        self._fallback = self._build("ipopt", ITERATIONS) if falls_back else None
+
+    def solve(self, task: TrajectoryTask, guess: Trajectory) -> Solution:
+        """Return the best trajectory near a guess."""
+        return self._solve_from(task, lambda: [guess])
+
+    def solve_best(
+        self, task: TrajectoryTask, goals: FloatArray, previous: Solution | None = None, elapsed: float = 0.0
+    ) -> Solution:
+        """Return the best of the trajectories found from several guesses, since the problem has many local optima.
+
+        Args:
+            task: what to plan for.
+            goals: (G, 3) viewpoints that may be worth going to.
+            previous: the solution before this one, of the same horizon and node time, if there is one; otherwise the
+                first guess is to stay.
+            elapsed: [s] since then.
+        """
+
+        def guesses() -> list[Trajectory]:
+            proceed = previous is not None and not previous.held
+            first = moved_on(previous.trajectory, elapsed, task) if previous and proceed else task.hold()
+            return [first, *best_guesses(goals, task, self._seeds)]
+
+        return self._solve_from(task, guesses)
+
+    def _solve_from(self, task: TrajectoryTask, guesses: Callable[[], list[Trajectory]]) -> Solution:
+        """Return the best solution from several guesses, which are not made for a task that has none, and count it."""
+        begin = time.perf_counter()
+        best = None
+        if not np.isfinite([*task.field_weights, *task.gain_weights]).all():
+            status = SolveStatus.NAN_FIELD
+        else:
+            status = SolveStatus.INFEASIBLE
+            if _can_start(task):
+                best = self._best_attempt(task, guesses())
+        if best is not None:
+            trajectory, objective, violation, status = best
+        else:
+            trajectory, violation = task.hold(), float("nan")
+            objective = float("nan") if status is SolveStatus.NAN_FIELD else float(task.objective(trajectory))
+        solution = Solution(trajectory, objective, violation, status, time.perf_counter() - begin)
+        self.statistics.add(solution)
+        return solution
+
+    def _best_attempt(self, task: TrajectoryTask, guesses: list[Trajectory]) -> "_Attempt | None":
+        """Return the attempt that collects most of those that keep the limits; ipopt is asked if all seeds failed.
+
+        The first guess is kept where nothing beats it by more than a solver can tell: where nothing is to win, the
+        camera stays, or goes on as it was going to.
+        """
+        attempts = [self._attempt(self._solver, task, guess) for guess in guesses]
+        if self._fallback is not None and all(attempt.status is not SolveStatus.OPTIMAL for attempt in attempts):
+            attempts.append(self._attempt(self._fallback, task, guesses[0]))
+        kept = [attempt for attempt in attempts if attempt.violation <= self._tolerance]
+        best = max(kept, key=lambda attempt: attempt.objective, default=None)
+        if best is None:
+            return None
+        numbers = self._problem.arguments(task, guesses[0])
+        violation = self._problem.violation(numbers["x0"], numbers)
+        objective = float(task.objective(guesses[0]))
+        if violation <= self._tolerance and objective > best.objective - OPTIMALITY * task.stake:
+            return _Attempt(self._problem.unpack(numbers["x0"], task), objective, violation, best.status)
+        return best
+
+    def _attempt(self, solver: Any, task: TrajectoryTask, guess: Trajectory) -> "_Attempt":
+        """Ask a solver once, and judge what it returns by the constraints, not by what it says of itself."""
+        begin = time.perf_counter()
+        numbers = self._problem.arguments(task, guess)
+        variables = solver(**numbers)["x"].full().ravel()
+        violation = self._problem.violation(variables, numbers)
+        status = SolveStatus.OPTIMAL if solver.stats()["success"] else SolveStatus.CAPPED
+        if self._capped and violation > self._tolerance:
+            variables, violation = self._backed_off(variables, numbers)
+        if solver is self._fallback:
+            status = SolveStatus.IPOPT_FALLBACK
+        self.statistics.solve_seconds.append(time.perf_counter() - begin)
+        trajectory = self._problem.unpack(variables, task)
+        return _Attempt(trajectory, float(task.objective(trajectory)), violation, status)
+
+    def _backed_off(self, variables: FloatArray, numbers: dict[str, FloatArray]) -> tuple[FloatArray, float]:
+        """Return the farthest step from the guess towards the result of a capped solve that keeps the limits.
+
+        The previous plan, moved on in time, keeps them; nearly all constraints are convex, so that something between
+        does as well. Where nothing does, it is the guess that is returned, with its violation.
+        """
+        guess = numbers["x0"]
+        for share in BACK_OFF:
+            candidate = guess + share * (variables - guess)
+            violation = self._problem.violation(candidate, numbers)
+            if violation <= self._tolerance:
+                break
+        return candidate, violation
+
+    def _build(self, solver: str, max_iterations: int) -> Any:
+        """Return a CasADi solver of the problem."""
+        options: dict[str, Any] = {"expand": True, "print_time": False, solver: {"max_iter": max_iterations}}
+        if solver == "fatrop":
+            options |= {"structure_detection": "auto", "equality": self._problem.equality}
+            options[solver] |= {"print_level": 0, "tolerance": OPTIMALITY, "constr_viol_tol": TOLERANCE / 10}
+        else:
+            options[solver] |= {"print_level": 0, "sb": "yes", "tol": OPTIMALITY, "constr_viol_tol": TOLERANCE / 10}
+        return ca.nlpsol("trajectory", solver, self._problem.nlp, options)
+
+
+class _Attempt(NamedTuple):
+    """What a solver returned for one guess."""
+
+    trajectory: Trajectory
+    objective: float
+    violation: float
+    status: SolveStatus
+
+
+def _can_start(task: TrajectoryTask) -> bool:
+    """Return whether the present state is one that a trajectory can start from."""
+    state = [*task.position, *task.velocity, *task.acceleration]
+    return bool(np.isfinite(state).all() and task.workspace.contains(task.position, START_TOLERANCE))

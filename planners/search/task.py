@@ -1,0 +1,141 @@
+"""What a trajectory is planned for: where the camera is, what each viewpoint is worth, and what limits it."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.errors import UsageError
+from ehar.viewpoint import STEP, Workspace, cartesian
+from planners.value.view_basis import BASIS_SIZE, field_value
+
+
+class Trajectory(NamedTuple):
+    """A spherical trajectory at H + 1 nodes; the jerk is constant between them. G trajectories: (G, ...) each."""
+
+    position: FloatArray  # (H + 1, 3): distance [m], azimuth [rad] (unwrapped), polar angle [rad]
+    velocity: FloatArray  # (H + 1, 3) [m/s], [rad/s]
+    acceleration: FloatArray  # (H + 1, 3) [m/s^2], [rad/s^2]
+    jerk: FloatArray  # (H, 3) [m/s^3], [rad/s^3]
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryLimits:
+    """How fast a camera may move along distance, azimuth and polar angle.
+
+    Args:
+        velocity: (3,) [m/s], [rad/s], [rad/s].
+        acceleration: (3,) [m/s^2], [rad/s^2], [rad/s^2].
+        jerk: (3,) [m/s^3], [rad/s^3], [rad/s^3].
+        speed: Cartesian [m/s]; infinite where only the axes are limited.
+        shared: the axes share one budget: the squared shares of the velocity limits add up to at most 1.
+
+    Raises:
+        UsageError: a limit is not positive, or one of an axis is not finite.
+    """
+
+    velocity: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+    speed: float = float("inf")
+    shared: bool = False
+
+    def __post_init__(self) -> None:
+        """Check shapes and signs."""
+        for name in ("velocity", "acceleration", "jerk"):
+            values = np.asarray(getattr(self, name))
+            if values.shape != (3,) or not (np.isfinite(values).all() and (values > 0).all()):
+                raise UsageError(f"trajectory limits: expected 3 positive, finite values of {name}, got {values}")
+        if not self.speed > 0:
+            raise UsageError(f"trajectory limits: expected a positive speed, got {self.speed}")
+
+
+def grid_limits(frame_time: float, node_time: float) -> TrajectoryLimits:
+    """Return limits that a smooth trajectory needs for a camera on the paper's grid to keep up with it.
+
+    The grid moves one axis by one step a frame, so the axes share that rate. It knows no acceleration: the limits
+    let a trajectory reach the full rate within one node.
+
+    Args:
+        frame_time: [s].
+        node_time: [s].
+    """
+    velocity = STEP / frame_time
+    return TrajectoryLimits(
+        velocity=velocity, acceleration=2 * velocity / node_time, jerk=4 * velocity / node_time**2, shared=True
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryTask:
+    """One planning task over H nodes; the numbers of a problem that is built once.
+
+    Args:
+        position: (3,) the camera's viewpoint at node 0: distance [m], azimuth [rad], polar angle [rad].
+        velocity: (3,) at node 0.
+        acceleration: (3,) at node 0.
+        field_weights: (21,) of the gain field, see `view_basis`.
+        gain_weights: (H,) how much the field counts at nodes 1 to H; the last may carry the time after the horizon.
+        effort_weight: what a mean squared jerk of one axis at its limit costs, in the unit of the objective.
+        node_time: [s] from one node to the next.
+        limits: of velocity, acceleration, jerk and speed.
+        workspace: the bounds of distance and polar angle.
+        spread_weight: what it costs to look from one direction all the time, in the unit of the objective.
+
+    Raises:
+        UsageError: a shape is wrong, the node time is not positive, or a weight of effort or spread negative.
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    field_weights: FloatArray
+    gain_weights: FloatArray
+    effort_weight: float
+    node_time: float
+    limits: TrajectoryLimits
+    workspace: Workspace
+    spread_weight: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check shapes and signs; values that are not finite are the solver's to report."""
+        for name, size in (("position", 3), ("velocity", 3), ("acceleration", 3), ("field_weights", BASIS_SIZE)):
+            if np.shape(getattr(self, name)) != (size,):
+                raise UsageError(f"trajectory task: expected {size} values of {name}, got {getattr(self, name)}")
+        if np.ndim(self.gain_weights) != 1:
+            raise UsageError(f"trajectory task: expected gain weights (H,), got shape {np.shape(self.gain_weights)}")
+        if not (self.node_time > 0 and self.effort_weight >= 0 and self.spread_weight >= 0):
+            raise UsageError(
+                "trajectory task: expected a node time > 0 and weights of effort and spread >= 0, "
+                f"got {self.node_time} s, {self.effort_weight} and {self.spread_weight}"
+            )
+
+    @property
+    def horizon(self) -> int:
+        """The number of nodes after the present one, H."""
+        return len(self.gain_weights)
+
+    @property
+    def stake(self) -> float:
+        """The size of what there is to win or to pay, in the unit of the objective; 1 if there is nothing."""
+        gain = np.linalg.norm(self.field_weights[1:]) * np.abs(self.gain_weights).sum()
+        return float(max(gain, self.effort_weight, self.spread_weight)) or 1.0
+
+    def objective(self, trajectory: Trajectory) -> FloatArray:
+        """Return what trajectories collect less what they cost, () or (G,); more is better.
+
+        sum_h gain_weights[h] field(position[h]) - effort_weight mean_h sum_axes (jerk / limit)^2
+        - spread_weight |sum_h gain_weights[h] direction(position[h])|^2
+        """
+        gain = field_value(self.field_weights, trajectory.position[..., 1:, :]) @ self.gain_weights
+        directions = cartesian(trajectory.position[..., 1:, :]) / trajectory.position[..., 1:, :1]
+        mean = np.einsum("...hk,h->...k", directions, self.gain_weights)
+        effort = ((trajectory.jerk / self.limits.jerk) ** 2).sum(-1).mean(-1)
+        collected: FloatArray = gain - self.effort_weight * effort - self.spread_weight * (mean**2).sum(-1)
+        return collected
+
+    def hold(self) -> Trajectory:
+        """Return the trajectory that stays at the present viewpoint, whatever the camera's velocity."""
+        still = np.zeros((self.horizon + 1, 3))
+        return Trajectory(np.tile(self.position, (self.horizon + 1, 1)), still, still, still[1:])

@@ -1,0 +1,167 @@
+"""Planners that search the gain field without optimal control: one step of it, or straight ways to a grid of goals."""
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.errors import EpisodeError, UsageError
+from ehar.planner import Context, Observation, Planner
+from ehar.viewpoint import AZIMUTH, MOVES, STEP, Workspace, wrap_difference
+from planners.heading import heading
+from planners.search.limits import camera_limits
+from planners.value.model import GainModel
+from planners.value.view_basis import BASIS_SIZE, basis_at, mean_direction
+from planners.value.view_value import ViewValue, node_gains
+
+GOALS = (4, 16, 6)  # distances, azimuths, polar angles of the grid of goals
+WAY_POINTS = 15  # nodes along a straight way, over the rest of the episode
+LEAST_FRAMES = 1e-9  # to stay
+
+
+class NextBestViewGreedy(Planner):
+    """Go where the gain field rises most in one step: the 7 moves, whatever lies behind them.
+
+    Args:
+        model: trained gain fields and belief.
+    """
+
+    name = "nbv-greedy"
+
+    def __init__(self, *, model: GainModel) -> None:
+        """Create the planner."""
+        self._value = ViewValue(model)
+
+    def reset(self, context: Context) -> None:
+        """Forget everything."""
+        self._context = context
+        self._value.reset(context)
+
+    def act(self, observation: Observation) -> FloatArray:
+        """Return the best of the neighbouring viewpoints; a vehicle's lie a second away, where it can be heading.
+
+        Raises:
+            EpisodeError: the field is not finite.
+        """
+        self._value.update(observation)
+        here = np.repeat(observation.viewpoint[:, None], len(MOVES), axis=1)
+        there = heading(self._context, here, np.broadcast_to(np.arange(len(MOVES)), here.shape[:2]))
+        values = np.einsum("bmk,bk->bm", basis_at(there), self._value.weights)
+        _check_finite(values, self.name, observation.frame)
+        best = np.argmax(values + 1e-12 * (MOVES == 0).all(axis=1), axis=1)  # a tie is no reason to move
+        chosen: FloatArray = there[np.arange(len(best)), best]
+        return chosen
+
+
+class NextBestViewSearch(Planner):
+    """Head for the goal of a grid to which the straight way collects most gain to the end of the episode.
+
+    Args:
+        model: trained gain fields and belief.
+        replan: frames from one search to the next.
+    """
+
+    name = "nbv-search"
+
+    def __init__(self, *, model: GainModel, replan: int = 10) -> None:
+        """Create the planner."""
+        if replan < 1:
+            raise UsageError(f"{self.name}: expected to replan every 1 frame or more, got {replan}")
+        self.replan = replan
+        self._value = ViewValue(model)
+
+    def reset(self, context: Context) -> None:
+        """Forget everything."""
+        self._context = context
+        self._value.reset(context)
+
+    def act(self, observation: Observation) -> FloatArray:
+        """Return the goals, chosen anew every `replan` frames.
+
+        Raises:
+            EpisodeError: the field is not finite.
+        """
+        self._value.update(observation)
+        if observation.frame % self.replan == 0:
+            goals, collected = search_goals(self._value, observation, self._context)
+            _check_finite(collected, self.name, observation.frame)
+            self._goal: FloatArray = goals[np.arange(len(goals)), np.argmax(collected, axis=1)]
+        return self._goal
+
+
+def _check_finite(values: FloatArray, name: str, frame: int) -> None:
+    """Raise EpisodeError unless all values (B, ...) of views are finite: the best of NaN would be any."""
+    finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
+    if not finite.all():
+        raise EpisodeError(
+            f"planner {name!r}, episode {int(np.argmin(finite))} of the batch, frame {frame}: "
+            "expected finite values of the gain field, got NaN or infinity"
+        )
+
+
+def goal_grid(workspace: Workspace) -> FloatArray:
+    """Return a grid of goals over the workspace, (G, 3)."""
+    distances = np.linspace(workspace.distance_min, workspace.distance_max, GOALS[0])
+    azimuths = np.arange(GOALS[1]) * 2 * np.pi / GOALS[1]
+    polars = np.linspace(workspace.polar_min, workspace.polar_max, GOALS[2])
+    return np.stack(np.meshgrid(distances, azimuths, polars, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def search_goals(value: ViewValue, observation: Observation, context: Context) -> tuple[FloatArray, FloatArray]:
+    """Return what straight ways to a grid of goals collect; the first goal is to stay.
+
+    Straight in the three coordinates, from rest to rest, at the pace of the grid or of the vehicle.
+
+    Args:
+        value: of the views, after the present frame.
+        observation: of the present frame.
+        context: of the episodes.
+
+    Returns:
+        goals (B, G, 3) and what the way to each collects, (B, G), in the field's unit.
+    """
+    here = observation.viewpoint
+    grid = np.broadcast_to(goal_grid(context.workspace), (len(here), int(np.prod(GOALS)), 3))
+    goals = np.concatenate([here[:, None], grid], axis=1)
+    way = goals - here[:, None]
+    way[..., AZIMUTH] = wrap_difference(way[..., AZIMUTH])
+    remaining = observation.length - 1 - observation.frame
+    node_frames = -(-remaining // WAY_POINTS)
+    gains = node_gains(observation.frame, observation.length, WAY_POINTS, node_frames)
+    needed, ramp = _frames_needed(way, here, context)
+    along = np.zeros((*goals.shape[:2], BASIS_SIZE))
+    for node in np.flatnonzero(gains).tolist():
+        share = share_made((node + 1) * node_frames, needed, ramp)
+        along += gains[node] * basis_at(here[:, None] + share[..., None] * way)
+    collected: FloatArray = np.einsum("bgk,bk->bg", along, value.weights)
+    collected -= value.field.spread * (mean_direction(along) ** 2).sum(axis=-1)
+    return goals, collected
+
+
+def _frames_needed(way: FloatArray, here: FloatArray, context: Context) -> tuple[FloatArray, float]:
+    """Return how many frames ways (B, G, 3) take at full speed, (B, G), and how many it takes to reach that."""
+    if context.vehicle is None:
+        frames: FloatArray = np.abs(way / STEP).sum(axis=-1)
+        return frames, 0.0
+    velocity = np.stack([camera_limits(context, viewpoint, 1.0).velocity for viewpoint in here])
+    up_to_speed = context.vehicle.speed / context.vehicle.acceleration  # [s]
+    return np.linalg.norm(way / velocity[:, None], axis=-1) / context.frame_time, up_to_speed / context.frame_time
+
+
+def share_made(frames: float, needed: FloatArray, ramp: float) -> FloatArray:
+    """Return the share of ways that lies behind after some frames, from rest to rest, of the shape of `needed`.
+
+    Speeding up takes its time whatever the goal: at a mean pace, the goals behind a good view would be the best,
+    because the way to them passes it sooner.
+
+    Args:
+        frames: since the start.
+        needed: at full speed.
+        ramp: to get up to full speed, and to brake from it.
+    """
+    needed, ramp = np.maximum(needed, LEAST_FRAMES), max(ramp, LEAST_FRAMES)
+    top = np.minimum(np.sqrt(needed / ramp), 1.0)  # the share of the full speed that is reached
+    duration = needed / top + ramp * top
+    # What is made after a time, up to the middle of the way, and by symmetry what is left before the end.
+    time = np.maximum(np.minimum(frames, duration - frames), 0.0)
+    made = np.where(time < ramp * top, time**2 / (2 * ramp), top * (time - ramp * top / 2))
+    share: FloatArray = np.where(frames < duration / 2, made, needed - made) / needed
+    return share

@@ -1,0 +1,1 @@
+"""What a view is worth: the belief, where people are, and the gain field over views."""

@@ -1,0 +1,240 @@
+"""What looking from elsewhere would have given: rollouts on training scenarios that branch to many viewpoints."""
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import as_completed
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import torch
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.data.motion_data import MotionData
+from ehar.data.scenario import Scenarios
+from ehar.errors import DataError, EpisodeError
+from ehar.motion import GridMotion, move_towards
+from ehar.planner import Context, Observation, Planner, Truth
+from ehar.processes import worker_pool
+from ehar.recogniser import Recogniser
+from ehar.rollout import Batch, rollout
+from ehar.sensors.sensor import Sensor, draw_noise
+from ehar.viewpoint import Workspace, apply_moves, sample_starts
+from planners.value.body_filter import BodyFilter
+from planners.value.situation import frame_gains
+from planners.value.view_basis import basis_at
+
+EPISODES = 32  # that run in lockstep
+PATHS = 8  # that branch off at a fork, one of which stays where it is
+FORK_SPANS = ((0.0, 0.12), (0.12, 0.35), (0.35, 0.7))  # of the episode; one fork in each: early choices weigh most
+WANDER = 0.6  # the share of episodes whose camera moves before it forks
+NEW_GOAL = 0.04  # a frame, that a wandering camera heads elsewhere
+
+
+@dataclass(frozen=True, eq=False)
+class Collection:
+    """E episodes of L frames, and N forks in them with M paths each.
+
+    Args:
+        log_probs: (E, L, K), the recogniser's.
+        viewpoints: (E, L, 3).
+        labels: (E,).
+        sequences: (E,), which sequence of the data each is cut from.
+        episode: (N,), the episode of each fork.
+        frame: (N,), the last frame before the paths part.
+        facing: (N, P) [rad], as believed there; likewise the next two.
+        facing_std: (N, P) [rad].
+        position: (N, P, 3) [m].
+        embedding: (N, D).
+        worth: (N, M), the true class's probability along each path, the mean over the frames that were left.
+        path: (N, M, 21), the view basis along each path, weighted by `frame_gains`.
+    """
+
+    log_probs: FloatArray
+    viewpoints: FloatArray
+    labels: IntArray
+    sequences: IntArray
+    episode: IntArray
+    frame: IntArray
+    facing: FloatArray
+    facing_std: FloatArray
+    position: FloatArray
+    embedding: FloatArray
+    worth: FloatArray
+    path: FloatArray
+
+
+class Forker(Planner):
+    """Wanders or stays, and at its forks tries paths to random viewpoints, to the end of the episode.
+
+    Args:
+        pairs: of the trunk, for the body filter.
+    """
+
+    name = "forker"
+    privileged = True
+
+    def __init__(self, *, pairs: IntArray) -> None:
+        """Create the planner."""
+        self.pairs = pairs
+
+    def reset(self, context: Context) -> None:
+        """Draw when to fork, and who wanders."""
+        self._context = context
+        self._body = BodyFilter(pairs=self.pairs, frame_time=context.frame_time)
+        # The last frame is not planned upon, and a fork needs one to go to.
+        spans = [sorted(int(share * (context.length - 2)) for share in span) for span in FORK_SPANS]
+        self._at = {int(context.rng.integers(low, high + 1)) for low, high in spans}
+        self._wanders = context.rng.random(context.episodes) < WANDER
+        self._goal = random_viewpoints(context.rng, (context.episodes,), context.workspace)
+        self.forks: list[dict[str, Any]] = []
+
+    def act(self, observation: Observation) -> FloatArray:
+        """Follow the people, fork where it is time to, and wander on."""
+        rng, workspace = self._context.rng, self._context.workspace
+        if observation.frame == 0:
+            self._body.start(*observation.joints_2d.shape[:2])
+        self._body.update(observation.joints_2d, observation.confidence, observation.viewpoint)
+        if observation.frame in self._at:
+            self.forks.append(self._fork(observation))
+        anew = rng.random(len(self._goal)) < NEW_GOAL
+        self._goal = np.where(anew[:, None], random_viewpoints(rng, anew.shape, workspace), self._goal)
+        return np.where(self._wanders[:, None], self._goal, observation.viewpoint)
+
+    def _fork(self, observation: Observation) -> dict[str, Any]:
+        """Return the fields of a `Collection` for one fork in each episode."""
+        if observation.truth is None:
+            raise EpisodeError(f"planner {self.name!r}, frame {observation.frame}: expected the truth, got None")
+        workspace, here = self._context.workspace, observation.viewpoint
+        goals = random_viewpoints(self._context.rng, (len(here), PATHS), workspace)
+        goals[:, 0] = here
+        worth, visited = follow_paths(observation.truth, observation, goals, workspace)
+        gains = frame_gains(observation.frame, observation.length)
+        return {
+            "episode": np.arange(len(here)),
+            "frame": np.full(len(here), observation.frame),
+            "facing": self._body.facing,
+            "facing_std": self._body.facing_std,
+            "position": self._body.position.copy(),
+            "embedding": observation.embedding.astype(np.float64),
+            "worth": worth,
+            "path": np.einsum("bmhk,h->bmk", basis_at(visited), gains),
+        }
+
+
+def follow_paths(
+    truth: Truth, observation: Observation, goals: FloatArray, workspace: Workspace
+) -> tuple[FloatArray, FloatArray]:
+    """Fly to goals (B, M, 3) by grid moves and stay there, from each episode's present state to its end.
+
+    Returns:
+        the mean probability of the true class over the frames to come, (B, M), and the viewpoints (B, M, R, 3).
+    """
+    paths = goals.shape[1]
+    remaining = observation.length - 1 - observation.frame
+    state = truth.state.fork(paths)
+    viewpoint = np.repeat(observation.viewpoint[:, None], paths, axis=1)
+    visited = np.empty((*goals.shape[:2], remaining, 3))
+    worth = np.zeros(goals.shape[:2])
+    for step in range(remaining):
+        viewpoint = apply_moves(viewpoint, move_towards(viewpoint, goals, workspace), workspace)
+        sensed = truth.sense(observation.frame + 1 + step, viewpoint)
+        recognition, state = truth.recogniser.step(state, sensed, viewpoint)
+        visited[:, :, step] = viewpoint
+        worth += np.exp(np.take_along_axis(recognition.log_probs, truth.labels[:, None, None], axis=2)[..., 0])
+    return worth / remaining, visited
+
+
+def random_viewpoints(rng: np.random.Generator, leading: tuple[int, ...], workspace: Workspace) -> FloatArray:
+    """Return viewpoints (*leading, 3), uniform over the three coordinates of the workspace."""
+    low = [workspace.distance_min, 0.0, workspace.polar_min]
+    high = [workspace.distance_max, 2 * np.pi, workspace.polar_max]
+    return rng.uniform(low, high, size=(*leading, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class CollectionTask:
+    """What is needed to run batches of branching episodes.
+
+    Args:
+        data: the motion.
+        sequences: those of the policy part that are long enough.
+        length: L, frames.
+        recogniser: trained.
+        sensor: that it was trained with.
+        pairs: of the trunk.
+        seed: of everything drawn.
+    """
+
+    data: MotionData
+    sequences: IntArray
+    length: int
+    recogniser: Recogniser
+    sensor: Sensor
+    pairs: IntArray
+    seed: int
+
+
+def run_batches(task: CollectionTask, batches: Sequence[int], *, workers: int = 1) -> Iterator[tuple[int, Collection]]:
+    """Run batches of branching episodes and yield each as it is done; the same numbers with any number of workers.
+
+    Raises:
+        DataError: no sequence has `length` frames.
+    """
+    if len(task.sequences) == 0:
+        raise DataError(f"{task.data.name}: expected policy sequences of at least {task.length} frames, got none")
+    if workers == 1 or len(batches) < 2:
+        for batch in batches:
+            yield batch, collect_batch(task, batch)
+        return
+    with worker_pool(min(workers, len(batches))) as pool:
+        futures = {pool.submit(collect_batch, task, batch): batch for batch in batches}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+
+
+def collect_batch(task: CollectionTask, index: int) -> Collection:
+    """Run one batch of episodes; what is drawn depends on the seed and its index only."""
+    torch.set_num_threads(1)
+    rng = np.random.default_rng([task.seed, index])
+    data = task.data
+    # As in what is tested: a sequence as often as its length yields windows.
+    weights = data.lengths[task.sequences] // task.length
+    sequence = rng.choice(task.sequences, size=EPISODES, p=weights / weights.sum())
+    first = rng.integers(data.lengths[sequence] - task.length + 1)
+    scenarios = Scenarios(data, task.length, sequence, first)
+    batch = Batch(
+        positions=scenarios.positions(np.arange(EPISODES)),
+        labels=scenarios.labels,
+        starts=sample_starts(rng, EPISODES),
+        noise=draw_noise(rng, (EPISODES, task.length), data.persons, len(data.skeleton.joint_names)),
+        names=tuple(data.sequence_names[i] for i in sequence),
+    )
+    motion = GridMotion()
+    context = Context(
+        episodes=EPISODES,
+        length=task.length,
+        frame_time=1 / data.fps,
+        class_names=data.class_names,
+        skeleton=data.skeleton,
+        workspace=motion.workspace,
+        track="ideal",
+        rng=rng,
+    )
+    forker = Forker(pairs=task.pairs)
+    record = rollout(forker, batch, task.recogniser, task.sensor, motion, context)
+    forks = {name: np.concatenate([fork[name] for fork in forker.forks]) for name in forker.forks[0]}
+    return Collection(
+        log_probs=record.log_probs, viewpoints=record.viewpoints, labels=batch.labels, sequences=sequence, **forks
+    )
+
+
+def join(pieces: Sequence[Collection]) -> Collection:
+    """Return collections as one."""
+    begins = np.cumsum([0, *(len(piece.labels) for piece in pieces)])
+    joined = {
+        field.name: np.concatenate([getattr(piece, field.name) for piece in pieces]) for field in fields(Collection)
+    }
+    joined["episode"] = np.concatenate(
+        [piece.episode + begin for piece, begin in zip(pieces, begins[:-1], strict=True)]
+    )
+    return Collection(**joined)

@@ -1,0 +1,77 @@
+"""The gain field: how much recognition is gained by looking from a viewpoint, given what is known of an episode."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.errors import ModelError
+from planners.value.situation import PARTS, Situation
+from planners.value.view_basis import BASIS_SIZE, turned
+
+
+@dataclass(frozen=True, eq=False)
+class GainField:
+    r"""A function on the sphere whose shape depends on the situation.
+
+    .. math:: g(v; c) = \Phi(v)^T A^T f(c) + \Phi(v - r_c)^T R^T f(c)
+
+    with the basis :math:`\Phi` of `planners.value.view_basis`, the features f of `Situation.features` after a
+    constant 1, and azimuths counted as they are (A) and from the reference r_c, where people face (R): where all of
+    a data set face the same way, A knows it before anybody has been seen. What a path over the frames to come is
+    expected to gain in
+    the probability of the true class, the mean over those frames, is
+
+    .. math:: \sum_f \gamma_f g(v_f; c) - \beta |\sum_f \gamma_f u_f|^2
+
+    with the weights of `frame_gains` and the unit vectors u towards the camera: views that spread tell more than the
+    same view again. Only differences between paths mean anything.
+
+    Args:
+        parts: of the situation, that the field depends on; one that does without "facing" has no R.
+        absolute: (1 + F, 21) A, for the constant and the features of the parts in the order of `PARTS`.
+        relative: (1 + F, 21) R; zeros without "facing".
+        spread: beta, at least 0.
+
+    Raises:
+        ModelError: a part is unknown, shapes are not those, or a number is not finite.
+    """
+
+    parts: tuple[str, ...]
+    absolute: FloatArray
+    relative: FloatArray
+    spread: float
+
+    def __post_init__(self) -> None:
+        """Check parts, shapes and numbers."""
+        unknown = [part for part in self.parts if part not in PARTS]
+        if unknown:
+            raise ModelError(f"gain field: expected parts among {', '.join(PARTS)}, got {', '.join(unknown)}")
+        shape = self.absolute.shape
+        if shape != self.relative.shape or len(shape) != 2 or shape[0] == 0 or shape[1] != BASIS_SIZE:
+            raise ModelError(
+                f"gain field: expected two matrices (1 + features, {BASIS_SIZE}), got {shape} and {self.relative.shape}"
+            )
+        if not (np.isfinite(self.absolute).all() and np.isfinite(self.relative).all() and 0 <= self.spread < np.inf):
+            raise ModelError("gain field: expected finite weights, and a spread of at least 0")
+
+    def weights(self, situation: Situation) -> FloatArray:
+        """Return the weights (B, 21) of the view basis at viewpoints as they are, for `view_basis.field_value`.
+
+        Raises:
+            ModelError: the situation has other features than the field was trained with.
+        """
+        columns = feature_matrix(situation, self.parts)
+        if columns.shape[1] != len(self.absolute):
+            raise ModelError(
+                f"gain field: expected {len(self.absolute) - 1} features of {', '.join(self.parts)}, "
+                f"got {columns.shape[1] - 1}: was it trained for other classes, persons or another recogniser?"
+            )
+        return columns @ self.absolute + turned(columns @ self.relative, -situation.reference)
+
+
+def feature_matrix(situation: Situation, parts: tuple[str, ...]) -> FloatArray:
+    """Return a constant 1 and the features of some parts side by side, (B, 1 + F)."""
+    features = situation.features("facing" in parts)
+    columns = [features[part] for part in PARTS if part in parts]
+    return np.concatenate([np.ones((len(situation.ratio), 1)), *columns], axis=1)

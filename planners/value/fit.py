@@ -1,0 +1,178 @@
+"""Fit gain fields to what branching rollouts gave: ridge regression of gained probability on paths and situations."""
+
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve
+
+from ehar.arrays import BoolArray, FloatArray, IntArray
+from planners.value.belief import BeliefModel, readout
+from planners.value.collection import Collection
+from planners.value.field import GainField, feature_matrix
+from planners.value.situation import PARTS, Situation
+from planners.value.view_basis import BASIS_SIZE, SINES, basis_at, mean_direction, turned
+
+VARIANTS: dict[str, tuple[str, ...]] = {
+    "full": PARTS,
+    "no-belief": tuple(part for part in PARTS if part != "belief"),
+    "no-embedding": tuple(part for part in PARTS if part != "embedding"),
+    "no-facing": tuple(part for part in PARTS if part != "facing"),
+}
+EMBEDDING_DIRECTIONS = 12  # of most variance, that the regression sees
+PENALTIES = (1.0, 3.0, 10.0, 30.0, 100.0)  # tried, as a share of the mean curvature
+CONSTANT_SHARES = (0.003, 0.01, 0.03, 0.1, 0.3)  # of it for what is the same in all situations, tried
+HANDEDNESS = 4.0  # times the penalty for what tells left from right: people are nearly symmetric
+FOLDS = 5
+SMALLEST_DEVIATION = 1e-9  # of a feature that tells anything
+CHUNK = 256  # forks at a time, to save memory
+SIZE = BASIS_SIZE - 1  # without the constant function, which is no reason to go anywhere
+
+
+class Fit(NamedTuple):
+    """A field, and how it did on sequences that it was not fitted on, in cross-validation."""
+
+    field: GainField
+    penalties: tuple[float, float]  # of what depends on the situation, and of what does not
+    explained: float  # share of the squared gains
+    chosen_gain: float  # gained probability of the path that it picks among a fork's, staying included
+    best_gain: float  # that of the best path of each fork, which only hindsight knows
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The regression: N forks of M - 1 paths, against staying."""
+
+    features: FloatArray  # (N, C) standardised, the first column 1
+    path: FloatArray  # (N, M - 1, 20 or 40): the basis along each path less that of staying
+    spread: FloatArray  # (N, M - 1): how much more the path's directions spread
+    gain: FloatArray  # (N, M - 1)
+    weight: FloatArray  # (N,)
+
+    def part(self, inside: BoolArray) -> "_Rows":
+        return _Rows(*(getattr(self, field.name)[inside] for field in fields(self)))
+
+
+class _Moments(NamedTuple):
+    """What a ridge solution is computed from; those of two sets of rows add up. S is 20 or 40."""
+
+    moments: FloatArray  # (C * S + 1, C * S + 1) of features x path, and of the spread
+    response: FloatArray  # (C * S + 1,), with the gain
+    curvature: FloatArray  # (), the mean of the moments' diagonal over the constant's block
+
+
+def fork_situations(collection: Collection, belief: BeliefModel) -> Situation:
+    """Return what was known at all N forks of a collection."""
+    episode, frame = collection.episode, collection.frame
+    believed = np.exp(readout(belief, collection.log_probs, collection.viewpoints))
+    seen = np.cumsum(basis_at(collection.viewpoints), axis=1)
+    return Situation(
+        ratio=(frame + 1) / believed.shape[1],
+        belief=believed[episode, frame],
+        embedding=collection.embedding,
+        facing=collection.facing,
+        facing_std=collection.facing_std,
+        position=collection.position,
+        seen=seen[episode, frame] / (frame + 1)[:, None],
+    )
+
+
+def fit_field(collection: Collection, belief: BeliefModel, parts: tuple[str, ...]) -> Fit:
+    """Fit a field that depends on some parts of the situation; penalties are chosen by grouped cross-validation."""
+    situation = fork_situations(collection, belief)
+    raw = feature_matrix(situation, parts)
+    standardise = _standardiser(raw, situation, parts)
+    frames = [collection.path]
+    if "facing" in parts:
+        frames.append(turned(collection.path, situation.reference[:, None]))
+    spread = -(mean_direction(collection.path) ** 2).sum(axis=-1)
+    length = collection.log_probs.shape[1]
+    rows = _Rows(
+        features=raw @ standardise,
+        path=np.concatenate([(along[:, 1:] - along[:, :1])[..., 1:] for along in frames], axis=-1),
+        spread=spread[:, 1:] - spread[:, :1],
+        gain=collection.worth[:, 1:] - collection.worth[:, :1],
+        weight=(length - 1 - collection.frame) / length,
+    )
+    penalties, explained, chosen = _cross_validate(rows, collection.sequences[collection.episode])
+    situated, spread_weight = _solve(_moments(rows), penalties, rows.features.shape[1])
+    solution = standardise @ situated
+    # Of the constant function nothing is known; without a frame of reference, of none that is relative to it.
+    absolute, relative = np.zeros((2, len(solution), BASIS_SIZE))
+    absolute[:, 1:] = solution[:, :SIZE]
+    if "facing" in parts:
+        relative[:, 1:] = solution[:, SIZE:]
+    best = float(np.average(np.maximum(rows.gain.max(axis=1), 0), weights=rows.weight))
+    return Fit(GainField(parts, absolute, relative, max(spread_weight, 0.0)), penalties, explained, chosen, best)
+
+
+def _standardiser(raw: FloatArray, situation: Situation, parts: tuple[str, ...]) -> FloatArray:
+    """Return the map (1 + F, C) to a constant and features of mean 0 and variance 1, embeddings reduced."""
+    mean, deviation = raw.mean(axis=0), raw.std(axis=0)
+    scale = np.diag(np.where(deviation > SMALLEST_DEVIATION, 1 / np.maximum(deviation, SMALLEST_DEVIATION), 0.0))
+    scale[0, 0] = 1.0
+    columns = [scale]
+    if "embedding" in parts:
+        after = situation.features()["facing"].shape[1] if "facing" in parts else 0
+        inside = slice(raw.shape[1] - after - situation.embedding.shape[1], raw.shape[1] - after)
+        _, singular, directions = np.linalg.svd(raw[:, inside] - mean[inside], full_matrices=False)
+        kept = slice(0, min(EMBEDDING_DIRECTIONS, int((singular > SMALLEST_DEVIATION).sum())))
+        reduced = np.zeros((raw.shape[1], kept.stop))
+        reduced[inside] = directions[kept].T * np.sqrt(len(raw)) / singular[kept]
+        columns = [scale[:, : inside.start], reduced, scale[:, inside.stop :]]
+    standardise = np.concatenate(columns, axis=1)
+    standardise[0, 1:] -= mean[1:] @ standardise[1:, 1:]
+    return standardise
+
+
+def _moments(rows: _Rows) -> _Moments:
+    """Return the weighted second moments of features x path, with each other and with the gain."""
+    size = rows.path.shape[2]
+    columns = rows.features.shape[1] * size + 1
+    moments, response = np.zeros((columns, columns)), np.zeros(columns)
+    for begin in range(0, len(rows.path), CHUNK):
+        part = slice(begin, begin + CHUNK)
+        weight = np.sqrt(rows.weight[part])[:, None]
+        design = np.einsum("nf,npk->npfk", rows.features[part], rows.path[part] * weight[..., None])
+        spread = (rows.spread[part] * weight).reshape(-1, 1)
+        flat = np.concatenate([design.reshape(-1, columns - 1), spread], axis=1)
+        moments += flat.T @ flat
+        response += flat.T @ (rows.gain[part] * weight).ravel()
+    return _Moments(moments, response, np.trace(moments[:size, :size]) / size)
+
+
+def _solve(of: _Moments, penalties: tuple[float, float], features: int) -> tuple[FloatArray, float]:
+    """Return the ridge solution for C features, (C, S), and the weight of the spread, which no penalty shrinks."""
+    harmonics = np.ones(SIZE)
+    harmonics[SINES - 1] = HANDEDNESS
+    size = (len(of.response) - 1) // features
+    penalty = np.tile(harmonics, (features, size // SIZE)) * penalties[0]
+    penalty[0] *= penalties[1] / penalties[0]
+    ridge = of.moments + of.curvature * np.diag(np.append(penalty.ravel(), 0.0))
+    solution: FloatArray = solve(ridge, of.response, assume_a="pos")
+    return solution[:-1].reshape(features, size), float(solution[-1])
+
+
+def _cross_validate(rows: _Rows, sequence: IntArray) -> tuple[tuple[float, float], float, float]:
+    """Return the best penalties, the share of squared gain explained with them, and the gain of what they pick."""
+    names, number = np.unique(sequence, return_inverse=True)
+    fold = (np.random.default_rng(0).permutation(len(names)) % FOLDS)[number]
+    penalties = [(penalty, share * penalty) for penalty in PENALTIES for share in CONSTANT_SHARES]
+    predicted = np.zeros((len(penalties), *rows.gain.shape))
+    held_out = [_moments(rows.part(fold == index)) for index in range(FOLDS)]
+    total = _Moments(*(np.sum(parts, axis=0) for parts in zip(*held_out, strict=True)))
+    for index in range(FOLDS):
+        rest = _Moments(*(whole - part for whole, part in zip(total, held_out[index], strict=True)))
+        inside = rows.part(fold == index)
+        for row, pair in enumerate(penalties):
+            situated, spread_weight = _solve(rest, pair, rows.features.shape[1])
+            along = np.einsum("nk,npk->np", inside.features @ situated, inside.path)
+            predicted[row, fold == index] = along + spread_weight * inside.spread
+    weight = rows.weight[:, None]
+    lost = ((predicted - rows.gain) ** 2 * weight).sum(axis=(1, 2))
+    best = int(np.argmin(lost))
+    pick = np.argmax(predicted[best], axis=1)
+    moves = predicted[best].max(axis=1) > 0
+    chosen = np.where(moves, rows.gain[np.arange(len(pick)), pick], 0.0)
+    explained = 1 - lost[best] / (rows.gain**2 * weight).sum()
+    return penalties[best], float(explained), float(np.average(chosen, weights=rows.weight))

@@ -1,0 +1,128 @@
+"""What a planner that values views knows of an episode: facing, belief, what was seen from where, as numbers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.planner import Context, Observation
+from planners.value.belief import Belief, BeliefModel
+from planners.value.body_filter import BodyFilter
+from planners.value.view_basis import BASIS_SIZE, basis_at, turned
+
+PARTS = ("ratio", "history", "belief", "embedding", "facing")  # of a situation, that a gain field may depend on
+_HISTORY = (1, 2, 3, 4, 5, 6, 7, 8, 16)  # of the basis: harmonics of degree 1 and 2, and the distance
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """What is known of B episodes after a frame.
+
+    Args:
+        ratio: (B,) observation ratio.
+        belief: (B, K) probabilities.
+        embedding: (B, D), the recogniser's.
+        facing: (B, P) [rad], the azimuths that people face.
+        facing_std: (B, P) [rad].
+        position: (B, P, 3) [m], where people are relative to the centre.
+        seen: (B, 21), the view basis, the mean over the frames so far.
+    """
+
+    ratio: FloatArray
+    belief: FloatArray
+    embedding: FloatArray
+    facing: FloatArray
+    facing_std: FloatArray
+    position: FloatArray
+    seen: FloatArray
+
+    @property
+    def reference(self) -> FloatArray:
+        """The azimuth that a gain field counts from, (B,) [rad].
+
+        Where the person faces; where there are several, the way from the first to the second, which says better
+        how they hide each other, and is better known from a distance.
+        """
+        if self.facing.shape[1] == 1:
+            return self.facing[:, 0]
+        way = self.position[:, 1] - self.position[:, 0]
+        return np.arctan2(way[:, 1], way[:, 0])
+
+    def features(self, facing: bool = True) -> dict[str, FloatArray]:
+        """Return the numbers (B, size) that a gain field may depend on, for each of `PARTS`.
+
+        Args:
+            facing: whether azimuths of the history are counted from the reference, or as they are.
+        """
+        seen = turned(self.seen, self.reference) if facing else self.seen
+        return {
+            "ratio": self.ratio[:, None],
+            "history": seen[:, _HISTORY],
+            "belief": self.belief,
+            "embedding": self.embedding,
+            "facing": self._people(),
+        }
+
+    def _people(self) -> FloatArray:
+        """Return where people are and face relative to the reference, and how sure their facing is, (B, 5 P)."""
+        cosine, sine = np.cos(self.reference)[:, None], np.sin(self.reference)[:, None]
+        east, north = self.position[..., 0], self.position[..., 1]
+        turn = self.facing - self.reference[:, None]
+        sure = np.exp(-(self.facing_std**2) / 2)  # the length of the mean direction of a normal angle
+        ahead, aside = cosine * east + sine * north, cosine * north - sine * east
+        return np.concatenate([ahead, aside, sure * np.cos(turn), sure * np.sin(turn), sure], axis=1)
+
+
+class Tracker:
+    """Follows B episodes frame by frame: what is believed, and where people are and face.
+
+    Args:
+        belief: fitted.
+        pairs: of the trunk, (pairs, 2) of [left, right].
+    """
+
+    def __init__(self, *, belief: BeliefModel, pairs: IntArray) -> None:
+        """Create the tracker; `reset` it before the first frame."""
+        self._belief = Belief(belief)
+        self._pairs = pairs
+
+    def reset(self, context: Context) -> None:
+        """Forget everything."""
+        self._body = BodyFilter(pairs=self._pairs, frame_time=context.frame_time)
+        self._belief.start(context.episodes, len(context.class_names))
+        self._seen = np.zeros((context.episodes, BASIS_SIZE))
+
+    def update(self, observation: Observation) -> None:
+        """Take in one more frame."""
+        if observation.frame == 0:
+            self._body.start(*observation.joints_2d.shape[:2])
+        self._body.update(observation.joints_2d, observation.confidence, observation.viewpoint)
+        self._belief.update(observation.log_probs, observation.viewpoint, observation.ratio, observation.frame)
+        self._seen += basis_at(observation.viewpoint)
+        self._observation = observation
+
+    @property
+    def situation(self) -> Situation:
+        """What is known after the last frame."""
+        observation = self._observation
+        return Situation(
+            ratio=np.full(len(observation.viewpoint), observation.ratio),
+            belief=np.exp(self._belief.log_probs),
+            embedding=observation.embedding,
+            facing=self._body.facing,
+            facing_std=self._body.facing_std,
+            position=self._body.position,
+            seen=self._seen / (observation.frame + 1),
+        )
+
+
+def frame_gains(frame: int, length: int) -> FloatArray:
+    r"""Return how much the view in each frame to come weighs, (L - 1 - frame,), summing to 1.
+
+    What is recognised after frame s averages the evidence of its s frames, so evidence of frame f enters all
+    frames from f on, each with weight 1/s: :math:`\gamma_f \propto \sum_{s \ge f} 1/s`. Early views weigh most.
+    """
+    after = np.arange(frame + 2, length + 1)  # counted from 1, as s above
+    gains = np.cumsum(1 / after[::-1])[::-1]
+    share: FloatArray = gains / gains.sum()
+    return share

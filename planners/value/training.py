@@ -1,0 +1,123 @@
+"""Train gain fields and belief for one recogniser: branching rollouts on the policy part, then regressions."""
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save
+
+from ehar.data.scenario import split_parts
+from ehar.data.source import load_data
+from ehar.errors import DataError, UsageError
+from ehar.sensors.estimator import make_sensor
+from planners.value.belief_fit import fit_belief
+from planners.value.body_filter import trunk_pairs
+from planners.value.collection import Collection, CollectionTask, join, run_batches
+from planners.value.config import GainTrainingConfig
+from planners.value.fit import VARIANTS, Fit, fit_field
+from planners.value.model import GainModel, gain_model_path, save_gain_model
+from recognition.storage import load_recogniser, write_whole
+
+LEAST_LENGTH = 3  # frames of an episode: views along a path spread only if there are two to come
+
+
+@dataclass(frozen=True)
+class GainTraining:
+    """What a training gave: where it was written to, and how each field did in cross-validation."""
+
+    path: Path
+    fits: dict[str, Fit]
+
+
+def train_gain_field(config: GainTrainingConfig, report: Callable[[str, int, int], None]) -> GainTraining:
+    """Train and save; batches of rollouts that a stopped run has finished are not run again.
+
+    Args:
+        config: how.
+        report: hears of progress: what is done, how much of it, of how much.
+
+    Raises:
+        EharError: data or recogniser are missing or do not fit, or a number is too small.
+    """
+    for name, least in (("batches", 1), ("workers", 1), ("length", LEAST_LENGTH), ("seed", 0)):
+        if getattr(config, name) < least:
+            raise UsageError(f"{name}: expected at least {least}, got {getattr(config, name)}")
+    directory = config.out or config.models
+    if directory is None:
+        raise UsageError("train gain-field: expected --models DIR, or --out DIR where the shipped recogniser is used")
+    data = load_data(config.data, fps=config.fps)
+    sensor = make_sensor(config.sensor, data.skeleton)
+    recogniser = load_recogniser(config.models, data, sensor=config.sensor, views=config.views)
+    policy = split_parts(data).policy
+    sequences = policy[data.lengths[policy] >= config.length]
+    if len(sequences) < 2:  # a field is judged on others than it was fitted on
+        raise DataError(
+            f"{data.name}: expected at least 2 policy sequences of at least {config.length} frames, "
+            f"got {len(sequences)}"
+        )
+    task = CollectionTask(
+        data=data,
+        sequences=sequences,
+        length=config.length,
+        recogniser=recogniser,
+        sensor=sensor,
+        pairs=trunk_pairs(data, sequences),
+        seed=config.seed,
+    )
+    path = gain_model_path(directory, sensor=config.sensor, views=config.views)
+    key = f"{data.sha256} {recogniser.sha256} {config.length} {config.seed}"
+    collection = _collect(task, config, path.with_suffix(""), hashlib.sha256(key.encode()).hexdigest(), report)
+    belief = fit_belief(collection.log_probs, collection.viewpoints, collection.labels, collection.sequences)
+    fits: dict[str, Fit] = {}
+    for name, parts in VARIANTS.items():
+        report("regressions", len(fits), len(VARIANTS))
+        fits[name] = fit_field(collection, belief, parts)
+    report("regressions", len(fits), len(VARIANTS))
+    model = GainModel({name: fit.field for name, fit in fits.items()}, belief, task.pairs)
+    options = {name: str(value) if isinstance(value, Path) else value for name, value in asdict(config).items()}
+    history: dict[str, Any] = {
+        **{name: value for name, value in options.items() if name != "workers"},  # which decides nothing
+        "data_sha256": data.sha256,
+        "cross_validation": {
+            name: {score: value for score, value in fit._asdict().items() if score != "field"}
+            for name, fit in fits.items()
+        },
+    }
+    save_gain_model(path, model, recogniser_sha256=recogniser.sha256, history=history)
+    return GainTraining(path, fits)
+
+
+def _collect(
+    task: CollectionTask,
+    config: GainTrainingConfig,
+    folder: Path,
+    key: str,
+    report: Callable[[str, int, int], None],
+) -> Collection:
+    """Return the branching rollouts; each batch is kept in a folder, and read from there by a run that goes on."""
+    folder = folder.with_name(f"{folder.name}-rollouts-{key[:8]}")
+    pieces: dict[int, Collection] = {}
+    for batch in range(config.batches):
+        piece = _read(folder / f"{batch}.safetensors")
+        if piece is not None:
+            pieces[batch] = piece
+    missing = [batch for batch in range(config.batches) if batch not in pieces]
+    report("rollouts", len(pieces), config.batches)
+    for batch, piece in run_batches(task, missing, workers=config.workers):
+        pieces[batch] = piece
+        tensors = {name.name: np.ascontiguousarray(getattr(piece, name.name)) for name in fields(Collection)}
+        write_whole(folder / f"{batch}.safetensors", save(tensors))
+        report("rollouts", len(pieces), config.batches)
+    return join([pieces[batch] for batch in range(config.batches)])
+
+
+def _read(path: Path) -> Collection | None:
+    """Return a batch that was kept; None if there is none, or it is not whole."""
+    try:
+        return Collection(**load_file(path))
+    except (OSError, SafetensorError, TypeError):
+        return None

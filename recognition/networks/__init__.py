@@ -1,0 +1,1 @@
+"""Networks: CTR-GCN as published, and its causal form."""

@@ -1,0 +1,201 @@
+"""CTR-GCN in streaming form: over whole clips in one pass, or one frame at a time with the same result."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor, nn
+
+from recognition.networks.layers import (
+    CausalGraphConvolution,
+    CausalTemporalConvolution,
+    GraphState,
+    Pointwise,
+    refreshes,
+)
+
+
+@dataclass(frozen=True)
+class BlockState:
+    """What one block remembers."""
+
+    graph: GraphState
+    history: tuple[Tensor, ...]
+
+
+@dataclass(frozen=True)
+class StreamingState:
+    """All that the network remembers of B episodes. Tensors are never changed in place.
+
+    Args:
+        forks: F, alternatives of every episode; tensors that they still share have a fork axis of 1.
+        count: (B,) frames seen.
+        blocks: one state a block, over B * P bodies.
+        pooled: (B, D, F') the sum of pooled features over the frames seen.
+    """
+
+    forks: int
+    count: Tensor
+    blocks: tuple[BlockState, ...]
+    pooled: Tensor
+
+    def fork(self, forks: int) -> "StreamingState":
+        """Return a state of F alternatives an episode; nothing is copied.
+
+        Raises:
+            ValueError: the state is forked already.
+        """
+        if self.forks != 1:
+            raise ValueError(f"expected an unforked state, got one of {self.forks} forks")
+        return replace(self, forks=forks)
+
+    def select(self, choice: Tensor) -> "StreamingState":
+        """Return the unforked state of alternative `choice` (B,) of each episode."""
+        bodies = len(self.blocks[0].graph.total) // len(choice)
+        of_body = choice.repeat_interleave(bodies)
+
+        def pick(tensor: Tensor) -> Tensor:
+            if tensor.shape[2] == 1:
+                return tensor
+            index = choice if len(tensor) == len(choice) and tensor is self.pooled else of_body
+            return tensor[torch.arange(len(tensor)), :, index].unsqueeze(2)
+
+        return self._map(pick, forks=1)
+
+    def reset(self, mask: Tensor) -> "StreamingState":
+        """Return a state in which the episodes of `mask` (B,) bool have seen nothing."""
+        bodies = len(self.blocks[0].graph.total) // len(mask)
+        of_body = mask.repeat_interleave(bodies)
+
+        def clear(tensor: Tensor) -> Tensor:
+            rows = mask if tensor is self.pooled else of_body
+            return tensor.masked_fill(rows.view(-1, *[1] * (tensor.dim() - 1)), 0.0)
+
+        return replace(self._map(clear, forks=self.forks), count=self.count.masked_fill(mask, 0))
+
+    def _map(self, change: Callable[[Tensor], Tensor], forks: int) -> "StreamingState":
+        blocks = tuple(
+            BlockState(
+                GraphState(change(block.graph.total), change(block.graph.topology)),
+                tuple(change(frame) for frame in block.history),
+            )
+            for block in self.blocks
+        )
+        return StreamingState(forks, self.count, blocks, change(self.pooled))
+
+
+class CausalBlock(nn.Module):
+    """A graph convolution, a temporal one, and a residual around both."""
+
+    def __init__(self, *, inputs: int, outputs: int, partition: Tensor, residual: bool) -> None:
+        """Create the block; the first one of the published network has no residual."""
+        super().__init__()
+        self.graph = CausalGraphConvolution(inputs=inputs, outputs=outputs, partition=partition)
+        self.temporal = CausalTemporalConvolution(channels=outputs)
+        self.residual: nn.Module | None = None
+        if residual:
+            self.residual = (
+                nn.Identity()
+                if inputs == outputs
+                else nn.Sequential(Pointwise(inputs, outputs), nn.BatchNorm2d(outputs))
+            )
+
+    def _join(self, temporal: Tensor, x: Tensor) -> Tensor:
+        return torch.relu(temporal if self.residual is None else temporal + self.residual(x))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Return (N, C_out, T, J) for whole clips (N, C_in, T, J)."""
+        return self._join(self.temporal(self.graph(x)), x)
+
+    def start(self, bodies: int) -> BlockState:
+        """Return the state of N bodies that have seen nothing."""
+        return BlockState(self.graph.start(bodies), self.temporal.start(bodies, self.graph.joints))
+
+    def step(self, x: Tensor, state: BlockState, count: Tensor, due: Tensor) -> tuple[Tensor, BlockState]:
+        """Take one frame (N, C_in, F, J)."""
+        spatial, graph = self.graph.step(x, state.graph, count, due)
+        temporal, history = self.temporal.step(spatial, state.history)
+        return self._join(temporal, x), BlockState(graph, history)
+
+
+class CausalCTRGCN(nn.Module):
+    """CTR-GCN whose every operation over time is replaced by its running counterpart.
+
+    The logits after frame t depend on frames up to t only, so one pass over a clip gives those of every prefix,
+    and training sees all observation ratios at once.
+
+    Args:
+        classes: K.
+        channels: features of a joint.
+        partition: (3, J, J) the spatial partition of the skeleton.
+        widths: output channels of each block, multiples of 4.
+        dropout: on the pooled features.
+    """
+
+    def __init__(
+        self, *, classes: int, channels: int, partition: Tensor, widths: tuple[int, ...], dropout: float = 0.0
+    ) -> None:
+        """Create the network."""
+        super().__init__()
+        joints = partition.shape[-1]
+        self.embedding_size = widths[-1]
+        self.input_norm = nn.BatchNorm1d(joints * channels)
+        inputs = (channels, *widths[:-1])
+        self.blocks = nn.ModuleList(
+            CausalBlock(inputs=before, outputs=after, partition=partition, residual=i > 0)
+            for i, (before, after) in enumerate(zip(inputs, widths, strict=True))
+        )
+        self.dropout = nn.Dropout(dropout)
+        self.classify = nn.Linear(widths[-1], classes)
+
+    def _bodies(self, x: Tensor) -> Tensor:
+        """Return normalised bodies (B * P, C, T, J) of features (B, T, P, J, C); T may be the fork axis."""
+        batch, frames, persons, joints, channels = x.shape
+        flat = x.transpose(1, 2).reshape(batch * persons, frames, joints * channels)
+        normed: Tensor = self.input_norm(flat.transpose(1, 2))
+        return normed.view(batch * persons, joints, channels, frames).permute(0, 2, 3, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Return the logits after every frame, (B, T, K), of features (B, T, P, J, C)."""
+        batch, frames, persons = x.shape[:3]
+        bodies = self._bodies(x)
+        for block in self.blocks:
+            bodies = block(bodies)
+        pooled = bodies.mean(dim=3).view(batch, persons, -1, frames).mean(dim=1)
+        counts = torch.arange(1, frames + 1, device=x.device, dtype=x.dtype)
+        embedding = (pooled.cumsum(dim=2) / counts).transpose(1, 2)
+        logits: Tensor = self.classify(self.dropout(embedding))
+        return logits
+
+    def start(self, episodes: int, persons: int) -> StreamingState:
+        """Return the state of B episodes that have seen nothing."""
+        weight = self.classify.weight
+        return StreamingState(
+            forks=1,
+            count=torch.zeros(episodes, dtype=torch.int64, device=weight.device),
+            blocks=tuple(block.start(episodes * persons) for block in self._typed_blocks()),
+            pooled=weight.new_zeros(episodes, self.embedding_size, 1),
+        )
+
+    def step(self, x: Tensor, state: StreamingState) -> tuple[Tensor, Tensor, StreamingState]:
+        """Take one frame: features (B, F, P, J, C), F = 1 for an unforked state.
+
+        Returns:
+            logits (B, F, K), embedding (B, F, D), and the state after the frame.
+        """
+        batch, forks, persons = x.shape[:3]
+        count = state.count + 1
+        due = torch.tensor([refreshes(int(c)) for c in count.tolist()], device=x.device)
+        body_count, body_due = count.repeat_interleave(persons), due.repeat_interleave(persons)
+        bodies = self._bodies(x)
+        blocks = []
+        for block, before in zip(self._typed_blocks(), state.blocks, strict=True):
+            bodies, after = block.step(bodies, before, body_count, body_due)
+            blocks.append(after)
+        pooled = state.pooled + bodies.mean(dim=3).view(batch, persons, -1, forks).mean(dim=1)
+        embedding = (pooled / count[:, None, None]).transpose(1, 2)
+        after_frame = StreamingState(state.forks, count, tuple(blocks), pooled)
+        return self.classify(embedding), embedding, after_frame
+
+    def _typed_blocks(self) -> list[CausalBlock]:
+        return [block for block in self.blocks if isinstance(block, CausalBlock)]

@@ -1,0 +1,273 @@
+"""CTR-GCN as published (Chen et al., "Channel-wise Topology Refinement Graph Convolution", ICCV 2021).
+
+Parameters and buffers are named as in the public implementation, so that its checkpoints load with `strict=True`.
+Axis letters of this module are the paper's: N samples, C channels, T frames, V joints, M persons.
+"""
+
+import math
+import pickle
+from collections.abc import Iterable, Sequence
+from functools import reduce
+from pathlib import Path
+from typing import cast
+
+import torch
+from safetensors.torch import load_file
+from torch import Tensor, nn
+
+from ehar.arrays import FloatArray
+from ehar.errors import ModelError
+
+PUBLISHED_WIDTHS = (64, 64, 64, 64, 128, 128, 128, 256, 256, 256)  # Sec. 3.4: ten blocks
+PUBLISHED_STRIDES = (1, 1, 1, 1, 2, 1, 1, 2, 1, 1)  # Sec. 3.4: time is halved at the 5th and the 8th block
+BRANCHES = 4
+
+
+class CTRGC(nn.Module):
+    """Channel-wise topology refinement graph convolution (Sec. 3.2).
+
+    Each channel c of a sample has a topology of its own, the shared one refined by a correlation of joints i and j:
+
+        M_ij = tanh(psi(x_i) - phi(x_j))    correlation (M1 in the paper), of the features' mean over time
+        R_c  = A + alpha * xi(M)_c          channel-wise topology
+        z_c  = R_c T(x)_c                   channel-wise aggregation of the transformed features
+
+    psi, phi, T and xi are affine maps of the channels: `conv1`, `conv2`, `conv3` and `conv4`.
+    """
+
+    def __init__(self, *, in_channels: int, out_channels: int) -> None:
+        """Create the convolution; `relation_channels` says how wide psi and phi are."""
+        super().__init__()
+        relation = relation_channels(in_channels)
+        self.conv1 = nn.Conv2d(in_channels, relation, 1)
+        self.conv2 = nn.Conv2d(in_channels, relation, 1)
+        self.conv3 = nn.Conv2d(in_channels, out_channels, 1)
+        self.conv4 = nn.Conv2d(relation, out_channels, 1)
+
+    def correlation(self, mean: Tensor) -> Tensor:
+        """Return xi(M), (N, C', V, V), of features with `mean` (N, C, 1, V) over time.
+
+        The published code averages psi(x) and phi(x) over time; they are affine, so their value at the mean is that.
+        """
+        correlation: Tensor = self.conv4(torch.tanh(self.conv1(mean).transpose(2, 3) - self.conv2(mean)))
+        return correlation
+
+    def forward(self, x: Tensor, topology: Tensor) -> Tensor:
+        """Transform x (N, C, T, V) and gather it over joints by the `topology` (N, C', V, V), to (N, C', T, V)."""
+        return torch.matmul(self.conv3(x), topology.transpose(2, 3))
+
+
+class SpatialUnit(nn.Module):
+    """Spatial modelling (Sec. 3.4): the sum of one CTR-GC for each part of the partition, with a residual.
+
+    The shared topology `PA` (3, V, V) is learned. So is `alpha`, from 0, so that no refinement is made at first.
+    """
+
+    def __init__(self, *, in_channels: int, out_channels: int, adjacency: Tensor) -> None:
+        """Create the unit; the shared topology starts as `adjacency` (3, V, V)."""
+        super().__init__()
+        self.convs = nn.ModuleList(CTRGC(in_channels=in_channels, out_channels=out_channels) for _ in adjacency)
+        self.PA = nn.Parameter(adjacency.clone())
+        self.alpha = nn.Parameter(torch.zeros(1))
+        self.bn = nn.BatchNorm2d(out_channels)
+        self.down: nn.Module = nn.Identity()
+        if in_channels != out_channels:
+            self.down = nn.Sequential(nn.Conv2d(in_channels, out_channels, 1), nn.BatchNorm2d(out_channels))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Convolve x (N, C, T, V) over joints, to (N, C', T, V)."""
+        mean = x.mean(dim=2, keepdim=True)
+        parts = []
+        for conv, shared in zip(cast("Iterable[CTRGC]", self.convs), self.PA, strict=True):
+            parts.append(conv(x, torch.addcmul(shared, conv.correlation(mean), self.alpha)))
+        return torch.relu(self.bn(reduce(torch.add, parts)) + self.down(x))
+
+
+class TemporalConvolution(nn.Module):
+    """A convolution over time, padded so that only the stride shortens it, and its normalisation."""
+
+    def __init__(self, *, in_channels: int, out_channels: int, kernel: int, stride: int, dilation: int = 1) -> None:
+        """Create the convolution over `kernel` frames that are `dilation` apart."""
+        super().__init__()
+        self.conv = nn.Conv2d(
+            in_channels,
+            out_channels,
+            (kernel, 1),
+            stride=(stride, 1),
+            padding=(dilation * (kernel - 1) // 2, 0),
+            dilation=(dilation, 1),
+        )
+        self.bn = nn.BatchNorm2d(out_channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Convolve x (N, C, T, V) to (N, C', ceil(T / stride), V)."""
+        convolved: Tensor = self.bn(self.conv(x))
+        return convolved
+
+
+class TemporalUnit(nn.Module):
+    """Multi-scale temporal modelling (Sec. 3.4): four branches of a quarter of the channels each.
+
+    Convolutions of 5 frames with dilations 1 and 2, the maximum of 3 frames, and the frame itself.
+    """
+
+    def __init__(self, *, channels: int, stride: int) -> None:
+        """Create the unit of `channels`, a multiple of 4."""
+        super().__init__()
+        width = channels // BRANCHES
+
+        def reduced(*rest: nn.Module) -> nn.Sequential:
+            return nn.Sequential(nn.Conv2d(channels, width, 1), nn.BatchNorm2d(width), nn.ReLU(), *rest)
+
+        def dilated(dilation: int) -> nn.Sequential:
+            return reduced(
+                TemporalConvolution(in_channels=width, out_channels=width, kernel=5, stride=stride, dilation=dilation)
+            )
+
+        pooled = reduced(nn.MaxPool2d((3, 1), stride=(stride, 1), padding=(1, 0)), nn.BatchNorm2d(width))
+        point = nn.Sequential(nn.Conv2d(channels, width, 1, stride=(stride, 1)), nn.BatchNorm2d(width))
+        self.branches = nn.ModuleList([dilated(1), dilated(2), pooled, point])
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Model x (N, C, T, V) over time, to (N, C, ceil(T / stride), V)."""
+        return torch.cat([branch(x) for branch in self.branches], dim=1)
+
+
+class Block(nn.Module):
+    """A spatial unit, then a temporal one, and a residual around both (Sec. 3.4)."""
+
+    def __init__(
+        self, *, in_channels: int, out_channels: int, stride: int, adjacency: Tensor, residual: bool = True
+    ) -> None:
+        """Create the block; the published network's first has no residual."""
+        super().__init__()
+        self.gcn1 = SpatialUnit(in_channels=in_channels, out_channels=out_channels, adjacency=adjacency)
+        self.tcn1 = TemporalUnit(channels=out_channels, stride=stride)
+        self.residual: nn.Module | None = None
+        if residual and in_channels == out_channels and stride == 1:
+            self.residual = nn.Identity()
+        elif residual:
+            self.residual = TemporalConvolution(
+                in_channels=in_channels, out_channels=out_channels, kernel=1, stride=stride
+            )
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Map x (N, C, T, V) to (N, C', ceil(T / stride), V)."""
+        y = self.tcn1(self.gcn1(x))
+        return torch.relu(y if self.residual is None else y + self.residual(x))
+
+
+class CTRGCN(nn.Module):
+    """CTR-GCN: blocks of channel-wise refined graph convolution and multi-scale temporal convolution (Sec. 3.4).
+
+    Clips may be of any length T from 1 on. Persons share all weights but the input normalisation, as published.
+    """
+
+    def __init__(
+        self,
+        *,
+        classes: int,
+        joints: int,
+        persons: int,
+        in_channels: int,
+        adjacency: FloatArray,
+        widths: Sequence[int] = PUBLISHED_WIDTHS,
+        strides: Sequence[int] = PUBLISHED_STRIDES,
+        generator: torch.Generator | None = None,
+    ) -> None:
+        """Create the network with random weights.
+
+        Args:
+            classes: number K of activities.
+            joints: number V of joints a person.
+            persons: number M of persons.
+            in_channels: number C of values a joint.
+            adjacency: the partition of the skeleton, (3, V, V); see `recognition.networks.graph.partition`.
+            widths: channels of each block, each a multiple of 4.
+            strides: by how much each block shortens time.
+            generator: draws the first weights; by default one of a fixed seed.
+
+        Raises:
+            ModelError: if the sizes contradict each other.
+        """
+        super().__init__()
+        if adjacency.shape[1:] != (joints, joints):
+            raise ModelError(f"adjacency has shape {adjacency.shape}, expected (3, {joints}, {joints})")
+        if not widths or len(widths) != len(strides):
+            raise ModelError(f"{len(widths)} widths and {len(strides)} strides, expected one of each a block")
+        if any(width <= 0 or width % BRANCHES for width in widths):
+            raise ModelError(f"widths are {tuple(widths)}, expected positive multiples of {BRANCHES}")
+        start = torch.as_tensor(adjacency, dtype=torch.float32)
+        self.data_bn = nn.BatchNorm1d(persons * joints * in_channels)
+        self._blocks: list[str] = []
+        width_before = in_channels
+        for number, (width, stride) in enumerate(zip(widths, strides, strict=True), start=1):
+            self._blocks.append(f"l{number}")
+            block = Block(
+                in_channels=width_before, out_channels=width, stride=stride, adjacency=start, residual=number > 1
+            )
+            self.add_module(self._blocks[-1], block)
+            width_before = width
+        self.fc = nn.Linear(width_before, classes)
+        self._initialise(generator or torch.Generator())
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Return the logits (N, K) of clips x (N, C, T, V, M)."""
+        logits: Tensor = self.fc(self.embed(x))
+        return logits
+
+    def embed(self, x: Tensor) -> Tensor:
+        """Return what the logits are linear in: the features of clips x averaged over T, V and M, (N, D)."""
+        samples, channels, frames, joints, persons = x.shape
+        x = x.permute(0, 4, 3, 1, 2).reshape(samples, persons * joints * channels, frames)
+        x = self.data_bn(x).reshape(samples, persons, joints, channels, frames).permute(0, 1, 3, 4, 2)
+        x = x.reshape(samples * persons, channels, frames, joints)
+        for name in self._blocks:
+            x = self.get_submodule(name)(x)
+        return x.mean(dim=(2, 3)).reshape(samples, persons, -1).mean(dim=1)
+
+    def _initialise(self, generator: torch.Generator) -> None:
+        """Draw convolutions by He et al. (2015), fan out, and the classifier from N(0, 2 / K); as published."""
+        for module in self.modules():
+            if isinstance(module, nn.Conv2d):
+                nn.init.kaiming_normal_(module.weight, mode="fan_out", generator=generator)
+                if module.bias is not None:
+                    nn.init.zeros_(module.bias)
+            elif isinstance(module, SpatialUnit):
+                nn.init.constant_(module.bn.weight, 1e-6)  # a block starts as little more than its residual
+        nn.init.normal_(self.fc.weight, 0.0, math.sqrt(2.0 / self.fc.out_features), generator=generator)
+        nn.init.zeros_(self.fc.bias)
+
+
+def relation_channels(in_channels: int) -> int:
+    """Return in how many channels joints are correlated.
+
+    As published, 8 for raw input (3 or 9 channels there) and an eighth of features otherwise. The floor is ours: below
+    a width of 32, which is narrower than any published one, an eighth leaves too few.
+    """
+    return 8 if in_channels <= 9 else max(4, in_channels // 8)
+
+
+def load_published(path: Path) -> dict[str, Tensor]:
+    """Read a state dict as the public implementation saves it, without its `module.` prefixes.
+
+    Args:
+        path: a `.safetensors` file, or else a file written by `torch.save`, of which nothing is executed.
+
+    Raises:
+        ModelError: if the file cannot be read, or holds anything but named tensors.
+    """
+    try:
+        if path.suffix == ".safetensors":
+            state = load_file(path)
+        else:
+            state = torch.load(path, map_location="cpu", weights_only=True)
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except pickle.UnpicklingError as error:
+        raise ModelError(f"{path}: expected a pickled state dict of tensors alone, got other content") from error
+    except Exception as error:  # a malformed file can make torch and safetensors raise almost anything
+        raise ModelError(f"{path}: not a state dict: {type(error).__name__}") from error
+    if not isinstance(state, dict) or not all(isinstance(value, Tensor) for value in state.values()):
+        raise ModelError(f"{path}: expected a state dict of named tensors, got {type(state).__name__} of other content")
+    return {str(name).removeprefix("module."): value for name, value in state.items()}

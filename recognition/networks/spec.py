@@ -1,0 +1,75 @@
+"""Which network: the causal form or the published one, in the small or the published size."""
+
+from dataclasses import dataclass
+
+import torch
+
+from ehar.data.motion_data import MotionData
+from ehar.data.skeleton import Skeleton
+from recognition.networks.causal import CausalCTRGCN
+from recognition.networks.ctrgcn import CTRGCN, PUBLISHED_STRIDES, PUBLISHED_WIDTHS
+from recognition.networks.features import channel_count
+from recognition.networks.graph import partition
+from recognition.training.config import Form, Size
+
+Network = CausalCTRGCN | CTRGCN
+
+SMALL_WIDTHS = (32, 32, 48, 64)
+DROPOUT = 0.3
+
+
+@dataclass(frozen=True)
+class NetworkSpec:
+    """What a network is built for; saved beside its weights, and compared with the data it is used on.
+
+    Args:
+        form: "causal" streams; "ctrgcn" is the published network, evaluated on each prefix.
+        size: "published" widths, or "small" ones for 2 CPU cores.
+        class_names: K names.
+        skeleton: of one person.
+        persons: P.
+        fps: of the motion it was trained on.
+        length: L, frames of the clips it was trained on.
+    """
+
+    form: Form
+    size: Size
+    class_names: tuple[str, ...]
+    skeleton: Skeleton
+    persons: int
+    fps: float
+    length: int
+
+    @classmethod
+    def of(cls, data: MotionData, *, form: Form, size: Size, length: int) -> "NetworkSpec":
+        """Return the spec that fits some data."""
+        return cls(form, size, data.class_names, data.skeleton, data.persons, data.fps, length)
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """Output channels of each block."""
+        return PUBLISHED_WIDTHS if self.size == "published" else SMALL_WIDTHS
+
+    def build(self, seed: int = 0) -> Network:
+        """Return a freshly initialised network; torch's global generator is left as it was."""
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            topology = partition(self.skeleton)
+            if self.form == "causal":
+                return CausalCTRGCN(
+                    classes=len(self.class_names),
+                    channels=channel_count(self.persons),
+                    partition=torch.from_numpy(topology),
+                    widths=self.widths,
+                    dropout=DROPOUT,
+                )
+            return CTRGCN(
+                classes=len(self.class_names),
+                joints=len(self.skeleton.joint_names),
+                persons=self.persons,
+                in_channels=channel_count(self.persons),
+                adjacency=topology,
+                widths=self.widths,
+                strides=PUBLISHED_STRIDES if self.size == "published" else (1,) * len(SMALL_WIDTHS),
+                generator=torch.Generator().manual_seed(seed),
+            )

@@ -1,0 +1,1 @@
+"""Training of a recogniser: clips, cameras, the training loop and its checkpoints."""

@@ -1,0 +1,85 @@
+"""Training clips: windows of motion, seen by a sensor from training viewpoints, as network features."""
+
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.data.motion_data import MotionData
+from ehar.data.scenario import Scenarios
+from ehar.errors import DataError
+from ehar.sensors.sensor import Sensor, draw_noise
+from recognition.networks.features import features
+from recognition.networks.graph import parents
+from recognition.training.views import training_viewpoints
+
+BODY_SCALE = 0.1  # training bodies are scaled by a factor drawn from 1 - this to 1 + this: actors differ in size
+
+
+class Clips(NamedTuple):
+    """A batch for training or validation."""
+
+    features: Tensor  # (B, L, P, J, C)
+    labels: Tensor  # (B,)
+
+
+class ClipSource:
+    """Draws clips from some sequences.
+
+    A sequence is drawn in proportion to the test windows that one of its length would yield, its first frame
+    uniformly (stride 1), so that training clips are distributed as what is tested.
+
+    Args:
+        data: the motion.
+        sequences: those of one part.
+        length: L, frames.
+        sensor: what sees the clips.
+        views: the training regime.
+        augment: whether bodies are scaled.
+    """
+
+    def __init__(
+        self, *, data: MotionData, sequences: IntArray, length: int, sensor: Sensor, views: str, augment: bool
+    ) -> None:
+        """Collect the sequences that are long enough.
+
+        Raises:
+            DataError: none is.
+        """
+        long_enough = sequences[data.lengths[sequences] >= length]
+        if len(long_enough) == 0:
+            longest = int(data.lengths[sequences].max(initial=0))
+            raise DataError(
+                f"{data.name}: expected a training sequence of at least {length} frames, the longest has {longest}"
+            )
+        self._data, self._sequences, self._length = data, long_enough, length
+        self._sensor, self._views, self._augment = sensor, views, augment
+        weights = data.lengths[long_enough] // length
+        self._probabilities = weights / weights.sum()
+        self._parents = torch.from_numpy(parents(data.skeleton))
+
+    def draw(self, rng: np.random.Generator, clips: int) -> Clips:
+        """Draw B clips from random viewpoints of the regime."""
+        sequence = rng.choice(self._sequences, size=clips, p=self._probabilities)
+        first = rng.integers(self._data.lengths[sequence] - self._length + 1)
+        scenarios = Scenarios(self._data, self._length, sequence, first)
+        positions = scenarios.positions(np.arange(clips))
+        if self._augment:
+            scale = rng.uniform(1 - BODY_SCALE, 1 + BODY_SCALE, size=(clips, 1, 1, 1, 1))
+            positions = positions * scale.astype(np.float32)
+        viewpoints = training_viewpoints(self._views, rng, clips, self._length)
+        return Clips(self._see(positions, viewpoints, rng), torch.from_numpy(scenarios.labels.astype(np.int64)))
+
+    def _see(self, positions: FloatArray, viewpoints: FloatArray, rng: np.random.Generator) -> Tensor:
+        """Return the features (B, L, P, J, C) of what the sensor makes of the clips."""
+        noise = draw_noise(rng, positions.shape[:2], *positions.shape[2:4])
+        sensed = self._sensor.sense(positions, viewpoints, noise)
+        return features(
+            torch.from_numpy(sensed.joints_2d),
+            torch.from_numpy(sensed.confidence),
+            torch.from_numpy(viewpoints[..., 0].astype(np.float32)),
+            self._parents,
+            self._sensor.camera,
+        )

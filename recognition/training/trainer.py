@@ -1,0 +1,289 @@
+"""Train a recogniser: all observation ratios at once, early stopping, checkpoints that a stopped run resumes from."""
+
+import ctypes
+import hashlib
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from ehar.arrays import FloatArray
+from ehar.data.scenario import split_parts
+from ehar.data.source import load_data
+from ehar.errors import ModelError, UsageError
+from ehar.sensors.estimator import make_sensor
+from recognition.calibration import fit_temperature
+from recognition.networks.causal import CausalCTRGCN
+from recognition.networks.spec import Network, NetworkSpec
+from recognition.storage import load_weights, recogniser_path, save_recogniser
+from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
+from recognition.training.clips import Clips, ClipSource
+from recognition.training.config import TrainingConfig
+from recognition.training.views import REGIMES
+
+WARM_UP = 0.05  # share of the steps in which the learning rate rises
+GRADIENT_NORM = 1.0  # gradients are clipped to it
+VALIDATION_CLIPS = 384
+VALIDATION_SEED = 1_000_003  # clips drawn once, the same for every run on the same data
+PREFIXES = 10  # observation ratios at which the published form, which has no cheap prefixes, is validated
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """One look at the validation clips."""
+
+    step: int
+    train_loss: float
+    nll: float
+    accuracy: float  # mean over frames, in [0, 1]
+
+
+Report = Callable[[int, int, "Evaluation | None"], None]  # (step, steps, an evaluation if there was one)
+
+
+def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Evaluation:
+    """Train, calibrate and save a recogniser; return its best evaluation.
+
+    A step's clips, dropout and learning rate depend on its number and the seed only, so a run that is stopped
+    and started again ends as one that ran through.
+
+    Args:
+        config: what to train on, and how.
+        report: told about every step.
+
+    Raises:
+        UsageError: an option is unknown or below 1, or `out` holds a checkpoint of another run.
+        DataError: the data is malformed, or has no training sequence of `length` frames.
+        ModelError: the loss is not finite, the checkpoint is damaged, or `init` does not fit.
+    """
+    for field in ("length", "clips", "batch", "evaluations", "patience"):
+        if getattr(config, field) < 1:
+            raise UsageError(f"--{field}: got {getattr(config, field)}, expected at least 1")
+    device_type = config.device.partition(":")[0]
+    if device_type not in ("cpu", "cuda") or (device_type == "cuda" and not torch.cuda.is_available()):
+        raise UsageError(f"--device {config.device}: expected cpu, or cuda where there is such a device")
+    if config.views not in REGIMES:
+        raise UsageError(f"unknown --views {config.views!r}: expected one of {', '.join(REGIMES)}")
+    if config.threads:
+        torch.set_num_threads(config.threads)
+    _keep_freed_memory()
+    run = _Run(config)
+    _refuse_finished(run.path, run.identity)
+    return run.train(report or (lambda step, steps, evaluation: None))
+
+
+class _Run:
+    """One training run: its data, network, optimiser, and what it has seen on validation."""
+
+    def __init__(self, config: TrainingConfig) -> None:
+        self.config = config
+        data = load_data(config.data, fps=config.fps)
+        parts = split_parts(data)
+        sensor = make_sensor(config.sensor, data.skeleton)
+
+        def source(sequences: Any, augment: bool) -> ClipSource:
+            return ClipSource(
+                data=data,
+                sequences=sequences,
+                length=config.length,
+                sensor=sensor,
+                views=config.views,
+                augment=augment,
+            )
+
+        self.source = source(parts.recogniser, augment=True)
+        # Where the validation part has no sequence that is long enough, the recogniser's own part has to do.
+        self.held_out = bool((data.lengths[parts.validation] >= config.length).any())
+        held_out = source(parts.validation if self.held_out else parts.recogniser, augment=False)
+        self.validation = held_out.draw(np.random.default_rng(VALIDATION_SEED), VALIDATION_CLIPS)
+        self.spec = NetworkSpec.of(data, form=config.form, size=config.size, length=config.length)
+        self.data_title = data.title
+        self.device = torch.device(config.device)
+        self.network: Network = self.spec.build(config.seed).to(self.device)
+        if config.init is not None:
+            load_weights(config.init, self.network)
+        self.identity = _identify(config, data.sha256)
+        self.optimiser = torch.optim.AdamW(
+            self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
+        )
+        self.steps = max(1, config.clips // config.batch)
+        self.step = 0
+        self.evaluations: list[Evaluation] = []
+        self.best: dict[str, Tensor] = {}
+        self.path = recogniser_path(config.out, form=config.form, sensor=config.sensor, views=config.views)
+        self.checkpoint = self.path.with_suffix(".checkpoint")
+
+    def train(self, report: Report) -> Evaluation:
+        self._resume()
+        interval = max(1, self.steps // self.config.evaluations)
+        losses: list[float] = []
+        while self.step < self.steps and not self._stalled():
+            losses.append(self._learn())
+            evaluation = None
+            if self.step % interval == 0 or self.step == self.steps:
+                evaluation = self._evaluate(float(np.mean(losses)))
+                losses = []
+                self._save_checkpoint()
+            report(self.step, self.steps, evaluation)
+        return self._finish()
+
+    def _learn(self) -> float:
+        """Make one step and return its loss."""
+        config = self.config
+        rng = np.random.default_rng((config.seed, self.step))
+        clips = self.source.draw(rng, config.batch)
+        for group in self.optimiser.param_groups:
+            group["lr"] = config.learning_rate * _schedule(self.step / self.steps)
+        self.network.train()
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(int(rng.integers(2**31)))  # dropout
+            loss = self._loss(clips, rng)
+        value = float(loss.detach())
+        if not np.isfinite(value):
+            raise ModelError(f"{self.path.name}: the loss is {value} at step {self.step}: expected a finite one")
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), GRADIENT_NORM)
+        self.optimiser.step()
+        self.step += 1
+        return value
+
+    def _loss(self, clips: Clips, rng: np.random.Generator) -> Tensor:
+        """Return the cross-entropy, averaged over clips and frames (over clips, of one prefix, as published)."""
+        seen, labels = clips.features.to(self.device), clips.labels.to(self.device)
+        if isinstance(self.network, CausalCTRGCN):
+            logits = self.network(seen)
+            frames = logits.shape[1]
+            return functional.cross_entropy(logits.flatten(0, 1), labels.repeat_interleave(frames))
+        prefix = int(rng.integers(1, self.config.length + 1))
+        return functional.cross_entropy(self.network(seen[:, :prefix].permute(0, 4, 1, 3, 2)), labels)
+
+    def _logits(self, clips: Clips) -> FloatArray:
+        """Return validation logits (N, L, K); the published form fills the frames between its prefixes."""
+        self.network.eval()
+        pieces = []
+        length = self.config.length
+        with torch.inference_mode():
+            for seen in torch.split(clips.features, self.config.batch):
+                batch = seen.to(self.device)
+                if isinstance(self.network, CausalCTRGCN):
+                    pieces.append(self.network(batch).cpu())
+                else:
+                    ends = np.unique(np.ceil(np.arange(1, PREFIXES + 1) / PREFIXES * length).astype(int))
+                    known = [self.network(batch[:, :end].permute(0, 4, 1, 3, 2)).cpu() for end in ends]
+                    pieces.append(torch.stack([known[i] for i in np.searchsorted(ends, np.arange(1, length + 1))], 1))
+        return torch.cat(pieces).numpy()
+
+    def _evaluate(self, train_loss: float) -> Evaluation:
+        """Look at the validation clips and remember the best weights."""
+        logits = torch.from_numpy(self._logits(self.validation))
+        labels = self.validation.labels[:, None].expand(logits.shape[:2])
+        nll = float(functional.cross_entropy(logits.flatten(0, 1), labels.flatten()))
+        accuracy = float((logits.argmax(dim=-1) == labels).float().mean())
+        if not np.isfinite(nll):
+            raise ModelError(
+                f"{self.path.name}: the validation loss is {nll} at step {self.step}: expected a finite one"
+            )
+        if nll < min((past.nll for past in self.evaluations), default=float("inf")):
+            self.best = {name: tensor.detach().clone() for name, tensor in self.network.state_dict().items()}
+        evaluation = Evaluation(self.step, train_loss, nll, accuracy)
+        self.evaluations.append(evaluation)
+        return evaluation
+
+    def _stalled(self) -> bool:
+        """Return whether validation has not improved for `patience` evaluations."""
+        if not self.evaluations:
+            return False
+        best = min(range(len(self.evaluations)), key=lambda i: self.evaluations[i].nll)
+        return len(self.evaluations) - 1 - best >= self.config.patience
+
+    def _finish(self) -> Evaluation:
+        """Calibrate and save the best weights, and remove the checkpoint."""
+        self.network.load_state_dict(self.best)
+        temperature = fit_temperature(self._logits(self.validation), self.validation.labels.numpy())
+        history = {
+            "data": self.data_title,
+            "run": self.identity,
+            "validated_on_held_out_sequences": self.held_out,
+            "evaluations": [asdict(evaluation) for evaluation in self.evaluations],
+        }
+        save_recogniser(self.path, self.network, self.spec, temperature, history)
+        self.checkpoint.unlink(missing_ok=True)
+        return min(self.evaluations, key=lambda evaluation: evaluation.nll)
+
+    def _save_checkpoint(self) -> None:
+        """Keep everything that the next steps depend on."""
+        held = {
+            "run": self.identity,
+            "step": self.step,
+            "evaluations": [asdict(evaluation) for evaluation in self.evaluations],
+        }
+        states = {"network": self.network.state_dict(), "best": self.best}
+        save_checkpoint(self.checkpoint, Checkpoint(states, self.optimiser.state_dict(), held))
+
+    def _resume(self) -> None:
+        """Go on from the checkpoint, if there is one of this very run."""
+        if not self.checkpoint.is_file():
+            return
+        try:
+            saved = load_checkpoint(self.checkpoint, str(self.device))
+            same = saved.held["run"] == json.loads(json.dumps(self.identity))
+            if same:
+                self.network.load_state_dict(saved.states["network"])
+                self.optimiser.load_state_dict(saved.optimiser or {})
+                self.best, self.step = dict(saved.states["best"]), saved.held["step"]
+                self.evaluations = [Evaluation(**evaluation) for evaluation in saved.held["evaluations"]]
+        except Exception as error:  # of the kind that the damage happens to cause, at length
+            reason = f"{type(error).__name__}: {error}".splitlines()[0][:120]
+            raise ModelError(f"{self.checkpoint}: expected a training checkpoint, got {reason}") from error
+        if not same:
+            raise UsageError(
+                f"{self.checkpoint}: a checkpoint of a run with other options or data: "
+                f"run with those, remove it, or choose another --out"
+            )
+
+
+def _identify(config: TrainingConfig, data_sha256: str) -> dict[str, Any]:
+    """Return what decides the result of a run, for JSON: neither where files lie nor on what it is computed."""
+    identity = asdict(config)
+    for field in ("data", "out", "threads", "device", "init"):
+        del identity[field]
+    init_sha256 = None if config.init is None else hashlib.sha256(config.init.read_bytes()).hexdigest()
+    return {**identity, "data_sha256": data_sha256, "init_sha256": init_sha256}
+
+
+def _refuse_finished(path: Path, identity: dict[str, Any]) -> None:
+    """Raise UsageError where a finished recogniser lies already; nobody's weights are overwritten."""
+    description = path.with_suffix(".json")
+    if not description.is_file():
+        return
+    try:
+        finished = json.loads(description.read_text())["training"].get("run")
+    except (ValueError, KeyError, AttributeError):
+        finished = None
+    what = "this very run has finished" if finished == identity else "it holds the result of another run"
+    raise UsageError(f"{description}: {what}: remove it to train again, or choose another --out")
+
+
+def _schedule(progress: float) -> float:
+    """Return the learning rate as a share of its peak: a linear rise, then a cosine to zero."""
+    if progress < WARM_UP:
+        return (progress + 1e-3) / (WARM_UP + 1e-3)
+    return 0.5 * (1 + float(np.cos(np.pi * (progress - WARM_UP) / (1 - WARM_UP))))
+
+
+def _keep_freed_memory() -> None:
+    """Have glibc keep large freed blocks: mapping them anew for every layer took half of the time."""
+    if sys.platform == "linux":
+        trim_threshold, mmap_threshold, gigabyte = -1, -3, 1 << 30
+        libc = ctypes.CDLL(None)
+        if hasattr(libc, "mallopt"):
+            libc.mallopt(mmap_threshold, gigabyte)
+            libc.mallopt(trim_threshold, 2 * gigabyte - 1)

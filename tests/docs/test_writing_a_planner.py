@@ -1,0 +1,136 @@
+"""What docs/writing-a-planner.md shows is what lies in docs/examples, and runs."""
+
+import runpy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ehar.data.motion_file import load_motion, save_motion
+from ehar.data.scenario import part_of, windows
+from ehar.data.source import load_data
+from ehar.envs.environment import GridVectorEnv
+from ehar.motion import GridMotion
+from ehar.planner import Context
+from ehar.rollout import rollout
+from ehar.sensors.sensor import PerfectSensor
+from eval import benchmark, check_planner, check_recogniser
+from eval.cli.main import parse
+from planners.registry import resolve_planner
+from recognition.calibration import Temperature
+from recognition.networks.spec import NetworkSpec
+from recognition.storage import load_recogniser, recogniser_path, save_recogniser
+from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context, tiny_data
+from tests.helpers.gain_models import model_of, peak_weights
+from tests.helpers.pages import DOCS, commands, python_blocks
+from tests.helpers.tiny_benchmarks import Log
+
+PAGE = DOCS / "writing-a-planner.md"
+EXAMPLES = DOCS / "examples"
+LENGTH = 8
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: str(path.stem))
+def test_the_page_shows_every_example_as_it_is(path: Path) -> None:
+    assert path.read_text() in python_blocks(PAGE)
+    assert len(path.read_text().splitlines()) <= 65
+
+
+@pytest.mark.usefixtures("fake_weights")
+def test_the_spiral_conforms_and_does_what_it_says() -> None:
+    spec = f"{EXAMPLES}/spiral.py:Spiral(distance=6)"
+    found = check_planner(spec, data=tiny_data())
+    assert found.passed, str(found)
+    summary = benchmark([spec, "no-act"], data=tiny_data(sequences=20), length=10, reporter=Log())
+    assert summary.planner("spiral(distance=6)").path_length_m > 0.5
+
+
+def made_rays(steps: int, peak: list[float]) -> Any:
+    model = model_of(peak_weights(np.array(peak)))
+    return resolve_planner(f"{EXAMPLES}/rays.py:Rays(steps={steps})", lambda: model)[0]
+
+
+@pytest.mark.usefixtures("fake_weights")
+def test_the_rays_conform() -> None:
+    found = check_planner(made_rays(5, [8.0, 1.0, 1.2]), data=tiny_data())
+    assert found.passed, str(found)
+
+
+def test_the_rays_climb_to_where_the_field_is_highest() -> None:
+    peak = [8.0, 1.0, 1.2]
+    batch = tiny_batch(episodes=5, length=150)
+    context = tiny_context(episodes=5, length=150)
+    record = rollout(made_rays(3, peak), batch, FakeRecogniser(), PerfectSensor(), GridMotion(), context)
+    np.testing.assert_allclose(record.viewpoints[:, -1], np.tile(peak, (5, 1)), atol=0.2)
+
+
+@pytest.mark.slow
+def test_the_rays_run_over_the_trained_field() -> None:
+    summary = benchmark([f"{EXAMPLES}/rays.py:Rays", "no-act"], data="duo")
+    assert summary.planner("rays").acc_mean > summary.planner("no-act").acc_mean + 3
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """Write tiny data and an untrained recogniser of it, and return what the environment is told."""
+    folder = tmp_path_factory.mktemp("world")
+    save_motion(folder / "tiny.npz", tiny_data(sequences=24))
+    spec = NetworkSpec.of(load_motion(folder / "tiny.npz"), form="causal", size="small", length=LENGTH)
+    path = recogniser_path(folder, form="causal", sensor="perfect", views="moving")
+    save_recogniser(path, spec.build(), spec, Temperature(), {})
+    return {"data": str(folder / "tiny.npz"), "models": str(folder), "length": LENGTH}
+
+
+@pytest.fixture(scope="module")
+def learned(world: dict[str, Any]) -> Any:
+    return runpy.run_path(str(EXAMPLES / "learned.py"))["train"](60, **world)
+
+
+def test_the_learned_policy_conforms_and_runs(world: dict[str, Any], learned: Any) -> None:
+    found = check_planner(learned, data=world["data"], models=Path(world["models"]))
+    assert found.passed, str(found)
+    options = {**world, "models": Path(world["models"]), "reporter": Log()}
+    assert benchmark([learned, "no-act"], **options).planner("learned").path_length_m >= 0
+
+
+def test_the_learned_policy_makes_the_moves_that_it_makes_in_its_environment(
+    world: dict[str, Any], learned: Any
+) -> None:
+    data = load_data(world["data"])
+    recogniser = load_recogniser(Path(world["models"]), data, sensor="perfect", views="moving")
+    scenarios = windows(data, part_of(data, "policy"), LENGTH, 1)
+    envs = GridVectorEnv(num_envs=4, scenarios=scenarios, recogniser=recogniser, sensor=PerfectSensor())
+    seen, _ = envs.reset(seed=0)
+    viewpoints = [envs.episodes.viewpoint]
+    for _ in range(LENGTH - 1):
+        moves, _ = learned.policy.predict(seen, deterministic=True)
+        seen, *_ = envs.step(moves)
+        viewpoints.append(envs.episodes.viewpoint)
+    context = Context(
+        episodes=4,
+        length=LENGTH,
+        frame_time=1 / data.fps,
+        class_names=data.class_names,
+        skeleton=data.skeleton,
+        workspace=GridMotion().workspace,
+        track="ideal",
+        rng=np.random.default_rng(0),
+    )
+    record = rollout(learned, envs.episodes._batch, recogniser, PerfectSensor(), GridMotion(), context)
+    np.testing.assert_allclose(record.viewpoints, np.stack(viewpoints, axis=1), atol=1e-9)
+
+
+def test_the_recogniser_of_the_page_conforms(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(next(block for block in python_blocks(PAGE) if "class Mine" in block))
+    for persons in (1, 2):
+        found = check_recogniser(f"{path}:Mine(strength=0.2)", data=tiny_data(persons=persons))
+        assert found.passed, str(found)
+
+
+def test_flags_after_a_class_of_the_page_become_its_arguments() -> None:
+    shown = [parse(words) for words in commands(PAGE)]  # what they run is tested above
+    assert len(shown) >= 6
+    planners = {planner for command in shown for planner in getattr(command, "planners", ())}
+    assert {"./spiral.py:Spiral(distance='8', turn='-0.2')", "./rays.py:Rays", "./rays.py:Rays(steps='30')"} <= planners

@@ -1,0 +1,134 @@
+"""Windows and splits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ehar.data.motion_data import MotionData
+from ehar.data.scenario import split_parts, windows
+from ehar.errors import DataError
+from tests.helpers.fakes import CLASS_NAMES, POSE, SKELETON, tiny_data
+
+
+def data_of(lengths: list[int], labels: list[int]) -> MotionData:
+    """Return sequences of given lengths whose x coordinate is the frame's number over all of the data."""
+    frames = sum(lengths)
+    positions = np.tile(POSE, (frames, 1, 1, 1))
+    positions[..., 0] = np.arange(frames)[:, None, None]
+    return MotionData(
+        name="counted",
+        positions=positions,
+        offsets=np.concatenate([[0], np.cumsum(lengths)]),
+        labels=np.array(labels),
+        class_names=CLASS_NAMES,
+        sequence_names=tuple(f"s{i}" for i in range(len(lengths))),
+        fps=25.0,
+        skeleton=SKELETON,
+        is_test=None,
+        subjects=np.full((len(lengths), 1), -1),
+    )
+
+
+@pytest.mark.parametrize(
+    ("stride", "expected"),
+    [
+        (1, [(0, 0), (0, 1), (0, 2), (2, 0), (3, 0), (3, 1), (3, 2), (3, 3), (3, 4)]),
+        (3, [(0, 0), (2, 0), (3, 0), (3, 3)]),
+        (4, [(0, 0), (2, 0), (3, 0), (3, 4)]),
+    ],
+)
+def test_windows_by_stride_and_none_of_what_is_too_short(stride: int, expected: list[tuple[int, int]]) -> None:
+    data = data_of([6, 3, 4, 8], [0, 1, 2, 0])
+    scenarios = windows(data, np.arange(4), 4, stride)
+    assert list(zip(scenarios.sequence.tolist(), scenarios.first.tolist(), strict=True)) == expected
+    assert len(scenarios) == len(expected)
+    np.testing.assert_array_equal(scenarios.labels, data.labels[scenarios.sequence])
+
+
+def test_windows_of_chosen_sequences_only() -> None:
+    scenarios = windows(data_of([6, 3, 4, 8], [0, 1, 2, 0]), np.array([2]), 4, 1)
+    assert (scenarios.sequence.tolist(), scenarios.first.tolist()) == ([2], [0])
+
+
+def test_windows_of_nothing() -> None:
+    assert len(windows(data_of([3, 3], [0, 1]), np.arange(2), 4, 1)) == 0
+    with pytest.raises(DataError, match="at least 1 frame, got 0"):
+        windows(data_of([3], [0]), np.arange(1), 0, 1)
+
+
+def test_positions_are_the_window_s_frames_around_its_centre() -> None:
+    data = data_of([6, 3, 4, 8], [0, 1, 2, 0])
+    scenarios = windows(data, np.array([0, 3]), 4, 2)  # windows begin at frames 0, 2 and 13, 15, 17 of the data
+    positions = scenarios.positions(np.array([1, 3]))
+    assert positions.shape == (2, 4, 1, 6, 3)
+    assert positions.dtype == np.float32
+    np.testing.assert_allclose(positions[0, :, 0, 0, 0], np.array([2, 3, 4, 5]) - 3.5)
+    np.testing.assert_allclose(positions[1, :, 0, 0, 0], np.array([15, 16, 17, 18]) - 16.5)
+    np.testing.assert_allclose(positions.mean(axis=(1, 2, 3)), 0, atol=1e-6)
+    np.testing.assert_allclose(positions[1, 0] - positions[1, 0, :, :1], data.positions[15] - data.positions[15, :, :1])
+
+
+def many(*, is_test: bool) -> MotionData:
+    data = tiny_data(sequences=60)
+    return data if is_test else replace(data, is_test=None)
+
+
+@pytest.mark.parametrize("is_test", [True, False])
+def test_every_sequence_is_in_exactly_one_part(is_test: bool) -> None:
+    data = many(is_test=is_test)
+    parts = split_parts(data)
+    together = np.concatenate([parts.recogniser, parts.policy, parts.validation, parts.test])
+    np.testing.assert_array_equal(np.sort(together), np.arange(60))
+
+
+@pytest.mark.parametrize("is_test", [True, False])
+def test_every_part_has_every_class_in_proportion(is_test: bool) -> None:
+    data = many(is_test=is_test)
+    parts = split_parts(data)
+    per_class = 10 if is_test else 13  # training sequences of each of 3 classes
+    held = round(0.15 * per_class)
+    learn = round(0.4 * (per_class - held))
+    for part, expected in (
+        (parts.validation, held),
+        (parts.recogniser, learn),
+        (parts.policy, per_class - held - learn),
+    ):
+        np.testing.assert_array_equal(np.bincount(data.labels[part]), [expected] * 3)
+
+
+def test_the_data_s_own_split_decides_what_is_tested() -> None:
+    data = many(is_test=True)
+    assert data.is_test is not None
+    np.testing.assert_array_equal(split_parts(data).test, np.flatnonzero(data.is_test))
+
+
+def test_without_a_split_known_subjects_are_held_out_as_a_whole() -> None:
+    subjects = (np.arange(60) // 3 % 6)[:, None]
+    data = replace(tiny_data(sequences=60), is_test=None, subjects=subjects)
+    parts = split_parts(data)
+    tested = set(subjects[parts.test, 0].tolist())
+    assert len(tested) == 2
+    trained = np.concatenate([parts.recogniser, parts.policy, parts.validation])
+    assert tested.isdisjoint(subjects[trained, 0].tolist())
+
+
+def test_a_class_of_two_training_sequences_has_one_to_recognise_and_one_for_the_policy() -> None:
+    data = replace(tiny_data(sequences=9), is_test=np.arange(9) >= 6)
+    parts = split_parts(data)
+    for part in (parts.recogniser, parts.policy):
+        np.testing.assert_array_equal(np.sort(data.labels[part]), [0, 1, 2])
+
+
+def test_the_split_is_a_property_of_the_data() -> None:
+    once, again = split_parts(many(is_test=False)), split_parts(many(is_test=False))
+    for part in ("recogniser", "policy", "validation", "test"):
+        np.testing.assert_array_equal(getattr(once, part), getattr(again, part))
+
+
+def test_subjects_who_alone_perform_a_class_do_not_take_it_to_one_side() -> None:
+    labels = np.arange(60) % len(CLASS_NAMES)
+    data = replace(tiny_data(sequences=60), is_test=None, labels=labels, subjects=labels[:, None])
+    parts = split_parts(data)
+    for part in (parts.test, parts.recogniser, parts.policy):
+        assert set(labels[part]) == set(range(len(CLASS_NAMES)))

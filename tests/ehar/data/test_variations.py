@@ -1,0 +1,90 @@
+"""Variations of recorded motion."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ehar.data.skeleton import counterparts
+from ehar.data.variations import PACES, SIZES, with_variations
+from tests.helpers.fakes import CLASS_NAMES, SKELETON, tiny_data
+
+
+def test_each_sequence_is_followed_by_its_variations() -> None:
+    data = tiny_data(sequences=6, frames=40)
+    varied = with_variations(data, np.array([1, 4]), 3)
+    assert varied.sequence_names == tuple(
+        f"sequence-{i}{suffix}" for i in (1, 4) for suffix in ("", " (1)", " (2)", " (3)")
+    )
+    assert len(varied.labels) == len(varied.subjects) == len(varied.lengths) == 8
+    assert varied.offsets[-1] == len(varied.positions)
+    assert varied.positions.dtype == np.float32
+    for row, index in ((0, 1), (4, 4)):
+        np.testing.assert_array_equal(varied.sequence(row), data.sequence(index))
+
+
+def test_without_variations_the_sequences_are_as_they_were() -> None:
+    data = tiny_data(sequences=6)
+    kept = with_variations(data, np.array([5, 2]), 0)
+    np.testing.assert_array_equal(kept.positions, np.concatenate([data.sequence(5), data.sequence(2)]))
+    np.testing.assert_array_equal(kept.labels, data.labels[[5, 2]])
+
+
+def test_who_raises_the_left_raises_the_right_in_the_mirror() -> None:
+    data = tiny_data(sequences=6)  # the class is the joint that is raised
+    varied = with_variations(data, np.arange(6), 2)
+    raised = np.array([varied.sequence(i)[..., 2].mean(axis=(0, 1))[:3] for i in range(len(varied.labels))])
+    np.testing.assert_array_equal(raised.argmax(axis=1), varied.labels)
+    of_left = varied.labels[3:6]
+    np.testing.assert_array_equal(of_left, [1, 2, 1])  # left, its mirror image, and a variation that is not mirrored
+
+
+def test_a_mirrored_body_has_its_left_on_its_left() -> None:
+    data = replace(tiny_data(sequences=3), labels=np.zeros(3, dtype=int))
+    left, right = SKELETON.joint_names.index("left_foot"), SKELETON.joint_names.index("right_foot")
+    varied = with_variations(data, np.array([0]), 1)
+    before, after = varied.sequence(0)[0, 0], varied.sequence(1)[0, 0]
+    size = (after[left] - after[right])[1] / (before[right] - before[left])[1]
+    assert SIZES[0] <= abs(size) <= SIZES[1]
+    np.testing.assert_allclose(after[left] * [-1, 1, 1], before[right] * abs(size), rtol=1e-5, atol=1e-6)
+
+
+def test_a_class_of_one_side_without_its_counterpart_is_not_mirrored() -> None:
+    data = replace(tiny_data(sequences=6), class_names=("nod", "wave-left", "jump"))
+    one_sided = with_variations(data, np.array([1]), 2)
+    assert (one_sided.labels == 1).all()
+    highest = [one_sided.sequence(i)[..., 2].mean(axis=(0, 1))[:3].argmax() for i in range(3)]
+    assert highest == [1, 1, 1]
+
+
+def test_paces_and_sizes_are_those_that_people_have() -> None:
+    data = tiny_data(sequences=3, frames=400)
+    varied = with_variations(data, np.arange(3), 20, seed=3)
+    lengths = varied.lengths.reshape(3, 21)
+    assert (lengths[:, 0] == 400).all()
+    pace = 400 / lengths[:, 1:]
+    assert PACES[0] - 0.01 <= pace.min() < 0.95
+    assert 1.05 < pace.max() <= PACES[1] + 0.01
+    for index in range(63):
+        limb = np.linalg.norm(varied.sequence(index)[:, 0, 3] - varied.sequence(index)[:, 0, 4], axis=-1).mean()
+        original = np.linalg.norm(data.sequence(index // 21)[:, 0, 3] - data.sequence(index // 21)[:, 0, 4], axis=-1)
+        assert SIZES[0] - 0.02 <= limb / original.mean() <= SIZES[1] + 0.02
+
+
+def test_the_same_seed_draws_the_same() -> None:
+    data = tiny_data(sequences=6)
+    first, again, other = (with_variations(data, np.arange(6), 2, seed=seed).positions for seed in (0, 0, 1))
+    np.testing.assert_array_equal(first, again)
+    assert first.shape != other.shape or not np.array_equal(first, other)
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (CLASS_NAMES, [0, 2, 1]),
+        (("walk-turn-left", "run", "walk-turn-right"), [2, 1, 0]),
+        (("raise-left-hand", "run"), [0, 1]),
+    ],
+)
+def test_counterparts_of_class_names(names: tuple[str, ...], expected: list[int]) -> None:
+    np.testing.assert_array_equal(counterparts(names), expected)

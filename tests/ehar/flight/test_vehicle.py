@@ -1,0 +1,84 @@
+"""Vehicles: the named ones, vehicle files, and what is wrong with one."""
+
+import json
+import math
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ehar.errors import UsageError
+from ehar.flight.vehicle import FILE_KEYS, LIMITS, VEHICLES, Vehicle, load_vehicle
+
+CONTENT = {
+    "speed": 10,
+    "acceleration": 4.5,
+    "jerk": 9.0,
+    "climb_speed": 4.0,
+    "descent_speed": 2.0,
+    "yaw_rate_deg": 90,
+}
+
+
+def written(folder: Path, content: Any) -> Path:
+    path = folder / "mine.json"
+    path.write_text(content if isinstance(content, str) else json.dumps(content), encoding="utf-8")
+    return path
+
+
+def test_the_named_vehicles() -> None:
+    assert set(VEHICLES) == {"px4-auto", "px4-max", "tracking-drone"}
+    for name, vehicle in VEHICLES.items():
+        assert load_vehicle(name) is vehicle
+        assert vehicle.name == name
+    assert VEHICLES["tracking-drone"].acceleration == pytest.approx(9.81 * math.tan(math.radians(35)), abs=0.05)
+
+
+def test_a_vehicle_file(tmp_path: Path) -> None:
+    vehicle = load_vehicle(written(tmp_path, CONTENT))
+    assert vehicle == Vehicle(
+        name="mine", speed=10, acceleration=4.5, jerk=9, climb_speed=4, descent_speed=2, yaw_rate=math.pi / 2
+    )
+    assert load_vehicle(str(tmp_path / "mine.json")) == vehicle
+
+
+@pytest.mark.parametrize("limit", LIMITS)
+@pytest.mark.parametrize("value", [0, -1.0, math.inf, math.nan, True, None, "fast"])
+def test_every_limit_is_positive_and_finite(limit: str, value: Any) -> None:
+    with pytest.raises(UsageError, match=f"vehicle 'px4-auto': expected a positive, finite {limit}, got "):
+        replace(VEHICLES["px4-auto"], **{limit: value})
+
+
+@pytest.mark.parametrize("key", FILE_KEYS)
+@pytest.mark.parametrize("value", [0, -1.0, math.inf, math.nan, True, None, "fast", [1]])
+def test_every_limit_in_a_file_is_positive_and_finite(tmp_path: Path, key: str, value: Any) -> None:
+    with pytest.raises(UsageError, match=rf"mine\.json: expected a positive, finite {key}, got "):
+        load_vehicle(written(tmp_path, CONTENT | {key: value}))
+
+
+@pytest.mark.parametrize("key", FILE_KEYS)
+def test_a_missing_key(tmp_path: Path, key: str) -> None:
+    content = {other: value for other, value in CONTENT.items() if other != key}
+    with pytest.raises(UsageError, match=rf"mine\.json: missing {key}; expected speed, .*yaw_rate_deg"):
+        load_vehicle(written(tmp_path, content))
+
+
+def test_an_unknown_key(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"mine\.json: unknown colour, yaw_rate; expected speed, "):
+        load_vehicle(written(tmp_path, CONTENT | {"yaw_rate": 1.0, "colour": "red"}))
+
+
+def test_what_is_no_vehicle_file(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"unknown vehicle 'px5'; expected one of: px4-auto, px4-max, tracking-drone"):
+        load_vehicle("px5")
+    with pytest.raises(UsageError, match=r"absent\.json: expected a vehicle file, got: No such file"):
+        load_vehicle(tmp_path / "absent.json")
+    with pytest.raises(UsageError, match=r"mine\.json: expected JSON, got: "):
+        load_vehicle(written(tmp_path, "{"))
+    with pytest.raises(UsageError, match=r"mine\.json: expected an object of .*; got list"):
+        load_vehicle(written(tmp_path, [1, 2]))
+
+
+def test_a_vehicle_is_plain_data() -> None:
+    assert set(asdict(VEHICLES["px4-max"])) == {"name", *LIMITS}

@@ -1,0 +1,124 @@
+"""The one loop: what it records, and what it says of a planner that breaks its contract."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from ehar.arrays import FloatArray
+from ehar.errors import EpisodeError
+from ehar.motion import GridMotion
+from ehar.planner import Context, Observation, Planner
+from ehar.rollout import Record, rollout
+from ehar.sensors.estimator import EstimatorSensor
+from ehar.sensors.sensor import PerfectSensor, Sensor
+from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context
+
+EPISODES, LENGTH = 5, 6
+
+
+class Answers(Planner):
+    """A planner that answers what a test tells it to."""
+
+    name = "answers"
+
+    def __init__(self, answer: Callable[[Observation], FloatArray], *, privileged: bool = False) -> None:
+        self.answer = answer
+        self.privileged = privileged
+
+    def reset(self, context: Context) -> None:
+        self.context = context
+
+    def act(self, observation: Observation) -> FloatArray:
+        return self.answer(observation)
+
+
+def run(
+    answer: Callable[[Observation], FloatArray], *, privileged: bool = False, sensor: Sensor | None = None
+) -> Record:
+    batch, context = tiny_batch(episodes=EPISODES, length=LENGTH), tiny_context(episodes=EPISODES, length=LENGTH)
+    planner = Answers(answer, privileged=privileged)
+    return rollout(planner, batch, FakeRecogniser(), sensor or PerfectSensor(), GridMotion(), context)
+
+
+def test_the_first_frame_is_seen_from_the_start_and_then_the_camera_moves() -> None:
+    starts = tiny_batch(episodes=EPISODES, length=LENGTH).starts
+    record = run(lambda observation: observation.viewpoint + np.array([0.1, 0.0, 0.0]))
+    assert record.viewpoints.shape == (EPISODES, LENGTH, 3)
+    np.testing.assert_array_equal(record.viewpoints[:, 0], starts)
+    expected = np.minimum(starts[:, :1] + 0.1 * np.arange(LENGTH), 15.0)
+    np.testing.assert_allclose(record.viewpoints[..., 0], expected)
+    np.testing.assert_allclose(record.viewpoints[..., 1:], np.repeat(starts[:, None, 1:], LENGTH, axis=1))
+
+
+def test_the_record_is_what_the_recogniser_says_of_the_frames_from_those_viewpoints() -> None:
+    batch = tiny_batch(episodes=EPISODES, length=LENGTH)
+    record = run(lambda observation: observation.viewpoint + np.array([0.0, 0.1, 0.1]))
+    assert record.log_probs.dtype == np.float32
+    assert record.plan_seconds > 0
+    recogniser = FakeRecogniser()
+    state = recogniser.start(EPISODES)
+    for frame in range(LENGTH):
+        viewpoint = record.viewpoints[:, frame]
+        sensed = PerfectSensor().sense(batch.positions[:, frame], viewpoint, batch.noise.frame(frame))
+        recognition, state = recogniser.step(state, sensed, viewpoint)
+        np.testing.assert_array_equal(record.log_probs[:, frame], recognition.log_probs)
+
+
+def test_what_an_oracle_imagines_is_what_it_will_see() -> None:
+    sensor = EstimatorSensor(skeleton=tiny_context().skeleton)
+    imagined: list[FloatArray] = []
+    seen: list[FloatArray] = []
+
+    def answer(observation: Observation) -> FloatArray:
+        assert observation.truth is not None
+        seen.append(observation.joints_2d)
+        there = observation.viewpoint[:, None]
+        imagined.append(observation.truth.sense(observation.frame + 1, there).joints_2d[:, 0])
+        return observation.viewpoint
+
+    run(answer, privileged=True, sensor=sensor)
+    for before, after in zip(imagined[:-1], seen[1:], strict=True):
+        np.testing.assert_allclose(before, after, rtol=1e-5)
+
+
+def test_a_target_that_is_not_finite_names_planner_episode_and_frame() -> None:
+    def answer(observation: Observation) -> FloatArray:
+        target = np.array(observation.viewpoint)
+        if observation.frame == 2:
+            target[3, 1] = np.nan
+        return target
+
+    with pytest.raises(EpisodeError, match=r"planner 'answers', episode 'episode-3', frame 2: .* finite .*nan"):
+        run(answer)
+
+
+@pytest.mark.parametrize("start", [[4.9, 0, 1], [15.1, 0, 1], [10, 0, -0.1], [10, 0, 1.6], [10, np.nan, 1]])
+def test_a_start_outside_of_the_workspace_names_the_episode(start: list[float]) -> None:
+    batch = tiny_batch(episodes=EPISODES, length=LENGTH)
+    batch.starts[2] = start
+    planner, context = (
+        Answers(lambda observation: observation.viewpoint),
+        tiny_context(episodes=EPISODES, length=LENGTH),
+    )
+    with pytest.raises(EpisodeError, match=r"episode 'episode-2': expected a start viewpoint within Workspace.*got \["):
+        rollout(planner, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), context)
+
+
+@pytest.mark.parametrize("shape", [(EPISODES,), (EPISODES, 2), (EPISODES - 1, 3), (EPISODES, 7, 3), ()])
+def test_a_target_of_a_wrong_shape_names_planner_episode_and_frame(shape: tuple[int, ...]) -> None:
+    with pytest.raises(EpisodeError) as error:
+        run(lambda observation: np.zeros(shape))
+    for part in ("planner 'answers'", "episode 'episode-0'", "frame 0", "(5, 3)", str(shape)):
+        assert part in str(error.value)
+
+
+@pytest.mark.parametrize("answer", [None, "left", [[1.0], [2.0, 3.0]], {"target": 1}])
+def test_a_target_that_is_no_array_names_planner_and_frame(answer: object) -> None:
+    with pytest.raises(EpisodeError, match=r"planner 'answers'.*frame 0: expected target viewpoints of shape \(5, 3\)"):
+        run(lambda observation: answer)  # type: ignore[arg-type, return-value]
+
+
+def test_a_list_of_numbers_is_as_good_as_an_array() -> None:
+    record = run(lambda observation: observation.viewpoint.tolist())  # type: ignore[arg-type, return-value]
+    np.testing.assert_array_equal(record.viewpoints[:, -1], record.viewpoints[:, 0])

@@ -1,0 +1,106 @@
+"""What is kept of each frame of each episode, and read back."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ehar.errors import DataError
+from ehar.rollout import Record
+from eval.records.episodes import DIGITS, episode_lines, join_records, read_episodes, record_episodes
+from eval.records.run_files import (
+    EPISODES,
+    write_text,
+)
+from tests.helpers.made_records import flown, make_records, three_planners
+
+
+def test_records_keep_what_metrics_need() -> None:
+    log_probs = np.log(np.array([[[0.7, 0.2, 0.1], [0.2, 0.5, 0.3]]], dtype=np.float32))
+    record = Record(np.full((1, 2, 3), 1.23456789), log_probs, 0.0)
+    kept = record_episodes(record, sequence=["a"], first=np.array([3]), start=np.zeros((1, 3)), label=np.array([1]))
+    assert kept.predicted.tolist() == [[0, 1]]
+    assert kept.correct.tolist() == [[False, True]]
+    assert kept.true_probability.tolist() == [[0.2, 0.5]]
+    assert kept.top_probability.tolist() == [[0.7, 0.5]]
+    assert kept.viewpoint[0, 0, 0] == round(1.23456789, DIGITS)
+
+
+def test_records_read_back_are_the_records_written(tmp_path: Path) -> None:
+    records = three_planners()
+    write_text(tmp_path / EPISODES, episode_lines(records))
+    back = read_episodes(tmp_path / EPISODES)
+    assert list(back) == list(records)
+    for name, episodes in records.items():
+        assert back[name].sequence == episodes.sequence
+        for field in ("first", "start", "label", "viewpoint", "predicted", "true_probability", "top_probability"):
+            np.testing.assert_array_equal(getattr(back[name], field), getattr(episodes, field))
+
+
+def test_batches_join_in_order() -> None:
+    whole = join_records([make_records(1), make_records(2)])
+    assert len(whole) == 18
+    np.testing.assert_array_equal(whole.predicted[9:], make_records(2).predicted)
+
+
+def test_a_malformed_line_is_named(tmp_path: Path) -> None:
+    lines = list(episode_lines({"mine": make_records(0)}))
+    (tmp_path / EPISODES).write_text(lines[0] + '{"planner": "mine"}\n')
+    with pytest.raises(DataError, match="line 2"):
+        read_episodes(tmp_path / EPISODES)
+    with pytest.raises(DataError, match="No such file"):
+        read_episodes(tmp_path / "absent.jsonl")
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("label", -1, "label: expected whole numbers from 0, L = 4"),
+        ("label", "1", "label: expected whole numbers"),
+        ("label", 2**70, "label: expected whole numbers"),
+        ("start", [1, 2], r"start: expected finite numbers, shape \(3\)"),
+        ("predicted", [0, 1, 2], r"predicted: expected whole numbers from 0, shape \(L\), L = 4"),
+        ("predicted", [0, 1, 2, 0.5], "predicted: expected whole numbers"),
+        ("predicted", [], "predicted: expected a list of at least one frame"),
+        ("viewpoint", [[1, 2, 3], [1, 2]], r"viewpoint: expected finite numbers, shape \(L, 3\)"),
+        ("true_probability", [0, 0, 0, 1.5], r"true_probability: expected finite numbers from 0 to 1, shape \(L\)"),
+        ("top_probability", [0, 0, 0, float("nan")], "top_probability: expected finite numbers from 0 to 1"),
+        ("top_probability", None, "top_probability: expected finite numbers from 0 to 1"),
+        ("sequence", 3, "sequence: expected a name, got 3"),
+        ("planner", [], r"planner: expected a name, got \[\]"),
+    ],
+)
+def test_a_field_that_is_off_is_named_with_its_line(tmp_path: Path, field: str, value: Any, message: str) -> None:
+    lines = list(episode_lines({"mine": make_records(0)}))
+    lines[2] = json.dumps({**json.loads(lines[2]), field: value}) + "\n"
+    (tmp_path / EPISODES).write_text("".join(lines))
+    with pytest.raises(DataError, match=rf"episodes\.jsonl, line 3: {message}"):
+        read_episodes(tmp_path / EPISODES)
+
+
+def test_a_file_that_is_cut_off_or_no_text_is_named(tmp_path: Path) -> None:
+    lines = list(episode_lines({"mine": make_records(0)}))
+    (tmp_path / EPISODES).write_text(lines[0] + lines[1][:100])
+    with pytest.raises(DataError, match="line 2: expected one JSON object a line"):
+        read_episodes(tmp_path / EPISODES)
+    (tmp_path / EPISODES).write_bytes(b"\xff")
+    with pytest.raises(DataError, match="expected text in UTF-8"):
+        read_episodes(tmp_path / EPISODES)
+
+
+def test_batches_of_flights_join_in_order() -> None:
+    whole = join_records([flown(make_records(1)), flown(make_records(2), seed=5)])
+    assert whole.flight is not None
+    np.testing.assert_array_equal(whole.flight.effort[9:], np.random.default_rng(5).random((5, 9)).round(DIGITS)[3])
+
+
+def test_half_of_a_flight_is_no_flight(tmp_path: Path) -> None:
+    lines = list(episode_lines({"mine": flown(make_records(0))}))
+    (tmp_path / EPISODES).write_text(lines[0].replace('"effort"', '"exertion"'))
+    with pytest.raises(DataError, match="line 1: expected all of the fields"):
+        read_episodes(tmp_path / EPISODES)
+    (tmp_path / EPISODES).write_text(lines[0] + next(iter(episode_lines({"mine": make_records(0)}))))
+    with pytest.raises(DataError, match="some episodes were flown, and others were not"):
+        read_episodes(tmp_path / EPISODES)

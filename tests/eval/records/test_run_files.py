@@ -1,0 +1,62 @@
+"""The files of a run: what they say, and when they are not written."""
+
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import pytest
+
+from ehar.errors import UsageError
+from eval.records.run_files import (
+    CONFIG,
+    PlannerConfig,
+    check_out,
+    planner_config,
+    write_run,
+    write_text,
+)
+from planners.heuristic import NoAct
+from planners.oracle import Oracle
+from tests.helpers.agents import untrained_agent
+from tests.helpers.made_records import CONFIG_OF_RUN, three_planners
+
+
+def test_config_says_which_weights_a_planner_had() -> None:
+    assert planner_config(NoAct()) == PlannerConfig("no-act", False, "planners.heuristic.NoAct", None)
+    assert planner_config(Oracle()) == PlannerConfig("oracle", True, "planners.oracle.Oracle", None)
+    learned = planner_config(untrained_agent("il-ppo/0"))
+    assert learned == PlannerConfig("il-ppo/0", False, "planners.agents.agent.Agent", "of il-ppo/0")
+
+
+def test_a_folder_that_holds_another_run_is_refused(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    check_out(out, asdict(CONFIG_OF_RUN))
+    write_run(out, CONFIG_OF_RUN, three_planners(), None)
+    check_out(out, asdict(CONFIG_OF_RUN))
+    with pytest.raises(UsageError, match=r"another run, which differs in seed \(seed was 0, now 1\)"):
+        check_out(out, asdict(replace(CONFIG_OF_RUN, seed=1)))
+    (out / CONFIG).write_text("{")
+    with pytest.raises(UsageError, match="expected the JSON of a run"):
+        check_out(out, asdict(CONFIG_OF_RUN))
+    (out / CONFIG).unlink()
+    with pytest.raises(UsageError, match=r"without config\.json"):
+        check_out(out, asdict(CONFIG_OF_RUN))
+
+
+def test_a_file_where_a_folder_is_expected_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="expected a folder"):
+        check_out(tmp_path / "file" / "run", asdict(CONFIG_OF_RUN))
+
+
+def test_a_file_that_fails_halfway_leaves_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "file.json"
+    write_text(path, ["old"])
+
+    def broken():  # type: ignore[no-untyped-def]
+        yield "ne"
+        raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        write_text(path, broken())
+    assert path.read_text() == "old"
+    assert [file.name for file in tmp_path.iterdir()] == ["file.json"]

@@ -1,0 +1,133 @@
+"""What a pair of planners differs in, and what is said where a bootstrap has nothing to tell."""
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+from scipy.stats import binomtest, mannwhitneyu, trim_mean
+
+from eval.records.episodes import EpisodeRecords
+from eval.records.run_files import SUMMARY, write_run
+from eval.render.figures import draw_accuracy
+from eval.render.tables import benchmark_table, differences_table, markdown_summary, render_summary
+from eval.scores.metrics import right_at
+from eval.scores.statistics import BOOTSTRAP_SEED, resample_counts
+from eval.scores.summary import Summary
+from eval.scores.training_seeds import curves, seed_counts
+from eval.studies.overview import difference_table, gap_table, read_overview
+from tests.helpers.made_records import CONFIG_OF_RUN, make_records, summary_of
+
+
+def planners() -> dict[str, EpisodeRecords]:
+    """Return two trainings of il-ppo, nbv and no-act on 30 episodes of 15 sequences."""
+    skills = {"no-act": 0.0, "nbv": 0.6, "il-ppo/0": 1.0, "il-ppo/1": 1.4, "oracle": 3.0}
+    return {name: make_records(row, skill=skill, episodes=30) for row, (name, skill) in enumerate(skills.items())}
+
+
+def of_one_sequence() -> dict[str, EpisodeRecords]:
+    return {name: replace(records, sequence=("only",) * 30) for name, records in planners().items()}
+
+
+def of_one_class() -> dict[str, EpisodeRecords]:
+    zeros = np.zeros(30, dtype=int)
+    return {
+        name: replace(records, label=zeros, predicted=np.zeros_like(records.predicted))
+        for name, records in planners().items()
+    }
+
+
+def test_a_difference_from_the_records_alone() -> None:
+    records = planners()
+    found = {(of.planner, of.other): of for of in summary_of(records).differences}
+    assert list(found) == [("il-ppo", "no-act"), ("il-ppo", "nbv"), ("nbv", "no-act")]
+    trainings = [records["il-ppo/0"].correct, records["il-ppo/1"].correct]
+    nbv = records["nbv"].correct
+    sequences, clusters = np.unique(records["nbv"].sequence, return_inverse=True)
+    of = found["il-ppo", "nbv"]
+
+    right = np.mean([right_at(correct, 50) for correct in trainings], axis=0) - right_at(nbv, 50)
+    assert (of.mcnemar_wins, of.mcnemar_losses) == ((right > 0).sum(), (right < 0).sum())
+    assert of.mcnemar_p == pytest.approx(binomtest((right > 0).sum(), (right != 0).sum()).pvalue)
+    p = sorted(one.mcnemar_p for one in found.values())
+    assert sorted(one.mcnemar_p_holm for one in found.values()) == pytest.approx(
+        np.minimum(np.maximum.accumulate([3 * p[0], 2 * p[1], p[2]]), 1)
+    )
+
+    by_sequence = [[correct[clusters == s].mean() for correct in trainings] for s in range(len(sequences))]
+    chances = [
+        mannwhitneyu(np.round(two, 9), np.round([nbv[clusters == s].mean()], 9)).statistic / 2
+        for s, two in enumerate(by_sequence)
+    ]
+    assert of.improvement == pytest.approx(np.mean(chances))
+    assert of.improvement_ci95 is not None and of.improvement_ci95[0] < of.improvement < of.improvement_ci95[1]
+
+    counts = resample_counts(np.random.default_rng(BOOTSTRAP_SEED), len(sequences))[:, clusters]
+    draws = seed_counts("il-ppo", 2, len(counts))
+    totals = counts.sum(axis=1)
+    drawn = sum(draws[:, row] * (counts @ correct.mean(axis=1)) for row, correct in enumerate(trainings)) / 2
+    differ = 100 * (drawn - counts @ nbv.mean(axis=1)) / totals
+    assert of.smallest == pytest.approx((1.959964 + 0.841621) * differ.std(ddof=1), rel=1e-5)
+    assert of.ci95 == pytest.approx(np.percentile(differ, [2.5, 97.5]))
+
+
+def test_the_interquartile_mean_counts_each_sequence_and_training_once() -> None:
+    records = planners()
+    _, clusters = np.unique(records["nbv"].sequence, return_inverse=True)
+    agent = summary_of(records).planner("il-ppo")
+    scores = [records[f"il-ppo/{seed}"].correct[clusters == s].mean() for seed in (0, 1) for s in range(15)]
+    assert agent.acc_iqm == pytest.approx(100 * trim_mean(scores, 0.25))
+    assert agent.acc_iqm_ci95 is not None and agent.acc_iqm_ci95[0] < agent.acc_iqm < agent.acc_iqm_ci95[1]
+
+
+@pytest.mark.parametrize(("records", "reason"), [(of_one_sequence(), "one sequence"), (of_one_class(), "one class")])
+def test_intervals_that_cannot_be_had_say_so(records: dict[str, EpisodeRecords], reason: str, tmp_path: Path) -> None:
+    summary = summary_of(records)
+    write_run(tmp_path, CONFIG_OF_RUN, records, summary)
+    written = json.loads((tmp_path / SUMMARY).read_text())
+    assert reason in written["no_intervals"]
+    for of in (*written["planners"], *written["differences"]):
+        assert all(of[name] is None for name in of if name.endswith("ci95") or name == "smallest")
+    assert written["planners"][1]["acc_mean"] == pytest.approx(100 * records["nbv"].correct.mean())
+    assert not any(of.is_clear for of in summary.differences)
+    note = f"[-] No intervals: {summary.no_intervals}."
+    assert note in benchmark_table(summary).footnotes
+    table = differences_table(summary)
+    assert table is not None
+    assert note in table.footnotes and not table.bold
+    assert table.rows[0][1].endswith(" [-]") and not [line for line in table.footnotes if "Smallest" in line]
+    text = markdown_summary(summary)
+    assert f"{summary.planner('nbv').acc_mean:.1f} [-] |" in text
+    assert "nan" not in text and "None" not in text
+    Console(width=100, file=io.StringIO()).print(render_summary(summary))
+    draw_accuracy(curves(records), summary, 3, tmp_path / "accuracy")
+
+    run = read_overview([tmp_path])
+    assert any(reason in line for line in gap_table(run).footnotes)
+    pairs = difference_table(run, "no-act")
+    assert pairs.rows[0][1].endswith(" [-]") and not pairs.bold
+    assert any(reason in line for line in pairs.footnotes)
+
+
+def test_one_class_in_the_test_part_is_enough_where_planners_err() -> None:
+    records = {name: replace(of, label=np.zeros(30, dtype=int)) for name, of in planners().items()}
+    assert summary_of(records).no_intervals is None
+
+
+def test_the_table_says_how_small_a_difference_would_show() -> None:
+    summary = summary_of(planners())
+    sizes = sorted(of.smallest for of in summary.differences if of.smallest is not None)
+    assert len(sizes) == 3
+    expected = f"8 times in 10: {sizes[0]:.1f} to {sizes[-1]:.1f} points, depending on the pair."
+    assert last_footnote(summary).endswith(expected)
+    one = replace(summary, differences=summary.differences[:1])
+    assert last_footnote(one).endswith(f"8 times in 10: {summary.differences[0].smallest:.1f} points.")
+
+
+def last_footnote(summary: Summary) -> str:
+    table = differences_table(summary)
+    assert table is not None
+    return table.footnotes[-1]

@@ -1,0 +1,333 @@
+import io
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from ehar.errors import DataError
+from eval.records.episodes import EpisodeRecords
+from eval.records.solves import Solves
+from eval.render.figures import draw_accuracy
+from eval.render.tables import benchmark_table, differences_table, markdown, render_summary
+from eval.scores.differences import SUBJECTS
+from eval.scores.metrics import ece, gap_closed, mean_acc, nll, path_length
+from eval.scores.statistics import BOOTSTRAP_SEED, RESAMPLES, interval, resample_counts, resampled_means
+from eval.scores.summary import summarise
+from eval.scores.training_seeds import (
+    curves,
+    group_planners,
+    mean_over_seeds,
+    record_name,
+    resample_seeds,
+    seed_counts,
+    split_record_name,
+)
+from tests.helpers.made_records import CONDITIONS, flown, make_records, summary_of
+
+
+def with_correct(correct: list[list[int]]) -> EpisodeRecords:
+    """Return records of as many sequences of one episode each as there are rows, right where a 1 stands."""
+    base = make_records(0, episodes=len(correct), length=len(correct[0]))
+    return replace(
+        base,
+        sequence=tuple(f"sequence {index}" for index in range(len(correct))),
+        predicted=np.where(np.array(correct, dtype=bool), base.label[:, None], base.label[:, None] + 1),
+    )
+
+
+def trained(*seeds: int, name: str = "il-ppo", skill: float = 1.0) -> dict[str, EpisodeRecords]:
+    return {record_name(name, seed): make_records(10 + seed, skill=skill + 0.3 * seed) for seed in seeds}
+
+
+def ends() -> dict[str, EpisodeRecords]:
+    return {"no-act": make_records(1), "oracle": make_records(3, skill=4.0)}
+
+
+def test_record_names_are_a_name_and_a_seed() -> None:
+    assert record_name("il-ppo", 12) == "il-ppo/12"
+    for name in ("il-ppo", "il-ppo/", "/1", "il-ppo/x", "il-ppo/-1", "il-ppo/01", "il-ppo/1.0", "il-ppo/1\n"):
+        assert split_record_name(name) == (name, None)
+    assert split_record_name("il-ppo/0") == ("il-ppo", 0)
+    assert split_record_name("a/b/10") == ("a/b", 10)
+
+
+def test_seeds_of_a_planner_are_grouped_in_ascending_order_where_the_first_appears() -> None:
+    groups = group_planners(["no-act", "il-ppo/10", "il/0", "il-ppo/9"])
+    assert [(group.name, group.seeds, group.rows) for group in groups] == [
+        ("no-act", (), (0,)),
+        ("il-ppo", (9, 10), (3, 1)),
+        ("il", (0,), (2,)),
+    ]
+    assert groups[1].records == ("il-ppo/9", "il-ppo/10")
+
+
+def test_a_planner_with_and_without_seed_is_refused() -> None:
+    with pytest.raises(DataError, match=r"'il': expected every record name with a training seed.*got il/0, il"):
+        group_planners(["il/0", "no-act", "il"])
+
+
+def test_two_seeds_and_three_sequences_by_hand() -> None:
+    records = {
+        "no-act": with_correct([[0, 0], [0, 0], [0, 1]]),
+        "il-ppo/0": with_correct([[1, 1], [0, 1], [0, 0]]),
+        "il-ppo/1": with_correct([[1, 1], [1, 1], [0, 1]]),
+        "oracle": with_correct([[1, 1], [1, 1], [1, 1]]),
+    }
+    summary = summary_of(records)
+    assert [planner.name for planner in summary.planners] == ["no-act", "il-ppo", "oracle"]
+    agent = summary.planner("il-ppo")
+    # Seed 0 is right in 3 of 6 frames, seed 1 in 5 of 6.
+    assert agent.training_seeds == (0, 1)
+    assert agent.acc_mean == pytest.approx(100 * 4 / 6)
+    assert agent.acc_mean_seed_sd == pytest.approx(100 * (2 / 6) / np.sqrt(2))
+    assert agent.acc["10"] == pytest.approx(50)  # first frame: 1 and 2 of 3
+    assert agent.acc["100"] == pytest.approx(100 * 5 / 6)
+    assert agent.gap_closed == pytest.approx((4 / 6 - 1 / 6) / (1 - 1 / 6))
+    # Of 27 x 4 equally likely draws, 1 gives 0 (seed 0 twice and the last sequence three times) and 3 give 1 / 6 (the
+    # same with the middle one once), so 2.5 % lies at 1 / 6; 4 and more give 1 (the first three times, any seeds).
+    assert agent.acc_mean_ci95 == pytest.approx((100 / 6, 100))
+    assert (summary.planner("no-act").training_seeds, summary.planner("no-act").acc_mean_seed_sd) == ((), None)
+    assert summary.to_json()["planners"][1]["training_seeds"] == (0, 1)
+
+
+def test_the_nested_bootstrap_equals_a_slow_loop_over_the_same_draws() -> None:
+    names = ["il/4", "no-act", "il-ppo/0", "il-ppo/1", "il-ppo/2", "il/1"]
+    rng = np.random.default_rng(5)
+    clusters = np.array([0, 0, 1, 2, 2, 2, 3])
+    values = rng.random((len(names), len(clusters)))
+    counts = resample_counts(rng, 4, 60)
+    groups = group_planners(names)
+    fast = resample_seeds(resampled_means(values, clusters, counts), groups)
+    assert [group.name for group in groups] == ["il", "no-act", "il-ppo"]
+    rows = {"il": [5, 0], "no-act": [1], "il-ppo": [2, 3, 4]}  # in ascending order of seeds
+    for index, (name, trainings) in enumerate(rows.items()):
+        draws = seed_counts(name, len(trainings), 60)
+        for resample in range(60):
+            pooled = []
+            for training, times in zip(trainings, draws[resample] if len(trainings) > 1 else [1], strict=True):
+                for _ in range(times):
+                    for sequence in range(4):
+                        for _ in range(counts[resample, sequence]):
+                            pooled += [values[training, e] for e in range(7) if clusters[e] == sequence]
+            assert fast[index, resample] == pytest.approx(np.mean(pooled), abs=1e-12)
+
+
+def test_the_interval_of_the_summary_is_that_of_the_slow_loop() -> None:
+    records = {**ends(), **trained(0, 1, 2)}
+    agent = summary_of(records).planner("il-ppo")
+    sequences, clusters = np.unique(records["no-act"].sequence, return_inverse=True)
+    counts = resample_counts(np.random.default_rng(BOOTSTRAP_SEED), len(sequences))
+    draws = seed_counts("il-ppo", 3, RESAMPLES)
+    accuracy = {name: mean_acc(episodes.correct) for name, episodes in records.items()}
+    acc, closed = np.empty(RESAMPLES), np.empty(RESAMPLES)
+    for resample in range(RESAMPLES):
+        weights = counts[resample][clusters]
+        low, high, *seeds = (
+            np.average(accuracy[name], weights=weights)
+            for name in ("no-act", "oracle", "il-ppo/0", "il-ppo/1", "il-ppo/2")
+        )
+        acc[resample] = np.average(seeds, weights=draws[resample])
+        closed[resample] = gap_closed(acc[resample], low, high)
+    np.testing.assert_allclose(agent.acc_mean_ci95, 100 * interval(acc))
+    assert agent.gap_closed_ci95 is not None
+    np.testing.assert_allclose(agent.gap_closed_ci95, interval(closed))
+
+
+def test_draws_of_seeds_are_fair_and_independent_between_planners() -> None:
+    one, other = seed_counts("il", 5, 4000), seed_counts("ppo", 5, 4000)
+    assert (one.sum(axis=1) == 5).all()
+    np.testing.assert_allclose(one.mean(axis=0), 1, atol=0.05)
+    np.testing.assert_allclose(one.var(axis=0), 0.8, atol=0.1)  # of a binomial, 5 draws of chance 1 / 5
+    assert abs(np.corrcoef(one[:, 0], other[:, 0])[0, 1]) < 0.05
+    np.testing.assert_array_equal(one, seed_counts("il", 5, 4000))
+
+
+def test_seeds_widen_the_interval() -> None:
+    # Two trainings, one always right and one never: sequences cannot tell, seeds can.
+    records = {"il/0": with_correct([[1, 1]] * 4), "il/1": with_correct([[0, 0]] * 4)}
+    assert summary_of(records).planner("il").acc_mean_ci95 == (0, 100)
+
+
+@given(copies=st.integers(2, 6))
+def test_seeds_that_are_identical_give_what_one_gives(copies: int) -> None:
+    resampled = np.random.default_rng(0).random((1, 200))
+    groups = group_planners([record_name("il", seed) for seed in range(copies)])
+    np.testing.assert_allclose(resample_seeds(np.repeat(resampled, copies, axis=0), groups), resampled, rtol=1e-12)
+
+
+def test_a_summary_of_identical_seeds_is_that_of_one() -> None:
+    same = make_records(4, skill=1.5)
+    one = summary_of({**ends(), "il-ppo": same})
+    three = summary_of({**ends(), **{record_name("il-ppo", seed): same for seed in range(3)}})
+    single, several = one.planner("il-ppo"), three.planner("il-ppo")
+    assert several.acc_mean_seed_sd == pytest.approx(0, abs=1e-12)
+    for field in ("acc", "acc_mean", "acc_mean_ci95", "gap_closed", "gap_closed_ci95", "nll", "ece", "path_length_m"):
+        assert getattr(several, field) == pytest.approx(getattr(single, field), rel=1e-12)
+    for before, after in zip(one.differences, three.differences, strict=True):
+        assert after.ci95 == pytest.approx(before.ci95, rel=1e-9, abs=1e-9)
+
+
+def test_one_seed_gives_the_numbers_of_a_planner_without() -> None:
+    records = {**ends(), "other": make_records(7)}
+    plain = summary_of({**records, "il-ppo": make_records(4)}).to_json()
+    seeded = summary_of({**records, "il-ppo/7": make_records(4)}).to_json()
+    agent = seeded["planners"][3]
+    assert (agent["training_seeds"], agent["acc_mean_seed_sd"]) == ((7,), None)
+    agent["training_seeds"] = ()
+    assert seeded == plain
+
+
+def test_the_order_of_seeds_and_who_else_runs_do_not_matter() -> None:
+    forward, backward = summary_of({**ends(), **trained(0, 1, 2)}), summary_of({**ends(), **trained(2, 0, 1)})
+    assert forward == backward
+    more = summary_of({**trained(0, 1, name="il"), **ends(), **trained(0, 1, 2)})
+    assert more.planner("il-ppo") == forward.planner("il-ppo")
+
+
+def test_other_numbers_are_means_over_seeds() -> None:
+    agents = {
+        name: flown(replace(episodes, viewpoint=episodes.viewpoint * (1 + index / 10)), seed=index)
+        for index, (name, episodes) in enumerate(trained(0, 1).items())
+    }
+    solves = [Solves({"optimal": 3}, 0), Solves({"optimal": 1, "infeasible": 2}, 2)]
+    summary = summary_of(
+        {"no-act": flown(make_records(1)), **agents},
+        solves={"no-act": None, **dict(zip(agents, solves, strict=True))},
+    )
+    agent, pair = summary.planner("il-ppo"), list(agents.values())
+    assert agent.nll == pytest.approx(np.mean([nll(of.true_probability) for of in pair]))
+    assert agent.ece == pytest.approx(np.mean([ece(of.top_probability, of.correct) for of in pair]))
+    assert agent.path_length_m == pytest.approx(np.mean([path_length(of.viewpoint).mean() for of in pair]))
+    flights = [of.flight for of in pair if of.flight is not None]
+    assert agent.flight is not None
+    assert agent.flight.peak_speed == max(of.peak_speed.max() for of in flights)
+    assert agent.flight.effort == pytest.approx(np.mean([of.effort for of in flights]))
+    assert agent.solves == Solves({"infeasible": 2, "optimal": 4}, 2)
+    assert summary.planner("no-act").solves is None
+
+
+def test_planning_time_is_the_mean_over_seeds() -> None:
+    records = {"no-act": make_records(1), **trained(0, 1)}
+    summary = summarise(
+        records,
+        CONDITIONS,
+        privileged=dict.fromkeys(records, False),
+        step_ms={"no-act": 0.0, "il-ppo/0": 1.0, "il-ppo/1": 4.0},
+    )
+    assert summary.planner("il-ppo").step_ms == 2.5
+
+
+def test_accuracy_kept_compares_each_training_with_itself() -> None:
+    on_ideal = {"no-act": make_records(1), **trained(0, 1, 2, skill=2.0)}
+    # What flies is what flew on the ideal track: all is kept, whichever seeds are drawn.
+    same = summary_of({"no-act": on_ideal["no-act"], **trained(0, 1, 2, skill=2.0)}, on_ideal=on_ideal)
+    assert same.planner("il-ppo").accuracy_kept == pytest.approx(1)
+    assert same.planner("il-ppo").accuracy_kept_ci95 == pytest.approx((1, 1))
+    # Fewer seeds may fly than were run on the ideal track, where only those count.
+    flying = trained(0, 1, skill=1.0)
+    kept = summary_of({"no-act": on_ideal["no-act"], **flying}, on_ideal=on_ideal).planner("il-ppo").accuracy_kept
+    low = on_ideal["no-act"].correct.mean()
+    flew, ideal = (np.mean([runs[name].correct.mean() for name in flying]) for runs in (flying, on_ideal))
+    assert kept == pytest.approx((flew - low) / (ideal - low))
+    # One that was not run there leaves nothing to compare with.
+    del on_ideal["il-ppo/1"]
+    unknown = summary_of({"no-act": on_ideal["no-act"], **flying}, on_ideal=on_ideal).planner("il-ppo")
+    assert (unknown.accuracy_kept, unknown.accuracy_kept_ci95) == (None, None)
+
+
+def all_subjects() -> dict[str, EpisodeRecords]:
+    """Return a run of every subject, listed in another order than theirs, beside others."""
+    records = {**ends(), "ppo/0": make_records(5), "towards": make_records(6)}
+    return {**records, "nbv": make_records(7, skill=2.0), **trained(0, 1, name="il"), **trained(0, 1, 2, skill=3.0)}
+
+
+def test_subjects_are_compared_with_all_others_each_pair_once() -> None:
+    summary = summary_of(all_subjects())
+    pairs = [(of.planner, of.other) for of in summary.differences]
+    assert SUBJECTS == ("il-ppo", "dagger", "nbv", "il", "ppo")
+    assert pairs == [
+        *(("il-ppo", other) for other in ("no-act", "ppo", "towards", "nbv", "il")),
+        *(("nbv", other) for other in ("no-act", "ppo", "towards", "il")),
+        *(("il", other) for other in ("no-act", "ppo", "towards")),
+        *(("ppo", other) for other in ("no-act", "towards")),
+    ]
+    for of in summary.differences:
+        expected = summary.planner(of.planner).acc_mean - summary.planner(of.other).acc_mean
+        assert of.acc_mean == pytest.approx(expected)
+        assert of.ci95[0] <= of.acc_mean <= of.ci95[1]
+
+
+def test_differences_are_a_matrix_with_clear_ones_in_bold() -> None:
+    summary = summary_of(all_subjects())
+    table = differences_table(summary)
+    assert table is not None
+    assert table.header == ("planner", "il-ppo", "nbv", "il", "ppo")
+    assert [row[0] for row in table.rows] == ["no-act", "ppo", "towards", "nbv", "il"]
+    cells = {(row[0], column): cell for row in table.rows for column, cell in zip(table.header, row, strict=True)}
+    blank = {where for where, cell in cells.items() if not cell}
+    assert blank == {("ppo", "ppo"), ("nbv", "nbv"), ("nbv", "il"), ("nbv", "ppo"), ("il", "il"), ("il", "ppo")}
+    of = next(of for of in summary.differences if (of.planner, of.other) == ("il-ppo", "no-act"))
+    assert of.is_clear
+    assert cells["no-act", "il-ppo"] == f"{of.acc_mean:+.1f} [{of.ci95[0]:.1f}, {of.ci95[1]:.1f}]"
+    clear = {(of.other, of.planner) for of in summary.differences if of.ci95[0] > 0 or of.ci95[1] < 0}
+    assert {(table.rows[row][0], table.header[column]) for row, column in table.bold} == clear
+    assert 0 < len(clear) < len(summary.differences)
+    text = markdown(table)
+    assert text.count("| **") == len(clear)
+    assert f"| **{cells['no-act', 'il-ppo']}** |" in text
+    assert max(map(len, text.splitlines())) <= 160
+
+
+def test_the_terminal_prints_clear_differences_in_bold() -> None:
+    summary = summary_of(all_subjects())
+    console = Console(width=160, record=True, file=io.StringIO(), force_terminal=True)
+    console.print(render_summary(summary))
+    styled = console.export_text(styles=True)
+    of = {(of.planner, of.other): of for of in summary.differences}
+    for pair in (("il-ppo", "no-act"), ("ppo", "towards")):
+        cell = f"{of[pair].acc_mean:+.1f} [{of[pair].ci95[0]:.1f}, {of[pair].ci95[1]:.1f}]"
+        assert (f"\x1b[1m{cell}" in styled) == of[pair].is_clear
+    assert {of["il-ppo", "no-act"].is_clear, of["ppo", "towards"].is_clear} == {True, False}
+
+
+def test_the_table_says_how_far_seeds_lie_apart_and_how_many_there_are() -> None:
+    summary = summary_of(all_subjects())
+    table = benchmark_table(summary)
+    cells = {row[0]: row[table.header.index("mean acc [95 %]")] for row in table.rows}
+    agent = summary.planner("il-ppo")
+    assert agent.acc_mean_seed_sd is not None
+    assert cells["il-ppo"].startswith(f"{agent.acc_mean:.1f} ± {agent.acc_mean_seed_sd:.1f} [")
+    assert "±" not in cells["ppo"] + cells["nbv"]
+    assert table.footnotes[0].startswith("Training seeds: il 2, il-ppo 3. ")
+    assert table.footnotes[1].startswith("One training seed: ppo (0); ")
+    assert not [note for note in benchmark_table(summary_of(ends())).footnotes if "seed" in note]
+
+
+def test_curves_are_means_over_seeds() -> None:
+    records = {
+        "no-act": with_correct([[0, 1], [0, 0]]),
+        "il/0": with_correct([[1, 1], [0, 1]]),
+        "il/1": with_correct([[0, 1], [0, 0]]),
+    }
+    drawn = curves(records)
+    assert list(drawn) == ["no-act", "il"]
+    np.testing.assert_allclose(drawn["no-act"], [0, 0.5])
+    np.testing.assert_allclose(drawn["il"], [0.25, 0.75])
+
+
+def test_the_figure_has_one_curve_a_planner(tmp_path: Path) -> None:
+    records = all_subjects()
+    draw_accuracy(curves(records), summary_of(records), 3, tmp_path / "accuracy")
+    drawn = (tmp_path / "accuracy.svg").read_text()
+    assert "il-ppo" in drawn
+    assert "il-ppo/" not in drawn
+
+
+def test_means_over_seeds_keep_further_axes() -> None:
+    values = np.arange(12.0).reshape(3, 4)
+    means = mean_over_seeds(values, group_planners(["il/1", "nbv", "il/0"]))
+    np.testing.assert_allclose(means, [values[[0, 2]].mean(axis=0), values[1]])

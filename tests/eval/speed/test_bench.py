@@ -1,0 +1,77 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eval.render.tables import markdown
+from eval.speed.bench import TARGETS, bench, bench_table
+from eval.speed.effort import WORKERS, Effort
+from eval.speed.planning import time_ruckig, time_solves
+from eval.speed.recognition import compare_forms, frame_ratios, time_world
+from tests.helpers.fakes import tiny_data
+
+BRIEF = Effort(
+    length=6, episodes=2, repeats=1, small_episodes=1, published_episodes=1, cameras=2, flights=3, plans=2, rollouts=1
+)
+
+
+def test_a_longer_episode_saves_more_operations() -> None:
+    data = tiny_data(frames=20)
+    ratios = [compare_forms(data, "small", 1, length).flops_ratio for length in (1, 2, 20)]
+    # On one frame the forms differ by little; of T frames the published one sees (T + 1) / 2 times as many.
+    assert 0.5 < ratios[0] < 2
+    assert ratios[0] < ratios[1] < 2 * ratios[0]
+    assert ratios[2] > 8  # of at most 10.5: refreshing topologies costs the streaming form some
+
+
+@pytest.mark.slow
+def test_the_streaming_form_needs_a_twentieth_of_the_operations() -> None:
+    assert compare_forms(tiny_data(frames=60), "small", 1, 60).flops_ratio >= TARGETS["flops_ratio"].bound
+
+
+def test_frames_are_compared_by_whether_they_refresh() -> None:
+    seconds = np.full(20, 2.0)
+    seconds[0] = 100.0
+    seconds[[3, 15]] = 5.0, 7.0
+    seconds[-1] = 3.0
+    ratios = frame_ratios(seconds)
+    assert ratios == {"late_over_early_frame": 1.5, "refresh_over_plain_frame": 3.0}
+
+
+def test_the_world_takes_time() -> None:
+    assert 0 < time_world(tiny_data(frames=6), BRIEF) < 1
+
+
+def test_solves_and_flights_take_time() -> None:
+    solves = time_solves(tiny_data(frames=6), BRIEF)
+    assert 0 < solves["nbv_solve_ms_median"] <= solves["nbv_solve_ms_p95"]
+    assert 0 <= solves["nbv_fallback_share"] <= 1
+    assert 0 < time_ruckig(BRIEF) < 1
+
+
+def test_targets_are_bounds_from_their_side() -> None:
+    assert TARGETS["time_ratio"].met(10.0)
+    assert not TARGETS["time_ratio"].met(9.9)
+    assert TARGETS["late_over_early_frame"].met(1.2)
+    assert not TARGETS["late_over_early_frame"].met(1.3)
+
+
+@pytest.mark.slow
+def test_every_figure_is_written_and_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eval.speed.bench.time_report", {tmp_path / "report.html": 2.5}.__getitem__)
+    out = tmp_path / "bench.json"
+    figures = bench(out, BRIEF, tmp_path / "report.html")
+    assert figures["report_interactive_s"] == 2.5
+    assert json.loads(out.read_text()) == figures
+    assert figures.keys() == TARGETS.keys() | {
+        "flops_ratio_published_widths",
+        "time_ratio_published_widths",
+        "refresh_over_plain_frame",
+        "shipped_weights",
+    }
+    assert all(figure > 0 for name, figure in figures.items() if name not in ("shipped_weights", "nbv_fallback_share"))
+    printed = markdown(bench_table(figures))
+    assert f"{WORKERS} processes" in printed
+    assert all(name in printed for name in figures)
+    assert ">= 500,000" in printed and "<= 1.2" in printed

@@ -1,0 +1,255 @@
+"""Runs made at different times are compared where they met the same episodes, and refused where they did not."""
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ehar.errors import DataError, UsageError
+from eval.cli.main import main
+from eval.records.episodes import EpisodeRecords
+from eval.records.run_files import CONFIG, PlannerConfig, write_run
+from eval.studies.compare import MAY_DIFFER, SAME_EPISODES, Comparison, compare
+from eval.studies.compare_table import compare_table
+from tests.helpers.commands import fails_with
+from tests.helpers.made_records import CONFIG_OF_RUN, make_records, summary_of
+
+
+def records(**skills: float) -> dict[str, EpisodeRecords]:
+    """Return 24 episodes of 12 sequences of planners by name (_ for -, __ for /) and skill."""
+    return {
+        name.replace("__", "/").replace("_", "-"): make_records(len(name), skill=skill, episodes=24)
+        for name, skill in skills.items()
+    }
+
+
+def written(
+    folder: Path, held: dict[str, EpisodeRecords], weights: dict[str, str] | None = None, **changes: Any
+) -> Path:
+    """Write a run of these records; the oracle is privileged."""
+    planners = tuple(PlannerConfig(name, name == "oracle", "", (weights or {}).get(name)) for name in held)
+    write_run(folder, replace(CONFIG_OF_RUN, planners=planners, **changes), held, summary_of(held))
+    return folder
+
+
+def two_runs(tmp_path: Path, **changes: Any) -> tuple[Path, Path]:
+    a = records(no_act=0.0, nbv=1.0, oracle=3.0)
+    b = {**records(random=0.2, oracle=2.0), "nbv": make_records(9, skill=0.3, episodes=24)}
+    return written(tmp_path / "a", a), written(tmp_path / "b", b, **changes)
+
+
+def test_each_planner_of_both_runs_is_compared_as_if_they_were_one_run(tmp_path: Path) -> None:
+    a, b = two_runs(tmp_path)
+    found = compare(a, b)
+    assert [(of.difference.planner, of.difference.other) for of in found.planners] == [("nbv", "nbv"), ("oracle",) * 2]
+    assert (found.episodes, found.sequences, found.differing, found.no_intervals) == (24, 12, {}, None)
+    # Both planners in one run, and the same two pairs for Holm.
+    together = {"nbv": records(nbv=1.0)["nbv"], "before": make_records(9, skill=0.3, episodes=24)}
+    (expected,) = summary_of(together).differences
+    nbv, oracle = found.planners
+    same = replace(expected, other="nbv", mcnemar_p_holm=nbv.difference.mcnemar_p_holm)
+    assert nbv.difference == same
+    p = sorted([expected.mcnemar_p, oracle.difference.mcnemar_p])
+    assert min(nbv.difference.mcnemar_p_holm, oracle.difference.mcnemar_p_holm) == pytest.approx(min(1, 2 * p[0]))
+    assert nbv.acc == pytest.approx([100 * of.correct.mean() for of in together.values()])
+    assert (nbv.privileged, oracle.privileged) == ((False, False), (True, True))
+
+
+def test_the_runs_the_other_way_round_give_the_opposite(tmp_path: Path) -> None:
+    a, b = two_runs(tmp_path)
+    forward, backward = compare(a, b).planners[0].difference, compare(b, a, ("nbv", "nbv")).planners[0].difference
+    assert backward.acc_mean == pytest.approx(-forward.acc_mean)
+    assert forward.ci95 is not None and backward.ci95 == pytest.approx((-forward.ci95[1], -forward.ci95[0]))
+    assert backward.improvement == pytest.approx(1 - forward.improvement)
+    assert (backward.mcnemar_wins, backward.mcnemar_losses) == (forward.mcnemar_losses, forward.mcnemar_wins)
+    assert backward.mcnemar_p == forward.mcnemar_p
+
+
+def test_a_run_does_not_differ_from_itself(tmp_path: Path) -> None:
+    a, _ = two_runs(tmp_path)
+    for of in compare(a, a).planners:
+        assert (of.difference.acc_mean, of.difference.ci95, of.difference.smallest) == (0, (0, 0), None)
+        assert (of.difference.improvement, of.difference.mcnemar_p_holm) == (0.5, 1)
+
+
+def test_two_planners_are_compared_by_name(tmp_path: Path) -> None:
+    a, b = two_runs(tmp_path)
+    (of,) = compare(a, b, ("no-act", "random")).planners
+    assert of.difference.mcnemar_p_holm == of.difference.mcnemar_p
+    (row,) = compare_table(compare(a, b, ("no-act", "oracle"))).rows
+    assert row[0] == "no-act - oracle*"
+    with pytest.raises(UsageError, match=r"b: no planner 'no-act'; expected one of: random, oracle, nbv"):
+        compare(a, b, ("no-act", "no-act"))
+    with pytest.raises(UsageError, match=r"^planners: expected one of A and one of B, got 1: nbv$"):
+        compare(a, b, ["nbv"])
+
+
+def test_runs_without_a_planner_in_common_are_refused(tmp_path: Path) -> None:
+    a, b = written(tmp_path / "a", records(il=1.0)), written(tmp_path / "b", records(ppo=1.0))
+    with pytest.raises(UsageError, match=r"no planner ran both in .*a \(il\) and in .*b \(ppo\); expected --planners"):
+        compare(a, b)
+
+
+OTHER = {"data_sha256": "9", "part": "policy", "starts": 2, "seed": 7, "length": 5, "fps": 25.0, "sensor": "estimator"}
+
+
+@pytest.mark.parametrize("name", SAME_EPISODES)
+def test_other_episodes_are_refused_with_both_values(tmp_path: Path, name: str) -> None:
+    a, b = two_runs(tmp_path, **{name: OTHER[name]})
+    before = getattr(CONFIG_OF_RUN, name)
+    values = "tiny (synthetic) 0, tiny (synthetic) 9" if name == "data_sha256" else f"{before}, {OTHER[name]}"
+    with pytest.raises(UsageError) as refused:
+        compare(a, b)
+    assert str(refused.value) == (
+        f"{a} and {b}: expected runs of the same episodes; they differ in {name.removesuffix('_sha256')} ({values})"
+    )
+
+
+def test_all_that_differs_is_named_at_once(tmp_path: Path) -> None:
+    a, b = two_runs(tmp_path, seed=1, starts=3)
+    with pytest.raises(UsageError, match=r"they differ in starts \(1, 3\), seed \(0, 1\)$"):
+        compare(a, b)
+
+
+def test_records_that_are_not_what_the_config_says_are_refused(tmp_path: Path) -> None:
+    a, b = two_runs(tmp_path)
+    moved = {name: replace(of, start=of.start + 1) for name, of in records(nbv=1.0).items()}
+    with pytest.raises(DataError, match=r"expected the same episodes, as their config\.json say, got 24 and 24"):
+        compare(a, written(tmp_path / "moved", moved))
+    held = json.loads((b / CONFIG).read_text())
+    for planners, message in (
+        (None, "planners: expected"),
+        ([asdict(PlannerConfig("nbv", False, ""))], "'random' is not"),
+    ):
+        (b / CONFIG).write_text(json.dumps({**held, "planners": planners}))
+        with pytest.raises(DataError, match=message):
+            compare(a, b)
+
+
+def test_what_else_differs_is_said_aloud(tmp_path: Path) -> None:
+    changes = {
+        "recogniser_sha256": "f" * 64,
+        "views": "paper",
+        "form": "ctrgcn",
+        "readout": "belief",
+        "track": "px4-max",
+        "versions": {"torch": "2", "numpy": "2"},
+    }
+    assert {*changes, "gain_model_sha256"} == {*MAY_DIFFER} <= asdict(CONFIG_OF_RUN).keys()
+    a = written(tmp_path / "a", records(nbv=1.0), versions={"torch": "1", "numpy": "2"})
+    b = written(tmp_path / "b", records(nbv=1.0), gain_model_sha256="3", **changes)
+    note = compare_table(compare(a, b)).footnotes[1]
+    assert note == (
+        "Not the same in A and B: recogniser 1, ffffffffffff; views moving, paper; form causal, ctrgcn; "
+        "readout recogniser, belief; track ideal, px4-max; torch 1, 2."
+    )
+    c = written(tmp_path / "c", records(nbv=1.0), gain_model_sha256="4")
+    assert compare(b, c).differing["gain model"] == ("3", "4")
+
+
+def trained(tmp_path: Path, name: str, digits: str) -> Path:
+    """Write a run of il-ppo with as many trainings as digits, their weights; answers depend on the seed only."""
+    held = {f"il-ppo/{seed}": make_records(seed, skill=1.0 * seed, episodes=24) for seed in range(len(digits))}
+    return written(tmp_path / name, held, dict(zip(held, digits, strict=True)))
+
+
+def compared(a: Path, b: Path) -> Any:
+    (of,) = compare(a, b).planners
+    return of
+
+
+def test_trainings_are_drawn_together_only_where_they_are_the_same(tmp_path: Path) -> None:
+    a = trained(tmp_path, "a", "123")
+    same = compared(a, trained(tmp_path, "same", "123"))
+    assert (same.difference.ci95, same.retrained) == ((0, 0), False)
+    other = compared(a, trained(tmp_path, "other", "456"))
+    assert other.retrained and other.difference.acc_mean == 0
+    assert other.difference.ci95[0] < -1 and other.difference.ci95[1] > 1
+    fewer = compared(a, trained(tmp_path, "fewer", "12"))
+    assert fewer.trainings == (3, 2) and not fewer.retrained
+    unknown = written(tmp_path / "unknown", {f"il-ppo/{seed}": make_records(seed, episodes=24) for seed in (0, 1)})
+    assert compared(unknown, unknown).difference.ci95[0] < 0  # weights that are not known may be others
+
+
+def test_a_planner_of_ones_own_with_another_file_or_argument_is_named(tmp_path: Path) -> None:
+    before = replace(PlannerConfig("nbv", False, "mine.py:Mine"), arguments={"radius": 5}, source_sha256="1")
+
+    def footnotes(now: PlannerConfig) -> tuple[str, ...]:
+        for name, planner in (("before", before), ("now", now)):
+            held = records(nbv=1.0)
+            write_run(tmp_path / name, replace(CONFIG_OF_RUN, planners=(planner,)), held, summary_of(held))
+        return compare_table(compare(tmp_path / "before", tmp_path / "now")).footnotes
+
+    said = "Another file or other arguments in A and B: nbv."
+    assert said not in footnotes(before)
+    assert said in footnotes(replace(before, source_sha256="2"))
+    assert said in footnotes(replace(before, arguments={"radius": 6}))
+
+
+def test_a_run_from_before_schemas_differs_in_nothing_that_was_added_since(tmp_path: Path) -> None:
+    a, b = two_runs(tmp_path)
+    held = json.loads((a / CONFIG).read_text())
+    for name in ("schema", "ideal", "recogniser"):
+        del held[name]
+    for planner in held["planners"]:
+        del planner["arguments"], planner["source_sha256"]
+    of_b = json.loads((b / CONFIG).read_text())
+    of_b["planners"][-1].update(arguments={"radius": 5}, source_sha256="1")  # one's own, which the older run just names
+    (b / CONFIG).write_text(json.dumps(of_b))
+    (a / CONFIG).write_text(json.dumps(held))
+    for one, other in ((a, b), (b, a)):
+        found = compare(one, other)
+        assert found.differing == {}
+        assert not any(of.rewritten for of in found.planners)
+
+
+def test_the_table_says_what_its_numbers_are(tmp_path: Path) -> None:
+    a, b = two_runs(tmp_path)
+    found = compare(a, b)
+    table = compare_table(found)
+    of = found.planners[0].difference
+    assert of.ci95 is not None and of.improvement_ci95 is not None and of.smallest is not None
+    assert table.rows[0][1:] == (
+        f"{found.planners[0].acc[0]:.1f}",
+        f"{found.planners[0].acc[1]:.1f}",
+        f"{of.acc_mean:+.1f} [{of.ci95[0]:.1f}, {of.ci95[1]:.1f}]",
+        f"{of.smallest:.1f}",
+        f"{100 * of.improvement:.1f} [{100 * of.improvement_ci95[0]:.1f}, {100 * of.improvement_ci95[1]:.1f}]",
+        f"{of.mcnemar_wins}, {of.mcnemar_losses}",
+        f"{of.mcnemar_p_holm:.3f}",
+    )
+    assert table.rows[1][0] == "oracle*" and "* privileged: is handed the label and the future." in table.footnotes
+    assert table.footnotes[0] == f"A: {a}. B: {b}."
+    assert {cell for cell in table.bold if cell[1] == 3} == {
+        (row, 3) for row, one in enumerate(found.planners) if one.difference.is_clear
+    }
+    certain = replace(of, mcnemar_p_holm=1e-9)
+    table = compare_table(replace(found, planners=(replace(found.planners[0], difference=certain),)))
+    assert table.rows[0][-1] == "<0.001" and (0, 7) in table.bold
+    seeds = compare_table(compare(trained(tmp_path, "t", "123"), trained(tmp_path, "u", "45")))
+    assert "Trained to other weights in A and B: il-ppo." in seeds.footnotes
+    assert any("il-ppo 3 and 2" in note for note in seeds.footnotes)
+
+
+def test_one_sequence_has_no_intervals(tmp_path: Path) -> None:
+    held = {name: replace(of, sequence=("only",) * 24) for name, of in records(nbv=1.0, no_act=0.0).items()}
+    found: Comparison = compare(written(tmp_path / "a", held), written(tmp_path / "b", held), ("nbv", "no-act"))
+    table = compare_table(found)
+    assert table.rows[0][3].endswith(" [-]") and table.rows[0][4] == "-" and table.rows[0][5].endswith(" [-]")
+    assert f"[-] No intervals: {found.no_intervals}." in table.footnotes
+    assert np.isfinite(found.planners[0].difference.mcnemar_p)
+
+
+def test_the_command_prints_a_table_or_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    a, b = two_runs(tmp_path, readout="belief")
+    main(["compare", str(a), str(b)])
+    printed = capsys.readouterr().out
+    assert "A - B [95 %]" in printed and "readout recogniser, belief" in printed
+    main(["compare", str(a), str(b), "--planners", "no-act", "random"])
+    assert "no-act - random" in capsys.readouterr().out
+    assert "expected a run of ehar benchmark" in fails_with(["compare", str(a), str(tmp_path / "absent")], capsys)
+    other = str(written(tmp_path / "other", records(nbv=1.0), sensor="estimator"))
+    assert "differ in sensor (perfect, estimator)" in fails_with(["compare", str(a), other], capsys)

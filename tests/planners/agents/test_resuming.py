@@ -1,0 +1,223 @@
+"""What is done is skipped, and what was stopped, killed or damaged goes on as if it had not been, or says why not."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import save_file
+
+from ehar.data.motion_file import save_motion
+from ehar.errors import ModelError, UsageError
+from planners.agents.config import AgentTrainingConfig, PPOSetting
+from planners.agents.training import train_agents
+from recognition.training.checkpoints import Checkpoint, save_checkpoint
+from tests.helpers.agent_trainings import agent_file, quick, refusal, silent, tiny_config, train, train_little
+from tests.helpers.fakes import tiny_data
+from tests.helpers.places import ROOT
+
+
+@pytest.fixture(autouse=True)
+def little_of_everything(monkeypatch: pytest.MonkeyPatch) -> None:
+    train_little(monkeypatch)
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> AgentTrainingConfig:
+    return tiny_config(tmp_path)
+
+
+class Stopped(Exception):
+    """Ctrl-C."""
+
+
+def stop_at(what: str, done: int) -> Callable[[str, int, int], None]:
+    """Return what stops a training when it reports this."""
+
+    def report(title: str, so_far: int, whole: int) -> None:
+        if what in title and so_far == done:
+            raise Stopped
+
+    return report
+
+
+def stop(config: AgentTrainingConfig, what: str, done: int) -> None:
+    with pytest.raises(Stopped):
+        train_agents(config, stop_at(what, done), silent)
+
+
+@pytest.mark.parametrize(
+    ("what", "done"),
+    [
+        ("round0", 1),
+        ("round1", 1),
+        ("il", 1),
+        ("ppo seed 0", 3),
+        ("ppo seed 0", 5),
+        ("ppo seed 0", 6),
+        ("ppo seed 0", 7),
+        ("il-ppo seed 0", 6),
+    ],
+)
+def test_a_stopped_training_goes_on_where_it_was(
+    config: AgentTrainingConfig, tmp_path: Path, what: str, done: int
+) -> None:
+    stopped = replace(config, out=tmp_path / "stopped")
+    stop(stopped, what, done)
+    assert train(stopped) == train(config)
+    assert not list(stopped.directory.glob("*.checkpoint"))
+
+
+def test_it_goes_on_from_the_checkpoint_and_not_from_the_start(config: AgentTrainingConfig) -> None:
+    stop(config, "ppo seed 0", 6)
+    reports: list[tuple[str, int, int]] = []
+    train_agents(replace(config, stages="ppo"), lambda *report: reports.append(report), silent)
+    assert reports == [("ppo seed 0", 6, 7), ("ppo seed 0", 7, 7)]
+
+
+def test_a_demonstration_cut_short_is_run_again(config: AgentTrainingConfig, tmp_path: Path) -> None:
+    chosen = replace(config, stages="il")
+    expected = train(replace(chosen, out=tmp_path / "through"))
+    stop(chosen, "round1", 1)
+    (kept,) = chosen.directory.glob("demonstrations-perfect-moving-*-round0/1.safetensors")
+    kept.write_bytes(kept.read_bytes()[:-100])
+    assert train(chosen) == expected
+
+
+@pytest.mark.parametrize("content", [b"", b"nonsense", None])
+def test_a_damaged_checkpoint(config: AgentTrainingConfig, content: bytes | None) -> None:
+    chosen = replace(config, stages="ppo")
+    stop(chosen, "ppo", 6)
+    checkpoint = agent_file(config, "ppo").with_suffix(".checkpoint")
+    checkpoint.write_bytes(checkpoint.read_bytes()[:-200] if content is None else content)
+    message = refusal(ModelError, chosen)
+    assert message.startswith(f"{checkpoint}: expected a training checkpoint, got ")
+    assert message.endswith(": remove it to start anew")
+    checkpoint.unlink()
+    train(chosen)
+
+
+def test_a_checkpoint_without_what_belongs_in_it(config: AgentTrainingConfig) -> None:
+    checkpoint = agent_file(config, "ppo").with_suffix(".checkpoint")
+    checkpoint.parent.mkdir()
+    save_checkpoint(checkpoint, Checkpoint({}, None, {"run": [1]}))
+    assert "expected a training checkpoint" in refusal(ModelError, replace(config, stages="ppo"))
+    save_file({"network": torch.zeros(3)}, checkpoint)
+    assert "expected a training checkpoint" in refusal(ModelError, replace(config, stages="ppo"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"frames": 1000}, "ppo.frames"),
+        ({"setting": "paper"}, "ppo.copies, ppo.critic_rollouts, ppo.hindsight, ppo.hold, variations"),
+        ({"variations": 1}, "variations"),
+        ({"length": 7}, "length"),
+        ({"data": "other"}, "data_sha256"),
+    ],
+)
+def test_a_run_with_other_options_takes_over_nothing(
+    config: AgentTrainingConfig, tmp_path: Path, changes: dict[str, Any], named: str
+) -> None:
+    """Neither a checkpoint nor a result, and neither is written over."""
+    if "data" in changes:
+        data = tiny_data(sequences=24)
+        changes = {"data": str(tmp_path / "other.npz")}
+        save_motion(tmp_path / "other.npz", replace(data, positions=data.positions * 1.01))
+    chosen = replace(config, stages="ppo")
+    stop(chosen, "ppo", 6)
+    checkpoint = agent_file(config, "ppo").with_suffix(".checkpoint")
+    assert refusal(UsageError, replace(chosen, **changes)).startswith(
+        f"{checkpoint}: a checkpoint of another training, which differs in {named}: "
+    )
+    expected = train(chosen)
+    description = agent_file(config, "ppo").with_suffix(".json")
+    message = refusal(UsageError, replace(chosen, **changes))
+    assert (
+        message
+        == f"{description}: holds another training, which differs in {named}: remove it, or choose another --out"
+    )
+    assert train(chosen) == expected
+
+
+@pytest.mark.parametrize("changes", [{"teacher": "oracle"}, {"labels": "best"}, {"episodes": 64}, {"rounds": 1}])
+def test_cloning_otherwise_is_another_training(config: AgentTrainingConfig, changes: dict[str, Any]) -> None:
+    chosen = replace(config, stages="il")
+    train(chosen)
+    (name,) = changes
+    assert f"differs in imitation.{name}: " in refusal(UsageError, replace(chosen, **changes))
+
+
+def test_a_result_whose_description_is_no_longer_one(config: AgentTrainingConfig) -> None:
+    chosen = replace(config, stages="il")
+    train(chosen)
+    description = agent_file(config, "il").with_suffix(".json")
+    for content in ("{}", "[1, 2", '{"training": {"run": [1]}}', '{"training": 3}'):
+        description.write_text(content)
+        assert "holds another training, which differs in data_sha256, " in refusal(UsageError, chosen)
+    description.unlink()
+    train(chosen)
+    assert description.is_file()
+
+
+def test_a_fine_tuning_of_another_clone_is_another_training(config: AgentTrainingConfig) -> None:
+    train(config)
+    for suffix in (".safetensors", ".json"):
+        agent_file(config, "il").with_suffix(suffix).unlink()
+    message = refusal(UsageError, replace(config, labels="best"))
+    assert "il-ppo" in message
+    assert "start_sha256" in message
+
+
+def command(config: AgentTrainingConfig) -> "subprocess.Popen[bytes]":
+    """Start `ehar train agent` in a process of its own."""
+    options = {
+        "data": config.data,
+        "models": config.models,
+        "out": config.out,
+        "length": config.length,
+        "stages": config.stages,
+        "teacher": config.teacher,
+        "labels": config.labels,
+        "episodes": config.episodes,
+        "rounds": config.rounds,
+        "frames": config.frames,
+        "workers": config.workers,
+    }
+    given = [part for name, value in options.items() for part in (f"--{name}", str(value))]
+    return subprocess.Popen(
+        [sys.executable, "-m", "eval.cli.main", "train", "agent", *given],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        cwd=ROOT,
+    )
+
+
+@pytest.mark.slow
+def test_killed_at_any_moment_it_ends_as_if_it_had_not_been(
+    config: AgentTrainingConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.undo()
+    killed = replace(quick(config, stages="il,ppo"), frames=15 * 7 * PPOSetting.num_envs, out=tmp_path / "killed")
+    rng = np.random.default_rng()  # any moment, and another one in each run of this test
+    for pattern in ("demonstrations-*/*.safetensors", "*.checkpoint"):
+        process = command(killed)
+        deadline = time.monotonic() + 60
+        while process.poll() is None and not list(killed.directory.glob(pattern)) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        time.sleep(rng.uniform(0, 0.5))
+        process.kill()
+        _, complaint = process.communicate()
+        assert process.returncode in (-9, 0), complaint.decode()
+    process = command(killed)
+    _, complaint = process.communicate()
+    assert process.returncode == 0, complaint.decode()
+    through = replace(killed, out=config.out)
+    assert train(killed) == train(through)
+    assert not list(killed.directory.glob("*.checkpoint"))

@@ -1,0 +1,214 @@
+"""The solver: plans keep the limits, head for what is worth seeing, and every failure is named and counted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ehar.errors import UsageError
+from ehar.viewpoint import cartesian, sample_starts
+from planners.search.solver import CAPPED_TOLERANCE, TOLERANCE, SolveStatus, TrajectorySolver
+from planners.search.task import Trajectory, TrajectoryLimits, TrajectoryTask
+from planners.value.view_basis import BASIS_SIZE, view_basis
+from tests.helpers.trajectory_tasks import FLIGHT, GRID, HORIZON, random_task
+
+SOLVER = TrajectorySolver()
+CAPPED = TrajectorySolver(max_iterations=6)
+seeds = st.integers(0, 10_000)
+
+
+def largest_excess(task: TrajectoryTask, trajectory: Trajectory) -> float:
+    """Return by how much a trajectory exceeds any limit, from scratch, in units of the limit ([m] and [rad])."""
+    limits, time = task.limits, task.node_time
+    p, v, a, j = trajectory
+    excess = [
+        np.abs(p[1:] - (p + time * v + time**2 / 2 * a)[:-1] - time**3 / 6 * j).max(),
+        np.abs(v[1:] - (v + time * a)[:-1] - time**2 / 2 * j).max(),
+        np.abs(a[1:] - a[:-1] - time * j).max(),
+        np.abs([p[0] - task.position, v[0] - task.velocity, a[0] - task.acceleration]).max(),
+        (np.abs(v[1:]) / limits.velocity).max() - 1,
+        (np.abs(a[1:]) / limits.acceleration).max() - 1,
+        (np.abs(j) / limits.jerk).max() - 1,
+        (task.workspace.distance_min - p[1:, 0]).max(),
+        (p[1:, 0] - task.workspace.distance_max).max(),
+        (task.workspace.polar_min - p[1:, 2]).max(),
+        (p[1:, 2] - task.workspace.polar_max).max(),
+        np.abs([v[-1], a[-1]]).max(),
+    ]
+    step = 1e-6
+    speed = np.linalg.norm(cartesian(p + step * v) - cartesian(p - step * v), axis=1)[1:] / (2 * step)
+    excess.append(speed.max() / limits.speed - 1 - 1e-8)  # of the differences
+    if limits.shared:
+        excess.append(((v[1:] / limits.velocity) ** 2).sum(1).max() - 1)
+    return float(np.max(excess))
+
+
+def peak_at(viewpoint: np.ndarray) -> np.ndarray:
+    """Return weights of a field that is highest in one direction, the same at every distance."""
+    _, y, z, x = view_basis(*viewpoint, np)[:4]
+    weights = np.zeros(BASIS_SIZE)
+    weights[1:4] = y, z, x
+    return weights
+
+
+@settings(max_examples=25, deadline=None)
+@given(seeds, st.sampled_from([FLIGHT, GRID]))
+def test_plans_keep_the_limits_and_can_be_followed_by_others(seed: int, limits: TrajectoryLimits) -> None:
+    rng = np.random.default_rng(seed)
+    task, previous = random_task(rng, limits=limits, node_time=0.08 if limits.shared else 0.2), None
+    for _ in range(3):
+        previous = SOLVER.solve_best(task, sample_starts(rng, 8), previous, task.node_time)
+        assert previous.status is SolveStatus.OPTIMAL
+        assert previous.violation <= TOLERANCE
+        assert largest_excess(task, previous.trajectory) <= 5 * TOLERANCE  # the position's unit is 5 m
+        assert previous.objective == float(task.objective(previous.trajectory))
+        assert previous.objective >= float(task.objective(task.hold())) or task.velocity.any()
+        position, velocity, acceleration, _ = previous.trajectory
+        task = replace(task, position=position[1], velocity=velocity[1], acceleration=acceleration[1])
+        task = replace(task, field_weights=task.field_weights + 0.3 * rng.normal(size=BASIS_SIZE))
+
+
+@settings(max_examples=25, deadline=None)
+@given(seeds, st.sampled_from([FLIGHT, GRID]))
+def test_capped_plans_nearly_keep_the_limits_too(seed: int, limits: TrajectoryLimits) -> None:
+    rng = np.random.default_rng(seed)
+    task, previous = random_task(rng, limits=limits, node_time=0.08 if limits.shared else 0.2), None
+    for _ in range(3):
+        previous = CAPPED.solve_best(task, sample_starts(rng, 8), previous, task.node_time)
+        assert not previous.fell_back
+        assert previous.violation <= CAPPED_TOLERANCE
+        assert largest_excess(task, previous.trajectory) <= 10 * CAPPED_TOLERANCE
+        position, velocity, acceleration, _ = previous.trajectory
+        task = replace(task, position=position[1], velocity=velocity[1], acceleration=acceleration[1])
+
+
+@settings(max_examples=10, deadline=None)
+@given(seeds)
+def test_fatrop_and_ipopt_and_a_warm_start_find_the_same_optimum(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    task = random_task(rng)
+    first = SOLVER.solve(task, task.hold())
+    again = SOLVER.solve(task, first.trajectory)
+    spread = np.linalg.norm(task.field_weights)
+    assert again.objective == pytest.approx(first.objective, abs=1e-3 * spread)
+    other = TrajectorySolver(solver="ipopt").solve(task, first.trajectory)
+    assert other.status is SolveStatus.OPTIMAL
+    assert other.objective == pytest.approx(first.objective, abs=1e-3 * spread)
+
+
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [
+        ([10, 1.0, 1.2], [10, 2.0, 0.9]),
+        ([10, 0.3, 1.2], [10, 2 * np.pi - 0.5, 1.2]),  # across azimuth 0
+        ([10, 2 * np.pi - 0.3, 1.2], [10, 0.5, 1.2]),
+        ([10, 2.0, 0.8], [10, 2.0, 0.0]),  # to the pole
+        ([10, 2.0, 0.5], [10, 2.0 + np.pi, 0.7]),  # over the pole, or round it
+        ([10, 1.0, 1.2], [10, 1.0, np.pi / 2]),  # to the edge of the workspace
+    ],
+)
+@pytest.mark.parametrize("limits", [FLIGHT, GRID])
+def test_a_plan_heads_for_the_only_peak_and_ends_there(start: list, goal: list, limits: TrajectoryLimits) -> None:
+    goal = np.array(goal)
+    task = random_task(
+        np.random.default_rng(0),
+        position=np.array(start),
+        field_weights=peak_at(goal),
+        limits=limits,
+        node_time=0.3 if limits.shared else 0.8,
+    )
+    solution = SOLVER.solve_best(task, sample_starts(np.random.default_rng(1), 16))
+    assert solution.status is SolveStatus.OPTIMAL
+    nodes = cartesian(solution.trajectory.position)
+    cosine = nodes @ cartesian(goal) / np.linalg.norm(nodes, axis=1) / np.linalg.norm(cartesian(goal))
+    angle = np.arccos(np.clip(cosine, -1, 1))
+    assert angle[-1] < 0.02
+    arrived = int(np.argmax(angle < 0.1))
+    assert (np.diff(angle[: arrived + 1]) <= 2e-3).all()  # at the pole it turns on the spot
+    assert (angle[arrived:] < 0.1).all()
+
+
+def test_a_distance_that_is_best_is_gone_to() -> None:
+    weights = np.zeros(BASIS_SIZE)
+    weights[16:18] = 0.8, -1  # 0.8 s - s^2 is highest at s = 0.4, 12 m
+    task = random_task(np.random.default_rng(0), position=np.array([6.0, 1, 1]), field_weights=weights, node_time=0.5)
+    position = SOLVER.solve(task, task.hold()).trajectory.position
+    assert position[-1, 0] == pytest.approx(12, abs=0.05)
+    assert (np.diff(position[: int(np.argmax(position[:, 0] > 11.5)) + 1, 0]) > 0).all()
+    np.testing.assert_allclose(position[:, 1:], np.ones((HORIZON + 1, 2)), atol=0.2)
+
+
+@pytest.mark.parametrize("changes", [{"field_weights": np.zeros(BASIS_SIZE)}, {"effort_weight": 1e9}])
+@pytest.mark.parametrize("limits", [FLIGHT, GRID])
+def test_where_nothing_is_to_win_the_camera_stays(changes: dict, limits: TrajectoryLimits) -> None:
+    rng = np.random.default_rng(0)
+    task = random_task(rng, limits=limits, **changes)
+    solution = SOLVER.solve_best(task, sample_starts(rng, 4))
+    assert solution.status is SolveStatus.OPTIMAL
+    np.testing.assert_allclose(solution.trajectory.position, task.hold().position, atol=1e-12)
+
+
+def test_more_seeds_never_collect_less() -> None:
+    rng = np.random.default_rng(2)
+    many = TrajectorySolver(seeds=4)
+    for _ in range(5):
+        task, goals = random_task(rng, limits=GRID, node_time=0.16), sample_starts(rng, 16)
+        assert many.solve_best(task, goals).objective >= SOLVER.solve_best(task, goals).objective - 1e-9
+
+
+@pytest.mark.parametrize("name", ["field_weights", "gain_weights"])
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_field_that_is_not_finite_holds_the_viewpoint_and_says_so(name: str, bad: float) -> None:
+    task = random_task(np.random.default_rng(0), velocity=np.full(3, 0.1))
+    getattr(task, name)[3] = bad
+    solver = TrajectorySolver()
+    solution = solver.solve_best(task, sample_starts(np.random.default_rng(0), 4))
+    assert solution.status == "nan-field" and solution.fell_back and solution.held
+    np.testing.assert_array_equal(solution.trajectory.position, task.hold().position)
+    assert solver.statistics.counts == {SolveStatus.NAN_FIELD: 1} and solver.statistics.fallbacks == 1
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"position": np.array([4.0, 0, 1])},  # outside
+        {"position": np.array([10.0, np.nan, 1])},
+        {"position": np.array([14.9, 0, 1]), "velocity": np.array([5.0, 0, 0])},  # nothing stops it in time
+    ],
+)
+@pytest.mark.parametrize("max_iterations", [None, 6])
+def test_a_start_without_a_way_within_the_limits_holds_the_viewpoint_and_says_so(
+    changes: dict, max_iterations: int | None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    task = random_task(np.random.default_rng(0), **changes)
+    solver = TrajectorySolver(max_iterations=max_iterations)
+    solution = solver.solve(task, task.hold())
+    assert solution.status == "infeasible" and solution.fell_back and solution.held
+    np.testing.assert_array_equal(solution.trajectory.position, task.hold().position)
+    assert solver.statistics.fallbacks == 1
+    assert capfd.readouterr().out == ""  # neither solver prints
+
+
+def test_after_a_held_viewpoint_planning_goes_on() -> None:
+    rng = np.random.default_rng(0)
+    task, goals = random_task(rng), sample_starts(rng, 8)
+    held = SOLVER.solve_best(replace(task, field_weights=np.full(BASIS_SIZE, np.nan)), goals)
+    assert SOLVER.solve_best(task, goals, held, task.node_time).status is SolveStatus.OPTIMAL
+
+
+def test_ipopt_takes_over_where_fatrop_fails() -> None:
+    solver = TrajectorySolver()
+    task = random_task(np.random.default_rng(0))
+    solver._solver = solver._build("fatrop", 1)  # one that cannot converge
+    solution = solver.solve(task, task.hold())
+    assert solution.status == "ipopt-fallback" and solution.fell_back and not solution.held
+    assert solution.violation <= TOLERANCE
+    assert solution.objective == pytest.approx(SOLVER.solve(task, task.hold()).objective, rel=1e-3)
+    assert solver.statistics.fallbacks == 1 and len(solver.statistics.solve_seconds) == 2
+
+
+def test_a_task_of_another_horizon_is_refused() -> None:
+    with pytest.raises(UsageError, match="expected 15 gain weights, got 3"):
+        SOLVER.solve_best(random_task(np.random.default_rng(0), horizon=3), np.array([[10.0, 0, 1]]))

@@ -1,0 +1,17 @@
+"""The measurement of the solver: it plans as often as it says, and counts it."""
+
+import numpy as np
+
+from planners.search.solver import TOLERANCE, TrajectorySolver
+from planners.search.timing import measure_solves
+from tests.helpers.trajectory_tasks import FLIGHT
+
+
+def test_every_plan_is_counted_and_only_those_measured() -> None:
+    solver = TrajectorySolver(seeds=2)
+    for _ in range(2):
+        measured = measure_solves(np.random.default_rng(0), solver, FLIGHT, node_time=0.2, episodes=2, plans=3)
+        assert measured.counts.total() == len(measured.plan_seconds) == 6
+        assert len(measured.solve_seconds) == 3 * 6
+        assert measured.fallbacks == 0
+        assert measured.violation <= TOLERANCE

@@ -1,0 +1,150 @@
+"""Searches over the gain field: what straight ways collect, and how far along them a camera is by when."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ehar.arrays import FloatArray
+from ehar.errors import UsageError
+from ehar.flight.vehicle import VEHICLES
+from ehar.motion import GridMotion
+from ehar.planner import Context, Observation, Planner
+from ehar.rollout import rollout
+from ehar.sensors.sensor import PerfectSensor
+from ehar.viewpoint import MOVES, STEP, Workspace, from_cells, wrap_difference
+from planners.search.view_search import (
+    GOALS,
+    NextBestViewGreedy,
+    NextBestViewSearch,
+    goal_grid,
+    search_goals,
+    share_made,
+)
+from planners.value.situation import frame_gains
+from planners.value.view_basis import BASIS_SIZE, field_value, mean_direction, view_basis
+from planners.value.view_value import ViewValue
+from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context
+from tests.helpers.gain_models import model_of, peak_weights
+
+
+class Searcher(Planner):
+    """Stays, and keeps what a search finds after one frame."""
+
+    name = "searcher"
+
+    def __init__(self, value: ViewValue, at: int) -> None:
+        self.value, self.at = value, at
+
+    def reset(self, context: Context) -> None:
+        self.context = context
+        self.value.reset(context)
+
+    def act(self, observation: Observation) -> FloatArray:
+        self.value.update(observation)
+        if observation.frame == self.at:
+            self.goals, self.collected = search_goals(self.value, observation, self.context)
+        return observation.viewpoint
+
+
+def searched(weights: FloatArray, start: FloatArray, *, at: int, length: int, spread: float = 0.0) -> Searcher:
+    searcher = Searcher(ViewValue(model_of(weights, spread=spread)), at)
+    batch = replace(tiny_batch(episodes=1, length=length), starts=start[None])
+    rollout(searcher, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), tiny_context(episodes=1, length=length))
+    return searcher
+
+
+def test_goals_span_the_workspace() -> None:
+    grid = goal_grid(Workspace())
+    assert grid.shape == (np.prod(GOALS), 3)
+    np.testing.assert_allclose(grid.min(axis=0), [5, 0, 0])
+    np.testing.assert_allclose(grid.max(axis=0), [15, 2 * np.pi * 15 / 16, np.pi / 2])
+    assert len(np.unique(grid.round(9), axis=0)) == len(grid)
+
+
+@pytest.mark.parametrize(("at", "length"), [(0, 16), (3, 12), (12, 14)])  # up to 15 frames are left: a node each
+def test_what_is_collected_is_the_field_along_the_way(at: int, length: int) -> None:
+    rng = np.random.default_rng(0)
+    weights, start = rng.normal(size=BASIS_SIZE), from_cells(np.array([33, 97, 20]))
+    searcher = searched(weights, start, at=at, length=length, spread=0.3)
+    gains = frame_gains(at, length)
+    np.testing.assert_array_equal(searcher.goals[0, 0], start)
+    np.testing.assert_array_equal(searcher.goals[0, 1:], goal_grid(Workspace()))
+    for goal, collected in zip(searcher.goals[0, ::29], searcher.collected[0, ::29], strict=True):
+        way = goal - start
+        way[1] = wrap_difference(way[1])
+        moves = np.abs(way / STEP).sum()
+        share = np.minimum(np.arange(1, length - at) / max(moves, 1e-9), 1)
+        visited = start + share[:, None] * way
+        direction = mean_direction(gains @ np.stack(view_basis(*visited.T, np), axis=-1))
+        expected = gains @ field_value(weights, visited) - 0.3 * direction @ direction
+        np.testing.assert_allclose(collected, expected, atol=1e-9)
+
+
+def test_to_stay_collects_the_field_where_one_is() -> None:
+    weights, start = np.random.default_rng(1).normal(size=BASIS_SIZE), from_cells(np.array([10, 5, 20]))
+    for length in (2, 10, 60):
+        searcher = searched(weights, start, at=0, length=length)
+        np.testing.assert_allclose(searcher.collected[0, 0], field_value(weights, start), atol=1e-9)
+
+
+@given(st.floats(0, 200), st.floats(0, 60))
+def test_ways_are_made_from_rest_to_rest_within_the_limits(needed: float, ramp: float) -> None:
+    frames = np.linspace(0, 2 * (needed + ramp) + 1, 400)
+    share = np.array([share_made(frame, np.array(needed), ramp) for frame in frames])
+    assert share[0] == (1.0 if needed == 0 else pytest.approx(0, abs=1e-9)) or needed < 1e-6
+    assert share[-1] == pytest.approx(1)
+    made = share * needed
+    speed = np.diff(made) / np.diff(frames)
+    assert (speed >= -1e-9).all()
+    assert (speed <= 1 + 1e-9).all()
+    if ramp > 1e-3:
+        assert (np.abs(np.diff(speed) / np.diff(frames)[0]) <= 1 / ramp + 1e-6).all()
+
+
+def test_without_a_ramp_the_pace_is_steady_until_the_goal() -> None:
+    shares = [share_made(frame, np.array(8.0), 0.0) for frame in (0, 2, 4, 8, 20)]
+    np.testing.assert_allclose(shares, [0, 0.25, 0.5, 1, 1])
+
+
+@given(st.floats(1, 100), st.floats(1, 100), st.floats(0, 150))
+def test_until_one_brakes_it_does_not_matter_how_far_the_goal_is(near: float, more: float, frames: float) -> None:
+    ways = np.array([near, near + more])
+    made = share_made(frames, ways, 20.0) * ways
+    if made[0] < near / 2 - 1e-9:
+        assert made[1] == pytest.approx(made[0])
+
+
+@pytest.mark.parametrize("vehicle", [None, VEHICLES["px4-auto"]])
+def test_greedy_takes_the_best_neighbour(vehicle: object) -> None:
+    rng = np.random.default_rng(2)
+    weights, workspace = rng.normal(size=BASIS_SIZE), Workspace()
+    planner = NextBestViewGreedy(model=model_of(weights))
+    batch = tiny_batch(episodes=7, length=2)
+    context = replace(tiny_context(episodes=7, length=2), vehicle=vehicle)
+    targets: list[FloatArray] = []
+    act = planner.act
+    planner.act = lambda observation: targets.append(act(observation)) or targets[-1]  # type: ignore[method-assign,func-returns-value]
+    rollout(planner, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), context)
+    for start, target in zip(batch.starts, targets[0], strict=True):
+        # The vehicle could go 5 m, or turn by 5 m seen from where it is, but by no more than 45 degrees, in a second.
+        pace = STEP if vehicle is None else np.array([5.0, min(5 / start[0], np.pi / 4), 5 / start[0]])
+        values = field_value(weights, workspace.clip(start + MOVES * pace))
+        np.testing.assert_allclose(target, workspace.clip(start + MOVES[np.argmax(values)] * pace), atol=1e-12)
+
+
+def test_greedy_stays_at_the_peak() -> None:
+    peak = from_cells(np.array([33, 0, 20]))
+    planner = NextBestViewGreedy(model=model_of(peak_weights(peak)))
+    batch = replace(tiny_batch(episodes=1, length=5), starts=peak[None])
+    viewpoints = rollout(
+        planner, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), tiny_context(episodes=1, length=5)
+    ).viewpoints
+    np.testing.assert_array_equal(viewpoints[0], np.tile(peak, (5, 1)))
+
+
+def test_a_search_is_made_every_frame_or_more_rarely() -> None:
+    with pytest.raises(UsageError, match=r"^nbv-search: expected .* every 1 frame or more, got 0$"):
+        NextBestViewSearch(model=model_of(np.zeros(BASIS_SIZE)), replan=0)

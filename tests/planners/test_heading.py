@@ -1,0 +1,46 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ehar.arrays import FloatArray
+from ehar.flight.vehicle import VEHICLES
+from ehar.viewpoint import AZIMUTH, HOVER, MOVES, Workspace, from_cells, neighbours, to_cells, wrap_difference
+from planners.heading import HEADING_TIME, axis_speeds, heading
+from planners.search.limits import camera_limits
+from tests.helpers.fakes import tiny_context
+
+VEHICLE = VEHICLES["tracking-drone"]
+HERE = np.tile([10.0, 0.1, 0.7], (len(MOVES), 1))
+
+
+FLIGHT = replace(tiny_context(), track=VEHICLE.name, vehicle=VEHICLE)
+
+
+def way() -> FloatArray:
+    there = heading(FLIGHT, HERE, np.arange(len(MOVES))) - HERE
+    there[:, AZIMUTH] = wrap_difference(there[:, AZIMUTH])
+    return there
+
+
+def test_a_vehicle_heads_the_way_of_the_move_as_far_as_it_gets_or_the_workspace_goes() -> None:
+    assert way()[HOVER] == pytest.approx(0)
+    np.testing.assert_array_equal(np.sign(np.round(way(), 9)), MOVES)
+    rate = min(VEHICLE.speed / 10, VEHICLE.yaw_rate) * HEADING_TIME
+    np.testing.assert_allclose(np.abs(way()).max(axis=1), [5, 5, rate, rate, np.pi / 2 - 0.7, 0.7, 0])
+
+
+def test_on_the_grid_a_move_is_a_cell() -> None:
+    here = from_cells(to_cells(HERE))
+    there = heading(tiny_context(), here, np.arange(len(MOVES)))
+    np.testing.assert_array_equal(there, neighbours(here[0], Workspace()))
+
+
+def test_the_azimuth_turns_no_faster_than_the_vehicle_does() -> None:
+    near, far = np.array([5.0, 0.0, 1.0]), np.array([15.0, 0.0, 1.0])
+    assert axis_speeds(VEHICLE, near)[AZIMUTH] == VEHICLE.yaw_rate
+    assert axis_speeds(VEHICLE, far)[AZIMUTH] == VEHICLE.speed / 15
+
+
+def test_plans_are_held_to_the_same_speeds() -> None:
+    np.testing.assert_array_equal(camera_limits(FLIGHT, HERE[0], 0.1).velocity, axis_speeds(VEHICLE, HERE[0]))

@@ -1,0 +1,184 @@
+"""Gain models on disk: what is saved is loaded, and every unfit file ends in one line that names it."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from safetensors.numpy import load_file, save_file
+
+from ehar.errors import ModelError
+from planners.value.belief import BeliefModel
+from planners.value.model import FULL, GainModel, gain_model_path, load_gain_model, save_gain_model
+from tests.helpers.fakes import tiny_data
+from tests.helpers.gain_models import PAIRS, random_field, random_situation
+
+HASH = "0123456789abcdef" * 4
+MODEL = GainModel(
+    {
+        FULL: random_field(np.random.default_rng(0)),
+        "no-facing": random_field(np.random.default_rng(1), parts=("ratio", "belief")),
+    },
+    BeliefModel(noise_weights=(0.5, 0.1, 0.2, 0.0, -0.3), process_noise=0.01, correlation=0.4),
+    PAIRS,
+)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    path = gain_model_path(tmp_path, sensor="perfect", views="moving")
+    save_gain_model(path, MODEL, recogniser_sha256=HASH, history={"seed": 0})
+    return path
+
+
+def load(path: Path, **changes: Any) -> GainModel:
+    options = {"sensor": "perfect", "views": "moving", "recogniser_sha256": HASH, **changes}
+    return load_gain_model(path.parent, tiny_data(), **options)
+
+
+def refusal(path: Path, **changes: Any) -> str:
+    """Return the one line that loading ends in."""
+    with pytest.raises(ModelError) as caught:
+        load(path, **changes)
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
+
+
+def test_what_is_saved_is_loaded(path: Path) -> None:
+    model = load(path)
+    assert model.belief == MODEL.belief
+    np.testing.assert_array_equal(model.pairs, PAIRS)
+    assert list(model.fields) == list(MODEL.fields)
+    situation = random_situation(np.random.default_rng(2))
+    for name, field in MODEL.fields.items():
+        assert model.fields[name].parts == field.parts
+        assert model.fields[name].spread == field.spread
+        np.testing.assert_array_equal(model.fields[name].weights(situation), field.weights(situation))
+    assert sorted(path.parent.iterdir()) == [path.with_suffix(".json"), path]  # no temporary file
+    assert json.loads(path.with_suffix(".json").read_text())["training"] == {"seed": 0}
+
+
+def test_the_hash_is_that_of_both_files(path: Path) -> None:
+    first = load(path).sha256
+    assert load(path).sha256 == first
+    assert len(first) == 64
+    description = path.with_suffix(".json")
+    description.write_text(description.read_text().replace('"correlation": 0.4', '"correlation": 0.5'))
+    second = load(path).sha256
+    tensors = load_file(path)
+    save_file(tensors | {f"{FULL}.absolute": tensors[f"{FULL}.absolute"] * 2}, path)
+    assert len({first, second, load(path).sha256}) == 3
+
+
+def test_another_recogniser_is_refused(path: Path) -> None:
+    message = refusal(path, recogniser_sha256="f" * 64)
+    assert message.startswith(f"{path}: trained for another recogniser: its sha256 was 0123456789ab...")
+    assert "ffffffffffff..." in message
+
+
+@pytest.mark.parametrize("suffix", [".safetensors", ".json"])
+def test_a_missing_file_is_named_with_the_command_that_makes_it(path: Path, suffix: str) -> None:
+    path.with_suffix(suffix).unlink()
+    message = refusal(path)
+    assert message.startswith(f"{path.with_suffix(suffix)}: no such file")
+    assert f"`ehar train gain-field --data tiny --models {path.parent} --sensor perfect --views moving`" in message
+
+
+def test_a_sensor_without_a_model(path: Path) -> None:
+    assert "gain-field-estimator-moving.safetensors: no such file" in refusal(path, sensor="estimator")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda content: "",
+        lambda content: "{",
+        lambda content: "[1, 2]",
+        lambda content: "null",
+        lambda content: content[: len(content) // 2],
+        lambda content: content.replace("recogniser_sha256", "sha256"),
+        lambda content: content.replace('"trunk"', '"tree"'),
+        lambda content: content.replace('"spread": 0', '"spread": "much 0'),
+        lambda content: content.replace('"parts"', '"part"'),
+        lambda content: content.replace('"correlation": 0.4', '"correlation": 1.4'),
+        lambda content: content.replace('"correlation": 0.4', '"correlation": NaN'),
+        lambda content: content.replace('"process_noise"', '"noise"'),
+    ],
+)
+def test_a_malformed_description(path: Path, change: Callable[[str], str]) -> None:
+    description = path.with_suffix(".json")
+    content = description.read_text()
+    assert change(content) != content
+    description.write_text(change(content))
+    assert refusal(path).startswith(f"{description}: expected the JSON that `ehar train gain-field` writes, got ")
+
+
+@pytest.mark.parametrize(
+    "trunk", [[], [[1, 6]], [[-1, 2]], [1], [[1, 2], [3]], "hips", [["a", "b"]], None, {"left": 1}, [[1, 10**30]]]
+)
+def test_a_trunk_that_is_not_made_of_pairs_of_joints(path: Path, trunk: Any) -> None:
+    description = path.with_suffix(".json")
+    description.write_text(json.dumps(json.loads(description.read_text()) | {"trunk": trunk}))
+    assert refusal(path).startswith(f"{description}: expected the JSON")
+
+
+def test_a_description_that_is_not_text(path: Path) -> None:
+    path.with_suffix(".json").write_bytes(b"\xff\xfe\x00{")
+    assert refusal(path).startswith(f"{path.with_suffix('.json')}: expected the JSON")
+
+
+@pytest.mark.parametrize("kept", [0, 5, 100, 5000])
+def test_truncated_weights(path: Path, kept: int) -> None:
+    path.write_bytes(path.read_bytes()[:kept])
+    assert refusal(path).startswith(f"{path}: expected the gain fields full, no-facing, got ")
+
+
+@pytest.mark.parametrize("matrix", ["full.absolute", "full.relative", "no-facing.absolute"])
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda tensor: None,
+        lambda tensor: tensor[:, :-1],
+        lambda tensor: tensor[:-1],
+        lambda tensor: tensor[0],
+        lambda tensor: tensor[0, 0],
+        lambda tensor: np.where(np.arange(21) == 3, np.nan, tensor),
+        lambda tensor: np.where(np.arange(21) == 3, np.inf, tensor),
+    ],
+)
+def test_tensors_that_are_no_field(path: Path, matrix: str, change: Callable[[np.ndarray], Any]) -> None:
+    tensors = load_file(path)
+    tensor = change(tensors.pop(matrix))
+    if tensor is not None:
+        tensors[matrix] = np.ascontiguousarray(tensor) if np.ndim(tensor) else np.array(tensor)
+    save_file(tensors, path)
+    assert refusal(path).startswith(f"{path}: expected the gain fields full, no-facing, got ")
+
+
+@pytest.mark.parametrize("parts", [["mood"], "ratio"])
+def test_unknown_parts(path: Path, parts: Any) -> None:
+    description = path.with_suffix(".json")
+    content = json.loads(description.read_text())
+    content["fields"][FULL]["parts"] = parts
+    description.write_text(json.dumps(content))
+    message = refusal(path)
+    assert message.startswith(f"{path}: expected the gain fields")
+    assert "expected parts among ratio, history, belief, embedding, facing, got " in message
+
+
+@pytest.mark.parametrize("spread", [-1.0, float("nan"), float("inf"), 10**400])
+def test_a_spread_that_is_no_weight(path: Path, spread: float) -> None:
+    description = path.with_suffix(".json")
+    content = json.loads(description.read_text())
+    content["fields"][FULL]["spread"] = spread
+    description.write_text(json.dumps(content))
+    assert refusal(path).startswith(str(path.with_suffix("")))
+
+
+def test_a_model_without_the_full_field(path: Path) -> None:
+    partial = GainModel({"no-facing": MODEL.fields["no-facing"]}, MODEL.belief, PAIRS)
+    save_gain_model(path, partial, recogniser_sha256=HASH, history={})
+    assert refusal(path) == f"{path}: expected a gain field 'full', got no-facing"

@@ -1,0 +1,140 @@
+"""What is known of an episode: where azimuths are counted from, what turns and what does not, when views count."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ehar.arrays import FloatArray
+from ehar.motion import GridMotion
+from ehar.planner import Context, Observation, Planner
+from ehar.rollout import Batch, Record, rollout
+from ehar.sensors.sensor import PerfectSensor
+from ehar.viewpoint import wrap_difference
+from planners.value.belief import BeliefModel, readout
+from planners.value.body_filter import BodyFilter
+from planners.value.situation import PARTS, Situation, Tracker, frame_gains
+from planners.value.view_basis import basis_at, turned
+from tests.helpers.fakes import CLASS_NAMES, FakeRecogniser, tiny_batch, tiny_context
+from tests.helpers.gain_models import PAIRS, random_situation
+
+BELIEF = BeliefModel(noise_weights=(0.5, 0.1, 0.2, 0.0, -0.3), process_noise=0.01, correlation=0.4)
+
+
+def test_one_person_s_facing_is_the_reference() -> None:
+    situation = random_situation(np.random.default_rng(0), persons=1)
+    np.testing.assert_array_equal(situation.reference, situation.facing[:, 0])
+
+
+def test_several_people_s_reference_is_the_way_from_the_first_to_the_second() -> None:
+    position = np.array([[[1.0, 1, 0], [2, 1, 5], [9, 9, 9]], [[0, 0, 0], [0, -2, 1], [9, 9, 9]]])
+    situation = random_situation(np.random.default_rng(0), episodes=2, persons=3, position=position)
+    np.testing.assert_allclose(situation.reference, [0, -np.pi / 2], atol=1e-12)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(-7, 7), st.integers(1, 3))
+def test_features_stay_when_people_and_camera_turn(seed: int, angle: float, persons: int) -> None:
+    situation = random_situation(np.random.default_rng(seed), persons=persons)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    other = replace(
+        situation,
+        facing=wrap_difference(situation.facing + angle),
+        position=situation.position @ np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]]),
+        seen=turned(situation.seen, np.array(-angle)),
+    )
+    np.testing.assert_allclose(wrap_difference(other.reference - situation.reference - angle), 0, atol=1e-7)
+    for part, columns in situation.features().items():
+        np.testing.assert_allclose(other.features()[part], columns, atol=1e-7, err_msg=part)
+
+
+def test_without_facing_the_history_is_as_it_was_seen() -> None:
+    situation = random_situation(np.random.default_rng(0))
+    features = situation.features(facing=False)
+    np.testing.assert_array_equal(features["history"][:, :8], situation.seen[:, 1:9])
+    assert list(features) == list(PARTS)
+    assert [columns.shape for columns in features.values()] == [(5, 1), (5, 9), (5, 3), (5, 4), (5, 10)]
+
+
+class Follower(Planner):
+    """Moves at random and keeps the situation after every frame."""
+
+    name = "follower"
+
+    def __init__(self) -> None:
+        self.tracker = Tracker(belief=BELIEF, pairs=PAIRS)
+
+    def reset(self, context: Context) -> None:
+        self.tracker.reset(context)
+        self.rng, self.body = context.rng, BodyFilter(pairs=PAIRS, frame_time=context.frame_time)
+        self.situations: list[Situation] = []
+        self.embeddings: list[FloatArray] = []
+
+    def act(self, observation: Observation) -> FloatArray:
+        self.tracker.update(observation)
+        self.situations.append(self.tracker.situation)
+        self.embeddings.append(observation.embedding)
+        return observation.viewpoint + self.rng.normal(size=observation.viewpoint.shape)
+
+
+def follow(follower: Follower, batch: Batch | None = None, persons: int = 1) -> Record:
+    batch = batch or tiny_batch(persons=persons)
+    return rollout(follower, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), tiny_context())
+
+
+@pytest.mark.parametrize("persons", [1, 2])
+def test_the_tracker_follows_a_rollout(persons: int) -> None:
+    follower = Follower()
+    record = follow(follower, persons=persons)
+    believed = np.exp(readout(BELIEF, record.log_probs, record.viewpoints))
+    assert len(follower.situations) == 9
+    for frame, situation in enumerate(follower.situations):
+        np.testing.assert_allclose(situation.ratio, (frame + 1) / 10)
+        np.testing.assert_allclose(situation.belief, believed[:, frame], atol=1e-9)
+        np.testing.assert_array_equal(situation.embedding, follower.embeddings[frame])
+        np.testing.assert_allclose(situation.seen, basis_at(record.viewpoints[:, : frame + 1]).mean(axis=1), atol=1e-12)
+        assert situation.belief.shape == (6, len(CLASS_NAMES))
+        assert situation.facing.shape == situation.facing_std.shape == (6, persons)
+        assert situation.position.shape == (6, persons, 3)
+
+
+def test_the_tracker_finds_where_people_are_and_face() -> None:
+    # Everybody in the tiny data faces azimuth 0; the second person stands 0.8 m to the left of the first.
+    follower = Follower()
+    follow(follower, persons=2)
+    last = follower.situations[-1]
+    way = last.position[:, 1] - last.position[:, 0]
+    np.testing.assert_allclose(way, np.tile([0, 0.8, 0], (6, 1)), atol=0.15)
+    np.testing.assert_allclose(last.reference, np.pi / 2, atol=0.2)
+
+
+def test_a_reset_forgets() -> None:
+    follower, fresh = Follower(), Follower()
+    follow(follower, tiny_batch(seed=1))
+    follow(follower)
+    follow(fresh)
+    for situation, expected in zip(follower.situations, fresh.situations, strict=True):
+        for part, columns in situation.features().items():
+            np.testing.assert_array_equal(columns, expected.features()[part], err_msg=part)
+
+
+@given(st.integers(1, 80), st.integers(0, 80))
+def test_early_views_weigh_more_and_all_weigh_one(remaining: int, frame: int) -> None:
+    gains = frame_gains(frame, frame + 1 + remaining)
+    assert gains.shape == (remaining,)
+    assert gains.sum() == pytest.approx(1)
+    assert (np.diff(gains) < 0).all()
+    assert (gains > 0).all()
+
+
+@pytest.mark.parametrize(("frame", "length"), [(0, 2), (0, 10), (4, 10), (8, 10), (20, 60)])
+def test_gains_are_the_slope_of_the_mean_over_frames_of_running_means(frame: int, length: int) -> None:
+    def score(evidence: FloatArray) -> float:
+        """Return the mean, over the frames to come, of what has been averaged over each one's past."""
+        running = np.cumsum(evidence) / np.arange(1, length + 1)
+        return float(running[frame + 1 :].mean())
+
+    evidence = np.random.default_rng(0).normal(size=length)
+    slopes = np.array([score(evidence + unit) - score(evidence) for unit in np.eye(length)[frame + 1 :]])
+    np.testing.assert_allclose(frame_gains(frame, length), slopes / slopes.sum(), atol=1e-9)

@@ -1,0 +1,252 @@
+"""Training of gain fields, end to end: it stops and goes on, workers decide nothing, what can't be is refused."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ehar.data.motion_file import load_motion, save_motion
+from ehar.data.scenario import split_parts
+from ehar.errors import DataError, EharError, ModelError, UsageError
+from planners.value import collection as gain_collection
+from planners.value import fit as gain_fit
+from planners.value.body_filter import trunk_pairs
+from planners.value.collection import Collection, CollectionTask, collect_batch
+from planners.value.config import GainTrainingConfig
+from planners.value.fit import VARIANTS
+from planners.value.model import GainModel, gain_model_path, load_gain_model
+from planners.value.training import train_gain_field
+from recognition.storage import load_recogniser
+from tests.helpers.fakes import tiny_data
+from tests.helpers.random_networks import save_random_world
+
+LENGTH = 8
+
+
+@pytest.fixture(autouse=True)
+def little_of_everything(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gain_collection, "EPISODES", 6)
+    monkeypatch.setattr(gain_fit, "PENALTIES", (1.0,))
+    monkeypatch.setattr(gain_fit, "CONSTANT_SHARES", (0.1,))
+    monkeypatch.setattr(gain_fit, "EMBEDDING_DIRECTIONS", 2)
+    monkeypatch.setattr(gain_fit, "FOLDS", 2)
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> GainTrainingConfig:
+    """Return 3 batches of tiny data, with a recogniser that has learned nothing."""
+    save_random_world(tmp_path, LENGTH)
+    return GainTrainingConfig(
+        data=str(tmp_path / "tiny.npz"), models=tmp_path / "models", length=LENGTH, batches=3, workers=1
+    )
+
+
+def silent(what: str, done: int, whole: int) -> None:
+    """Hear nothing."""
+
+
+def weights_path(config: GainTrainingConfig) -> Path:
+    directory = config.out or config.models
+    assert directory is not None
+    return gain_model_path(directory, sensor=config.sensor, views=config.views)
+
+
+def written(config: GainTrainingConfig) -> tuple[bytes, Any]:
+    """Return the weights, and the description without where it was written to."""
+    path = weights_path(config)
+    description = json.loads(path.with_suffix(".json").read_text())
+    del description["training"]["out"]
+    return path.read_bytes(), description
+
+
+def loaded(config: GainTrainingConfig) -> GainModel:
+    data = load_motion(Path(config.data))
+    recogniser = load_recogniser(config.models, data, sensor="perfect", views="moving")
+    return load_gain_model(
+        weights_path(config).parent, data, sensor="perfect", views="moving", recogniser_sha256=recogniser.sha256
+    )
+
+
+def refusal(error: type[EharError], config: GainTrainingConfig) -> str:
+    """Return the one line that training ends in."""
+    with pytest.raises(error) as caught:
+        train_gain_field(config, silent)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+class Stopped(Exception):
+    """Ctrl-C."""
+
+
+def stop_after(batches: int) -> Callable[[str, int, int], None]:
+    def report(what: str, done: int, whole: int) -> None:
+        if done == batches:
+            raise Stopped
+
+    return report
+
+
+def watch(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return the list that the batches which are run from now on are added to."""
+    run: list[int] = []
+
+    def watched(task: CollectionTask, index: int) -> Collection:
+        run.append(index)
+        return collect_batch(task, index)
+
+    monkeypatch.setattr(gain_collection, "collect_batch", watched)
+    return run
+
+
+def test_a_model_is_trained_saved_and_fits_its_recogniser(config: GainTrainingConfig) -> None:
+    reports: list[tuple[str, int, int]] = []
+    training = train_gain_field(config, lambda *report: reports.append(report))
+    assert training.path == weights_path(config)
+    assert list(training.fits) == list(VARIANTS)
+    model, data = loaded(config), load_motion(Path(config.data))
+    for name, fit in training.fits.items():
+        assert model.fields[name].parts == VARIANTS[name]
+        assert model.fields[name].spread == fit.field.spread
+        assert fit.best_gain >= fit.chosen_gain
+    assert model.pairs.tolist() == trunk_pairs(data, split_parts(data).policy).tolist()
+    assert reports == [("rollouts", done, 3) for done in range(4)] + [("regressions", done, 4) for done in range(5)]
+    history = written(config)[1]["training"]
+    assert history["length"] == LENGTH
+    assert history["data_sha256"] == data.sha256
+    assert history["cross_validation"]["full"]["explained"] == training.fits["full"].explained
+    assert "workers" not in history
+
+
+def test_a_stopped_run_goes_on_where_it_was(
+    config: GainTrainingConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    through = replace(config, out=tmp_path / "through")
+    stop_and_go = replace(config, out=tmp_path / "stopped")
+    train_gain_field(through, silent)
+    with pytest.raises(Stopped):
+        train_gain_field(stop_and_go, stop_after(2))
+    assert not weights_path(stop_and_go).exists()
+    run = watch(monkeypatch)
+    train_gain_field(stop_and_go, silent)
+    assert run == [2]
+    assert written(stop_and_go) == written(through)
+
+
+def test_more_batches_are_added_to_those_there_are(
+    config: GainTrainingConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    train_gain_field(replace(config, batches=1), silent)
+    run = watch(monkeypatch)
+    train_gain_field(config, silent)
+    assert run == [1, 2]
+    through = replace(config, out=tmp_path / "through")
+    train_gain_field(through, silent)
+    assert written(through) == written(config)
+
+
+@pytest.mark.parametrize("content", [b"", b"nonsense", None])
+def test_a_batch_that_is_not_whole_is_run_again(
+    config: GainTrainingConfig, monkeypatch: pytest.MonkeyPatch, content: bytes | None
+) -> None:
+    train_gain_field(config, silent)
+    before = written(config)
+    (kept,) = config.models.glob("*-rollouts-*/1.safetensors")  # type: ignore[union-attr]
+    kept.write_bytes(kept.read_bytes()[:-40] if content is None else content)
+    run = watch(monkeypatch)
+    train_gain_field(config, silent)
+    assert run == [1]
+    assert written(config) == before
+
+
+@pytest.mark.parametrize("changes", [{"seed": 1}, {"length": 7}, {"data": "other"}])
+def test_batches_of_other_options_or_data_are_not_used(
+    config: GainTrainingConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any]
+) -> None:
+    train_gain_field(config, silent)
+    if "data" in changes:
+        data = load_motion(Path(config.data))
+        changes = {"data": str(tmp_path / "other.npz")}
+        save_motion(Path(changes["data"]), replace(data, positions=data.positions * 1.01))
+    run = watch(monkeypatch)
+    train_gain_field(replace(config, **changes), silent)
+    assert run == [0, 1, 2]
+
+
+def test_the_seed_decides(config: GainTrainingConfig, tmp_path: Path) -> None:
+    for seed in (0, 1):
+        train_gain_field(replace(config, seed=seed, out=tmp_path / str(seed)), silent)
+    first, second = (written(replace(config, out=tmp_path / str(seed)))[0] for seed in (0, 1))
+    assert first != second
+
+
+def test_only_the_policy_part_is_learned_from(config: GainTrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[int] = []
+
+    def watched(task: CollectionTask, index: int) -> Collection:
+        collection = collect_batch(task, index)
+        seen.extend(collection.sequences.tolist())
+        return collection
+
+    monkeypatch.setattr(gain_collection, "collect_batch", watched)
+    train_gain_field(config, silent)
+    assert set(seen) <= set(split_parts(load_motion(Path(config.data))).policy.tolist())
+
+
+@pytest.mark.slow
+def test_workers_decide_nothing(config: GainTrainingConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gain_collection, "EPISODES", 32)  # as in the workers, which import the module anew
+    runs = [replace(config, workers=workers, out=tmp_path / str(workers)) for workers in (1, 2)]
+    for run in runs:
+        train_gain_field(run, silent)
+    assert written(runs[0]) == written(runs[1])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"batches": 0}, "batches: expected at least 1, got 0"),
+        ({"workers": -1}, "workers: expected at least 1, got -1"),
+        ({"length": 2}, "length: expected at least 3, got 2"),
+        ({"length": -8}, "length: expected at least 3, got -8"),
+        ({"seed": -1}, "seed: expected at least 0, got -1"),
+        ({"models": None}, "train gain-field: expected --models DIR, or --out DIR"),
+        ({"sensor": "radar"}, "unknown sensor 'radar'"),
+        ({"data": "trio"}, "unknown data 'trio'"),
+        ({"fps": 0.0}, "fps: got 0.0"),
+    ],
+)
+def test_options_that_make_no_sense(config: GainTrainingConfig, changes: dict[str, Any], message: str) -> None:
+    assert message in refusal(UsageError, replace(config, **changes))
+
+
+def test_the_shortest_episodes(config: GainTrainingConfig) -> None:
+    training = train_gain_field(replace(config, length=3), silent)
+    assert all(abs(fit.explained) < 2 for fit in training.fits.values())
+
+
+def test_a_recogniser_that_is_not_there(config: GainTrainingConfig) -> None:
+    assert "estimator-moving" in refusal(ModelError, replace(config, sensor="estimator"))
+    assert "--views spiral" in refusal(ModelError, replace(config, views="spiral"))
+
+
+def test_episodes_longer_than_any_sequence(config: GainTrainingConfig) -> None:
+    message = refusal(DataError, replace(config, length=21))
+    assert message == "tiny: expected at least 2 policy sequences of at least 21 frames, got 0"
+
+
+def test_a_field_cannot_be_judged_by_the_one_sequence_it_is_fitted_on(
+    config: GainTrainingConfig, tmp_path: Path
+) -> None:
+    data = tiny_data(sequences=24)
+    policy = split_parts(data).policy
+    lengths = np.where(np.isin(np.arange(24), policy[1:]), LENGTH - 1, 20)
+    pieces = [data.sequence(i)[: lengths[i]] for i in range(24)]
+    short = replace(data, positions=np.concatenate(pieces), offsets=np.cumsum([0, *lengths]))
+    save_motion(tmp_path / "one.npz", short)
+    message = refusal(DataError, replace(config, data=str(tmp_path / "one.npz")))
+    assert message.endswith("expected at least 2 policy sequences of at least 8 frames, got 1")

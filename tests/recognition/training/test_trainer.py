@@ -1,0 +1,317 @@
+"""Training: it learns, it resumes as if it had never stopped, and what goes wrong ends in one line."""
+
+import os
+import pickle
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from safetensors.torch import load_file
+
+from ehar.data.motion_data import MotionData
+from ehar.data.motion_file import load_motion, save_motion
+from ehar.data.scenario import split_parts
+from ehar.errors import DataError, EharError, ModelError, UsageError
+from recognition.storage import load_recogniser, recogniser_path
+from recognition.training import trainer as training
+from recognition.training.checkpoints import load_checkpoint, save_checkpoint
+from recognition.training.config import Form, TrainingConfig
+from recognition.training.trainer import Evaluation, train_recogniser
+from tests.helpers.fakes import tiny_data
+
+LENGTH = 8
+
+
+@pytest.fixture(scope="module")
+def data_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("data") / "tiny.npz"
+    save_motion(path, tiny_data(sequences=24))
+    return path
+
+
+@pytest.fixture(autouse=True)
+def few_validation_clips(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(training, "VALIDATION_CLIPS", 24)
+
+
+@pytest.fixture
+def config(data_path: Path, tmp_path: Path) -> TrainingConfig:
+    """Return 6 steps with an evaluation and a checkpoint after each."""
+    return TrainingConfig(
+        data=str(data_path), out=tmp_path / "models", length=LENGTH, clips=48, batch=8, evaluations=6, threads=1
+    )
+
+
+def weights_path(config: TrainingConfig) -> Path:
+    return recogniser_path(config.out, form=config.form, sensor=config.sensor, views=config.views)
+
+
+def checkpoint_path(config: TrainingConfig) -> Path:
+    return weights_path(config).with_suffix(".checkpoint")
+
+
+class Stopped(Exception):
+    """Ctrl-C, at a chosen step."""
+
+
+def stop_at(chosen: int) -> Callable[[int, int, Evaluation | None], None]:
+    def report(step: int, steps: int, evaluation: Evaluation | None) -> None:
+        if step == chosen:
+            raise Stopped
+
+    return report
+
+
+def stopped(config: TrainingConfig, step: int = 2) -> Path:
+    """Train for some steps; return the checkpoint that is left."""
+    with pytest.raises(Stopped):
+        train_recogniser(config, stop_at(step))
+    return checkpoint_path(config)
+
+
+def refusal(error: type[EharError], config: TrainingConfig) -> str:
+    """Return the one line that training ends in."""
+    with pytest.raises(error) as caught:
+        train_recogniser(config)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("form", ["causal", "ctrgcn"])
+def test_the_loss_falls_and_the_best_is_saved(config: TrainingConfig, data_path: Path, form: Form) -> None:
+    seen: list[Evaluation] = []
+    learning = replace(config, form=form, clips=640, batch=16, evaluations=4, views="paper")
+    best = train_recogniser(learning, lambda step, steps, evaluation: seen.append(evaluation) if evaluation else None)
+    assert seen[-1].train_loss < 0.7 * seen[0].train_loss
+    assert best.nll == min(evaluation.nll for evaluation in seen) < seen[0].nll
+    recogniser = load_recogniser(learning.out, load_motion(data_path), sensor="perfect", views="paper", form=form)
+    assert recogniser.spec.length == LENGTH
+    assert sorted(file.name for file in learning.out.iterdir()) == sorted(
+        [weights_path(learning).name, weights_path(learning).with_suffix(".json").name]
+    )  # no checkpoint, nothing half-written
+
+
+def test_reports_every_step_and_evaluates_where_it_says(config: TrainingConfig) -> None:
+    reports: list[tuple[int, int, bool]] = []
+    train_recogniser(
+        replace(config, evaluations=3), lambda step, steps, evaluation: reports.append((step, steps, bool(evaluation)))
+    )
+    assert reports == [(step, 6, step % 2 == 0) for step in range(1, 7)]
+
+
+@pytest.mark.parametrize("form", ["causal", "ctrgcn"])
+@pytest.mark.parametrize("step", [2, 3])  # right at a checkpoint, and one step after it
+def test_a_stopped_run_resumes_bit_for_bit(config: TrainingConfig, tmp_path: Path, form: Form, step: int) -> None:
+    through = replace(config, form=form, sensor="estimator", evaluations=3)
+    stop_and_go = replace(through, out=tmp_path / "stopped")
+    best = train_recogniser(through)
+    stopped(stop_and_go, step)
+    assert not weights_path(stop_and_go).exists()
+    steps: list[int] = []
+    assert train_recogniser(stop_and_go, lambda step, steps_in_all, evaluation: steps.append(step)) == best
+    assert steps == [3, 4, 5, 6]
+    first, second = load_file(weights_path(through)), load_file(weights_path(stop_and_go))
+    assert first.keys() == second.keys()
+    assert all(torch.equal(first[name], second[name]) for name in first)
+    descriptions = [weights_path(run).with_suffix(".json").read_bytes() for run in (through, stop_and_go)]
+    assert descriptions[0] == descriptions[1]
+    assert not checkpoint_path(stop_and_go).exists()
+
+
+def test_a_seed_decides_the_weights(config: TrainingConfig, tmp_path: Path) -> None:
+    runs = [replace(config, out=tmp_path / str(i), seed=seed, clips=16) for i, seed in enumerate((0, 0, 1))]
+    for run in runs:
+        train_recogniser(run)
+    first, again, other = (weights_path(run).read_bytes() for run in runs)
+    assert first == again
+    assert first != other
+
+
+def test_training_leaves_the_global_generator_as_it_was(config: TrainingConfig) -> None:
+    before = torch.random.get_rng_state()
+    train_recogniser(replace(config, clips=8))
+    assert torch.equal(torch.random.get_rng_state(), before)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"seed": 1}, {"learning_rate": 1e-3}, {"length": 7}, {"clips": 96}, {"patience": 3}, {"size": "published"}],
+)
+def test_a_checkpoint_of_other_options_is_refused(config: TrainingConfig, changes: dict[str, Any]) -> None:
+    checkpoint = stopped(config)
+    content = checkpoint.read_bytes()
+    message = refusal(UsageError, replace(config, **changes))
+    assert message.startswith(f"{checkpoint}: a checkpoint of a run with other options or data")
+    assert checkpoint.read_bytes() == content
+
+
+def test_a_checkpoint_of_other_data_is_refused(config: TrainingConfig, tmp_path: Path) -> None:
+    def changed(data: MotionData) -> MotionData:
+        return replace(data, positions=data.positions * 1.01)
+
+    own = replace(config, data=str(tmp_path / "own.npz"))
+    save_motion(tmp_path / "own.npz", tiny_data(sequences=24))
+    stopped(own)
+    save_motion(tmp_path / "own.npz", changed(tiny_data(sequences=24)))
+    assert "a checkpoint of a run with other options or data" in refusal(UsageError, own)
+
+
+def test_a_checkpoint_goes_on_elsewhere(config: TrainingConfig) -> None:
+    # Neither where the checkpoint lies nor how many threads work on it decides the result.
+    stopped(config)
+    moved = replace(config, out=config.out.rename(config.out.with_name("moved")), threads=0)
+    train_recogniser(moved)
+    assert weights_path(moved).is_file()
+
+
+class Malicious:
+    """Unpickling makes the folder `path`."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> Any:
+        return os.mkdir, (str(self.path),)
+
+
+@pytest.mark.filterwarnings("ignore:Detected pickle protocol:UserWarning")
+@pytest.mark.parametrize("zipped", [True, False])
+def test_a_malicious_checkpoint_is_not_executed(config: TrainingConfig, tmp_path: Path, zipped: bool) -> None:
+    checkpoint, trap = checkpoint_path(config), tmp_path / "executed"
+    checkpoint.parent.mkdir()
+    if zipped:
+        torch.save({"run": Malicious(trap)}, checkpoint)
+    else:
+        checkpoint.write_bytes(pickle.dumps(Malicious(trap)))
+    message = refusal(ModelError, config)
+    assert message.startswith(f"{checkpoint}: expected a training checkpoint, got ")
+    assert len(message) < 400
+    assert not trap.exists()
+
+
+@pytest.mark.parametrize("kept", [0, 10, 5000])
+def test_a_truncated_checkpoint(config: TrainingConfig, kept: int) -> None:
+    checkpoint = stopped(config)
+    checkpoint.write_bytes(checkpoint.read_bytes()[:kept])
+    assert refusal(ModelError, config).startswith(f"{checkpoint}: expected a training checkpoint, got ")
+
+
+@pytest.mark.parametrize("lost", ["run", "network", "best", "step", "evaluations"])
+def test_a_checkpoint_that_lacks_something(config: TrainingConfig, lost: str) -> None:
+    checkpoint = stopped(config)
+    content = load_checkpoint(checkpoint)
+    states, held = ({name: of for name, of in part.items() if name != lost} for part in (content.states, content.held))
+    save_checkpoint(checkpoint, content._replace(states=states, held=held))
+    message = refusal(ModelError, config)
+    assert message.startswith(f"{checkpoint}: expected a training checkpoint, got ")
+    assert lost in message
+
+
+def test_a_checkpoint_of_another_network(config: TrainingConfig) -> None:
+    # The same options, but a version of the code whose network had other layers.
+    checkpoint = stopped(config)
+    content = load_checkpoint(checkpoint)
+    network = {name: tensor for name, tensor in content.states["network"].items() if name != "classify.bias"}
+    save_checkpoint(checkpoint, content._replace(states={**content.states, "network": network}))
+    assert refusal(ModelError, config).startswith(f"{checkpoint}: expected a training checkpoint, got ")
+
+
+@pytest.mark.parametrize(("clips", "loss"), [(48, "the loss"), (8, "the validation loss")])
+def test_a_loss_that_is_not_finite_names_the_step(config: TrainingConfig, clips: int, loss: str) -> None:
+    message = refusal(ModelError, replace(config, learning_rate=1e36, clips=clips, evaluations=1))
+    assert message == f"causal-perfect-moving.safetensors: {loss} is nan at step 1: expected a finite one"
+    assert not weights_path(config).exists()
+
+
+def test_stops_when_validation_gets_no_better(config: TrainingConfig) -> None:
+    # So high a learning rate that the first evaluations are the best.
+    seen: list[float] = []
+
+    def report(step: int, steps: int, evaluation: Evaluation | None) -> None:
+        assert evaluation is not None
+        seen.append(evaluation.nll)
+
+    best = train_recogniser(replace(config, clips=400, evaluations=50, patience=2, learning_rate=0.3), report)
+    assert len(seen) < 50
+    assert best.nll == min(seen) == seen[-3]
+
+
+def test_the_best_weights_are_kept_not_the_last(config: TrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+    snapshots: list[dict[str, torch.Tensor]] = []
+    nlls: list[float] = []
+    evaluate = training._Run._evaluate
+
+    def watched(run: training._Run, train_loss: float) -> Evaluation:
+        snapshots.append({name: tensor.clone() for name, tensor in run.network.state_dict().items()})
+        evaluation = evaluate(run, train_loss)
+        nlls.append(evaluation.nll)
+        return evaluation
+
+    monkeypatch.setattr(training._Run, "_evaluate", watched)
+    train_recogniser(replace(config, clips=400, evaluations=50, patience=2, learning_rate=0.3))
+    best = nlls.index(min(nlls))
+    assert best < len(nlls) - 1
+    written = load_file(weights_path(config))
+    assert all(torch.equal(written[name], snapshots[best][name]) for name in written)
+
+
+def test_only_the_recogniser_s_own_part_is_learnt_from(config: TrainingConfig, data_path: Path) -> None:
+    run = training._Run(config)
+    parts = split_parts(load_motion(data_path))
+    assert set(run.source._sequences) == set(parts.recogniser)
+    assert not set(run.source._sequences) & set(parts.test)
+
+
+def test_unknown_options(config: TrainingConfig) -> None:
+    assert "unknown --views 'spiral'" in refusal(UsageError, replace(config, views="spiral"))
+    assert "unknown sensor 'radar'" in refusal(UsageError, replace(config, sensor="radar"))
+    assert not config.out.exists()
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("clips", 0), ("batch", 0), ("evaluations", 0), ("length", 0), ("patience", 0)]
+)
+def test_counts_below_one(config: TrainingConfig, field: str, value: int) -> None:
+    assert f"--{field}" in refusal(UsageError, replace(config, **{field: value}))
+
+
+def test_data_without_a_sequence_as_long_as_a_clip(config: TrainingConfig) -> None:
+    assert "expected a training sequence of at least 21 frames" in refusal(DataError, replace(config, length=21))
+
+
+def test_a_finished_recogniser_is_not_overwritten(config: TrainingConfig) -> None:
+    train_recogniser(config)
+    before = weights_path(config).read_bytes()
+    description = weights_path(config).with_suffix(".json")
+    assert refusal(UsageError, config).startswith(f"{description}: this very run has finished")
+    assert refusal(UsageError, replace(config, seed=1)).startswith(f"{description}: it holds the result of another run")
+    assert weights_path(config).read_bytes() == before
+
+
+def test_training_starts_from_other_weights(config: TrainingConfig, tmp_path: Path) -> None:
+    train_recogniser(config)
+    # With a learning rate of 0 nothing but the running statistics moves away from what training starts from.
+    other = replace(config, out=tmp_path / "other", init=weights_path(config), learning_rate=0.0, seed=1)
+    train_recogniser(other)
+    first, second = load_file(weights_path(config)), load_file(weights_path(other))
+    learned = [name for name in first if "running" not in name and "num_batches" not in name]
+    assert all(torch.equal(first[name], second[name]) for name in learned)
+
+
+def test_weights_of_another_shape_to_start_from(config: TrainingConfig, tmp_path: Path) -> None:
+    train_recogniser(config)
+    other = replace(config, out=tmp_path / "other", init=weights_path(config), form="ctrgcn")
+    assert refusal(ModelError, other).startswith(f"{weights_path(config)}: ")
+    absent = tmp_path / "absent.safetensors"
+    assert refusal(ModelError, replace(config, out=tmp_path / "other", init=absent)).startswith(f"{absent}: ")
+
+
+@pytest.mark.parametrize("device", ["tpu", "cuda"])
+def test_a_device_that_is_not_there(config: TrainingConfig, device: str) -> None:
+    if device == "cuda" and torch.cuda.is_available():
+        pytest.skip("there is a CUDA device here")
+    assert refusal(UsageError, replace(config, device=device)).startswith(f"--device {device}: expected cpu")
