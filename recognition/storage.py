@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
@@ -14,6 +13,7 @@ from torch import Tensor
 from ehar.data.motion_data import MotionData
 from ehar.data.skeleton import Skeleton
 from ehar.errors import ModelError
+from ehar.files import write_bytes
 from recognition.calibration import Temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network, NetworkSpec
@@ -26,14 +26,6 @@ SHIPPED = Path(__file__).parent / "weights"
 def recogniser_path(directory: Path, *, form: Form, sensor: str, views: str) -> Path:
     """Return where a recogniser's weights lie in a models directory; the JSON lies beside them."""
     return directory / f"{form}-{sensor}-{views}.safetensors"
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file under a temporary name and rename it, so that nothing half-written is left behind."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(path.name + ".part")
-    temporary.write_bytes(content)
-    os.replace(temporary, path)
 
 
 def save_recogniser(
@@ -50,8 +42,8 @@ def save_recogniser(
     """
     state = {name: tensor.detach().cpu().contiguous() for name, tensor in network.state_dict().items()}
     description = {"spec": asdict(spec), "log_temperatures": temperature.log_temperatures, "training": history}
-    write_whole(path, save(state))
-    write_whole(path.with_suffix(".json"), (json.dumps(description, indent=1) + "\n").encode())
+    write_bytes(path, save(state))
+    write_bytes(path.with_suffix(".json"), (json.dumps(description, indent=1) + "\n").encode())
 
 
 def load_recogniser(

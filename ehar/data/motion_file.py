@@ -1,6 +1,5 @@
 """Motion data on disk: the .npz of the schema, read without trusting it and written whole or not at all."""
 
-import os
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -15,6 +14,7 @@ from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.motion_data import UNKNOWN_SUBJECT, MotionData
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError
+from ehar.files import replacing
 
 Array = npt.NDArray[Any]
 
@@ -44,22 +44,14 @@ def save_motion(path: Path, data: MotionData) -> None:
     The file appears whole or not at all, and only if `load_motion` would accept it.
 
     Raises:
-        DataError: the data breaks the schema, or the file cannot be written.
+        DataError: the data breaks the schema.
+        UsageError: the file cannot be written.
     """
     path = Path(path)
     arrays = _to_arrays(data)
     _parse(_Fields(str(path), arrays), name=data.name)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with temporary.open("wb") as file:
-                np.savez(file, allow_pickle=False, **arrays)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be written: {error.strerror or error}") from error
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, allow_pickle=False, **arrays)
 
 
 def _read_arrays(path: Path) -> dict[str, Array]:

@@ -66,7 +66,7 @@ class OverviewCommand:
 
     def __call__(self) -> None:
         """Read the summaries and print the tables."""
-        from eval.records.run_files import write_text
+        from ehar.files import write_text
         from eval.render.tables import markdown
         from eval.studies.overview import difference_table, gap_table, read_overview
 

@@ -3,14 +3,14 @@
 import json
 import os
 import platform
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from ehar.errors import UsageError
+from ehar.files import json_text, write_text
 from ehar.flight.vehicle import Vehicle
 from ehar.planner import Planner
 from ehar.plugins.class_spec import json_arguments
@@ -158,31 +158,3 @@ def write_run(out: Path, config: RunConfig, records: Mapping[str, EpisodeRecords
         (out / SUMMARY).unlink(missing_ok=True)
     else:
         write_text(out / SUMMARY, [json_text(summary.to_json())])
-
-
-def json_text(value: Any) -> str:
-    """Return JSON for people and programs to read, with a newline at its end."""
-    return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def write_text(path: Path, pieces: Iterable[str]) -> None:
-    """Write a text file, whole or not at all."""
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
-        file.writelines(pieces)
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Give a temporary path of the same ending; what was written there takes the place of `path` at the end.
-
-    Raises:
-        UsageError: the file cannot be written.
-    """
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-    try:
-        yield temporary
-        temporary.replace(path)
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from error
-    finally:
-        temporary.unlink(missing_ok=True)

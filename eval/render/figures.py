@@ -9,7 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ehar.arrays import FloatArray
-from eval.records.run_files import replacing
+from ehar.files import replacing
 from eval.scores.summary import Summary
 
 _COLOURS = (  # Okabe and Ito's, told apart by colour-blind readers too; yellow left out, as it fades on white

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ehar.errors import UsageError
-from eval.records.run_files import replacing
+from ehar.files import replacing
 
 FORMATS = (".mp4", ".gif")
 HOLD = 1.5  # [s] that the last frame stays

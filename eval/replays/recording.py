@@ -11,8 +11,8 @@ from matplotlib.colors import to_rgba
 from ehar.arrays import FloatArray
 from ehar.camera import look_at_rotation
 from ehar.errors import UsageError
+from ehar.files import replacing
 from ehar.viewpoint import DISTANCE, cartesian
-from eval.records.run_files import replacing
 from eval.replays.episode import MAP_AZIMUTHS, MAP_POLARS, CameraReplay, EpisodeReplay
 from eval.replays.style import LOOKS, PEOPLE, bone_colours
 from eval.studies.explain_figure import COLOUR_MAP

@@ -8,7 +8,8 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from eval.records.run_files import package_version, write_text
+from ehar.files import write_text
+from eval.records.run_files import package_version
 from eval.replays.choice import RULE, RULE_ALONE, choose_episodes, choose_planners
 from eval.replays.data import replay_data
 from eval.reports.behaviour_figures import behaviour_figures

@@ -7,11 +7,12 @@ from pathlib import Path
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import part_of
 from ehar.errors import UsageError
+from ehar.files import write_text
 from ehar.planner import Planner
 from ehar.recogniser import Recogniser
 from ehar.sensors.sensor import Sensor
 from eval.records.episodes import EpisodeRecords
-from eval.records.run_files import RunConfig, check_out, installed_versions, planner_config, write_run, write_text
+from eval.records.run_files import RunConfig, check_out, installed_versions, planner_config, write_run
 from eval.running.accuracy_kept import read_ideal_run
 from eval.running.choice import READOUTS, ModelPlace, check_planners, choose_planners
 from eval.running.episodes import cut_scenarios, random_starts

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from ehar.data.source import load_data
-from eval.records.run_files import write_text
+from ehar.files import write_text
 from eval.render.tables import Table
 from eval.speed.effort import DATA, WORKERS, Effort
 from eval.speed.planning import time_ppo, time_ruckig, time_solves

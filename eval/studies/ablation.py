@@ -8,9 +8,10 @@ from typing import NamedTuple
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import split_parts
 from ehar.errors import UsageError
+from ehar.files import json_text, write_text
 from ehar.planner import Planner
 from eval.records.episodes import episode_lines
-from eval.records.run_files import CONFIG, EPISODES, SUMMARY, check_out, installed_versions, json_text, write_text
+from eval.records.run_files import CONFIG, EPISODES, SUMMARY, check_out, installed_versions
 from eval.render.tables import Table, interval_text, markdown, no_interval_footnotes, share_text
 from eval.running.benchmark import check_options, load_setting
 from eval.running.choice import ModelPlace

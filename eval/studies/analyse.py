@@ -9,8 +9,8 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError
+from ehar.files import json_text, write_text
 from ehar.viewpoint import MOVE_NAMES
-from eval.records.run_files import json_text, write_text
 from eval.running.finished_run import FinishedRun, RunConditions, class_names, read_run
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.scores.behaviour import (

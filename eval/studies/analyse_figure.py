@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MultipleLocator
 
 from ehar.arrays import FloatArray, IntArray
+from ehar.files import replacing
 from ehar.viewpoint import AZIMUTH, MOVE_NAMES, POLAR
-from eval.records.run_files import replacing
 from eval.scores.behaviour import STAGES, PositionHistogram
 from eval.scores.summary import NO_ACT
 from eval.studies.agent_states import Purity

@@ -11,10 +11,11 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import split_parts, windows
 from ehar.errors import DataError
+from ehar.files import json_text, write_text
 from ehar.motion import GridMotion
 from ehar.planner import Context, Planner
 from ehar.rollout import rollout
-from eval.records.run_files import CONFIG, check_out, installed_versions, json_text, write_text
+from eval.records.run_files import CONFIG, check_out, installed_versions
 from eval.render.tables import Table, markdown
 from eval.running.benchmark import Setting, check_options, load_setting
 from eval.running.episodes import Episodes, cut_scenarios, random_starts

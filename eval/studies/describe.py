@@ -1,6 +1,5 @@
 """What a data set holds: a table of its classes, and a picture of a few skeletons of each."""
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from ehar.data.motion_data import MotionData
 from ehar.data.scenario import split_parts, windows
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError, UsageError
+from ehar.files import replacing
 
 EPISODE_FRAMES = 60  # Sec. 5.1: L
 
@@ -159,13 +159,5 @@ def _draw(axis: Axes, joints: FloatArray, skeleton: Skeleton) -> None:
 
 
 def _write(figure: Figure, path: Path) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            figure.savefig(temporary, format=path.suffix[1:], dpi=120)
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be written: {error.strerror or error}") from error
+    with replacing(path) as temporary:
+        figure.savefig(temporary, format=path.suffix[1:], dpi=120)

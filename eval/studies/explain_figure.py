@@ -12,8 +12,8 @@ from matplotlib.patheffects import Normal, withStroke
 
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError
+from ehar.files import replacing
 from ehar.viewpoint import AZIMUTH, POLAR
-from eval.records.run_files import replacing
 from eval.studies.explanation import Explanation
 
 FORMATS = (".png", ".svg", ".pdf")

@@ -10,8 +10,9 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import split_parts, windows
 from ehar.errors import UsageError
+from ehar.files import json_text, write_text
 from ehar.viewpoint import Workspace, from_cells, to_cells
-from eval.records.run_files import CONFIG, check_out, installed_versions, json_text, write_text
+from eval.records.run_files import CONFIG, check_out, installed_versions
 from eval.render.tables import markdown
 from eval.running.benchmark import check_options, load_setting
 from eval.running.choice import make_planners

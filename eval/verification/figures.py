@@ -5,8 +5,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from ehar.files import json_text
 from eval.records.episodes import EpisodeRecords
-from eval.records.run_files import SUMMARY, RunConfig, json_text
+from eval.records.run_files import SUMMARY, RunConfig
 from eval.scores.summary import summarise
 from eval.scores.training_seeds import split_record_name
 

@@ -8,8 +8,8 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
+from ehar.files import write_bytes
 from planners.agents.demonstrations import Demonstrations, DemonstrationTask, demonstrate, join
-from recognition.storage import write_whole
 
 
 def collect(
@@ -38,7 +38,7 @@ def collect(
     for batch, piece in demonstrate(task(), missing, workers=workers) if missing else ():
         pieces[batch] = piece
         tensors = {field.name: np.ascontiguousarray(getattr(piece, field.name)) for field in fields(Demonstrations)}
-        write_whole(folder / f"{batch}.safetensors", save(tensors))
+        write_bytes(folder / f"{batch}.safetensors", save(tensors))
         report(folder.name, len(pieces), batches)
     return join([pieces[batch] for batch in range(batches)])
 

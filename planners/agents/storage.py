@@ -13,11 +13,11 @@ from safetensors.torch import load_file, save
 
 from ehar.data.motion_data import MotionData
 from ehar.errors import ModelError
+from ehar.files import write_bytes
 from planners.agents.agent import Agent
 from planners.agents.inputs import InputSizes
 from planners.agents.network import AgentNetwork, AgentSpec
 from planners.value.model import SHIPPED
-from recognition.storage import write_whole
 
 
 def agent_name(stage: str, without: str = "none") -> str:
@@ -60,8 +60,8 @@ def save_agent(
         "training": history,
     }
     state = {name: tensor.detach().cpu().contiguous() for name, tensor in network.state_dict().items()}
-    write_whole(path, save(state))
-    write_whole(path.with_suffix(".json"), (json.dumps(description, indent=1) + "\n").encode())
+    write_bytes(path, save(state))
+    write_bytes(path.with_suffix(".json"), (json.dumps(description, indent=1) + "\n").encode())
 
 
 def load_agent(

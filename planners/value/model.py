@@ -13,9 +13,9 @@ from safetensors.numpy import load_file, save
 from ehar.arrays import IntArray
 from ehar.data.motion_data import MotionData
 from ehar.errors import ModelError
+from ehar.files import write_bytes
 from planners.value.belief import BeliefModel
 from planners.value.field import GainField
-from recognition.storage import write_whole
 
 SHIPPED = Path(__file__).parents[1] / "weights"
 FULL = "full"
@@ -64,8 +64,8 @@ def save_gain_model(path: Path, model: GainModel, *, recogniser_sha256: str, his
         "belief": model.belief.to_dict(),
         "training": history,
     }
-    write_whole(path, save(tensors))
-    write_whole(path.with_suffix(".json"), (json.dumps(description, indent=1) + "\n").encode())
+    write_bytes(path, save(tensors))
+    write_bytes(path.with_suffix(".json"), (json.dumps(description, indent=1) + "\n").encode())
 
 
 def load_gain_model(

@@ -13,6 +13,7 @@ from safetensors.numpy import load_file, save
 from ehar.data.scenario import split_parts
 from ehar.data.source import load_data
 from ehar.errors import DataError, UsageError
+from ehar.files import write_bytes
 from ehar.sensors.estimator import make_sensor
 from planners.value.belief_fit import fit_belief
 from planners.value.body_filter import trunk_pairs
@@ -20,7 +21,7 @@ from planners.value.collection import Collection, CollectionTask, join, run_batc
 from planners.value.config import GainTrainingConfig
 from planners.value.fit import VARIANTS, Fit, fit_field
 from planners.value.model import GainModel, gain_model_path, save_gain_model
-from recognition.storage import load_recogniser, write_whole
+from recognition.storage import load_recogniser
 
 LEAST_LENGTH = 3  # frames of an episode: views along a path spread only if there are two to come
 
@@ -110,7 +111,7 @@ def _collect(
     for batch, piece in run_batches(task, missing, workers=config.workers):
         pieces[batch] = piece
         tensors = {name.name: np.ascontiguousarray(getattr(piece, name.name)) for name in fields(Collection)}
-        write_whole(folder / f"{batch}.safetensors", save(tensors))
+        write_bytes(folder / f"{batch}.safetensors", save(tensors))
         report("rollouts", len(pieces), config.batches)
     return join([pieces[batch] for batch in range(config.batches)])
 

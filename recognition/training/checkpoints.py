@@ -9,6 +9,8 @@ from safetensors import safe_open
 from safetensors.torch import save
 from torch import Tensor
 
+from ehar.files import write_bytes
+
 HELD = "held"  # the key of the JSON
 OPTIMISER = "optimiser"
 
@@ -36,10 +38,7 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         for parameter, state in checkpoint.optimiser["state"].items():
             tensors |= {f"{OPTIMISER}/{parameter}/{key}": value for key, value in state.items()}
     content = save({name: tensor.contiguous() for name, tensor in tensors.items()}, {HELD: json.dumps(held)})
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_suffix(".part")
-    temporary.write_bytes(content)
-    temporary.replace(path)
+    write_bytes(path, content)
 
 
 def load_checkpoint(path: Path, device: str = "cpu") -> Checkpoint:

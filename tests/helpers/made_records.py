@@ -9,10 +9,7 @@ import numpy as np
 from ehar.rollout import Record
 from eval.records.episodes import DIGITS, EpisodeRecords, record_episodes
 from eval.records.flights import FlightRecords
-from eval.records.run_files import (
-    RunConfig,
-    write_run,
-)
+from eval.records.run_files import RunConfig, write_run
 from eval.scores.summary import Conditions, Summary, summarise
 
 CONDITIONS = Conditions(

@@ -20,7 +20,7 @@ from ehar.sensors.estimator import SENSOR_NAMES, make_sensor
 from recognition.calibration import Temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import NetworkSpec
-from recognition.storage import SHIPPED, load_recogniser, recogniser_path, save_recogniser, write_whole
+from recognition.storage import SHIPPED, load_recogniser, recogniser_path, save_recogniser
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
 from recognition.training.clips import ClipSource
 from recognition.training.config import Form
@@ -218,14 +218,6 @@ def test_data_that_the_weights_were_not_made_for(
 def test_another_regime_is_another_file(tmp_path: Path, changes: dict[str, Any]) -> None:
     saved(tmp_path)
     assert "no such file" in refusal(tmp_path, **changes)
-
-
-def test_a_file_is_written_whole(tmp_path: Path) -> None:
-    path = tmp_path / "new" / "file.bin"
-    write_whole(path, b"first")
-    write_whole(path, b"second")
-    assert path.read_bytes() == b"second"
-    assert list(path.parent.iterdir()) == [path]
 
 
 @pytest.fixture(scope="module", params=sorted(BUILT_IN))

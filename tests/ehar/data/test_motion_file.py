@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import load_motion, save_motion
 from ehar.data.skeleton import Skeleton
-from ehar.errors import DataError
+from ehar.errors import DataError, EharError
 from tests.helpers.places import SHARED
 
 DATA = SHARED
@@ -46,7 +46,7 @@ def write(path: Path, arrays: Arrays) -> Path:
 
 
 def error_of(action: Callable[[], object]) -> str:
-    with pytest.raises(DataError) as caught:
+    with pytest.raises(EharError) as caught:
         action()
     message = str(caught.value)
     assert "\n" not in message

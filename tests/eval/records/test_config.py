@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from ehar.errors import DataError, UsageError
+from ehar.files import json_text
 from ehar.flight.vehicle import VEHICLES
 from eval.records.config import read_config
-from eval.records.run_files import CONFIG, PlannerConfig, check_out, json_text
+from eval.records.run_files import CONFIG, PlannerConfig, check_out
 from tests.helpers.made_records import CONFIG_OF_RUN
 
 OWN = PlannerConfig("mine(at=(1 2))", False, "mine.py:Mine", None, {"at": [1, 2], "on": None, "up": True}, "3")

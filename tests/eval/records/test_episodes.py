@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 
 from ehar.errors import DataError
+from ehar.files import write_text
 from ehar.rollout import Record
 from eval.records.episodes import DIGITS, episode_lines, join_records, read_episodes, record_episodes
-from eval.records.run_files import (
-    EPISODES,
-    write_text,
-)
+from eval.records.run_files import EPISODES
 from tests.helpers.made_records import flown, make_records, three_planners
 
 

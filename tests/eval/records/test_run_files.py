@@ -6,14 +6,8 @@ from pathlib import Path
 import pytest
 
 from ehar.errors import UsageError
-from eval.records.run_files import (
-    CONFIG,
-    PlannerConfig,
-    check_out,
-    planner_config,
-    write_run,
-    write_text,
-)
+from ehar.files import write_text
+from eval.records.run_files import CONFIG, PlannerConfig, check_out, planner_config, write_run
 from planners.heuristic import NoAct
 from planners.oracle import Oracle
 from tests.helpers.agents import untrained_agent

@@ -9,10 +9,11 @@ import pytest
 
 from ehar.data.motion_file import save_motion
 from ehar.errors import DataError, UsageError
+from ehar.files import write_text
 from eval import benchmark
 from eval.cli.analyse_commands import AnalyseCommand
 from eval.records.episodes import EpisodeRecords, episode_lines
-from eval.records.run_files import CONFIG, EPISODES, SUMMARY, PlannerConfig, write_text
+from eval.records.run_files import CONFIG, EPISODES, SUMMARY, PlannerConfig
 from eval.running.finished_run import read_run
 from eval.studies.agent_states import Purity
 from eval.studies.analyse import analyse

@@ -91,6 +91,6 @@ def test_figures_that_cannot_be(tmp_path: Path, data: MotionData) -> None:
     with pytest.raises(DataError, match="class 'run' has no sequence"):
         describe_figure(replace(data, class_names=("wave", "walk", "run")), tmp_path / "picture.png")
     (tmp_path / "file").touch()
-    with pytest.raises(DataError, match="cannot be written"):
+    with pytest.raises(UsageError, match="cannot be written"):
         describe_figure(data, tmp_path / "file" / "picture.png")
     assert os.listdir(tmp_path) == ["file"]
