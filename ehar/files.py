@@ -127,7 +127,7 @@ def parse_json(
     from pydantic import ValidationError  # here, as it takes a tenth of a second
 
     try:
-        value: Kind = _adapter(kind, unknown).validate_json(text)
+        value: Kind = _adapter(kind, unknown).validate_json(text)  # type: ignore[arg-type]  # mypy: unhashable
     except ValidationError as error:
         complaint = _complaint(kind, error.errors(include_url=False), expected)
         raise wrong(f"{where}: {complaint}") from error
