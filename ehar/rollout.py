@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
+from ehar.data.scenario import Scenarios
 from ehar.errors import EharError, EpisodeError
 from ehar.motion import Motion
 from ehar.planner import Context, Observation, Planner, Truth
@@ -33,6 +34,30 @@ class Batch:
     starts: FloatArray
     noise: SensorNoise
     names: tuple[str, ...]
+
+    @staticmethod
+    def of(scenarios: Scenarios, chosen: IntArray, starts: FloatArray, noise: SensorNoise) -> "Batch":
+        """Return episodes of scenarios chosen by index (B,)."""
+        sequences = (scenarios.data.sequence_names[sequence] for sequence in scenarios.sequence[chosen])
+        return Batch(
+            positions=scenarios.positions(chosen),
+            labels=scenarios.labels[chosen],
+            starts=starts,
+            noise=noise,
+            names=tuple(
+                f"{name} from frame {first}" for name, first in zip(sequences, scenarios.first[chosen], strict=True)
+            ),
+        )
+
+    def select(self, rows: IntArray | slice, frames: int | None = None) -> "Batch":
+        """Return some of the episodes, and of each the first frames; None is all frames."""
+        return Batch(
+            positions=self.positions[rows, :frames],
+            labels=self.labels[rows],
+            starts=self.starts[rows],
+            noise=SensorNoise(*(draws[rows, :frames] for draws in self.noise)),
+            names=tuple(np.array(self.names, dtype=object)[rows]),
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,9 +16,11 @@ from ehar.data.scenario import part_of
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError
 from ehar.planner import Context, Observation, Planner
-from ehar.rollout import Batch, rollout
+from ehar.rollout import Batch
 from ehar.sensors.sensor import SensorNoise
-from eval.running.finished_run import FinishedRun
+from eval.running.episodes import Episodes, cut_scenarios, random_starts
+from eval.running.jobs import Workload
+from eval.running.run import Run
 from eval.verification.checks import FAILED, OK
 from eval.verification.followed_way import FollowedWay
 from eval.verification.inputs import Inputs
@@ -26,8 +28,6 @@ from eval.verification.rerun import first_difference, make_again
 from planners.registry import VALUING
 
 if TYPE_CHECKING:
-    from eval.running.episodes import Episodes
-    from eval.running.jobs import World
     from planners.value.view_value import ViewValue
 
 
@@ -83,8 +83,6 @@ class Listener(Planner):
         value: of views, kept beside it; None where the planner has no gain field.
     """
 
-    name = "listener"
-
     def __init__(self, planner: Planner | None, value: "ViewValue | None") -> None:
         """Keep nothing yet."""
         self.privileged = planner is not None and planner.privileged
@@ -109,7 +107,7 @@ class Listener(Planner):
 
 
 def replay_run(
-    run: FinishedRun, inputs: Inputs, indices: Sequence[int], names: Sequence[str], *, advance: Callable[[str], None]
+    run: Run, inputs: Inputs, indices: Sequence[int], names: Sequence[str], *, advance: Callable[[str], None]
 ) -> Replays:
     """Replay some episodes of a run.
 
@@ -128,17 +126,14 @@ def replay_run(
             what was recorded.
         EharError: something that the run needed cannot be read.
     """
-    from eval.running.episodes import cut_scenarios, random_starts
-    from eval.running.jobs import World
-
     conditions = run.conditions
     if inputs.setting is None or inputs.place is None or any(check.result == FAILED for check in inputs.checks[:2]):
         raise DataError(next(check.what for check in inputs.checks if check.result != OK))
     data = inputs.setting.data
     scenarios = cut_scenarios(data, part_of(data, conditions.part), conditions.length, lambda line: None)
     episodes = random_starts(scenarios, conditions.starts, conditions.seed)
-    belief = inputs.place.load_gain_model().belief if conditions.readout == "belief" else None
-    world = World(episodes, inputs.setting.recogniser, inputs.setting.sensor, run.config.vehicle, belief)
+    belief = inputs.place.load_gain_model().belief if run.config.readout == "belief" else None
+    workload = Workload(inputs.setting.runner, episodes, belief)
     batch = _batch(episodes, indices)
     asked = tuple(planner for planner in run.config.planners if planner.name in names)
     planners, left = make_again(replace(run.config, planners=asked), inputs.place)
@@ -151,7 +146,7 @@ def replay_run(
 
             value = ViewValue(inputs.place.load_gain_model())
         listener = Listener(planners.get(name), value)
-        replayed[name], astray = _replay(run, name, listener, world, batch, indices)
+        replayed[name], astray = _replay(run, name, listener, workload, batch, indices)
         if name in planners and astray:
             notes.append(
                 f"What {name} wanted is not shown in {astray} of {len(indices)} episodes: asked once more, it would "
@@ -163,17 +158,15 @@ def replay_run(
         skeleton=data.skeleton,
         class_names=data.class_names,
         fps=data.fps,
-        camera=inputs.setting.sensor.camera,
+        camera=inputs.setting.runner.sensor.camera,
         planners=replayed,
         notes=tuple(notes),
     )
 
 
-def _batch(episodes: "Episodes", indices: Sequence[int]) -> Batch:
+def _batch(episodes: Episodes, indices: Sequence[int]) -> Batch:
     """Return some episodes, with the starts and the noise that they had."""
-    from eval.studies.explain import single_episode
-
-    pieces = [single_episode(episodes, index) for index in indices]
+    pieces = [episodes.single(index) for index in indices]
     return Batch(
         positions=np.concatenate([piece.positions for piece in pieces]),
         labels=np.concatenate([piece.labels for piece in pieces]),
@@ -184,36 +177,19 @@ def _batch(episodes: "Episodes", indices: Sequence[int]) -> Batch:
 
 
 def _replay(
-    run: FinishedRun, name: str, listener: Listener, world: "World", batch: Batch, indices: Sequence[int]
+    run: Run, name: str, listener: Listener, workload: Workload, batch: Batch, indices: Sequence[int]
 ) -> tuple[PlannerReplay, int]:
     """Return what one planner did, and in how many episodes its targets lead elsewhere."""
-    from recognition.torch_threads import one_torch_thread  # here, as torch takes seconds to import
-
-    records, data = run.records[name], world.episodes.scenarios.data
+    records, sensor = run.records[name], workload.runner.sensor
     way = records.viewpoint[list(indices)]
-    motion = FollowedWay(world.new_motion(), way)
-    context = Context(
-        episodes=len(indices),
-        length=way.shape[1],
-        frame_time=1 / data.fps,
-        class_names=data.class_names,
-        skeleton=data.skeleton,
-        workspace=motion.workspace,
-        track=run.conditions.track,
-        rng=world.episodes.planner_rng(name, 0),
-        vehicle=world.vehicle,
-    )
-    with one_torch_thread():
-        record = rollout(listener, batch, world.recogniser, world.sensor, motion, context)
-        if world.belief is not None:
-            from planners.value.belief import readout
-
-            record = replace(record, log_probs=readout(world.belief, record.log_probs, record.viewpoints))
+    motion = FollowedWay(workload.runner.track.new_motion(), way)
+    listener.name = name  # whose generator it is
+    record = workload.roll(listener, batch, 0, motion)
     difference = first_difference(name, records, np.array(indices), record)
     if difference is not None:
         raise DataError(difference)
     frames = [
-        world.sensor.sense(batch.positions[:, frame], record.viewpoints[:, frame], batch.noise.frame(frame))
+        sensor.sense(batch.positions[:, frame], record.viewpoints[:, frame], batch.noise.frame(frame))
         for frame in range(way.shape[1])
     ]
     astray: BoolArray = np.asarray(motion.elsewhere.any(axis=1))

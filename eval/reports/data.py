@@ -11,7 +11,7 @@ from ehar.errors import DataError
 from eval.records.episodes import EpisodeRecords
 from eval.records.json_object import read_object
 from eval.records.run_files import SUMMARY
-from eval.running.finished_run import FinishedRun
+from eval.running.run import Run
 from eval.scores.accuracy_bands import accuracy_bands
 from eval.scores.behaviour import PositionHistogram, level_share, move_shares, position_histograms, recover_moves
 from eval.scores.confusion import ClassGains, class_gains, confusion
@@ -67,7 +67,7 @@ class ReportData:
         planners: by name, in the order of the run.
     """
 
-    run: FinishedRun
+    run: Run
     summary: Mapping[str, Any]
     class_names: tuple[str, ...]
     differences: Sequence[Mapping[str, Any]]
@@ -86,19 +86,19 @@ class ReportData:
         return lead_planner(self.summary)
 
 
-def read_summary(run: FinishedRun) -> dict[str, Any]:
+def read_summary(run: Run) -> dict[str, Any]:
     """Return a run's summary.json.
 
     Raises:
         UsageError: the run has none, as when it was interrupted.
         DataError: it is not that of the run's records.
     """
-    summary = read_object(run.directory / SUMMARY, "a finished run of ehar benchmark")
+    summary = read_object(run.folder / SUMMARY, "a finished run of ehar benchmark")
     trainings = seeds_of(run.records)
     names = [of.get("name") for of in summary.get("planners", ()) if isinstance(of, dict)]
     if names != list(trainings):
         raise DataError(
-            f"{run.directory / SUMMARY}: expected the planners of the records, {', '.join(trainings)}, "
+            f"{run.folder / SUMMARY}: expected the planners of the records, {', '.join(trainings)}, "
             f"got {', '.join(map(str, names)) or 'none'}"
         )
     return summary
@@ -110,7 +110,7 @@ def lead_planner(summary: Mapping[str, Any]) -> str | None:
     return max(rivals, key=lambda of: of["acc_mean"])["name"] if rivals else None
 
 
-def report_data(run: FinishedRun, summary: Mapping[str, Any], class_names: tuple[str, ...]) -> ReportData:
+def report_data(run: Run, summary: Mapping[str, Any], class_names: tuple[str, ...]) -> ReportData:
     """Compute what a report shows.
 
     Args:
@@ -149,7 +149,7 @@ def _planner(
     )
 
 
-def _differences(run: FinishedRun, summary: Mapping[str, Any], resamples: Resamples) -> list[dict[str, Any]]:
+def _differences(run: Run, summary: Mapping[str, Any], resamples: Resamples) -> list[dict[str, Any]]:
     """Return what every planner without the truth has more than no-act, or than the first where that did not run."""
     able = [of["name"] for of in summary["planners"] if not of["privileged"]]
     compared = {group.name: group for group in group_planners(run.records) if group.name in able}

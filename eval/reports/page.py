@@ -9,7 +9,7 @@ from string import Template
 from typing import Any
 
 from ehar.files import write_text
-from eval.records.run_files import package_version
+from eval.records.config import package_version
 from eval.replays.choice import RULE, RULE_ALONE, choose_episodes, choose_planners
 from eval.replays.data import replay_data
 from eval.reports.behaviour_figures import behaviour_figures
@@ -25,8 +25,8 @@ from eval.reports.tables import (
     planner_table,
     what_ran,
 )
-from eval.running.finished_run import class_names, read_run
 from eval.running.progress import ConsoleReporter, Reporter
+from eval.running.run import class_names, read_run
 from eval.scores.summary import NO_ACT
 from eval.scores.training_seeds import first_trainings
 
@@ -60,7 +60,7 @@ def make_report(
     summary = read_summary(run)
     shown = report_data(run, summary, class_names(run, reporter.note, data))
     replays, rule = _replays(shown, data, models, reporter)
-    path = run.directory / REPORT if out is None else Path(out)
+    path = run.folder / REPORT if out is None else Path(out)
     write_text(path, [page(shown, replays, rule)])
     return path
 
@@ -78,7 +78,7 @@ def page(data: ReportData, replays: dict[str, Any], rule: str) -> str:
     names = list(data.planners)
     focus = data.lead or names[0]
     return Template(_read("page.html")).substitute(
-        title=escape(data.run.conditions.title),
+        title=escape(data.run.config.title),
         style=_read("style.css"),
         lead=escape(lead_sentence(data)),
         ran=what_ran(data),

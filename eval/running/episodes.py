@@ -11,7 +11,6 @@ from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios, windows
 from ehar.errors import DataError
 from ehar.rollout import Batch
-from ehar.sensors.sensor import draw_noise
 from ehar.viewpoint import sample_starts
 
 # Episodes that run in lockstep; fixed, so that results do not depend on the number of workers. 128 are no faster,
@@ -71,11 +70,13 @@ class Episodes:
     def batch(self, index: int) -> Batch:
         """Return one chunk, ready to run; its noise depends on the seed and the chunk only."""
         part = self.chunk(index)
-        positions = self.scenarios.positions(part.scenario)
-        episodes, length, persons, joints, _ = positions.shape
-        noise = draw_noise(np.random.default_rng([self.seed, _NOISE, index]), (episodes, length), persons, joints)
-        names = tuple(f"{name} from frame {first}" for name, first in zip(part.sequence_names, part.first, strict=True))
-        return Batch(positions=positions, labels=part.labels, starts=part.starts, noise=noise, names=names)
+        noise = self.scenarios.draw_noise(np.random.default_rng([self.seed, _NOISE, index]), len(part))
+        return Batch.of(self.scenarios, part.scenario, part.starts, noise)
+
+    def single(self, index: int) -> Batch:
+        """Return one episode alone, with the start viewpoint and the noise that it has in its chunk."""
+        place = index % CHUNK
+        return self.batch(index // CHUNK).select(slice(place, place + 1))
 
     def planner_rng(self, name: str, index: int) -> np.random.Generator:
         """Return the generator that a planner is given for one chunk."""

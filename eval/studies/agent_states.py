@@ -15,8 +15,8 @@ from ehar.data.scenario import part_of
 from ehar.errors import DataError, UsageError
 from ehar.planner import Context, Observation, Planner
 from eval.running.choice import ModelPlace
-from eval.running.finished_run import FinishedRun, RunConditions, same_episodes
 from eval.running.progress import Reporter
+from eval.running.run import Run, RunConditions, same_episodes
 from planners.registry import is_learned
 
 if TYPE_CHECKING:
@@ -135,9 +135,7 @@ def load_agent(conditions: RunConditions, name: str) -> Planner:
     return place.load_agent(name)
 
 
-def agent_states(
-    run: FinishedRun, name: str, planner: Planner, *, reporter: Reporter, every: int = EVERY
-) -> AgentStates:
+def agent_states(run: Run, name: str, planner: Planner, *, reporter: Reporter, every: int = EVERY) -> AgentStates:
     """Run a planner on a run's own episodes once more, and return its states.
 
     Args:

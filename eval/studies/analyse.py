@@ -11,8 +11,8 @@ from ehar.arrays import FloatArray
 from ehar.errors import UsageError
 from ehar.files import json_text, write_text
 from ehar.viewpoint import MOVE_NAMES
-from eval.running.finished_run import FinishedRun, RunConditions, class_names, read_run
 from eval.running.progress import ConsoleReporter, Reporter
+from eval.running.run import Run, RunConditions, class_names, read_run
 from eval.scores.behaviour import (
     STAGES,
     PositionHistogram,
@@ -143,7 +143,7 @@ def analyse(
     except OSError as error:
         raise UsageError(f"{folder}: expected a folder that can be written to: {error.strerror}") from error
     write_text(folder / ANALYSIS, [json_text(analysis.to_json())])
-    title = run.conditions.title
+    title = run.config.title
     draw_positions({name: of.histograms for name, of in analysis.positions.items()}, title, folder / POSITIONS)
     if analysis.moves is not None:
         draw_moves(analysis.moves, title, folder / MOVES_MADE)
@@ -154,7 +154,7 @@ def analyse(
     return analysis
 
 
-def choose(run: FinishedRun, planners: Sequence[str]) -> tuple[str, ...]:
+def choose(run: Run, planners: Sequence[str]) -> tuple[str, ...]:
     """Return the planners whose behaviour is analysed: those named, or il-ppo, or else nbv.
 
     Raises:
@@ -179,7 +179,7 @@ def choose(run: FinishedRun, planners: Sequence[str]) -> tuple[str, ...]:
 
 
 def _analysis(
-    run: FinishedRun,
+    run: Run,
     chosen: Sequence[str],
     names: tuple[str, ...],
     states: str | None,
@@ -202,7 +202,7 @@ def _analysis(
     )
 
 
-def _map(run: FinishedRun, name: str, load: AgentLoader, reporter: Reporter) -> StateMap:
+def _map(run: Run, name: str, load: AgentLoader, reporter: Reporter) -> StateMap:
     """Return the map of a planner's states."""
     if name not in run.records:
         raise UsageError(f"{run.directory}: no planner {name!r}; expected one of: {', '.join(run.records)}")

@@ -8,7 +8,7 @@ from typing import Any
 
 from ehar.errors import DataError, UsageError
 from eval.records.run_files import CONFIG
-from eval.running.finished_run import FinishedRun, read_run, same_episodes
+from eval.running.run import Run, read_run, same_episodes
 from eval.scores.differences import Difference, compare_pairs
 from eval.scores.planner_accuracy import PlannerAccuracy, Resamples, planner_accuracy, resample_sequences
 from eval.scores.training_seeds import PlannerGroup, group_planners
@@ -66,7 +66,7 @@ class Comparison:
 class _Run:
     """A run, its config.json as written, and what that says of each record name."""
 
-    run: FinishedRun
+    run: Run
     config: Mapping[str, Any]
     planners: Mapping[str, Mapping[str, Any]]
 
@@ -168,7 +168,7 @@ def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str
             yield _label(name).replace("_", " "), (_value(name, a), _value(name, b))
 
 
-def _choose(a: FinishedRun, b: FinishedRun, planners: Sequence[str]) -> list[tuple[PlannerGroup, PlannerGroup]]:
+def _choose(a: Run, b: Run, planners: Sequence[str]) -> list[tuple[PlannerGroup, PlannerGroup]]:
     """Return which planner of A is compared with which of B.
 
     Raises:
@@ -186,7 +186,7 @@ def _choose(a: FinishedRun, b: FinishedRun, planners: Sequence[str]) -> list[tup
     return both
 
 
-def _find(run: FinishedRun, name: str, groups: Mapping[str, PlannerGroup]) -> PlannerGroup:
+def _find(run: Run, name: str, groups: Mapping[str, PlannerGroup]) -> PlannerGroup:
     if name in groups:
         return groups[name]
     if name in run.records:

@@ -17,8 +17,8 @@ ARC_SLICES = 12  # straight pieces in which a cell's arc is drawn
 def headroom_tables(result: Headroom) -> list[Table]:
     """Return the ways to place cameras, the accuracy at each polar angle, and the best viewpoint of each class."""
     config = result.config
-    placed = f"{config.azimuths} x {config.polars} fixed cameras at {config.distance:g} m"
-    title = f"{config.data}: sensor {config.sensor}, views {config.views}, {result.scenarios} test scenarios, {placed}"
+    placed = f"{config.azimuths} x {config.polars} fixed cameras at {result.distance:g} m"
+    title = f"{config.data}: sensor {config.conditions.sensor}, views {config.conditions.views}, {result.scenarios} test scenarios, {placed}"
     polar = np.degrees(result.viewpoints[:, 0, 2])
     return [
         Table(
@@ -77,7 +77,7 @@ def draw_map(result: Headroom, stem: Path) -> None:
     axes.grid(False)
     figure.colorbar(mesh, ax=axes, label="mean accuracy [%]", shrink=0.8)
     figure.suptitle(
-        f"{result.config.data}, {result.config.sensor} sensor: fixed cameras at {result.config.distance:g} m\n"
+        f"{result.config.data}, {result.config.conditions.sensor} sensor: fixed cameras at {result.distance:g} m\n"
         f"polar angle outward, azimuth around; ring: best, {result.acc_mean.max():.1f} %",
         fontsize=9,
     )
