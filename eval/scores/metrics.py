@@ -23,10 +23,18 @@ def right_at(correct: BoolArray, percent: int) -> BoolArray:
         correct: (N, L), whether the predicted class is the true one.
         percent: the observation ratio [%], 1 to 100.
     """
-    length = correct.shape[1]
-    frame = max(-(-percent * length // 100), 1) - 1
-    right: BoolArray = correct[:, frame]
+    right: BoolArray = correct[:, frame_at(percent, correct.shape[1])]
     return right
+
+
+def frame_at(percent: int, length: int) -> int:
+    """Return the first frame, from 0, that is not before an observation ratio.
+
+    Args:
+        percent: the ratio [%], 1 to 100.
+        length: L, at least 1.
+    """
+    return max(-(-percent * length // 100), 1) - 1
 
 
 def mean_acc(correct: BoolArray) -> FloatArray:

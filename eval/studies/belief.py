@@ -20,7 +20,7 @@ from eval.render.tables import Table, markdown
 from eval.running.benchmark import Setting, check_options, load_setting
 from eval.running.episodes import Episodes, cut_scenarios, random_starts
 from eval.running.progress import ConsoleReporter, Reporter
-from eval.scores.metrics import ece, nll
+from eval.scores.metrics import ece, frame_at, nll
 from planners.heuristic import NoAct, Random
 from planners.value.belief import readout
 from planners.value.belief_fit import ablate_belief
@@ -221,7 +221,7 @@ def belief_row(rollouts: str, reader: str, log_probs: FloatArray, labels: IntArr
     probabilities = np.exp(log_probs.astype(np.float64))
     true = np.take_along_axis(probabilities, labels[:, None, None], axis=-1)[..., 0]
     length = true.shape[1]
-    frames = {percent: max(-(-percent * length // 100), 1) - 1 for percent in (*NLL_AT, CALIBRATED_FROM)}
+    frames = {percent: frame_at(percent, length) for percent in (*NLL_AT, CALIBRATED_FROM)}
     late = slice(frames[CALIBRATED_FROM], None)
     return BeliefRow(
         rollouts=rollouts,
