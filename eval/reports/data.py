@@ -12,15 +12,21 @@ from eval.records.episodes import EpisodeRecords
 from eval.records.json_object import read_object
 from eval.records.run_files import SUMMARY
 from eval.running.finished_run import FinishedRun
-from eval.scores.accuracy_bands import accuracy_bands
-from eval.scores.behaviour import PositionHistogram, level_share, move_shares, position_histograms, recover_moves
+from eval.scores.behaviour import (
+    PositionHistogram,
+    SphereDensity,
+    level_share,
+    move_shares,
+    position_histograms,
+    recover_moves,
+    sphere_density,
+)
 from eval.scores.confusion import ClassGains, class_gains, confusion
 from eval.scores.differences import compare_pairs
-from eval.scores.planner_accuracy import Resamples, planner_accuracy, resample_sequences
+from eval.scores.metrics import Reliability, reliability
+from eval.scores.planner_accuracy import Resamples, accuracy_bands, planner_accuracy, resample_sequences
 from eval.scores.predictability import Predictability, predictability
-from eval.scores.reliability import Reliability, reliability
 from eval.scores.seed_accuracy import pool_seeds, seeds_of
-from eval.scores.sphere_density import SphereDensity, sphere_density
 from eval.scores.summary import NO_ACT
 from eval.scores.training_seeds import curves, group_planners
 

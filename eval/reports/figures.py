@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from ehar.arrays import FloatArray
+from ehar.arrays import BoolArray, FloatArray
 from eval.reports.data import ReportData, finite
 from eval.reports.style import Figure, Look, figure, looks, plain
-from eval.scores.pareto import pareto_front
 from eval.scores.summary import NO_ACT, ORACLE
 
 LEAST_MS = 1e-4  # planning times below are drawn here, as the axis is logarithmic
@@ -86,6 +85,19 @@ def cost_figures(data: ReportData) -> dict[str, Figure]:
             "ms",
         ),
     }
+
+
+def pareto_front(cost: FloatArray, value: FloatArray) -> BoolArray:
+    """Return which of n choices are not dominated, (n,): none is as good in both and better in one.
+
+    Args:
+        cost: (n,), of which less is better.
+        value: (n,), of which more is better.
+    """
+    as_good = (cost[:, None] <= cost) & (value[:, None] >= value)  # [other, choice]
+    better = (cost[:, None] < cost) | (value[:, None] > value)
+    beaten: BoolArray = np.asarray((as_good & better).any(axis=0))
+    return ~beaten
 
 
 def _cost(data: ReportData, cost: FloatArray, value: FloatArray, axis: Mapping[str, Any], unit: str) -> Figure:
