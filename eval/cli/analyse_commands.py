@@ -74,4 +74,4 @@ class OverviewCommand:
         tables = [gap_table(read), *([] if self.planner is None else [difference_table(read, self.planner)])]
         print_tables(*tables)
         if self.out is not None:
-            write_text(self.out, ["\n".join(markdown(table) for table in tables)])
+            write_text(self.out, [markdown(*tables)])

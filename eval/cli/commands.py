@@ -73,7 +73,7 @@ class Benchmark:
 
     def __call__(self) -> None:
         """Run the benchmark, print its table and write its report."""
-        from eval.render.tables import render_summary
+        from eval.render.summary_table import render_summary
         from eval.running.benchmark import benchmark
 
         summary = benchmark(

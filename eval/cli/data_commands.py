@@ -9,7 +9,7 @@ import tyro
 from ehar.data.motion_data import MotionData
 from ehar.errors import UsageError
 from eval.cli.options import Fps
-from eval.render.console import output_console
+from eval.render.console import output_console, print_tables
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class Describe:
         from eval.studies.describe import describe, describe_figure
 
         data = load_data(self.data, fps=self.fps)
-        output_console().print(describe(data))
+        print_tables(describe(data))
         if self.figure is not None:
             describe_figure(data, self.figure)
 

@@ -40,7 +40,7 @@ class VerifyCommand:
 
     def __call__(self) -> None:
         """Verify the run, print what was checked, and exit with 1 where something differs."""
-        from eval.render.console import output_console
+        from eval.render.console import print_tables
         from eval.verification.verify import verify
 
         found = verify(
@@ -51,7 +51,7 @@ class VerifyCommand:
             rerun_episodes=self.rerun_episodes,
             seed=self.seed,
         )
-        output_console().print(found.table())
+        print_tables(found.table)
         for line in (*found.notes, found.verdict):
             print(line)
         if found.difference is not None:

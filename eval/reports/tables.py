@@ -1,16 +1,16 @@
-"""The parts of a report that are text: what ran, the sortable table, the paired differences, and levels, as HTML."""
+"""The parts of a report that are text: what ran, the sortable tables of planners, differences and levels, as HTML."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
-from eval.render.tables import interval_text
+from eval.render.tables import Cell, Table, html, interval_text
 from eval.reports.data import ReportData
 from eval.scores.metrics import ACC_AT
 from eval.scores.predictability import LEVELS
 from eval.scores.summary import NO_ACT, ORACLE
 
-_NONE = "&ndash;"
+_NONE = "\N{EN DASH}"
 _SELECTED = " selected"
 
 
@@ -76,18 +76,23 @@ def planner_table(data: ReportData) -> str:
     planners = data.summary["planners"]
     flown = data.run.flown
     kept = any(of.get("accuracy_kept") is not None for of in planners)
-    heads = [("planner", "high")]
-    heads += [("mean acc %", "high"), ("gap closed %", "high")]
-    heads += [("kept %", "high")] * kept
-    heads += [(f"acc@{percent}", "high") for percent in ACC_AT]
-    heads += [("IQM %", "high"), ("NLL", "low"), ("ECE", "low"), ("path m", "low")]
-    heads += [("peak m/s", "low"), ("effort m²/s³", "low"), ("at limit %", "low")] * flown
-    heads += [("ms/step", "low")]
+    header = [
+        "planner",
+        "mean acc %",
+        "gap closed %",
+        *["kept %"] * kept,
+        *(f"acc@{percent}" for percent in ACC_AT),
+        "IQM %",
+        "NLL",
+        "ECE",
+        "path m",
+        *["peak m/s", "effort m²/s³", "at limit %"] * flown,
+        "ms/step",
+    ]
     rows = []
     for of in planners:
-        mark = " *" if of["privileged"] else ""
         spread = of.get("acc_mean_seed_sd")
-        cells = [f'<td data-value="{escape(of["name"])}">{escape(of["name"])}{mark}</td>']
+        cells = [Cell(of["name"] + " *" * of["privileged"], value=of["name"])]
         cells += [_cell(of["acc_mean"], 1, of["acc_mean_ci95"], after="" if spread is None else f" ± {spread:.1f}")]
         cells += [_share(of["gap_closed"], of["gap_closed_ci95"])]
         cells += [_share(of["accuracy_kept"], of["accuracy_kept_ci95"])] if kept else []
@@ -97,14 +102,16 @@ def planner_table(data: ReportData) -> str:
         if flown:
             cells += [_cell(of["peak_speed"], 2), _cell(of["effort"], 1), _share(of["limit_share"], None)]
         cells += [_cell(of["step_ms"], 3)]
-        kind = ' class="privileged"' if of["privileged"] else ""
-        rows.append(f"<tr{kind}>{''.join(cells)}</tr>")
-    notes = list(_table_notes(data))
-    listed = "".join(f"<li>{escape(note)}</li>" for note in notes)
-    return (
-        _scrolling(f"{_head(heads)}<tbody>{''.join(rows)}</tbody>", "Planners and their figures", sortable=True)
-        + f'<ul class="notes">{listed}</ul>'
+        rows.append(tuple(cells))
+    table = Table(
+        title="Planners and their figures",
+        header=tuple(header),
+        rows=tuple(rows),
+        footnotes=tuple(_table_notes(data)),
+        slanted=frozenset(row for row, of in enumerate(planners) if of["privileged"]),
+        lower_is_better=frozenset(range(header.index("NLL"), len(header))),
     )
+    return html(table, sortable=True)
 
 
 def _table_notes(data: ReportData) -> Iterable[str]:
@@ -136,29 +143,33 @@ def differences_part(data: ReportData) -> str:
         return "<p>There is no pair to compare: it takes two planners without the truth.</p>"
     subjects = list(dict.fromkeys(of["planner"] for of in pairs))
     chosen = data.lead if data.lead is not None and data.lead in subjects else subjects[0]
-    heads = [
-        ("pair", "high"),
-        ("difference", "high"),
-        ("smallest", "low"),
-        ("P(improves)", "high"),
-        ("wins", "high"),
-        ("losses", "low"),
-        ("p, Holm", "low"),
-    ]
     rows = []
     for of in pairs:
-        name = escape(f"{of['planner']} minus {of['other']}")
-        cells = [
-            f'<td data-value="{name}">{name}</td>',
+        name = f"{of['planner']} minus {of['other']}"
+        cells = (
+            Cell(name, value=name),
             _cell(of["acc_mean"], 1, of["ci95"], signed=True),
             _cell(of.get("smallest"), 1),
             _cell(of.get("improvement"), 2, of.get("improvement_ci95"), digits_of_interval=2),
             _cell(of.get("mcnemar_wins"), 0),
             _cell(of.get("mcnemar_losses"), 0),
             _cell(of.get("mcnemar_p_holm"), 3),
-        ]
-        rows.append(f"<tr>{''.join(cells)}</tr>")
-    table = _scrolling(f"{_head(heads)}<tbody>{''.join(rows)}</tbody>", "Paired differences", sortable=True)
+        )
+        rows.append(cells)
+    header = ("pair", "difference", "smallest", "P(improves)", "wins", "losses", "p, Holm")
+    table = Table(
+        title="Paired differences",
+        header=header,
+        rows=tuple(rows),
+        footnotes=(
+            "Difference: mean accuracy in points, 95 % interval. Smallest: the smallest true difference that would "
+            "show 8 times in 10. P(improves): the chance that the first is more accurate in a sequence.",
+            "Wins and losses: episodes in which only one of the two is right after 50 % of the frames; p of McNemar's "
+            "exact test, after Holm's correction for all pairs. It takes episodes as independent, so the intervals are "
+            "the safer claim.",
+        ),
+        lower_is_better=frozenset(map(header.index, ("smallest", "losses", "p, Holm"))),
+    )
     smallest = sorted(of["smallest"] for of in pairs if of.get("smallest") is not None)
     shown = (
         f" This run could have shown true differences from {smallest[0]:.1f} points for the steadiest pair to "
@@ -173,33 +184,28 @@ def differences_part(data: ReportData) -> str:
         f'<div class="controls">{picker("pairs", "Planner that is compared", subjects, chosen)}</div>'
         '<div class="figure" data-figure="pairs" data-group="pairs" role="img" '
         'aria-label="Paired differences with 95 % intervals"></div>'
-        f"<details><summary>All pairs as a table</summary>{table}"
-        '<ul class="notes"><li>Difference: mean accuracy in points, 95 % interval. Smallest: the smallest true '
-        "difference that would show 8 times in 10. P(improves): the chance that the first is more accurate in a "
-        "sequence.</li>"
-        "<li>Wins and losses: episodes in which only one of the two is right after 50 % of the frames; p of McNemar's "
-        "exact test, after Holm's correction for all pairs. It takes episodes as independent, so the intervals are the "
-        "safer claim.</li></ul></details>"
+        f"<details><summary>All pairs as a table</summary>{html(table, sortable=True)}</details>"
     )
 
 
 def levels_table(data: ReportData) -> str:
     """Return how often cameras were level with the people, and how predictable classes are, by planner."""
-    heads = [
-        ("planner", "high"),
-        ("level with the people %", "high"),
-        *((f"classes {name}", "high") for name in LEVELS),
-    ]
     rows = []
     for name, of in data.planners.items():
         counts = [len(of.predictability.classes_at(level)) for level in range(len(LEVELS))]
-        cells = [f'<td data-value="{escape(name)}">{escape(name)}</td>', _cell(100 * of.level_share, 1)]
-        rows.append(f"<tr>{''.join(cells)}{''.join(_cell(count, 0) for count in counts)}</tr>")
-    table = _scrolling(f"{_head(heads)}<tbody>{''.join(rows)}</tbody>", "Level shares", sortable=True)
+        rows.append((Cell(name, value=name), _cell(100 * of.level_share, 1), *(_cell(count, 0) for count in counts)))
+    table = Table(
+        title="Level shares",
+        header=("planner", "level with the people %", *(f"classes {name}" for name in LEVELS)),
+        rows=tuple(rows),
+        footnotes=(
+            "Level: a polar angle of 85 degrees or more. A class counts at the first of 10, 50 and 100 % of the frames "
+            "after which at least half of its episodes are right.",
+        ),
+    )
     return (
-        f"<details><summary>Level shares and predictable classes of all planners</summary>{table}"
-        '<ul class="notes"><li>Level: a polar angle of 85 degrees or more. A class counts at the first of 10, 50 and '
-        "100 % of the frames after which at least half of its episodes are right.</li></ul></details>"
+        "<details><summary>Level shares and predictable classes of all planners</summary>"
+        f"{html(table, sortable=True)}</details>"
     )
 
 
@@ -217,22 +223,6 @@ def options(names: Sequence[str] | Mapping[str, str], chosen: str) -> str:
     )
 
 
-def _head(heads: Sequence[tuple[str, str]]) -> str:
-    cells = "".join(
-        f'<th scope="col" data-better="{better}"><button type="button">{escape(name)}</button></th>'
-        for name, better in heads
-    )
-    return f"<thead><tr>{cells}</tr></thead>"
-
-
-def _scrolling(inner: str, label: str, *, sortable: bool) -> str:
-    kind = ' class="sortable"' if sortable else ""
-    return (
-        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(label)}"><table{kind}>'
-        f"<caption hidden>{escape(label)}</caption>{inner}</table></div>"
-    )
-
-
 def _cell(
     value: Any,
     digits: int,
@@ -241,14 +231,13 @@ def _cell(
     after: str = "",
     signed: bool = False,
     digits_of_interval: int = 1,
-) -> str:
+) -> Cell:
     if value is None:
-        return f'<td data-value="">{_NONE}</td>'
+        return Cell(_NONE)
     text = f"{value:+.{digits}f}" if signed else f"{value:.{digits}f}"
-    bracket = "" if ends is None else f' <span class="interval">{interval_text(tuple(ends), digits_of_interval)}</span>'
-    return f'<td data-value="{value:.9g}">{text}{after}{bracket}</td>'
+    return Cell(text + after, "" if ends is None else interval_text(tuple(ends), digits_of_interval), float(value))
 
 
-def _share(value: Any, ends: Any) -> str:
+def _share(value: Any, ends: Any) -> Cell:
     scaled = None if ends is None else [100 * end for end in ends]
     return _cell(None if value is None else 100 * value, 1, scaled)

@@ -231,7 +231,7 @@ def _keep_finished(
 def _write_all(out: Path, config: RunConfig, runs: dict[str, PlannerRun], summary: Summary, *, classes: int) -> None:
     """Write records, summary, table and figure."""
     from eval.render.figures import draw_accuracy  # matplotlib takes a second to import
-    from eval.render.tables import markdown_summary
+    from eval.render.summary_table import markdown_summary
 
     records = {name: run.records for name, run in runs.items()}
     write_run(out, config, records, summary)

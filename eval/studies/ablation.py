@@ -280,4 +280,4 @@ def _write(out: Path, config: AblationConfig, runs: dict[str, PlannerRun], resul
     write_text(out / CONFIG, [json_text(asdict(config))])
     write_text(out / EPISODES, episode_lines({name: run.records for name, run in runs.items()}))
     write_text(out / SUMMARY, [json_text({"groups": result.groups, **result.summary.to_json()})])
-    write_text(out / "table.md", ["\n".join(markdown(table) for table in ablation_tables(result))])
+    write_text(out / "table.md", [markdown(*ablation_tables(result))])

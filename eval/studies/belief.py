@@ -274,4 +274,4 @@ def _write(out: Path, report: BeliefReport) -> None:
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / CONFIG, [json_text(asdict(report.config))])
     write_text(out / "belief.json", [json_text(report.to_json())])
-    write_text(out / "table.md", ["\n".join(markdown(table) for table in belief_tables(report))])
+    write_text(out / "table.md", [markdown(*belief_tables(report))])

@@ -273,5 +273,5 @@ def _write(out: Path, result: Headroom) -> None:
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / CONFIG, [json_text(asdict(result.config))])
     write_text(out / "headroom.json", [json_text(result.to_json())])
-    write_text(out / "table.md", ["\n".join(markdown(table) for table in headroom_tables(result))])
+    write_text(out / "table.md", [markdown(*headroom_tables(result))])
     draw_map(result, out / "headroom")
