@@ -36,7 +36,7 @@ class AnalyseCommand:
     def __call__(self) -> None:
         """Analyse the run, and print the tables."""
         from eval.studies.analyse import FOLDER, analyse
-        from eval.studies.analyse_tables import analysis_tables
+        from eval.studies.analysis import analysis_tables
 
         analysis = analyse(self.run, planners=self.planners, states=self.states, out=self.out)
         print_tables(*analysis_tables(analysis))

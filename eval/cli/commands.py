@@ -141,8 +141,7 @@ class HeadroomCommand:
 
     def __call__(self) -> None:
         """Run the map and print its tables."""
-        from eval.studies.headroom import headroom
-        from eval.studies.headroom_tables import headroom_tables
+        from eval.studies.headroom import headroom, headroom_tables
 
         result = headroom(
             data=self.data,

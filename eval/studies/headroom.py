@@ -13,7 +13,7 @@ from ehar.errors import UsageError
 from ehar.files import json_text, write_text
 from ehar.viewpoint import Workspace, from_cells, to_cells
 from eval.records.run_files import CONFIG, check_out, installed_versions
-from eval.render.tables import markdown
+from eval.render.tables import Table, markdown
 from eval.running.benchmark import check_options, load_setting
 from eval.running.choice import make_planners
 from eval.running.episodes import Episodes, cut_scenarios, random_starts
@@ -266,12 +266,56 @@ def _class_rows(
     )
 
 
+def headroom_tables(result: Headroom) -> list[Table]:
+    """Return the ways to place cameras, the accuracy at each polar angle, and the best viewpoint of each class."""
+    config = result.config
+    placed = f"{config.azimuths} x {config.polars} fixed cameras at {config.distance:g} m"
+    title = f"{config.data}: sensor {config.sensor}, views {config.views}, {result.scenarios} test scenarios, {placed}"
+    polar = np.degrees(result.viewpoints[:, 0, 2])
+    return [
+        Table(
+            title=title,
+            header=("camera", "mean acc", "chosen on"),
+            rows=tuple((row.name, f"{row.acc_mean:.1f}", row.chosen_on) for row in result.rows),
+            footnotes=(
+                "What is chosen on test is scored on what it was chosen from: read it as an upper bound.",
+                "* privileged: is handed the label and the future; from random starts, like no-act.",
+            ),
+        ),
+        Table(
+            title="By polar angle (0 looks down from straight above), mean over azimuths",
+            header=("polar [deg]", "mean acc", "worst azimuth", "best azimuth"),
+            rows=tuple(
+                (f"{angle:.1f}", f"{acc.mean():.1f}", f"{acc.min():.1f}", f"{acc.max():.1f}")
+                for angle, acc in zip(polar, result.acc_mean, strict=True)
+            ),
+            footnotes=(),
+        ),
+        Table(
+            title="The fixed viewpoint that shows each class best, chosen on test",
+            header=("class", "azimuth [deg]", "polar [deg]", "mean acc", "over the map"),
+            rows=tuple(
+                (
+                    row.class_name,
+                    f"{row.azimuth_deg:.1f}",
+                    f"{row.polar_deg:.1f}",
+                    f"{row.acc_mean:.1f}",
+                    f"{row.acc_mean_map:.1f}",
+                )
+                for row in result.classes
+            ),
+            footnotes=(),
+        ),
+    ]
+
+
 def _write(out: Path, result: Headroom) -> None:
     """Write config, numbers, tables and figure."""
-    from eval.studies.headroom_tables import draw_map, headroom_tables  # matplotlib takes a second to import
+    from eval.studies.headroom_figure import draw_map  # matplotlib takes a second to import
 
     out.mkdir(parents=True, exist_ok=True)
     write_text(out / CONFIG, [json_text(asdict(result.config))])
     write_text(out / "headroom.json", [json_text(result.to_json())])
     write_text(out / "table.md", [markdown(*headroom_tables(result))])
-    draw_map(result, out / "headroom")
+    title = f"{result.config.data}, {result.config.sensor} sensor: fixed cameras at {result.config.distance:g} m"
+    draw_map(result.viewpoints, result.acc_mean, title, out / "headroom")
