@@ -39,6 +39,7 @@ class Batch:
     def of(scenarios: Scenarios, chosen: IntArray, starts: FloatArray, noise: SensorNoise) -> "Batch":
         """Return episodes of scenarios chosen by index (B,)."""
         sequences = (scenarios.data.sequence_names[sequence] for sequence in scenarios.sequence[chosen])
+        begins = zip(sequences, scenarios.first[chosen], strict=True)
         return Batch(
             positions=scenarios.positions(chosen),
             labels=scenarios.labels[chosen],

@@ -7,7 +7,7 @@ from ehar.data.source import load_data
 from ehar.envs.environment import FlightEnv, FlightVectorEnv, GridEnv, GridVectorEnv
 from ehar.flight.vehicle import load_vehicle
 from ehar.recogniser import Recogniser
-from ehar.sensors.estimator import make_sensor
+from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import Sensor
 from recognition.storage import load_recogniser
 

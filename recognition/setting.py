@@ -50,7 +50,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     """
     # Here, as they bring torch, which `ehar --help` does not wait for.
     from ehar.data.source import load_data
-    from ehar.sensors.estimator import make_sensor
+    from ehar.sensors.registry import make_sensor
     from recognition.storage import load_recogniser
 
     track = load_track(conditions.track)
@@ -64,6 +64,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
         conditions,
         data=source,
         models=None if conditions.models is None else str(conditions.models),
+        sensor=sensor.name,
         track=track.name,
     )
     if conditions.recogniser is not None:
@@ -73,7 +74,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     trained = load_recogniser(
         conditions.directory,
         data,
-        sensor=conditions.sensor,
+        sensor=sensor.name,
         views=conditions.views,
         form=conditions.form,
         device=device,

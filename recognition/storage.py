@@ -10,6 +10,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save
 from torch import Tensor
 
+from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
 from ehar.data.skeleton import Skeleton
 from ehar.errors import ModelError
@@ -18,7 +19,7 @@ from recognition.calibration import Temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network, NetworkSpec
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
-from recognition.training.config import Form, Size
+from recognition.training.config import Size
 
 SHIPPED = Path(__file__).parent / "weights"
 

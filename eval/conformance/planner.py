@@ -193,7 +193,7 @@ def _hidden_truth(planner: Planner, world: PlannerWorld, batch: Batch, run: Plan
     seen = [Sensed(observation.joints_2d, observation.confidence) for observation in run.recorder.observations]
     sensor = ReplayedSensor([*seen, seen[-1]], world.runner.sensor.camera)
     hidden = replace(
-        batch, labels=(batch.labels + 1) % len(world.data.class_names), positions=-2 * batch.positions[::-1] + 1
+        batch, labels=(batch.labels + 1) % len(world.runner.data.class_names), positions=-2 * batch.positions[::-1] + 1
     )
     return attempt(
         name,

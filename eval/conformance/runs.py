@@ -26,7 +26,8 @@ class PlannerWorld:
 
     def context(self, batch: Batch) -> Context:
         """Return what a planner is told, with a new generator of the same seed."""
-        return self.runner.context(*batch.positions.shape[:2], np.random.default_rng(SEED))
+        episodes, length = batch.positions.shape[:2]
+        return self.runner.context(episodes, length, np.random.default_rng(SEED))
 
 
 @dataclass

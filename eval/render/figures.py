@@ -1,6 +1,6 @@
 """The accuracy curve (Fig. 5), as PNG and SVG; the same numbers give the same bytes."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import matplotlib
@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 
 from ehar.arrays import FloatArray
 from ehar.files import replacing
-from eval.scores.summary import Summary
 
 _COLOURS = (  # Okabe and Ito's, told apart by colour-blind readers too; yellow left out, as it fades on white
     "#0072B2",
@@ -28,21 +27,25 @@ _COLOURS = (  # Okabe and Ito's, told apart by colour-blind readers too; yellow 
 _GREY = "#6B6B6B"
 
 
-def draw_accuracy(curves: Mapping[str, FloatArray], summary: Summary, classes: int, stem: Path) -> None:
+def draw_accuracy(
+    curves: Mapping[str, FloatArray], privileged: Collection[str], classes: int, title: str, stem: Path
+) -> None:
     """Draw accuracy against the observation ratio as `stem`.png and `stem`.svg.
 
     Args:
         curves: the accuracy after each frame (L,) of every planner, 0 to 1.
-        summary: for the title, and for who is privileged (drawn dashed).
+        privileged: the planners that are drawn dashed.
         classes: K; chance is 1 / K.
+        title: above it.
         stem: path without a suffix.
     """
     figure = Figure(figsize=(7.2, 4.3), layout="constrained")
     axes = figure.add_subplot()
-    ratios = 100 * np.arange(1, summary.length + 1) / summary.length
+    length = len(next(iter(curves.values())))
+    ratios = 100 * np.arange(1, length + 1) / length
     colours = dict(zip(curves, _cycle(len(curves)), strict=True))
     for index, (name, curve) in enumerate(curves.items()):
-        line = _line(index, privileged=summary.planner(name).privileged)
+        line = _line(index, privileged=name in privileged)
         axes.plot(ratios, 100 * curve, line, color=colours[name], linewidth=1.6)
     chance = 100 / classes
     axes.axhline(chance, color=_GREY, linewidth=0.8, linestyle=":")
@@ -55,7 +58,7 @@ def draw_accuracy(curves: Mapping[str, FloatArray], summary: Summary, classes: i
     ends = {name: 100 * float(curve[-1]) for name, curve in curves.items()}
     for name, height in _spread(ends, gap=0.05 * (high - low), high=high).items():
         axes.annotate(
-            f"{name} (privileged)" if summary.planner(name).privileged else name,
+            f"{name} (privileged)" if name in privileged else name,
             (100, ends[name]),
             (106, height),
             annotation_clip=False,
@@ -66,12 +69,7 @@ def draw_accuracy(curves: Mapping[str, FloatArray], summary: Summary, classes: i
         )
     axes.set_xlabel("observed share of the episode [%]")
     axes.set_ylabel("accuracy [%]")
-    axes.set_title(
-        f"{summary.data}, {summary.sensor} sensor, {summary.views} views, {summary.track} track"
-        + (", as believed" if summary.readout == "belief" else ""),
-        fontsize=9.5,
-        loc="left",
-    )
+    axes.set_title(title, fontsize=9.5, loc="left")
     axes.grid(axis="y", color="#E3E3E3", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)

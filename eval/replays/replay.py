@@ -102,9 +102,8 @@ def _records(run: Run, planners: Sequence[str]) -> tuple[tuple[str, ...], str]:
     """Return the record names of the planners to show, and why these where none was asked for."""
     if planners:
         return tuple(run.record_name(name) for name in planners), ""
-    from eval.reports.data import lead_planner, read_summary
 
-    lead = lead_planner(read_summary(run))
+    lead = run.summary.lead
     shown = choose_planners(list(first_trainings(run.records)), lead)
     reason = f"{lead} is the most accurate planner that is not handed the truth" if lead else f"{shown[0]} is the first"
     return tuple(run.record_name(name) for name in shown), reason

@@ -79,12 +79,14 @@ class Listener(Planner):
     """Asks a planner, if there is one, and keeps what it said.
 
     Args:
+        name: of the planner, whose generator it is given.
         planner: to ask; None stays where it is.
         value: of views, kept beside it; None where the planner has no gain field.
     """
 
-    def __init__(self, planner: Planner | None, value: "ViewValue | None") -> None:
+    def __init__(self, name: str, planner: Planner | None, value: "ViewValue | None") -> None:
         """Keep nothing yet."""
+        self.name = name
         self.privileged = planner is not None and planner.privileged
         self.planner, self._value = planner, value
 
@@ -145,7 +147,7 @@ def replay_run(
             from planners.value.view_value import ViewValue
 
             value = ViewValue(inputs.place.load_gain_model())
-        listener = Listener(planners.get(name), value)
+        listener = Listener(name, planners.get(name), value)
         replayed[name], astray = _replay(run, name, listener, workload, batch, indices)
         if name in planners and astray:
             notes.append(
@@ -183,7 +185,6 @@ def _replay(
     records, sensor = run.records[name], workload.runner.sensor
     way = records.viewpoint[list(indices)]
     motion = FollowedWay(workload.runner.track.new_motion(), way)
-    listener.name = name  # whose generator it is
     record = workload.roll(listener, batch, 0, motion)
     difference = first_difference(name, records, np.array(indices), record)
     if difference is not None:

@@ -13,7 +13,7 @@ from eval.records.config import package_version
 from eval.replays.choice import RULE, RULE_ALONE, choose_episodes, choose_planners
 from eval.replays.data import replay_data
 from eval.reports.behaviour_figures import behaviour_figures
-from eval.reports.data import ReportData, read_summary, report_data
+from eval.reports.data import ReportData, report_data
 from eval.reports.figures import accuracy_figure, cost_figures, difference_figures
 from eval.reports.recognition_figures import predictability_figure, recognition_figures
 from eval.reports.tables import (
@@ -27,7 +27,7 @@ from eval.reports.tables import (
 )
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.running.run import class_names, read_run
-from eval.scores.summary import NO_ACT
+from eval.scores.planner_summary import NO_ACT
 from eval.scores.training_seeds import first_trainings
 
 REPORT = "report.html"
@@ -57,8 +57,7 @@ def make_report(
     """
     reporter = reporter or ConsoleReporter()
     run = read_run(Path(directory))
-    summary = read_summary(run)
-    shown = report_data(run, summary, class_names(run, reporter.note, data))
+    shown = report_data(run, class_names(run, reporter.note, data))
     replays, rule = _replays(shown, data, models, reporter)
     path = run.folder / REPORT if out is None else Path(out)
     write_text(path, [page(shown, replays, rule)])

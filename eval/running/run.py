@@ -15,6 +15,7 @@ from ehar.track import IDEAL
 from eval.records.config import CONFIG, RunConfig, read_config
 from eval.records.episodes import EpisodeRecords, episode_lines, read_episodes
 from eval.records.run_files import EPISODES, SUMMARY, check_out
+from eval.scores.metrics import ACC_AT, mean_acc, path_length, right_at
 from eval.scores.seed_accuracy import pool_seeds
 from eval.scores.summary import Summary, read_summary
 from eval.scores.training_seeds import curves, first_trainings
@@ -99,13 +100,14 @@ class Run:
             UsageError: the folder cannot be written to, or holds another run.
         """
         from eval.render.figures import draw_accuracy  # matplotlib takes a second to import
-        from eval.render.tables import markdown_summary
+        from eval.render.tables import markdown
 
-        out = Path(folder)
+        out, classes = Path(folder), len(class_names(self, lambda _: None))
         check_out(out, self.config.to_json())
         write_records(out, self.config, self.records, self.summary)
-        write_text(out / "table.md", [markdown_summary(self.summary)])
-        draw_accuracy(curves(self.records), self.summary, out / "accuracy")
+        write_text(out / "table.md", [markdown(*self.summary.tables())])
+        privileged = {planner.name for planner in self.summary.planners if planner.privileged}
+        draw_accuracy(curves(self.records), privileged, classes, self.config.title, out / "accuracy")
         return out
 
     def to_dataframe(self) -> "pandas.DataFrame":
@@ -135,7 +137,9 @@ class Run:
 
     def _repr_html_(self) -> str:
         """Return the summary's table for a notebook."""
-        return self.summary._repr_html_()
+        from eval.render.tables import html
+
+        return "".join(html(table) for table in self.summary.tables())
 
     def _of(self, named: Mapping[str, Held], name: str) -> Held:
         if name not in named:
@@ -166,7 +170,7 @@ def _columns(planner: str, episodes: EpisodeRecords, class_names: tuple[str, ...
         "label": episodes.label if named is None else named[episodes.label],
         "predicted": last if named is None else named[last],
         "acc_mean": 100 * mean_acc(episodes.correct),
-        **{f"acc_{percent}": 100 * episodes.correct[:, frame_at(percent, last.size)] for percent in ()},
+        **{f"right_at_{percent}": right_at(episodes.correct, percent) for percent in ACC_AT},
         "true_probability": episodes.true_probability[:, -1],
         "path_length_m": path_length(episodes.viewpoint),
         "start_distance_m": episodes.start[:, 0],

@@ -25,6 +25,7 @@ from eval.records.episodes import EpisodeRecords
 
 STAGES = ("whole episode", "first third", "second third", "last third")
 LEVEL_FROM = 85.0  # polar angle [deg], Sec. 5.2: from here the paper's agent is "at a same horizontal level"
+SPHERE_CELLS = 30  # to a side of the plane in which cameras are seen from above
 ON_GRID = 1e-4  # [m] or [rad]; records are rounded to 6 decimals
 
 _DEGREE_STEP = float(np.degrees(ANGLE_STEP))
@@ -101,6 +102,44 @@ def position_histograms(episodes: EpisodeRecords) -> tuple[PositionHistogram, ..
 def level_share(episodes: EpisodeRecords) -> float:
     """Return the share of frames in which the camera is about level with the people, 85 degrees or more."""
     return float((np.degrees(episodes.viewpoint[..., POLAR]) >= LEVEL_FROM).mean())
+
+
+class SphereDensity(NamedTuple):
+    """How often cameras were in each part of the upper half of the sphere, seen from above in a plane that keeps areas.
+
+    Cameras that were anywhere alike give an even disc.
+
+    Args:
+        edges: (31,) of the cells, the same along both axes, -1 to 1.
+        times_even: (30, 30), rows along y: how many times as often as if all directions were alike; NaN outside of
+            the disc.
+    """
+
+    edges: FloatArray
+    times_even: FloatArray
+
+
+def from_above(viewpoint: FloatArray) -> FloatArray:
+    """Return where viewpoints (..., 3) lie in the plane, (..., 2) within the unit disc; azimuth 0 is +x.
+
+    Lambert's azimuthal equal-area projection from straight above: a point at azimuth a and polar angle p lies at the
+    distance sqrt(2) sin(p / 2) from the middle, so that the level (p = 90 degrees) is the unit circle, and equal areas
+    of the plane are equal parts of the sphere.
+    """
+    radius = np.sqrt(2) * np.sin(viewpoint[..., POLAR] / 2)
+    azimuth = viewpoint[..., AZIMUTH]
+    return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth)], axis=-1)
+
+
+def sphere_density(viewpoint: FloatArray) -> SphereDensity:
+    """Return the density over all viewpoints (..., 3); whatever the distance."""
+    points = np.clip(from_above(viewpoint).reshape(-1, 2), -1, 1)
+    edges = np.linspace(-1, 1, SPHERE_CELLS + 1)
+    counts, _, _ = np.histogram2d(points[:, 1], points[:, 0], bins=(edges, edges))
+    even = (2 / SPHERE_CELLS) ** 2 / np.pi * len(points)  # frames of a cell within the disc
+    nearest = np.clip(0.0, edges[:-1], edges[1:])  # of each cell to the middle
+    outside = np.hypot(nearest[:, None], nearest) >= 1
+    return SphereDensity(edges, np.where(outside & (counts == 0), np.nan, counts / even))
 
 
 def recover_moves(episodes: EpisodeRecords) -> IntArray:

@@ -1,14 +1,32 @@
 """How well a batch of episodes went: pure functions of arrays. Axes: N episodes, L frames."""
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ehar.arrays import BoolArray, FloatArray
+from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.viewpoint import cartesian
 
 ACC_AT = (10, 30, 50, 70, 90, 100)  # Sec. 5.1: the observation ratios that the paper reports [%]
 PROBABILITY_FLOOR = 1e-6  # what records resolve; a smaller probability of the true class counts as this
 ROUNDING = 1e-9  # accuracies that are nearer to each other are the same; one frame of an episode weighs far more
 CALIBRATION_BINS = 15  # as in Guo et al., On Calibration of Modern Neural Networks, ICML 2017
+
+
+class Reliability(NamedTuple):
+    """How often answers are right, given how sure they were, in `CALIBRATION_BINS` equal bins; NaN where one is empty.
+
+    `ece` is the mean distance of this diagram from its diagonal.
+
+    Args:
+        confidence: (15,) mean probability of the predicted class.
+        accuracy: (15,) share of right answers.
+        share: (15,) of all answers that are in the bin; sums to 1.
+    """
+
+    confidence: FloatArray
+    accuracy: FloatArray
+    share: FloatArray
 
 
 def acc_at(correct: BoolArray, percent: int) -> float:
@@ -23,10 +41,18 @@ def right_at(correct: BoolArray, percent: int) -> BoolArray:
         correct: (N, L), whether the predicted class is the true one.
         percent: the observation ratio [%], 1 to 100.
     """
-    length = correct.shape[1]
-    frame = max(-(-percent * length // 100), 1) - 1
-    right: BoolArray = correct[:, frame]
+    right: BoolArray = correct[:, frame_at(percent, correct.shape[1])]
     return right
+
+
+def frame_at(percent: int, length: int) -> int:
+    """Return the first frame, from 0, that is not before an observation ratio.
+
+    Args:
+        percent: the ratio [%], 1 to 100.
+        length: L, at least 1.
+    """
+    return max(-(-percent * length // 100), 1) - 1
 
 
 def mean_acc(correct: BoolArray) -> FloatArray:
@@ -59,9 +85,31 @@ def ece(top_probability: FloatArray, correct: BoolArray) -> float:
         correct: (N, L), whether the predicted class is the true one.
     """
     confidence = top_probability.ravel()
-    bins = np.minimum((confidence * CALIBRATION_BINS).astype(np.int64), CALIBRATION_BINS - 1)
+    bins = _calibration_bins(confidence)
     excess = np.bincount(bins, weights=correct.ravel() - confidence, minlength=CALIBRATION_BINS)
     return float(np.abs(excess).sum() / len(confidence))
+
+
+def reliability(top_probability: FloatArray, correct: BoolArray) -> Reliability:
+    """Return the diagram over all episodes and frames (Guo et al., ICML 2017).
+
+    Args:
+        top_probability: (N, L), the probability of the predicted class.
+        correct: (N, L), whether the predicted class is the true one.
+    """
+    confidence = top_probability.ravel()
+    bins = _calibration_bins(confidence)
+    count, sure, right = (
+        np.bincount(bins, weights=weights, minlength=CALIBRATION_BINS)
+        for weights in (np.ones(len(bins)), confidence, correct.ravel())
+    )
+    held = np.where(count > 0, count, np.nan)
+    return Reliability(sure / held, right / held, count / len(bins))
+
+
+def _calibration_bins(confidence: FloatArray) -> IntArray:
+    """Return the bin of each probability."""
+    return np.minimum((confidence * CALIBRATION_BINS).astype(np.int64), CALIBRATION_BINS - 1)
 
 
 def path_length(viewpoints: FloatArray) -> FloatArray:

@@ -9,8 +9,15 @@ from ehar.arrays import FloatArray, IntArray
 from eval.records.episodes import EpisodeRecords
 from eval.scores.metrics import mean_acc, right_at
 from eval.scores.sequence_scores import accuracy_by_sequence
-from eval.scores.statistics import BOOTSTRAP_SEED, RESAMPLES, resample_counts, resampled_means, why_no_intervals
-from eval.scores.training_seeds import PlannerGroup, resample_seeds, seed_counts
+from eval.scores.statistics import (
+    BOOTSTRAP_SEED,
+    RESAMPLES,
+    interval,
+    resample_counts,
+    resampled_means,
+    why_no_intervals,
+)
+from eval.scores.training_seeds import PlannerGroup, group_planners, resample_seeds, seed_counts
 
 TESTED_AT = 50  # the observation ratio of McNemar's test [%]: one that is chosen before anything is seen
 
@@ -77,3 +84,23 @@ def planner_accuracy(
         draws=seed_counts(group.name, len(correct), len(resamples.counts)),
         right=np.mean([right_at(right, TESTED_AT) for right in correct], axis=0),
     )
+
+
+def accuracy_bands(records: Mapping[str, EpisodeRecords], resamples: Resamples) -> dict[str, FloatArray]:
+    """Return the interval of each planner's accuracy after each frame, (L, 2), 0 to 1; NaN without resamples.
+
+    Each frame's interval holds for that frame, not for the curve as a whole. The curves are those of
+    `eval.scores.training_seeds.curves`, and what is drawn is drawn as for the intervals of a summary.
+
+    Args:
+        records: by record name, on the same episodes.
+        resamples: of their sequences.
+    """
+    bands = {}
+    for group in group_planners(records):
+        alone = group_planners(group.records)
+        by_frame = [records[name].correct.T.astype(np.float64) for name in group.records]
+        resampled = [resampled_means(values, resamples.clusters, resamples.counts) for values in by_frame]
+        drawn = [resample_seeds(np.stack(of_frame), alone)[0] for of_frame in zip(*resampled, strict=True)]
+        bands[group.name] = interval(np.stack(drawn))
+    return bands

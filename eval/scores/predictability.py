@@ -18,6 +18,7 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from eval.records.episodes import EpisodeRecords
+from eval.scores.metrics import right_at
 
 RATIOS = (10, 50, 100)  # Sec. 5.2: the observation ratios of the three levels [%]
 LEVELS = ("instantly", "early", "late", "never")  # never: not by the end
@@ -78,13 +79,8 @@ def predictability(episodes: EpisodeRecords, classes: int) -> Predictability:
 
 
 def correct_at_ratios(correct: BoolArray) -> BoolArray:
-    """Return which episodes are right after 10, 50 and 100 % of their frames, (N, 3) from (N, L).
-
-    As in `eval.scores.metrics.acc_at`, that is the first frame not before the ratio.
-    """
-    length = correct.shape[1]
-    frames = [max(-(-percent * length // 100), 1) - 1 for percent in RATIOS]
-    return correct[:, frames]
+    """Return which episodes are right after 10, 50 and 100 % of their frames, (N, 3) from (N, L)."""
+    return np.stack([right_at(correct, percent) for percent in RATIOS], axis=1)
 
 
 def episode_levels(at: BoolArray) -> IntArray:

@@ -13,9 +13,10 @@ from eval.records.solves import Solves, join_solves
 from eval.scores.differences import differences
 from eval.scores.metrics import ACC_AT, acc_at, ece, gap_closed, mean_acc, nll, path_length
 from eval.scores.planner_accuracy import planner_accuracy, resample_sequences
+from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
 from eval.scores.sequence_scores import interquartile_mean, resampled_interquartile_means
 from eval.scores.statistics import interval, pair, resampled_means
-from eval.scores.summary import NO_ACT, ORACLE, PlannerSummary, Summary
+from eval.scores.summary import Summary
 from eval.scores.training_seeds import PlannerGroup, group_planners, mean_over_seeds, resample_seeds
 
 

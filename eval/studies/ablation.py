@@ -21,7 +21,8 @@ from eval.running.episodes import cut_scenarios, random_starts
 from eval.running.jobs import PlannerRun, Workload, run_planners
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.scores.differences import NBV, Difference
-from eval.scores.summary import NO_ACT, PlannerSummary, Summary
+from eval.scores.planner_summary import NO_ACT, PlannerSummary
+from eval.scores.summary import Summary
 from planners.heuristic import NoAct
 from planners.oracle import Oracle
 from planners.search.next_best_view import NextBestView
@@ -208,4 +209,4 @@ def _write(out: Path, config: Mapping[str, Any], runs: dict[str, PlannerRun], re
     write_text(out / CONFIG, [json_text(config)])
     write_text(out / EPISODES, episode_lines({name: run.records for name, run in runs.items()}))
     write_text(out / SUMMARY, [json_text({"groups": result.groups, **result.summary.to_json()})])
-    write_text(out / "table.md", ["\n".join(markdown(table) for table in ablation_tables(result))])
+    write_text(out / "table.md", [markdown(*ablation_tables(result))])

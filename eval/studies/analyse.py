@@ -1,105 +1,36 @@
 """The paper's analyses of a finished run: Table 3, Table 4, Fig. 6 and Fig. 7, as numbers, tables and pictures."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ehar.arrays import FloatArray
 from ehar.errors import UsageError
 from ehar.files import json_text, write_text
-from ehar.viewpoint import MOVE_NAMES
 from eval.running.progress import ConsoleReporter, Reporter
-from eval.running.run import Run, RunConditions, class_names, read_run
+from eval.running.run import Run, class_names, read_run
 from eval.scores.behaviour import (
-    STAGES,
-    PositionHistogram,
     level_share,
     move_shares,
     position_histograms,
     recover_moves,
 )
-from eval.scores.predictability import Predictability, predictability
-from eval.scores.seed_accuracy import TABLE_3, SeedAccuracy, accuracy_over_seeds, seeds_of
-from eval.scores.summary import NO_ACT
+from eval.scores.planner_summary import NO_ACT
+from eval.scores.predictability import predictability
+from eval.scores.seed_accuracy import TABLE_3, accuracy_over_seeds, seeds_of
 from eval.studies.agent_states import (
     MOST,
     AgentLoader,
-    AgentStates,
-    Purity,
     agent_states,
     load_agent,
     map_states,
     neighbour_purity,
 )
+from eval.studies.analysis import MOVES_MADE, POSITIONS, STATES, Analysis, Positions, StateMap, analysis_markdown
 
 DEFAULTS = ("il-ppo", "nbv")  # the first that ran
 ANALYSIS, TABLES = "analysis.json", "analysis.md"
-POSITIONS, MOVES_MADE, STATES = "positions.png", "moves.png", "states.png"
 FOLDER = "analysis"  # in the run's folder
-
-
-@dataclass(frozen=True, eq=False)
-class Positions:
-    """Where a planner's cameras were (Fig. 6): a histogram an axis, and the share of frames level with the people."""
-
-    histograms: tuple[PositionHistogram, ...]
-    level_share: float
-
-
-@dataclass(frozen=True, eq=False)
-class StateMap:
-    """States of a learned planner in the plane (Fig. 7e), and how well classes are told apart in them.
-
-    Args:
-        planner: whose, by record name.
-        states: (M, ...), those drawn.
-        mapped: (M, 2).
-        purity: in the space of the states, not in the plane.
-    """
-
-    planner: str
-    states: AgentStates
-    mapped: FloatArray
-    purity: Purity
-
-
-@dataclass(frozen=True, eq=False)
-class Analysis:
-    """All analyses of a run.
-
-    Args:
-        conditions: of the run.
-        episodes: how many, of each training seed.
-        class_names: K.
-        seed_accuracy: Table 3, those of its planners that ran.
-        predictable: Table 4: of no-act, where it ran, and of each planner chosen.
-        positions: Fig. 6, of the same.
-        moves: Fig. 7a-d, of each planner chosen, (4, 7); None for a run in flight.
-        states: Fig. 7e; None where no planner was named.
-    """
-
-    conditions: RunConditions
-    episodes: int
-    class_names: tuple[str, ...]
-    seed_accuracy: tuple[SeedAccuracy, ...]
-    predictable: Mapping[str, Predictability]
-    positions: Mapping[str, Positions]
-    moves: Mapping[str, FloatArray] | None
-    states: StateMap | None
-
-    def to_json(self) -> dict[str, Any]:
-        """Return what analysis.json holds."""
-        return {
-            "run": {**asdict(self.conditions), "episodes": self.episodes},
-            "table_3": [_seeds_json(row) for row in self.seed_accuracy],
-            "table_4": {name: of.to_json(self.class_names) for name, of in self.predictable.items()},
-            "figure_6": {name: _positions_json(of) for name, of in self.positions.items()},
-            "figure_7": None if self.moves is None else {name: _moves_json(of) for name, of in self.moves.items()},
-            "states": None if self.states is None else _states_json(self.states),
-        }
 
 
 def analyse(
@@ -130,7 +61,6 @@ def analyse(
         draw_positions,
         draw_states,
     )
-    from eval.studies.analyse_tables import analysis_markdown
 
     reporter = reporter or ConsoleReporter()
     run = read_run(Path(directory))
@@ -191,7 +121,7 @@ def _analysis(
     if run.flown:
         reporter.note(f"{run.directory}: moves are those of the grid, a run on track {run.conditions.track} has none")
     return Analysis(
-        conditions=run.conditions,
+        config=run.config,
         episodes=len(next(iter(run.records.values()))),
         class_names=names,
         seed_accuracy=tuple(accuracy_over_seeds(name, seeds[name]) for name in TABLE_3 if name in seeds),
@@ -206,38 +136,6 @@ def _map(run: Run, name: str, load: AgentLoader, reporter: Reporter) -> StateMap
     """Return the map of a planner's states."""
     if name not in run.records:
         raise UsageError(f"{run.directory}: no planner {name!r}; expected one of: {', '.join(run.records)}")
-    found = agent_states(run, name, load(run.conditions, name), reporter=reporter)
+    found = agent_states(run, name, load(run, name), reporter=reporter)
     drawn = found.sample(np.random.default_rng(0), MOST)
     return StateMap(name, drawn, map_states(drawn.state), neighbour_purity(drawn))
-
-
-def _seeds_json(row: SeedAccuracy) -> dict[str, Any]:
-    return {
-        "name": row.name,
-        "seeds": row.seeds,
-        "acc": {percent: of._asdict() for percent, of in row.acc.items()},
-        "acc_mean": row.acc_mean._asdict(),
-    }
-
-
-def _positions_json(of: Positions) -> dict[str, Any]:
-    axes = {
-        histogram.axis.name: {
-            "unit": histogram.axis.unit,
-            "edges": histogram.axis.edges.tolist(),
-            "density": histogram.density.tolist(),
-            "mean": histogram.mean,
-            "std": histogram.std,
-            "from_uniform": histogram.from_uniform,
-        }
-        for histogram in of.histograms
-    }
-    return {**axes, "level_share": of.level_share}
-
-
-def _moves_json(shares: FloatArray) -> dict[str, dict[str, float]]:
-    return {stage: dict(zip(MOVE_NAMES, row.tolist(), strict=True)) for stage, row in zip(STAGES, shares, strict=True)}
-
-
-def _states_json(of: StateMap) -> dict[str, Any]:
-    return {"planner": of.planner, "states": len(of.mapped), "size": of.states.state.shape[1], **of.purity._asdict()}

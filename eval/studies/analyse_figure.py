@@ -13,7 +13,7 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.files import replacing
 from ehar.viewpoint import AZIMUTH, MOVE_NAMES, POLAR
 from eval.scores.behaviour import STAGES, PositionHistogram
-from eval.scores.summary import NO_ACT
+from eval.scores.planner_summary import NO_ACT
 from eval.studies.agent_states import Purity
 
 COLOURS = (  # Okabe and Ito's, told apart by colour-blind readers too; black and yellow left out

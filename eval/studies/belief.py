@@ -20,7 +20,7 @@ from eval.running.choice import ModelPlace
 from eval.running.episodes import cut_scenarios, random_starts
 from eval.running.jobs import Workload
 from eval.running.progress import ConsoleReporter, Reporter
-from eval.scores.metrics import ece, nll
+from eval.scores.metrics import ece, frame_at, nll
 from planners.heuristic import NoAct, Random
 from planners.value.belief import readout
 from planners.value.belief_fit import ablate_belief
@@ -162,7 +162,7 @@ def belief_row(rollouts: str, reader: str, log_probs: FloatArray, labels: IntArr
     probabilities = np.exp(log_probs.astype(np.float64))
     true = np.take_along_axis(probabilities, labels[:, None, None], axis=-1)[..., 0]
     length = true.shape[1]
-    frames = {percent: max(-(-percent * length // 100), 1) - 1 for percent in (*NLL_AT, CALIBRATED_FROM)}
+    frames = {percent: frame_at(percent, length) for percent in (*NLL_AT, CALIBRATED_FROM)}
     late = slice(frames[CALIBRATED_FROM], None)
     return BeliefRow(
         rollouts=rollouts,
@@ -214,4 +214,4 @@ def _write(out: Path, report: BeliefReport) -> None:
     """Write config, numbers and tables."""
     write_text(out / CONFIG, [json_text(report.config.to_json())])
     write_text(out / "belief.json", [json_text(report.to_json())])
-    write_text(out / "table.md", ["\n".join(markdown(table) for table in belief_tables(report))])
+    write_text(out / "table.md", [markdown(*belief_tables(report))])

@@ -7,7 +7,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from rich.table import Table
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.motion_data import MotionData
@@ -15,6 +14,7 @@ from ehar.data.scenario import split_parts, windows
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError, UsageError
 from ehar.files import replacing
+from eval.render.tables import Table
 
 EPISODE_FRAMES = 60  # Sec. 5.1: L
 
@@ -32,15 +32,19 @@ def describe(data: MotionData) -> Table:
     test = split_parts(data).test
     is_test = np.isin(np.arange(len(data.labels)), test)
     tested = windows(data, test, EPISODE_FRAMES, EPISODE_FRAMES).labels
-    table = Table(title=_title(data), caption=_caption(data), title_justify="left", caption_justify="left")
-    table.add_column("class")
-    for heading in ("sequences", "train", "test", "frames min", "median", "max", f"test windows L={EPISODE_FRAMES}"):
-        table.add_column(heading, justify="right")
-    for label, name in enumerate(data.class_names):
-        table.add_row(name, *_counts(data, is_test, data.labels == label, int((tested == label).sum())))
-    table.add_section()
-    table.add_row("all", *_counts(data, is_test, np.ones(len(data.labels), dtype=bool), len(tested)), style="bold")
-    return table
+    rows = [
+        (name, *_counts(data, is_test, data.labels == label, int((tested == label).sum())))
+        for label, name in enumerate(data.class_names)
+    ]
+    rows.append(("all", *_counts(data, is_test, np.ones(len(data.labels), dtype=bool), len(tested))))
+    header = ("class", "sequences", "train", "test", "frames min", "median", "max", f"test windows L={EPISODE_FRAMES}")
+    return Table(
+        title=_title(data),
+        header=header,
+        rows=tuple(rows),
+        footnotes=tuple(_footnotes(data)),
+        bold=frozenset((len(rows) - 1, column) for column in range(len(header))),
+    )
 
 
 def _counts(data: MotionData, is_test: BoolArray, members: BoolArray, test_windows: int) -> list[str]:
@@ -58,16 +62,15 @@ def _title(data: MotionData) -> str:
     return f"{data.title}: {persons}, {joints}, {data.fps:g} fps, {len(data.class_names)} classes"
 
 
-def _caption(data: MotionData) -> str:
+def _footnotes(data: MotionData) -> list[str]:
     minutes = len(data.positions) / data.fps / 60
     short = int((data.lengths < EPISODE_FRAMES).sum())
-    lines = [
+    return [
         f"{'synthetic motion' if data.synthetic else 'recorded motion'}, {minutes:.1f} minutes, "
         f"{short} of {len(data.labels)} sequences shorter than {EPISODE_FRAMES} frames",
         f"split: {'as in the data' if data.is_test is not None else 'none in the data; held out from a fixed seed'}",
         f"licence: {data.license or 'not stated'}",
     ]
-    return "\n".join(lines)
 
 
 def describe_figure(data: MotionData, path: Path) -> None:

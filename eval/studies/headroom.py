@@ -16,13 +16,13 @@ from ehar.processes import check_workers
 from ehar.viewpoint import Workspace, from_cells, to_cells
 from eval.records.config import CONFIG, RunConfig, planner_config, run_config
 from eval.records.run_files import check_out
-from eval.render.tables import markdown
+from eval.render.tables import Table, markdown
 from eval.running.choice import make_planners
 from eval.running.episodes import Episodes, cut_scenarios, random_starts
 from eval.running.jobs import Workload, run_planners
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.scores.metrics import mean_acc
-from eval.scores.summary import NO_ACT, ORACLE
+from eval.scores.planner_summary import NO_ACT, ORACLE
 from recognition.setting import load_setting
 
 REFERENCES = (NO_ACT, ORACLE, "oracle-lookahead")  # what the fixed cameras stand beside
@@ -229,11 +229,59 @@ def _class_rows(
     )
 
 
+def headroom_tables(result: Headroom) -> list[Table]:
+    """Return the ways to place cameras, the accuracy at each polar angle, and the best viewpoint of each class."""
+    config = result.config
+    polars, azimuths = result.acc_mean.shape
+    title = (
+        f"{config.data}: sensor {config.conditions.sensor}, views {config.conditions.views}, {result.scenarios} test "
+        f"scenarios, {azimuths} x {polars} fixed cameras at {result.distance:g} m"
+    )
+    polar = np.degrees(result.viewpoints[:, 0, 2])
+    return [
+        Table(
+            title=title,
+            header=("camera", "mean acc", "chosen on"),
+            rows=tuple((row.name, f"{row.acc_mean:.1f}", row.chosen_on) for row in result.rows),
+            footnotes=(
+                "What is chosen on test is scored on what it was chosen from: read it as an upper bound.",
+                "* privileged: is handed the label and the future; from random starts, like no-act.",
+            ),
+        ),
+        Table(
+            title="By polar angle (0 looks down from straight above), mean over azimuths",
+            header=("polar [deg]", "mean acc", "worst azimuth", "best azimuth"),
+            rows=tuple(
+                (f"{angle:.1f}", f"{acc.mean():.1f}", f"{acc.min():.1f}", f"{acc.max():.1f}")
+                for angle, acc in zip(polar, result.acc_mean, strict=True)
+            ),
+            footnotes=(),
+        ),
+        Table(
+            title="The fixed viewpoint that shows each class best, chosen on test",
+            header=("class", "azimuth [deg]", "polar [deg]", "mean acc", "over the map"),
+            rows=tuple(
+                (
+                    row.class_name,
+                    f"{row.azimuth_deg:.1f}",
+                    f"{row.polar_deg:.1f}",
+                    f"{row.acc_mean:.1f}",
+                    f"{row.acc_mean_map:.1f}",
+                )
+                for row in result.classes
+            ),
+            footnotes=(),
+        ),
+    ]
+
+
 def _write(out: Path, config: Mapping[str, Any], result: Headroom) -> None:
     """Write config, numbers, tables and figure."""
-    from eval.studies.headroom_tables import draw_map, headroom_tables  # matplotlib takes a second to import
+    from eval.studies.headroom_figure import draw_map  # matplotlib takes a second to import
 
     write_text(out / CONFIG, [json_text(config)])
     write_text(out / "headroom.json", [json_text(result.to_json())])
-    write_text(out / "table.md", ["\n".join(markdown(table) for table in headroom_tables(result))])
-    draw_map(result, out / "headroom")
+    write_text(out / "table.md", [markdown(*headroom_tables(result))])
+    sensor = result.config.conditions.sensor
+    title = f"{result.config.data}, {sensor} sensor: fixed cameras at {result.distance:g} m"
+    draw_map(result.viewpoints, result.acc_mean, title, out / "headroom")

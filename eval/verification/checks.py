@@ -3,9 +3,7 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
-from rich.text import Text
+from eval.render.tables import Table
 
 OK, FAILED, UNCHECKED = "ok", "failed", "not checked"
 
@@ -45,9 +43,13 @@ class Verification:
         unchecked = [check.name for check in self.checks if check.result == UNCHECKED]
         return f"verified, but for what was not checked: {', '.join(unchecked)}" if unchecked else "verified"
 
+    @property
     def table(self) -> Table:
-        """Return one row a check, for the terminal."""
-        table = Table("checked", "result", "what", box=SIMPLE_HEAD, pad_edge=False)
-        for check in self.checks:
-            table.add_row(*map(Text, check))
-        return table
+        """One row a check."""
+        return Table(
+            title="Checks of the run",
+            header=("checked", "result", "what"),
+            rows=tuple((check.name, check.result, check.what) for check in self.checks),
+            footnotes=(),
+            words=frozenset((1, 2)),
+        )

@@ -4,13 +4,14 @@ from dataclasses import dataclass
 
 import torch
 
+from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
 from ehar.data.skeleton import Skeleton
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.ctrgcn import CTRGCN, PUBLISHED_STRIDES, PUBLISHED_WIDTHS
 from recognition.networks.features import channel_count
 from recognition.networks.graph import partition
-from recognition.training.config import Form, Size
+from recognition.training.config import Size
 
 Network = CausalCTRGCN | CTRGCN
 

@@ -18,7 +18,7 @@ from ehar.arrays import FloatArray
 from ehar.data.scenario import split_parts
 from ehar.data.source import load_data
 from ehar.errors import ModelError, UsageError
-from ehar.sensors.estimator import make_sensor
+from ehar.sensors.registry import make_sensor
 from recognition.calibration import fit_temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network, NetworkSpec

@@ -16,7 +16,7 @@ from ehar.data.scenario import split_parts
 from ehar.data.skeleton import Skeleton
 from ehar.data.source import BUILT_IN
 from ehar.errors import ModelError
-from ehar.sensors.estimator import SENSOR_NAMES, make_sensor
+from ehar.sensors.registry import SENSORS, make_sensor
 from recognition.calibration import Temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import NetworkSpec
@@ -227,7 +227,7 @@ def built_in(request: pytest.FixtureRequest) -> MotionData:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("views", REGIMES)
-@pytest.mark.parametrize("sensor", SENSOR_NAMES)
+@pytest.mark.parametrize("sensor", SENSORS)
 def test_shipped_weights(built_in: MotionData, sensor: str, views: str) -> None:
     recogniser = load_recogniser(None, built_in, sensor=sensor, views=views)
     path = recogniser_path(SHIPPED / built_in.name, form="causal", sensor=sensor, views=views)
@@ -255,7 +255,7 @@ def test_shipped_weights(built_in: MotionData, sensor: str, views: str) -> None:
 def test_nothing_else_is_shipped(name: str) -> None:
     expected = {
         recogniser_path(SHIPPED / name, form="causal", sensor=sensor, views=views).with_suffix(suffix)
-        for sensor in SENSOR_NAMES
+        for sensor in SENSORS
         for views in REGIMES
         for suffix in (".safetensors", ".json")
     }

@@ -15,7 +15,7 @@ from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeVectorEnv, GridEnv, GridVectorEnv, reward
 from ehar.envs.task import Episodes
 from ehar.errors import EpisodeError, UsageError
-from ehar.sensors.estimator import make_sensor
+from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import PerfectSensor
 from ehar.viewpoint import ANGLE_STEP, HOVER, MOVE_NAMES, Workspace
 from tests.helpers.fakes import CLASS_NAMES, FakeRecogniser, tiny_data, tiny_scenarios

@@ -14,7 +14,7 @@ from ehar.envs.environment import FlightEnv, FlightVectorEnv
 from ehar.errors import EpisodeError
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
-from ehar.sensors.estimator import make_sensor
+from ehar.sensors.registry import make_sensor
 from ehar.viewpoint import AZIMUTH, wrap_difference
 from tests.helpers.fakes import FakeRecogniser, tiny_scenarios
 

@@ -1,57 +1,60 @@
-"""The benchmark's table, in the terminal and in Markdown."""
+"""One table, in the terminal, in Markdown and in HTML."""
 
 import io
-from dataclasses import replace
 
 import pytest
 from rich.console import Console
 
-from eval.records.solves import Solves
-from eval.render.tables import benchmark_table, markdown_summary, paper_table, render_summary
-from tests.helpers.made_records import flown, summary_of, three_planners
+from eval.render.tables import Cell, Rendered, Table, html, markdown
+
+TABLE = Table(
+    title="Some <table>",
+    header=("name", "value", "what"),
+    rows=(
+        ("a*", Cell("1.5", "[1, 2]", 1.5), "some words"),
+        (Cell("b & c", value="b"), Cell("-"), "words " * 20),
+    ),
+    footnotes=("* starred.",),
+    bold=frozenset({(0, 1)}),
+    slanted=frozenset({1}),
+    words=frozenset({2}),
+    lower_is_better=frozenset({1}),
+)
 
 
-def test_the_table_marks_who_is_privileged_and_prints_percent() -> None:
-    table = benchmark_table(summary_of(three_planners()))
-    assert "tiny (synthetic)" in table.title
-    assert "9 episodes of 4 frames from 5 sequences" in table.title
-    assert [row[0] for row in table.rows] == ["no-act", "mine", "oracle*"]
-    assert table.rows[2][8] == "100.0 [100.0, 100.0]"
-    assert "| oracle\\* |" in markdown_summary(summary_of(three_planners()))
-
-
-def test_the_papers_rows_stand_beside_its_data_only() -> None:
-    summary = summary_of(three_planners())
-    assert paper_table(summary) is None
-    table = paper_table(replace(summary, data="expi"))
-    assert table is not None
-    gaps = {row[0]: row[-1] for row in table.rows}
-    # The paper's agent closes 46.4 % on ExPI, its best heuristic 7.0 %.
-    assert (gaps["il-ppo"], gaps["v-rotate"], gaps["oracle*"]) == ("46.4", "7.0", "100.0")
-
-
-def test_fallbacks_are_stated_below_the_table() -> None:
-    counted = Solves({"infeasible": 2, "ipopt-fallback": 1, "optimal": 7}, 3)
-    summary = summary_of(three_planners(), solves={"no-act": None, "mine": counted, "oracle": None})
-    note = "mine: 3 of 10 plans fell back (infeasible 2, ipopt-fallback 1, optimal 7)."
-    assert benchmark_table(summary).footnotes[-1] == note
-    written = summary.to_json()["planners"]
-    assert (written[1]["solves"], written[1]["fallback_share"]) == (counted.counts, 0.3)
-    assert (written[0]["solves"], written[0]["fallback_share"]) == (None, None)
-    clean = Solves({"optimal": 10}, 0)
-    without = summary_of(three_planners(), solves={"no-act": None, "mine": clean, "oracle": None})
-    assert not [line for line in benchmark_table(without).footnotes if "fell back" in line]
-
-
-def test_the_title_says_whose_probabilities_were_scored_unless_the_recogniser_s() -> None:
-    summary = summary_of(three_planners())
-    assert "readout" not in benchmark_table(summary).title
-    assert "readout belief, 9 episodes" in benchmark_table(replace(summary, readout="belief")).title
-
-
-@pytest.mark.parametrize("width", range(90, 240, 7))
-def test_no_cell_is_cut_off_in_a_terminal_of_any_width(width: int) -> None:
-    records = {name: flown(episodes) for name, episodes in three_planners().items()}
+def printed(width: int) -> str:
     console = Console(width=width, record=True, file=io.StringIO())
-    console.print(render_summary(summary_of(records, on_ideal=three_planners())))
-    assert "…" not in console.export_text()
+    console.print(Rendered(TABLE))
+    return console.export_text()
+
+
+def test_markdown_marks_what_is_bold_and_escapes_stars() -> None:
+    lines = markdown(TABLE).splitlines()
+    assert lines[0] == "**Some <table>**"
+    assert lines[2:5] == ["| name | value | what |", "| --- | --: | --- |", r"| a\* | **1.5 [1, 2]** | some words |"]
+    assert lines[-1] == r"\* starred."
+    assert markdown(TABLE, TABLE) == markdown(TABLE) + "\n" + markdown(TABLE)
+
+
+def test_html_holds_what_its_script_sorts_by() -> None:
+    page = html(TABLE, sortable=True)
+    assert '<table class="sortable"><caption hidden>Some &lt;table&gt;</caption>' in page
+    assert '<th scope="col" data-better="low"><button type="button">value</button></th>' in page
+    assert '<tr><td data-value="a*">a*</td><td data-value="1.5"><strong>1.5</strong>' in page
+    assert '<span class="interval">[1, 2]</span>' in page
+    assert '<tr class="slanted"><td data-value="b">b &amp; c</td><td data-value="">-</td>' in page
+    assert page.endswith('<ul class="notes"><li>* starred.</li></ul>')
+
+
+def test_html_without_a_script_has_no_buttons_and_shows_its_title() -> None:
+    page = html(TABLE)
+    assert "<button" not in page
+    assert "<caption>Some &lt;table&gt;</caption>" in page
+
+
+@pytest.mark.parametrize("width", [30, 60, 200])
+def test_words_go_on_on_the_next_line_in_the_terminal(width: int) -> None:
+    text = printed(width)
+    assert "…" not in text
+    assert "1.5 [1, 2]" in text
+    assert text.count("words") == 21

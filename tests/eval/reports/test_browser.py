@@ -101,7 +101,7 @@ def test_the_table_is_sorted_by_mouse_and_by_keyboard(opened: Any) -> None:
     page.locator("#table thead button").nth(mean).focus()
     page.keyboard.press("Enter")
     assert column(mean) == sorted(column(mean))
-    assert page.locator("#table tr.privileged").count() == 1
+    assert page.locator("#table tr.slanted").count() == 1
 
 
 def test_the_replay_is_scrubbed_played_and_turned(opened: Any) -> None:

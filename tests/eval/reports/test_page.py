@@ -94,7 +94,7 @@ def test_the_table_is_that_of_the_summary(tiny: tuple[Path, str]) -> None:
     rows = re.findall(r"<tr[^>]*><td data-value=.*?</tr>", page)[: len(summary["planners"])]
     for row, planner in zip(rows, summary["planners"], strict=True):
         assert f">{planner['name']}" in row
-        assert ('class="privileged"' in row) is planner["privileged"]
+        assert ('class="slanted"' in row) is planner["privileged"]
         assert f'data-value="{planner["acc_mean"]:.9g}"' in row
     assert "privileged, is handed the label" in page
 

@@ -3,7 +3,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eval.scores.metrics import ACC_AT, PROBABILITY_FLOOR, acc_at, ece, gap_closed, mean_acc, nll, path_length
+from eval.scores.metrics import (
+    ACC_AT,
+    PROBABILITY_FLOOR,
+    acc_at,
+    ece,
+    gap_closed,
+    mean_acc,
+    nll,
+    path_length,
+    reliability,
+)
 
 CORRECT = np.array([[0, 0, 1, 1, 1], [0, 1, 1, 0, 1]], dtype=bool)
 
@@ -74,3 +84,19 @@ def test_path_length_counts_metres_not_angles() -> None:
 
 def test_turning_at_the_pole_is_no_way() -> None:
     np.testing.assert_allclose(path_length(np.array([[7.0, 0.0, 0.0], [7.0, 2.0, 0.0]])), 0, atol=1e-12)
+
+
+def test_bins_hold_what_falls_into_them() -> None:
+    bins = reliability(np.array([[0.5, 0.52], [0.99, 1.0]]), np.array([[True, False], [True, True]]))
+    assert bins.share[7] == bins.share[14] == 0.5
+    assert (bins.accuracy[7], bins.accuracy[14]) == (0.5, 1.0)
+    assert bins.confidence[7] == pytest.approx(0.51)
+    assert np.isnan(np.delete(bins.accuracy, [7, 14])).all()
+
+
+def test_the_mean_distance_to_the_diagonal_is_the_calibration_error() -> None:
+    rng = np.random.default_rng(0)
+    sure, right = rng.random((40, 9)), rng.random((40, 9)) < 0.6
+    bins = reliability(sure, right)
+    assert bins.share.sum() == pytest.approx(1)
+    assert np.nansum(bins.share * np.abs(bins.accuracy - bins.confidence)) == pytest.approx(ece(sure, right))

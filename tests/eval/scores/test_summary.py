@@ -10,7 +10,7 @@ import pytest
 from ehar.errors import DataError
 from eval.records.episodes import episode_lines, read_episodes
 from eval.records.run_files import EPISODES, SUMMARY, write_run
-from eval.render.tables import benchmark_table, markdown_summary
+from eval.render.summary_table import benchmark_table, markdown_summary
 from tests.helpers.made_records import CONFIG_OF_RUN, flown, make_records, summary_of, three_planners
 
 

@@ -12,7 +12,8 @@ from ehar.errors import DataError
 from eval.records.episodes import EpisodeRecords
 from eval.records.solves import Solves
 from eval.render.figures import draw_accuracy
-from eval.render.tables import benchmark_table, differences_table, markdown, render_summary
+from eval.render.summary_table import benchmark_table, differences_table, render_summary
+from eval.render.tables import markdown
 from eval.scores.differences import SUBJECTS
 from eval.scores.metrics import ece, gap_closed, mean_acc, nll, path_length
 from eval.scores.statistics import BOOTSTRAP_SEED, RESAMPLES, interval, resample_counts, resampled_means

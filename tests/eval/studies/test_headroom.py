@@ -11,8 +11,7 @@ from ehar.errors import UsageError
 from ehar.viewpoint import AZIMUTH, POLAR
 from eval import headroom
 from eval.running.jobs import Interrupted
-from eval.studies.headroom import Headroom, best_per_class, viewpoint_map
-from eval.studies.headroom_tables import headroom_tables
+from eval.studies.headroom import Headroom, best_per_class, headroom_tables, viewpoint_map
 from tests.helpers.fakes import FakeRecogniser, tiny_data
 from tests.helpers.tiny_benchmarks import Log
 

@@ -15,7 +15,7 @@ from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
 from ehar.planner import Observation
 from ehar.rollout import rollout
-from ehar.sensors.estimator import make_sensor
+from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import PerfectSensor
 from ehar.viewpoint import MOVES, Workspace, apply_moves, from_cells, to_cells
 from planners.agents.agent import Agent, decide

@@ -10,7 +10,7 @@ from ehar.data.scenario import split_parts, windows
 from ehar.data.skeleton import Skeleton
 from ehar.data.source import load_data
 from ehar.errors import DataError
-from ehar.sensors.estimator import make_sensor
+from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import draw_noise
 from ehar.viewpoint import wrap_difference
 from planners.value.body_filter import UNIFORM_STD, BodyFilter, trunk_pairs

@@ -1,13 +1,20 @@
-"""The tables of an analysed run, for the terminal and in Markdown."""
+"""What an analysis of a finished run found, and its tables, for the terminal and in Markdown."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ehar.arrays import FloatArray
 from ehar.viewpoint import MOVE_NAMES
+from eval.records.config import RunConfig
 from eval.render.tables import Table, markdown
-from eval.scores.behaviour import LEVEL_FROM, STAGES
-from eval.scores.predictability import LEVELS, NO_EPISODE
-from eval.scores.seed_accuracy import TABLE_3_AT, Spread
-from eval.scores.summary import NO_ACT
-from eval.studies.agent_states import EVERY
-from eval.studies.analyse import MOVES_MADE, POSITIONS, STATES, Analysis
+from eval.scores.behaviour import LEVEL_FROM, STAGES, PositionHistogram
+from eval.scores.planner_summary import NO_ACT
+from eval.scores.predictability import LEVELS, NO_EPISODE, Predictability
+from eval.scores.seed_accuracy import TABLE_3_AT, SeedAccuracy, Spread
+from eval.studies.agent_states import EVERY, AgentStates, Purity
+
+POSITIONS, MOVES_MADE, STATES = "positions.png", "moves.png", "states.png"  # beside the tables, which name them
 
 _LEVEL_NAMES = ("instantly (10 %)", "early (50 %)", "late (100 %)", "not by the end")
 _NONE = "-"
@@ -18,6 +25,106 @@ _OF_CLASS = (
 _OF_EPISODE = (
     "An episode is as predictable as the first of 10, 50 and 100 % from which on it is classified correctly at each."
 )
+
+
+RUN_KEYS = (  # of config.json, that analysis.json repeats
+    *("source", "data", "data_sha256", "models", "recogniser_sha256", "sensor", "views", "form", "track", "readout"),
+    *("part", "starts", "seed", "length", "fps"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Positions:
+    """Where a planner's cameras were (Fig. 6): a histogram an axis, and the share of frames level with the people."""
+
+    histograms: tuple[PositionHistogram, ...]
+    level_share: float
+
+
+@dataclass(frozen=True, eq=False)
+class StateMap:
+    """States of a learned planner in the plane (Fig. 7e), and how well classes are told apart in them.
+
+    Args:
+        planner: whose, by record name.
+        states: (M, ...), those drawn.
+        mapped: (M, 2).
+        purity: in the space of the states, not in the plane.
+    """
+
+    planner: str
+    states: AgentStates
+    mapped: FloatArray
+    purity: Purity
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """All analyses of a run.
+
+    Args:
+        config: of the run.
+        episodes: how many, of each training seed.
+        class_names: K.
+        seed_accuracy: Table 3, those of its planners that ran.
+        predictable: Table 4: of no-act, where it ran, and of each planner chosen.
+        positions: Fig. 6, of the same.
+        moves: Fig. 7a-d, of each planner chosen, (4, 7); None for a run in flight.
+        states: Fig. 7e; None where no planner was named.
+    """
+
+    config: RunConfig
+    episodes: int
+    class_names: tuple[str, ...]
+    seed_accuracy: tuple[SeedAccuracy, ...]
+    predictable: Mapping[str, Predictability]
+    positions: Mapping[str, Positions]
+    moves: Mapping[str, FloatArray] | None
+    states: StateMap | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what analysis.json holds."""
+        told = self.config.to_json()
+        return {
+            "run": {**{key: told[key] for key in RUN_KEYS}, "episodes": self.episodes},
+            "table_3": [_seeds_json(row) for row in self.seed_accuracy],
+            "table_4": {name: of.to_json(self.class_names) for name, of in self.predictable.items()},
+            "figure_6": {name: _positions_json(of) for name, of in self.positions.items()},
+            "figure_7": None if self.moves is None else {name: _moves_json(of) for name, of in self.moves.items()},
+            "states": None if self.states is None else _states_json(self.states),
+        }
+
+
+def _seeds_json(row: SeedAccuracy) -> dict[str, Any]:
+    return {
+        "name": row.name,
+        "seeds": row.seeds,
+        "acc": {percent: of._asdict() for percent, of in row.acc.items()},
+        "acc_mean": row.acc_mean._asdict(),
+    }
+
+
+def _positions_json(of: Positions) -> dict[str, Any]:
+    axes = {
+        histogram.axis.name: {
+            "unit": histogram.axis.unit,
+            "edges": histogram.axis.edges.tolist(),
+            "density": histogram.density.tolist(),
+            "mean": histogram.mean,
+            "std": histogram.std,
+            "from_uniform": histogram.from_uniform,
+        }
+        for histogram in of.histograms
+    }
+    return {**axes, "level_share": of.level_share}
+
+
+def _moves_json(shares: FloatArray) -> dict[str, dict[str, float]]:
+    return {stage: dict(zip(MOVE_NAMES, row.tolist(), strict=True)) for stage, row in zip(STAGES, shares, strict=True)}
+
+
+def _states_json(of: StateMap) -> dict[str, Any]:
+    return {"planner": of.planner, "states": len(of.mapped), "size": of.states.state.shape[1], **of.purity._asdict()}
 
 
 def analysis_tables(analysis: Analysis) -> list[Table]:
@@ -34,7 +141,9 @@ def analysis_tables(analysis: Analysis) -> list[Table]:
 
 def analysis_markdown(analysis: Analysis) -> str:
     """Return all tables and pictures of an analysis in Markdown."""
-    pieces = [f"# {analysis.conditions.title}: {analysis.episodes} episodes of {analysis.conditions.length} frames\n"]
+    pieces = [
+        f"# {analysis.config.title}: {analysis.episodes} episodes of {analysis.config.conditions.length} frames\n"
+    ]
     if analysis.seed_accuracy:
         pieces.append(markdown(seeds_table(analysis)))
     pieces += [markdown(of(analysis)) for of in (counts_table, classes_table, shares_table, positions_table)]

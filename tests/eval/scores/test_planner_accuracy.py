@@ -2,8 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from eval.scores.accuracy_bands import accuracy_bands
-from eval.scores.planner_accuracy import resample_sequences
+from eval.scores.planner_accuracy import accuracy_bands, resample_sequences
 from eval.scores.training_seeds import curves
 from tests.helpers.made_records import make_records, three_planners
 

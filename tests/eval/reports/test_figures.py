@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eval.scores.pareto import pareto_front
+from eval.reports.figures import pareto_front
 
 
 def test_what_costs_more_and_is_worth_no_more_is_not_on_the_front() -> None:
