@@ -1,8 +1,10 @@
 """Which network: the causal form or the published one, in the small or the published size."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import torch
+from annotated_types import Ge
 
 from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
@@ -39,7 +41,7 @@ class NetworkSpec:
     skeleton: Skeleton
     persons: int
     fps: float
-    length: int
+    length: Annotated[int, Ge(1)]
 
     @classmethod
     def of(cls, data: MotionData, *, form: Form, size: Size, length: int) -> "NetworkSpec":
