@@ -4,29 +4,29 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ehar.errors import UsageError
 from ehar.viewpoint import cartesian, sample_starts
-from planners.search.solver import CAPPED_TOLERANCE, TOLERANCE, SolveStatus, TrajectorySolver
+from planners.search.solver import TOLERANCE, SolveStatus, TrajectorySolver
 from planners.search.task import Trajectory, TrajectoryLimits, TrajectoryTask
 from planners.value.view_basis import BASIS_SIZE, view_basis
 from tests.helpers.trajectory_tasks import FLIGHT, GRID, HORIZON, random_task
 
 SOLVER = TrajectorySolver()
-CAPPED = TrajectorySolver(max_iterations=6)
+CAPPED, ONCE = TrajectorySolver(max_iterations=6), TrajectorySolver(max_iterations=1)
 seeds = st.integers(0, 10_000)
 
 
 def largest_excess(task: TrajectoryTask, trajectory: Trajectory) -> float:
-    """Return by how much a trajectory exceeds any limit, from scratch, in units of the limit ([m] and [rad])."""
+    """Return by how much a trajectory exceeds any limit, from scratch, in its units; of positions in [m], [rad]."""
     limits, time = task.limits, task.node_time
     p, v, a, j = trajectory
     excess = [
         np.abs(p[1:] - (p + time * v + time**2 / 2 * a)[:-1] - time**3 / 6 * j).max(),
-        np.abs(v[1:] - (v + time * a)[:-1] - time**2 / 2 * j).max(),
-        np.abs(a[1:] - a[:-1] - time * j).max(),
+        (np.abs(v[1:] - (v + time * a)[:-1] - time**2 / 2 * j) / limits.velocity).max(),
+        (np.abs(a[1:] - a[:-1] - time * j) / limits.acceleration).max(),
         np.abs([p[0] - task.position, v[0] - task.velocity, a[0] - task.acceleration]).max(),
         (np.abs(v[1:]) / limits.velocity).max() - 1,
         (np.abs(a[1:]) / limits.acceleration).max() - 1,
@@ -35,7 +35,7 @@ def largest_excess(task: TrajectoryTask, trajectory: Trajectory) -> float:
         (p[1:, 0] - task.workspace.distance_max).max(),
         (task.workspace.polar_min - p[1:, 2]).max(),
         (p[1:, 2] - task.workspace.polar_max).max(),
-        np.abs([v[-1], a[-1]]).max(),
+        np.abs([v[-1] / limits.velocity, a[-1] / limits.acceleration]).max(),
     ]
     step = 1e-6
     speed = np.linalg.norm(cartesian(p + step * v) - cartesian(p - step * v), axis=1)[1:] / (2 * step)
@@ -72,14 +72,15 @@ def test_plans_keep_the_limits_and_can_be_followed_by_others(seed: int, limits: 
 
 @settings(max_examples=25, deadline=None)
 @given(seeds, st.sampled_from([FLIGHT, GRID]))
-def test_capped_plans_nearly_keep_the_limits_too(seed: int, limits: TrajectoryLimits) -> None:
+@example(152, GRID)  # was stopped with a gap of 0.03 m/s between velocity and acceleration
+def test_capped_plans_keep_the_limits_too(seed: int, limits: TrajectoryLimits) -> None:
     rng = np.random.default_rng(seed)
     task, previous = random_task(rng, limits=limits, node_time=0.08 if limits.shared else 0.2), None
-    for _ in range(3):
-        previous = CAPPED.solve_best(task, sample_starts(rng, 8), previous, task.node_time)
+    for solver in (CAPPED, CAPPED, ONCE):
+        previous = solver.solve_best(task, sample_starts(rng, 8), previous, task.node_time)
         assert not previous.fell_back
-        assert previous.violation <= CAPPED_TOLERANCE
-        assert largest_excess(task, previous.trajectory) <= 10 * CAPPED_TOLERANCE
+        assert previous.violation <= TOLERANCE
+        assert largest_excess(task, previous.trajectory) <= 5 * TOLERANCE  # the position's unit is 5 m
         position, velocity, acceleration, _ = previous.trajectory
         task = replace(task, position=position[1], velocity=velocity[1], acceleration=acceleration[1])
 
