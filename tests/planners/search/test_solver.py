@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ehar.errors import UsageError
@@ -12,6 +12,7 @@ from ehar.viewpoint import cartesian, sample_starts
 from planners.search.solver import TOLERANCE, SolveStatus, TrajectorySolver
 from planners.search.task import Trajectory, TrajectoryLimits, TrajectoryTask
 from planners.value.view_basis import BASIS_SIZE, view_basis
+from tests.helpers.examples import share_of_examples
 from tests.helpers.trajectory_tasks import FLIGHT, GRID, HORIZON, random_task
 
 SOLVER = TrajectorySolver()
@@ -53,7 +54,7 @@ def peak_at(viewpoint: np.ndarray) -> np.ndarray:
     return weights
 
 
-@settings(max_examples=25, deadline=None)
+@share_of_examples(0.25)
 @given(seeds, st.sampled_from([FLIGHT, GRID]))
 def test_plans_keep_the_limits_and_can_be_followed_by_others(seed: int, limits: TrajectoryLimits) -> None:
     rng = np.random.default_rng(seed)
@@ -70,7 +71,7 @@ def test_plans_keep_the_limits_and_can_be_followed_by_others(seed: int, limits: 
         task = replace(task, field_weights=task.field_weights + 0.3 * rng.normal(size=BASIS_SIZE))
 
 
-@settings(max_examples=25, deadline=None)
+@share_of_examples(0.25)
 @given(seeds, st.sampled_from([FLIGHT, GRID]))
 @example(152, GRID)  # was stopped with a gap of 0.03 m/s between velocity and acceleration
 def test_capped_plans_keep_the_limits_too(seed: int, limits: TrajectoryLimits) -> None:
@@ -85,7 +86,7 @@ def test_capped_plans_keep_the_limits_too(seed: int, limits: TrajectoryLimits) -
         task = replace(task, position=position[1], velocity=velocity[1], acceleration=acceleration[1])
 
 
-@settings(max_examples=10, deadline=None)
+@share_of_examples(0.1)
 @given(seeds)
 def test_fatrop_and_ipopt_and_a_warm_start_find_the_same_optimum(seed: int) -> None:
     rng = np.random.default_rng(seed)
