@@ -43,11 +43,6 @@ class Solution:
     seconds: float  # wall time, all seeds and fallbacks together
 
     @property
-    def fell_back(self) -> bool:
-        """Whether this is not what the solver that was asked for has found."""
-        return self.status not in (SolveStatus.OPTIMAL, SolveStatus.CAPPED)
-
-    @property
     def held(self) -> bool:
         """Whether the viewpoint is held because there is no trajectory."""
         return self.status in (SolveStatus.INFEASIBLE, SolveStatus.NAN_FIELD)

@@ -5,7 +5,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ehar.arrays import FloatArray
-from ehar.flight.cases import random_vehicle, random_viewpoints
 from ehar.flight.kinematics import SphericalState
 from ehar.flight.limits import keeps_limits
 from ehar.flight.profile import JerkProfile
@@ -14,6 +13,7 @@ from ehar.flight.time_optimal import TimeOptimal
 from ehar.flight.vehicle import VEHICLES
 from ehar.viewpoint import AZIMUTH, Workspace, wrap_difference
 from tests.helpers.examples import share_of_examples
+from tests.helpers.flight_cases import random_vehicle, random_viewpoints
 
 FLIGHTS = 40
 LEVEL = np.pi / 2
