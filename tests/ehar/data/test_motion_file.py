@@ -66,7 +66,6 @@ def test_reads_what_the_schema_says(tmp_path: Path) -> None:
     assert data.license == "CC0"
     assert not data.synthetic
     np.testing.assert_array_equal(data.positions, arrays["positions"])
-    assert load_motion(tmp_path / "some.npz", name="other").name == "other"
 
 
 def test_split_and_subjects_are_optional_and_other_arrays_ignored(tmp_path: Path) -> None:
