@@ -4,7 +4,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import log_softmax
 
@@ -12,6 +12,7 @@ from ehar.errors import DataError, ModelError
 from ehar.files import parse_json
 from planners.value.belief import Belief, BeliefModel, knot_weights, noise_basis, readout
 from recognition.calibration import KNOTS
+from tests.helpers.examples import share_of_examples
 
 FITTED = BeliefModel(
     log_scale=(0.2, 0.1, 0.0, -0.1, -0.2),
@@ -83,7 +84,7 @@ def test_the_default_believes_the_recogniser():
     np.testing.assert_allclose(readout(BeliefModel(), log_probs, viewpoints), log_probs, atol=5e-3)
 
 
-@settings(deadline=None, max_examples=30)
+@share_of_examples(0.3)
 @given(seed=st.integers(0, 1000), noise=st.floats(-3, 3))
 def test_independent_evidence_under_a_wide_prior_averages_to_the_recogniser(seed, noise):
     log_probs, viewpoints = rollouts(seed=seed)
@@ -97,7 +98,7 @@ def test_independent_evidence_under_a_wide_prior_averages_to_the_recogniser(seed
         np.testing.assert_allclose(belief.variance, np.exp(noise) / (frame + 1), rtol=1e-6)
 
 
-@settings(deadline=None, max_examples=50)
+@share_of_examples(0.5)
 @given(
     seed=st.integers(0, 1000),
     correlation=st.floats(0, 0.98),
@@ -117,7 +118,7 @@ def test_every_filter_gives_probabilities_and_positive_variances(seed, correlati
         np.testing.assert_allclose(belief.mean.sum(axis=-1), 0.0, atol=1e-8)
 
 
-@settings(deadline=None, max_examples=20)
+@share_of_examples(0.2)
 @given(seed=st.integers(0, 1000))
 def test_classes_in_another_order_are_believed_in_that_order(seed):
     log_probs, viewpoints = rollouts(seed=seed)
