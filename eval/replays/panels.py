@@ -10,9 +10,9 @@ from matplotlib.text import Text
 
 from ehar.arrays import FloatArray
 from ehar.viewpoint import AZIMUTH, POLAR, wrap_azimuth
+from eval.render.field_map import COLOUR_MAP
 from eval.replays.episode import CameraReplay, EpisodeReplay
 from eval.replays.style import FAINT, GREY, GRID, LOOKS, SOFT, TEXT, Look, bone_colours, outlined, shortened
-from eval.studies.explain_figure import COLOUR_MAP
 
 LONGEST_NAME = 17  # letters of a class that there is room for
 FIRST, WIDEST = 0.54, 0.34  # of the width of a panel: where bars begin, and how long they may be

@@ -13,9 +13,9 @@ from ehar.camera import look_at_rotation
 from ehar.errors import UsageError
 from ehar.files import replacing
 from ehar.viewpoint import DISTANCE, cartesian
+from eval.render.field_map import COLOUR_MAP
 from eval.replays.episode import MAP_AZIMUTHS, MAP_POLARS, CameraReplay, EpisodeReplay
 from eval.replays.style import LOOKS, PEOPLE, bone_colours
-from eval.studies.explain_figure import COLOUR_MAP
 
 if TYPE_CHECKING:
     import rerun as rr

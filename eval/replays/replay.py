@@ -10,6 +10,7 @@ from ehar.errors import UsageError
 from eval.replays.choice import Chosen, choose_episodes, choose_planners
 from eval.running.finished_run import FinishedRun, read_run
 from eval.running.progress import ConsoleReporter, Reporter
+from eval.running.run_summary import lead_planner, read_summary
 from eval.scores.training_seeds import first_trainings
 
 if TYPE_CHECKING:
@@ -102,8 +103,6 @@ def _records(run: FinishedRun, planners: Sequence[str]) -> tuple[tuple[str, ...]
     """Return the record names of the planners to show, and why these where none was asked for."""
     if planners:
         return tuple(run.record_name(name) for name in planners), ""
-    from eval.reports.data import lead_planner, read_summary
-
     lead = lead_planner(read_summary(run))
     shown = choose_planners(list(first_trainings(run.records)), lead)
     reason = f"{lead} is the most accurate planner that is not handed the truth" if lead else f"{shown[0]} is the first"

@@ -13,7 +13,7 @@ from eval.records.run_files import package_version
 from eval.replays.choice import RULE, RULE_ALONE, choose_episodes, choose_planners
 from eval.replays.data import replay_data
 from eval.reports.behaviour_figures import behaviour_figures
-from eval.reports.data import ReportData, read_summary, report_data
+from eval.reports.data import ReportData, report_data
 from eval.reports.figures import accuracy_figure, cost_figures, difference_figures
 from eval.reports.recognition_figures import predictability_figure, recognition_figures
 from eval.reports.tables import (
@@ -27,6 +27,7 @@ from eval.reports.tables import (
 )
 from eval.running.finished_run import class_names, read_run
 from eval.running.progress import ConsoleReporter, Reporter
+from eval.running.run_summary import read_summary
 from eval.scores.summary import NO_ACT
 from eval.scores.training_seeds import first_trainings
 

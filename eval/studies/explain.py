@@ -4,62 +4,24 @@ from pathlib import Path
 
 import numpy as np
 
-from ehar.arrays import FloatArray, IntArray
+from ehar.arrays import IntArray
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import split_parts
 from ehar.errors import UsageError
 from ehar.motion import GridMotion
-from ehar.planner import Context, Observation, Planner
-from ehar.rollout import Batch, Record, rollout
-from ehar.sensors.sensor import SensorNoise
+from ehar.planner import Context
+from ehar.rollout import Record, rollout
 from eval.running.benchmark import check_options, load_setting
-from eval.running.episodes import CHUNK, Episodes, cut_scenarios, random_starts
+from eval.running.episodes import CHUNK, cut_scenarios, random_starts
+from eval.running.picked_episodes import pick_episodes
 from eval.running.progress import ConsoleReporter, Reporter
+from eval.running.recorder import Recorder
 from eval.studies.explanation import Explanation
 from planners.registry import VALUING, make_planner, needs_gain_model
 from planners.value.model import GainModel, load_gain_model
 from planners.value.view_value import ViewValue
 
 FIRST_MOMENT, LAST_MOMENT = 0.1, 0.9  # of the episode
-
-
-class Recorder(Planner):
-    """Asks a planner, and keeps what it saw and said in an episode, with what views were worth.
-
-    Args:
-        planner: to ask.
-        model: the gain model that it was made with.
-    """
-
-    privileged = False
-
-    def __init__(self, planner: Planner, model: GainModel) -> None:
-        """Create the recorder."""
-        self.name = planner.name
-        self._planner = planner
-        self._value = ViewValue(model)
-
-    def reset(self, context: Context) -> None:
-        """Forget what was kept."""
-        self._planner.reset(context)
-        self._value.reset(context)
-        self.targets: list[FloatArray] = []
-        self.believed: list[FloatArray] = []
-        self.weights: list[FloatArray] = []
-        self.facing: list[FloatArray] = []
-        self.facing_std: list[FloatArray] = []
-
-    def act(self, observation: Observation) -> FloatArray:
-        """Return the planner's targets."""
-        target = self._planner.act(observation)
-        self._value.update(observation)
-        situation = self._value.situation
-        self.targets.append(target[0])
-        self.believed.append(situation.belief[0])
-        self.weights.append(self._value.weights[0])
-        self.facing.append(situation.facing[0].copy())
-        self.facing_std.append(situation.facing_std[0].copy())
-        return target
 
 
 def explain(
@@ -111,7 +73,7 @@ def explain(
     episodes = random_starts(cut_scenarios(setting.data, split_parts(setting.data).test, length, note), 1, seed)
     if not 0 <= episode < len(episodes):
         raise UsageError(f"episode: expected 0 to {len(episodes) - 1}, got {episode}")
-    batch = single_episode(episodes, episode)
+    batch = pick_episodes(episodes, [episode])
     motion = GridMotion()
     context = Context(
         episodes=1,
@@ -123,11 +85,12 @@ def explain(
         track="ideal",
         rng=episodes.planner_rng(planner, episode // CHUNK),
     )
-    recorder = Recorder(make_planner(planner, lambda: model), model)
+    recorder = Recorder(make_planner(planner, lambda: model))
     record = rollout(recorder, batch, setting.recogniser, setting.sensor, motion, context)
     return _explanation(
         recorder,
         record,
+        model,
         context,
         title=f"{setting.data.title}, {sensor} sensor, {views} views",
         sequence=batch.names[0],
@@ -142,22 +105,10 @@ def moments(length: int, count: int) -> IntArray:
     return np.unique(np.clip(np.rint(shares * length).astype(np.int64) - 1, 0, length - 2))
 
 
-def single_episode(episodes: Episodes, index: int) -> Batch:
-    """Return one episode alone, with the start viewpoint and the noise that it has in the benchmark."""
-    batch, place = episodes.batch(index // CHUNK), index % CHUNK
-    only = slice(place, place + 1)
-    return Batch(
-        positions=batch.positions[only],
-        labels=batch.labels[only],
-        starts=batch.starts[only],
-        noise=SensorNoise(*(draws[only] for draws in batch.noise)),
-        names=batch.names[only],
-    )
-
-
 def _explanation(
     recorder: Recorder,
     record: Record,
+    model: GainModel,
     context: Context,
     *,
     title: str,
@@ -165,7 +116,16 @@ def _explanation(
     label: int,
     moments: IntArray,
 ) -> Explanation:
-    """Return what a recorder kept of its only episode."""
+    """Return what a recorder kept of its only episode, with what views were worth in it."""
+    value = ViewValue(model)
+    value.reset(context)
+    believed, weights, facing, facing_std = [], [], [], []
+    for observation in recorder.observations:
+        value.update(observation)
+        believed.append(value.situation.belief[0])
+        weights.append(value.weights[0])
+        facing.append(value.situation.facing[0].copy())
+        facing_std.append(value.situation.facing_std[0].copy())
     return Explanation(
         title=title,
         planner=recorder.name,
@@ -174,11 +134,11 @@ def _explanation(
         label=label,
         viewpoints=record.viewpoints[0],
         recognised=np.exp(record.log_probs[0].astype(np.float64)),
-        targets=np.array(recorder.targets),
-        believed=np.array(recorder.believed),
-        weights=np.array(recorder.weights),
-        facing=np.array(recorder.facing),
-        facing_std=np.array(recorder.facing_std),
+        targets=np.array(recorder.targets)[:, 0],
+        believed=np.array(believed),
+        weights=np.array(weights),
+        facing=np.array(facing),
+        facing_std=np.array(facing_std),
         moments=moments,
         workspace=context.workspace,
     )

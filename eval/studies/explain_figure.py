@@ -14,10 +14,10 @@ from ehar.arrays import FloatArray
 from ehar.errors import UsageError
 from ehar.files import replacing
 from ehar.viewpoint import AZIMUTH, POLAR
+from eval.render.field_map import COLOUR_MAP
 from eval.studies.explanation import Explanation
 
 FORMATS = (".png", ".svg", ".pdf")
-COLOUR_MAP = "cividis"  # the same to colour-blind readers, and in grey
 NARROWEST = 10.0  # [inch], a picture, so that its titles have room
 MOST_CLASSES = 10  # that bars are drawn for
 TURNS = (-360.0, 0.0, 360.0)  # [deg]: lines are drawn three times, so that they go on where they leave the map
