@@ -1,7 +1,7 @@
 """The only loop: every frame of a batch of episodes is sensed, recognised, planned upon and moved, in lockstep."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -48,6 +48,19 @@ class Batch:
             names=tuple(
                 f"{name} from frame {first}" for name, first in zip(sequences, scenarios.first[chosen], strict=True)
             ),
+        )
+
+    @staticmethod
+    def joined(pieces: Sequence["Batch"]) -> "Batch":
+        """Return the episodes of several batches, one after another."""
+        return Batch(
+            positions=np.concatenate([piece.positions for piece in pieces]),
+            labels=np.concatenate([piece.labels for piece in pieces]),
+            starts=np.concatenate([piece.starts for piece in pieces]),
+            noise=SensorNoise(
+                *(np.concatenate(draws) for draws in zip(*(piece.noise for piece in pieces), strict=True))
+            ),
+            names=tuple(name for piece in pieces for name in piece.names),
         )
 
     def select(self, rows: IntArray | slice, frames: int | None = None) -> "Batch":

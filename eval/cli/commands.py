@@ -354,9 +354,7 @@ STUDY = Group(
             lambda result: show_tables(result.tables()),
             flags={
                 "run": RUN,
-                "planners": Flag(
-                    kind=tuple[str, ...], default=(), metavar="PLANNER ...", hint="il-ppo, or else nbv"
-                ),
+                "planners": Flag(kind=tuple[str, ...], default=(), metavar="PLANNER ...", hint="il-ppo, or else nbv"),
                 "states": Flag(metavar="AGENT", hint="none"),
                 "out": Flag(hint="RUN/analysis"),
             },

@@ -97,7 +97,7 @@ def _checks(planner: Planner, world: PlannerWorld) -> list[Check]:
         ),
         attempt(
             "leaves what it is shown as it is",
-            lambda: _said_changed(run.recorder.changed),
+            lambda: _said_changed(run.changed),
             expected="observations that nobody changes",
             mend="work on a copy: `target = observation.viewpoint.copy()`",
         ),

@@ -1,30 +1,19 @@
-"""The accuracy curve (Fig. 5), as PNG and SVG; the same numbers give the same bytes."""
+"""The accuracy curve (Fig. 5), as PNG and SVG, and what figures share; the same numbers give the same bytes."""
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patheffects import Normal, withStroke
 
 from ehar.arrays import FloatArray
 from ehar.files import replacing
-
-_COLOURS = (  # Okabe and Ito's, told apart by colour-blind readers too; yellow left out, as it fades on white
-    "#0072B2",
-    "#D55E00",
-    "#009E73",
-    "#CC79A7",
-    "#56B4E9",
-    "#E69F00",
-    "#7F5539",
-    "#6A51A3",
-    "#4D4D4D",
-    "#882255",
-    "#999933",
-)
-_GREY = "#6B6B6B"
+from eval.render.palette import GRID, LINE, NEUTRAL, THIN, looks
 
 
 def draw_accuracy(
@@ -43,13 +32,13 @@ def draw_accuracy(
     axes = figure.add_subplot()
     length = len(next(iter(curves.values())))
     ratios = 100 * np.arange(1, length + 1) / length
-    colours = dict(zip(curves, _cycle(len(curves)), strict=True))
-    for index, (name, curve) in enumerate(curves.items()):
-        line = _line(index, privileged=name in privileged)
-        axes.plot(ratios, 100 * curve, line, color=colours[name], linewidth=1.6)
+    styles = looks({name: name in privileged for name in curves})
+    for name, curve in curves.items():
+        look = styles[name]
+        axes.plot(ratios, 100 * curve, linestyle=look.line, color=look.colour, linewidth=LINE)
     chance = 100 / classes
-    axes.axhline(chance, color=_GREY, linewidth=0.8, linestyle=":")
-    axes.annotate("chance", (100, chance), (0, 3), textcoords="offset points", ha="right", color=_GREY, fontsize=8)
+    axes.axhline(chance, color=NEUTRAL, linewidth=THIN, linestyle=":")
+    axes.annotate("chance", (100, chance), (0, 3), textcoords="offset points", ha="right", color=NEUTRAL, fontsize=8)
     heights = np.array([100 * curve for curve in curves.values()])
     low = 10 * np.floor(min(heights.min(), chance) / 10)
     high = max(10 * np.ceil(heights.max() / 10), low + 10)
@@ -64,16 +53,32 @@ def draw_accuracy(
             annotation_clip=False,
             va="center",
             fontsize=8.5,
-            color=colours[name],
-            arrowprops={"arrowstyle": "-", "color": colours[name], "linewidth": 0.6, "relpos": (0, 0.5)},
+            color=styles[name].colour,
+            arrowprops={"arrowstyle": "-", "color": styles[name].colour, "linewidth": 0.6, "relpos": (0, 0.5)},
         )
     axes.set_xlabel("observed share of the episode [%]")
     axes.set_ylabel("accuracy [%]")
     axes.set_title(title, fontsize=9.5, loc="left")
-    axes.grid(axis="y", color="#E3E3E3", linewidth=0.6)
+    clean(axes)
+    save_figure(figure, stem)
+
+
+def clean(axes: Axes) -> None:
+    """Leave out what a reader does not need, and draw a grid to read heights by."""
+    axes.grid(axis="y", color=GRID, linewidth=THIN)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
-    save_figure(figure, stem)
+
+
+def outlined(width: float) -> list[Any]:
+    """Return effects that keep a line or a text apart from what is below it, by a white edge."""
+    return [withStroke(linewidth=width, foreground="white"), Normal()]
+
+
+def shortened(text: str, longest: int) -> str:
+    """Return text on one line, cut off where it has more letters than there is room for."""
+    line = " ".join(text.split())
+    return line if len(line) <= longest else f"{line[: longest - 1]}…"
 
 
 def save_figure(figure: Figure, stem: Path) -> None:
@@ -84,17 +89,6 @@ def save_figure(figure: Figure, stem: Path) -> None:
         for suffix, entries in metadata.items():
             with replacing(stem.with_name(stem.name + suffix)) as temporary:
                 figure.savefig(temporary, dpi=160, metadata=entries)
-
-
-def _cycle(count: int) -> list[str]:
-    return [_COLOURS[index % len(_COLOURS)] for index in range(count)]
-
-
-def _line(index: int, *, privileged: bool) -> str:
-    """Return a line style: dashed for the privileged, dash-dotted where colours begin anew."""
-    if privileged:
-        return "--"
-    return "-" if index < len(_COLOURS) else "-."
 
 
 def _spread(heights: Mapping[str, float], *, gap: float, high: float) -> dict[str, float]:

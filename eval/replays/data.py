@@ -11,8 +11,8 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.errors import EharError
 from ehar.viewpoint import Workspace, wrap_azimuth
+from eval.render.field_map import gain_over_directions
 from eval.replays.choice import Chosen
-from eval.replays.field_map import gain_over_directions
 from eval.replays.rerun import PlannerReplay, Replays, replay_run
 from eval.running.run import Run
 from eval.verification.inputs import check_inputs

@@ -9,7 +9,7 @@ from ehar.arrays import BoolArray, FloatArray
 from ehar.camera import Camera
 from ehar.data.skeleton import Skeleton
 from ehar.viewpoint import Workspace, cartesian
-from eval.replays.field_map import gain_over_directions
+from eval.render.field_map import gain_over_directions
 from eval.replays.rerun import PlannerReplay, replay_run
 from eval.running.run import Run
 from eval.verification.followed_way import VIEWPOINT

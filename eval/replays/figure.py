@@ -12,10 +12,11 @@ from matplotlib.text import Text
 from numpy.typing import NDArray
 
 from ehar.viewpoint import wrap_azimuth
+from eval.render.figures import shortened
+from eval.render.palette import PAIR, SOFT, STRONG, TEXT, Look
 from eval.replays.episode import CameraReplay, EpisodeReplay
 from eval.replays.panels import Beliefs, Course, DirectionMap, Image
 from eval.replays.scene import Scene
-from eval.replays.style import LOOKS, SOFT, TEXT, Look, shortened
 
 WIDTH, HEIGHT = 1280, 720  # [px]
 DPI = 100
@@ -50,7 +51,7 @@ class ReplayFigure:
         self._draw_left(WIDTH - MARGIN - columns)
         self._where = [
             self._draw_column(WIDTH - MARGIN + GAP - columns + index * (COLUMN + GAP), camera, look)
-            for index, (camera, look) in enumerate(zip(replay.cameras, LOOKS, strict=False))
+            for index, (camera, look) in enumerate(zip(replay.cameras, PAIR, strict=False))
         ]
         self._clock = self._text(WIDTH - MARGIN, 40, "", fontsize=13, ha="right", family="DejaVu Sans Mono")
         self._moving = [*(part for panel in self._panels for part in panel.moving), *self._where, self._clock]
@@ -92,11 +93,11 @@ class ReplayFigure:
         scene = Scene(self._axes(MARGIN, 84, width - MARGIN, 416), self._replay)
         self._panels.append(scene)
         key = [
-            Line2D([], [], color=SOFT, linewidth=3, label="path so far"),
+            Line2D([], [], color=SOFT, linewidth=STRONG, label="path so far"),
             Line2D(
                 [], [], color=SOFT, marker="D", markerfacecolor="white", markersize=7, linestyle=":", label="heads for"
             ),
-            Line2D([], [], color=TEXT, linewidth=2.2, label=f"people, {scene.enlarged:.1f} x enlarged"),
+            Line2D([], [], color=TEXT, linewidth=STRONG, label=f"people, {scene.enlarged:.1f} x enlarged"),
         ]
         self._figure.legend(
             handles=key,
@@ -115,7 +116,9 @@ class ReplayFigure:
         self._text(left, 98, shortened(camera.name, 24), fontsize=14, fontweight="bold", color=look.colour)
         replay = self._replay
         across, height = [left / WIDTH, (left + COLUMN) / WIDTH], 1 - 107 / HEIGHT
-        self._figure.add_artist(Line2D(across, [height, height], color=look.colour, linestyle=look.dash, linewidth=2.5))
+        self._figure.add_artist(
+            Line2D(across, [height, height], color=look.colour, linestyle=look.line, linewidth=STRONG)
+        )
         image = self._axes(left, 136, COLUMN, COLUMN * replay.camera.height / replay.camera.width)
         beliefs = self._axes(left, 332, COLUMN, 168)
         directions = self._axes(left + 56, 526, COLUMN - 56, 140)

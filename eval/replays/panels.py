@@ -10,9 +10,10 @@ from matplotlib.text import Text
 
 from ehar.arrays import FloatArray
 from ehar.viewpoint import AZIMUTH, POLAR, wrap_azimuth
+from eval.render.field_map import COLOUR_MAP
+from eval.render.figures import outlined, shortened
+from eval.render.palette import EDGE, FAINT, NEUTRAL, PAIR, SOFT, STRONG, TEXT, THIN, Look, bone_colours
 from eval.replays.episode import CameraReplay, EpisodeReplay
-from eval.replays.style import FAINT, GREY, GRID, LOOKS, SOFT, TEXT, Look, bone_colours, outlined, shortened
-from eval.studies.explain_figure import COLOUR_MAP
 
 LONGEST_NAME = 17  # letters of a class that there is room for
 FIRST, WIDEST = 0.54, 0.34  # of the width of a panel: where bars begin, and how long they may be
@@ -37,11 +38,11 @@ class Image:
         axes.set_facecolor(FAINT)
         axes.set_xticks([])
         axes.set_yticks([])
-        axes.spines[:].set_color(GRID)
+        axes.spines[:].set_color(EDGE)
         joints, self._bones = camera.seen.shape[-1], np.array(replay.skeleton.bones)
         self._colours = np.array(bone_colours(persons, len(self._bones)))
         self._dot_colours = np.array(bone_colours(persons, joints))
-        self._lines = LineCollection([], linewidths=2.2, capstyle="round")
+        self._lines = LineCollection([], linewidths=STRONG, capstyle="round")
         axes.add_collection(self._lines)
         self._dots = axes.scatter([], [], s=9, zorder=3)
         note = f"{self.enlarged:.1f} x enlarged"
@@ -88,7 +89,7 @@ class Beliefs:
                 parse_math=False,
             )
             axes.add_patch(Rectangle((FIRST, row + 0.18), WIDEST, 0.64, color=FAINT))
-            bar = Rectangle((FIRST, row + 0.18), 0.0, 0.64, color=look.colour if true else GREY)
+            bar = Rectangle((FIRST, row + 0.18), 0.0, 0.64, color=look.colour if true else NEUTRAL)
             axes.add_patch(bar)
             self._bars.append(bar)
             self._values.append(axes.text(1.0, row + 0.5, "", fontsize=9, va="center", ha="right", color=TEXT))
@@ -124,7 +125,7 @@ class DirectionMap:
         axes.set_xticks([0, 90, 180, 270, 360], ["0°", "90°", "180°", "270°", "360°"])
         axes.set_yticks([0, 45, 90], ["0° above", "45°", "90° level"])
         axes.tick_params(labelsize=8, colors=SOFT, length=3)
-        axes.spines[:].set_color(GRID)
+        axes.spines[:].set_color(EDGE)
         self._caption = axes.text(0, 1.085, NO_FIELD, transform=axes.transAxes, fontsize=8.5, color=SOFT)
         self._field = None
         if camera.gain is not None:
@@ -136,7 +137,7 @@ class DirectionMap:
                 interpolation="bilinear",
             )
         halo = outlined(5.0)
-        (self._trail,) = axes.plot([], [], color=look.colour, linewidth=2.6, path_effects=halo)
+        (self._trail,) = axes.plot([], [], color=look.colour, linewidth=STRONG, path_effects=halo)
         (self._goal,) = axes.plot(
             [], [], "D", markerfacecolor="white", markeredgecolor=look.colour, markeredgewidth=2, markersize=7
         )
@@ -178,11 +179,11 @@ class Course:
         axes.set_yticks([0, 50, 100])
         axes.tick_params(labelsize=8, colors=SOFT, length=3)
         axes.spines[["top", "right"]].set_visible(False)
-        axes.spines[["left", "bottom"]].set_color(GRID)
-        axes.hlines([0, 50, 100], 0.5, replay.frames + 0.5, colors=GRID, linewidths=0.8, zorder=0)
+        axes.spines[["left", "bottom"]].set_color(EDGE)
+        axes.hlines([0, 50, 100], 0.5, replay.frames + 0.5, colors=EDGE, linewidths=THIN, zorder=0)
         self._lines, self._ends, self._rights = [], [], []
-        for index, (camera, look) in enumerate(zip(replay.cameras, LOOKS, strict=False)):
-            self._lines += axes.plot([], [], color=look.colour, linewidth=2.4, linestyle=look.dash)
+        for index, (camera, look) in enumerate(zip(replay.cameras, PAIR, strict=False)):
+            self._lines += axes.plot([], [], color=look.colour, linewidth=STRONG, linestyle=look.line)
             self._ends += axes.plot([], [], "o", color=look.colour, markeredgecolor="white", markersize=8)
             strip = axes.imshow(
                 np.zeros((1, replay.frames, 4)),

@@ -13,9 +13,9 @@ from ehar.camera import look_at_rotation
 from ehar.errors import UsageError
 from ehar.files import replacing
 from ehar.viewpoint import DISTANCE, cartesian
+from eval.render.field_map import COLOUR_MAP
+from eval.render.palette import PAIR, PEOPLE, bone_colours
 from eval.replays.episode import MAP_AZIMUTHS, MAP_POLARS, CameraReplay, EpisodeReplay
-from eval.replays.style import LOOKS, PEOPLE, bone_colours
-from eval.studies.explain_figure import COLOUR_MAP
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -61,7 +61,7 @@ def write_recording(replay: EpisodeReplay, path: Path) -> None:
             stream.set_time(FRAME, sequence=frame + 1)
             stream.set_time(SECONDS, duration=(frame + 1) / replay.fps)
             _log_people(stream, replay, frame)
-            for camera, look in zip(replay.cameras, LOOKS, strict=False):
+            for camera, look in zip(replay.cameras, PAIR, strict=False):
                 _log_camera(stream, replay, camera, look.colour, frame)
                 _log_belief(stream, replay, camera, frame)
         stream.disconnect()
@@ -78,7 +78,7 @@ def _log_what_stays(stream: "rr.RecordingStream", replay: EpisodeReplay) -> None
     ]
     stream.log("about", rr.TextDocument("\n\n".join(lines), media_type="text/markdown"), static=True)
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    for camera, look in zip(replay.cameras, LOOKS, strict=False):
+    for camera, look in zip(replay.cameras, PAIR, strict=False):
         colour = _rgba(look.colour)
         pinhole = rr.Pinhole(
             focal_length=replay.camera.focal_length,

@@ -17,18 +17,19 @@ from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import Batch
-from ehar.sensors.sensor import SensorNoise
-from eval.running.episodes import Episodes, cut_scenarios, random_starts
+from eval.running.episodes import cut_scenarios, random_starts
 from eval.running.jobs import Workload
+from eval.running.recorder import Recorder
 from eval.running.run import Run
 from eval.verification.checks import FAILED, OK
 from eval.verification.followed_way import FollowedWay
 from eval.verification.inputs import Inputs
 from eval.verification.rerun import first_difference, make_again
+from planners.heuristic import NoAct
 from planners.registry import VALUING
 
 if TYPE_CHECKING:
-    from planners.value.view_value import ViewValue
+    from planners.value.model import GainModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,39 +76,6 @@ class Replays:
     notes: tuple[str, ...]
 
 
-class Listener(Planner):
-    """Asks a planner, if there is one, and keeps what it said.
-
-    Args:
-        name: of the planner, whose generator it is given.
-        planner: to ask; None stays where it is.
-        value: of views, kept beside it; None where the planner has no gain field.
-    """
-
-    def __init__(self, name: str, planner: Planner | None, value: "ViewValue | None") -> None:
-        """Keep nothing yet."""
-        self.name = name
-        self.privileged = planner is not None and planner.privileged
-        self.planner, self._value = planner, value
-
-    def reset(self, context: Context) -> None:
-        """Begin anew."""
-        self.targets: list[FloatArray] = []
-        self.weights: list[FloatArray] = []
-        for part in (self.planner, self._value):
-            if part is not None:
-                part.reset(context)
-
-    def act(self, observation: Observation) -> FloatArray:
-        """Return the planner's targets, (B, 3)."""
-        target = observation.viewpoint if self.planner is None else self.planner.act(observation)
-        self.targets.append(np.array(target))
-        if self._value is not None:
-            self._value.update(observation)
-            self.weights.append(self._value.weights.copy())
-        return target
-
-
 def replay_run(
     run: Run, inputs: Inputs, indices: Sequence[int], names: Sequence[str], *, advance: Callable[[str], None]
 ) -> Replays:
@@ -136,19 +104,14 @@ def replay_run(
     episodes = random_starts(scenarios, conditions.starts, conditions.seed)
     belief = inputs.place.load_gain_model().belief if run.config.readout == "belief" else None
     workload = Workload(inputs.setting.runner, episodes, belief)
-    batch = _batch(episodes, indices)
+    batch = episodes.pick(indices)
     asked = tuple(planner for planner in run.config.planners if planner.name in names)
     planners, left = make_again(replace(run.config, planners=asked), inputs.place)
     notes = [f"What {name} wanted is not shown: {left[name]}." for name in names if name in left]
     replayed = {}
     for name in names:
-        value = None
-        if name in planners and name in VALUING:
-            from planners.value.view_value import ViewValue
-
-            value = ViewValue(inputs.place.load_gain_model())
-        listener = Listener(name, planners.get(name), value)
-        replayed[name], astray = _replay(run, name, listener, workload, batch, indices)
+        model = inputs.place.load_gain_model() if name in planners and name in VALUING else None
+        replayed[name], astray = _replay(run, name, planners.get(name), model, workload, batch, indices)
         if name in planners and astray:
             notes.append(
                 f"What {name} wanted is not shown in {astray} of {len(indices)} episodes: asked once more, it would "
@@ -166,26 +129,32 @@ def replay_run(
     )
 
 
-def _batch(episodes: Episodes, indices: Sequence[int]) -> Batch:
-    """Return some episodes, with the starts and the noise that they had."""
-    pieces = [episodes.single(index) for index in indices]
-    return Batch(
-        positions=np.concatenate([piece.positions for piece in pieces]),
-        labels=np.concatenate([piece.labels for piece in pieces]),
-        starts=np.concatenate([piece.starts for piece in pieces]),
-        noise=SensorNoise(*(np.concatenate(draws) for draws in zip(*(piece.noise for piece in pieces), strict=True))),
-        names=tuple(name for piece in pieces for name in piece.names),
-    )
-
-
 def _replay(
-    run: Run, name: str, listener: Listener, workload: Workload, batch: Batch, indices: Sequence[int]
+    run: Run,
+    name: str,
+    planner: Planner | None,
+    model: "GainModel | None",
+    workload: Workload,
+    batch: Batch,
+    indices: Sequence[int],
 ) -> tuple[PlannerReplay, int]:
-    """Return what one planner did, and in how many episodes its targets lead elsewhere."""
+    """Return what one planner did, and in how many episodes its targets lead elsewhere.
+
+    Args:
+        run: the run.
+        name: of the planner's record.
+        planner: to ask; None where it cannot be made again.
+        model: of its gain field; None where it has none.
+        workload: of the run.
+        batch: the episodes.
+        indices: of them in the run.
+    """
     records, sensor = run.records[name], workload.runner.sensor
     way = records.viewpoint[list(indices)]
     motion = FollowedWay(workload.runner.track.new_motion(), way)
-    record = workload.roll(listener, batch, 0, motion)
+    recorder = Recorder(planner or NoAct(), name=name)  # from a recorded way one sees the same, whoever is asked
+    record = workload.roll(recorder, batch, 0, motion)
+    weights = [] if model is None else _field_weights(model, recorder.context, recorder.observations)
     difference = first_difference(name, records, np.array(indices), record)
     if difference is not None:
         raise DataError(difference)
@@ -194,15 +163,28 @@ def _replay(
         for frame in range(way.shape[1])
     ]
     astray: BoolArray = np.asarray(motion.elsewhere.any(axis=1))
-    led = np.zeros(len(way), dtype=bool) if listener.planner is None else ~astray
+    led = np.zeros(len(way), dtype=bool) if planner is None else ~astray
     return PlannerReplay(
         viewpoints=way,
         joints_2d=np.stack([sensed.joints_2d for sensed in frames], axis=1),
         confidence=np.stack([sensed.confidence for sensed in frames], axis=1),
         probabilities=np.exp(record.log_probs.astype(np.float64)),
-        targets=_by_episode(listener.targets, led),
-        weights=_by_episode(listener.weights, led),
+        targets=_by_episode(recorder.targets, led),
+        weights=_by_episode(weights, led),
     ), int(astray.sum())
+
+
+def _field_weights(model: "GainModel", context: Context, observations: Sequence[Observation]) -> list[FloatArray]:
+    """Return the weights of the gain field after each observation, (B, 21)."""
+    from planners.value.view_value import ViewValue
+
+    value = ViewValue(model)
+    value.reset(context)
+    weights = []
+    for observation in observations:
+        value.update(observation)
+        weights.append(value.weights.copy())
+    return weights
 
 
 def _by_episode(frames: list[FloatArray], kept: BoolArray) -> tuple[FloatArray | None, ...]:

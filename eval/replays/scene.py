@@ -11,8 +11,9 @@ from matplotlib.patches import Polygon
 from ehar.arrays import FloatArray
 from ehar.camera import look_at_rotation
 from ehar.viewpoint import DISTANCE, cartesian
+from eval.render.figures import outlined, shortened
+from eval.render.palette import EDGE, FAINT, LINE, PAIR, STRONG, THIN, Look, bone_colours
 from eval.replays.episode import CameraReplay, EpisodeReplay
-from eval.replays.style import FAINT, GRID, LOOKS, Look, bone_colours, outlined, shortened
 
 TILT = np.radians(28)  # of the view, from level
 SIDES = np.radians(np.arange(0.0, 360.0, 15.0))  # azimuths from which it may be seen
@@ -46,11 +47,11 @@ class Scene:
         self._draw_wire()
         self._draw_ground(extent)
         colours = bone_colours(replay.positions.shape[1], len(replay.skeleton.bones))
-        self._bones = LineCollection([], colors=colours, linewidths=2.4, capstyle="round", zorder=3)
+        self._bones = LineCollection([], colors=colours, linewidths=STRONG, capstyle="round", zorder=3)
         axes.add_collection(self._bones)
         self._cameras = [
             _CameraGlyph(axes, camera, look, self._to_plane, reach, above=index == 0)
-            for index, (camera, look) in enumerate(zip(replay.cameras, LOOKS, strict=False))
+            for index, (camera, look) in enumerate(zip(replay.cameras, PAIR, strict=False))
         ]
         self.moving: list[Artist] = [self._bones, *(part for camera in self._cameras for part in camera.moving)]
 
@@ -84,7 +85,7 @@ class Scene:
         ]
         lines = [cartesian(line) @ self._to_plane.T for line in (*rings, *arcs)]
         widths = [1.4 if polar == WIRE_POLARS[-1] else 0.8 for polar in WIRE_POLARS] + [0.8] * len(arcs)
-        self._axes.add_collection(LineCollection(lines, colors=GRID, linewidths=widths, zorder=1))
+        self._axes.add_collection(LineCollection(lines, colors=EDGE, linewidths=widths, zorder=1))
 
     def _draw_ground(self, extent: float) -> None:
         """Draw the ground that people stand on."""
@@ -105,13 +106,15 @@ class _CameraGlyph:
         self._camera, self._to_plane = camera, to_plane
         self._bodies = _bodies(camera.path, CAMERA_SIZE * reach) @ to_plane.T  # (L, 8, 2, 2)
         halo = outlined(3.0)
-        (self._trail,) = axes.plot([], [], color=look.colour, linewidth=3.0, zorder=4, path_effects=halo)
-        (self._sight,) = axes.plot([], [], color=look.colour, linewidth=0.9, linestyle=(0, (4, 4)), zorder=4, alpha=0.7)
-        (self._way,) = axes.plot([], [], color=look.colour, linewidth=1.5, linestyle=(0, (1, 1.5)), zorder=5)
+        (self._trail,) = axes.plot([], [], color=look.colour, linewidth=STRONG, zorder=4, path_effects=halo)
+        (self._sight,) = axes.plot(
+            [], [], color=look.colour, linewidth=THIN, linestyle=(0, (4, 4)), zorder=4, alpha=0.7
+        )
+        (self._way,) = axes.plot([], [], color=look.colour, linewidth=LINE, linestyle=(0, (1, 1.5)), zorder=5)
         (self._goal,) = axes.plot(
             [], [], "D", markerfacecolor="white", markeredgecolor=look.colour, markeredgewidth=2, markersize=8, zorder=5
         )
-        self._body = LineCollection([], colors=look.colour, linewidths=1.8, zorder=6)
+        self._body = LineCollection([], colors=look.colour, linewidths=LINE, zorder=6)
         axes.add_collection(self._body)
         self._name = axes.annotate(
             shortened(camera.name, LONGEST_NAME),

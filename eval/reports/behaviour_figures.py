@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 
 from ehar.viewpoint import MOVE_NAMES
+from eval.render.palette import looks
 from eval.reports.data import PlannerData, ReportData, finite
-from eval.reports.style import Figure, beside_no_act, colour_scale, figure, looks, pattern, plain
+from eval.reports.style import Figure, beside_no_act, colour_scale, figure, pattern, plain
 from eval.scores.behaviour import STAGES
 
 STAGE_PATTERNS = ("", "/", "x")
@@ -38,7 +39,7 @@ def _positions(data: ReportData, name: str, row: int) -> Figure:
                 "x": finite(histogram.axis.edges, 3),
                 "y": finite(np.append(share, share[-1]), 3),
                 "mode": "lines",
-                "line": {"shape": "hv", "color": look.colour, "dash": look.dash, "width": 2},
+                "line": {"shape": "hv", "color": look.token, "dash": look.dash, "width": 2},
                 "name": plain(one),
                 "hovertemplate": f"{plain(one)}: %{{y:.1f}} % of frames from %{{x:.1f}}<extra></extra>",
             }

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
+from eval.render.palette import LINE, STRONG, Look, looks
 from eval.reports.data import ReportData, finite
-from eval.reports.style import Figure, Look, figure, looks, plain
+from eval.reports.style import Figure, figure, plain
 from eval.scores.differences import Difference
 from eval.scores.planner_summary import NO_ACT, ORACLE
 
@@ -29,7 +30,7 @@ def accuracy_figure(data: ReportData, focus: str) -> Figure:
                     "x": ratios + ratios[::-1],
                     "y": finite(np.concatenate([band[:, 0], band[::-1, 1]]), 2),
                     "fill": "toself",
-                    "fillcolor": f"{styles[name].colour}/0.16",
+                    "fillcolor": f"{styles[name].token}/0.16",
                     "line": {"width": 0},
                     "mode": "lines",
                     "hoverinfo": "skip",
@@ -47,7 +48,7 @@ def accuracy_figure(data: ReportData, focus: str) -> Figure:
                 "legendgroup": plain(name),
                 "mode": "lines",
                 "opacity": 1.0 if name in banded else 0.55,
-                "line": {"color": look.colour, "dash": look.dash, "width": 3.0 if name == focus else 1.7},
+                "line": {"color": look.token, "dash": look.dash, "width": STRONG if name == focus else LINE},
                 "hovertemplate": f"{plain(name)}<br>%{{x:.0f}} % seen: %{{y:.1f}} %<extra></extra>",
             }
         )
@@ -206,7 +207,7 @@ def _errors(values: Any, ends: list[Any], *, thickness: float) -> dict[str, Any]
 
 
 def _marker(look: Look, size: int) -> dict[str, Any]:
-    return {"color": look.colour, "symbol": look.symbol, "size": size, "line": {"color": "@text", "width": 1}}
+    return {"color": look.token, "symbol": look.symbol, "size": size, "line": {"color": "@text", "width": 1}}
 
 
 def _legend(name: str, data: ReportData) -> str:

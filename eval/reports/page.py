@@ -10,6 +10,7 @@ from typing import Any
 
 from ehar.files import write_text
 from eval.records.config import package_version
+from eval.render.palette import DARK, LIGHT
 from eval.replays.choice import RULE, RULE_ALONE, choose_episodes, choose_planners
 from eval.replays.data import replay_data
 from eval.reports.behaviour_figures import behaviour_figures
@@ -78,7 +79,7 @@ def page(data: ReportData, replays: dict[str, Any], rule: str) -> str:
     focus = data.lead or names[0]
     return Template(_read("page.html")).substitute(
         title=escape(data.run.config.title),
-        style=_read("style.css"),
+        style=f"{_themes()}\n{_read('style.css')}",
         lead=escape(lead_sentence(data)),
         ran=what_ran(data),
         table=planner_table(data),
@@ -181,6 +182,12 @@ def _replay_part(data: ReportData, replays: dict[str, Any], rule: str) -> str:
         notes=f'<ul class="notes">{notes}</ul>' if notes else "",
         sensor="" if sensor == "perfect" else ": joints as the estimator reports them, missed ones left out",
     )
+
+
+def _themes() -> str:
+    """Return the colours of the page, light and dark, as CSS."""
+    dark = f"@media (prefers-color-scheme: dark) {{ :root {{ {DARK.css()} }} }}"
+    return f":root {{ {LIGHT.css()} }}\n{dark}"
 
 
 def _read(name: str) -> str:

@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from eval.render.palette import looks
 from eval.reports.data import PlannerData, ReportData, finite
-from eval.reports.style import Figure, beside_no_act, colour_scale, figure, looks, pattern, plain, shortened
+from eval.reports.style import Figure, beside_no_act, colour_scale, figure, pattern, plain, shortened
 from eval.scores.predictability import LEVELS, RATIOS
 
 LEVEL_COLOURS = ("@2", "@4", "@5", "@neutral")
@@ -55,8 +56,8 @@ def _calibration(data: ReportData, name: str) -> Figure:
                 "y": finite(100 * of.accuracy, 2),
                 "mode": "lines+markers",
                 "connectgaps": True,
-                "line": {"color": look.colour, "dash": look.dash},
-                "marker": {"color": look.colour, "symbol": look.symbol, "size": 8},
+                "line": {"color": look.token, "dash": look.dash},
+                "marker": {"color": look.token, "symbol": look.symbol, "size": 8},
                 "name": plain(one),
                 "hovertemplate": f"{plain(one)}<br>%{{x:.0f}} % sure: %{{y:.0f}} % right<extra></extra>",
             }

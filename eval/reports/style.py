@@ -1,47 +1,18 @@
-"""How planners look in the figures of a report, and the plain Plotly figures that they are drawn into.
+"""The plain Plotly figures that the figures of a report are drawn into.
 
 A figure is a dict of Plotly's JSON schema. Its colours are tokens that the page replaces by those of its light or dark
-theme: `@0` to `@5` of Okabe and Ito, `@neutral`, `@text`, `@grid`, `@paper`; `@0/0.2` is a fifth opaque.
+theme, see `eval.render.palette`: `@0` to `@5`, `@neutral`, `@text`, `@grid`, `@paper`; `@0/0.2` is a fifth opaque.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
-from typing import Any, NamedTuple
+from typing import Any
 
 from eval.scores.planner_summary import NO_ACT
 
 Figure = dict[str, Any]
 
-COLOURS = 6
 LONGEST_LABEL = 24  # characters of an axis's label; from 45 on Plotly cannot draw a confusion of few classes
-DASHES = ("solid", "dashdot", "longdash")
-TOLD_DASHES = ("dot", "dash")
-TOLD_SYMBOLS = ("star-open", "hexagram-open")
-SYMBOLS = ("circle", "square", "diamond", "triangle-up", "cross", "star", "pentagon", "triangle-down", "x", "hexagon")
-
-
-class Look(NamedTuple):
-    """How a planner is drawn: by colour, by dash and by symbol, so that no reader depends on one of them."""
-
-    colour: str
-    dash: str
-    symbol: str
-
-
-def looks(planners: Mapping[str, bool]) -> dict[str, Look]:
-    """Return how planners look, by name; `planners` says which were handed the truth. No-act is grey.
-
-    Those handed the truth are in the colour of the text, dotted or dashed.
-    """
-    rivals = [name for name, privileged in planners.items() if name != NO_ACT and not privileged]
-    told = [name for name, privileged in planners.items() if privileged]
-    found = {NO_ACT: Look("@neutral", "solid", "circle-open")}
-    for index, name in enumerate(rivals):
-        dash = DASHES[index // COLOURS % len(DASHES)]
-        found[name] = Look(f"@{index % COLOURS}", dash, SYMBOLS[index % len(SYMBOLS)])
-    for index, name in enumerate(told):
-        found[name] = Look("@text", TOLD_DASHES[index % len(TOLD_DASHES)], TOLD_SYMBOLS[index % len(TOLD_SYMBOLS)])
-    return {name: found[name] for name in planners}
 
 
 def plain(text: str) -> str:

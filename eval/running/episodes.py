@@ -1,7 +1,7 @@
 """The episodes of a run: the same scenarios, start viewpoints and sensor noise for every planner."""
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,10 +73,10 @@ class Episodes:
         noise = self.scenarios.draw_noise(np.random.default_rng([self.seed, _NOISE, index]), len(part))
         return Batch.of(self.scenarios, part.scenario, part.starts, noise)
 
-    def single(self, index: int) -> Batch:
-        """Return one episode alone, with the start viewpoint and the noise that it has in its chunk."""
-        place = index % CHUNK
-        return self.batch(index // CHUNK).select(slice(place, place + 1))
+    def pick(self, indices: Sequence[int]) -> Batch:
+        """Return some episodes, with the start viewpoints and the noise that they have in their chunks."""
+        pieces = [self.batch(index // CHUNK).select(slice(index % CHUNK, index % CHUNK + 1)) for index in indices]
+        return Batch.joined(pieces)
 
     def planner_rng(self, name: str, index: int) -> np.random.Generator:
         """Return the generator that a planner is given for one chunk."""

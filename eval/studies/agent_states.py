@@ -12,9 +12,10 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.scenario import part_of
 from ehar.errors import DataError, UsageError
-from ehar.planner import Context, Observation, Planner
+from ehar.planner import Observation, Planner
 from eval.running.choice import ModelPlace
 from eval.running.progress import Reporter
+from eval.running.recorder import Recorder
 from eval.running.run import Run, same_episodes
 from planners.registry import is_learned
 from recognition.setting import load_setting
@@ -68,41 +69,34 @@ class Purity(NamedTuple):
     neighbours: int
 
 
-class StateKeeper(Planner):
-    """A planner that does what another does, and keeps its states.
+class StateKeeper:
+    """Keeps the states of a planner, batch by batch.
 
     Args:
         planner: has `state` (B, S) after each `act`.
-        name: that the planner ran under.
         every: of so many frames one is kept.
     """
 
-    def __init__(self, planner: Planner, *, name: str, every: int) -> None:
+    def __init__(self, planner: Planner, *, every: int) -> None:
         """Keep nothing yet."""
-        self.name = name
-        self.privileged = planner.privileged
         self._planner = planner
         self._every = every
         self._batches: list[list[FloatArray]] = []
 
-    def reset(self, context: Context) -> None:
-        """Begin a new batch."""
-        self._planner.reset(context)
-        self._batches.append([])
-
-    def act(self, observation: Observation) -> FloatArray:
-        """Return the other's targets, (B, 3).
+    def keep(self, observation: Observation) -> None:
+        """Keep the state after an observation, if its frame is among those that are kept.
 
         Raises:
-            UsageError: it has no states.
+            UsageError: the planner has no states.
         """
-        targets = self._planner.act(observation)
         state = getattr(self._planner, "state", None)
         if state is None:
-            raise UsageError(f"planner {self.name!r}: expected a learned one, with a state after each frame; has none")
+            name = self._planner.name
+            raise UsageError(f"planner {name!r}: expected a learned one, with a state after each frame; has none")
+        if observation.frame == 0:
+            self._batches.append([])
         if observation.frame % self._every == 0:
             self._batches[-1].append(np.array(state))
-        return targets
 
     @property
     def states(self) -> FloatArray:
@@ -155,9 +149,10 @@ def agent_states(run: Run, name: str, planner: Planner, *, reporter: Reporter, e
             raise DataError(f"{run.directory}: expected the {what} of the run, sha256 {wanted}, got {held}")
     scenarios = cut_scenarios(setting.data, part_of(setting.data, conditions.part), conditions.length, reporter.note)
     episodes = random_starts(scenarios, conditions.starts, conditions.seed)
-    keeper = StateKeeper(planner, name=name, every=every)
+    keeper = StateKeeper(planner, every=every)
+    recorder = Recorder(planner, name=name, answered=keeper.keep)
     # In this process, as the states stay in it.
-    again = run_planners(Workload(setting.runner, episodes), [keeper], workers=1, reporter=reporter)[name].records
+    again = run_planners(Workload(setting.runner, episodes), [recorder], workers=1, reporter=reporter)[name].records
     recorded = run.records[name]
     if not same_episodes(recorded, again):
         raise DataError(f"{run.directory}: expected to make its episodes once more, got others")

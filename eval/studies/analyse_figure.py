@@ -12,23 +12,14 @@ from matplotlib.ticker import FixedLocator, MultipleLocator
 from ehar.arrays import FloatArray, IntArray
 from ehar.files import replacing
 from ehar.viewpoint import AZIMUTH, MOVE_NAMES, POLAR
+from eval.render.figures import clean
+from eval.render.palette import CLASSES, EDGE, LINE, NEUTRAL, THIN, looks
 from eval.scores.behaviour import STAGES, PositionHistogram
 from eval.scores.planner_summary import NO_ACT
 from eval.studies.agent_states import Purity
 
-COLOURS = (  # Okabe and Ito's, told apart by colour-blind readers too; black and yellow left out
-    "#0072B2",
-    "#D55E00",
-    "#009E73",
-    "#CC79A7",
-    "#56B4E9",
-    "#E69F00",
-    "#7F5539",
-    "#6A51A3",
-)
 MARKERS = ("o", "^", "s", "D", "v", "P", "X", "*")  # each class has a colour and a marker; 64 pairs differ
 LEGEND_ROWS = 22
-_GREY, _LIGHT = "#6B6B6B", "#D9D9D9"
 _DIGIT_ROOM = 0.012  # of a panel's highest bar, above which its height is written
 _SIGNS = str.maketrans("-", "\N{MINUS SIGN}")
 
@@ -43,19 +34,21 @@ def draw_positions(histograms: Mapping[str, tuple[PositionHistogram, ...]], titl
     """
     axes = [histogram.axis for histogram in next(iter(histograms.values()))]
     figure = Figure(figsize=(9.0, 3.3), layout="constrained")
-    colours = _colours([name for name in histograms if name != NO_ACT])
+    styles = looks(dict.fromkeys(histograms, False))
     handles: dict[str, Any] = {}
     for index, (axis, place) in enumerate(zip(axes, figure.subplots(1, len(axes)), strict=True)):
         low, high = axis.edges[[0, -1]]
         for name, of in histograms.items():
             density = of[index].density
             if name == NO_ACT:
-                drawn = place.stairs(density, axis.edges, fill=True, color=_LIGHT, label=f"{name} (starts)")
+                drawn = place.stairs(density, axis.edges, fill=True, color=EDGE, label=f"{name} (starts)")
             else:
-                drawn = place.stairs(density, axis.edges, color=colours[name], linewidth=1.8, label=name, baseline=None)
+                drawn = place.stairs(
+                    density, axis.edges, color=styles[name].colour, linewidth=LINE, label=name, baseline=None
+                )
             handles.setdefault(name, drawn)
         handles["uniform"] = place.hlines(
-            1 / (high - low), low, high, color=_GREY, linewidth=1.0, linestyle=":", label="uniform"
+            1 / (high - low), low, high, color=NEUTRAL, linewidth=THIN, linestyle=":", label="uniform"
         )
         place.set_xlim(low, high)
         place.set_ylim(0, 1.08 * max(of[index].density.max() for of in histograms.values()))
@@ -65,7 +58,7 @@ def draw_positions(histograms: Mapping[str, tuple[PositionHistogram, ...]], titl
             place.xaxis.set_major_locator(MultipleLocator(90 if axis.column == AZIMUTH else 15))
         else:
             place.xaxis.set_major_locator(FixedLocator([5, 7.5, 10, 12.5, 15]))
-        _clean(place)
+        clean(place)
     figure.suptitle(title, fontsize=9.5, x=0.01, ha="left")
     figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=6, fontsize=9, frameon=False)
     _save(figure, path)
@@ -80,7 +73,7 @@ def draw_moves(shares: Mapping[str, FloatArray], title: str, path: Path) -> None
         path: of the .png.
     """
     figure = Figure(figsize=(9.0, 5.0), layout="constrained")
-    colours = _colours(list(shares))
+    styles = looks(dict.fromkeys(shares, False))
     places = figure.subplots(2, 2, sharex=True, sharey=True)
     width = 0.8 / len(shares)
     slots = np.arange(len(MOVE_NAMES))
@@ -89,7 +82,7 @@ def draw_moves(shares: Mapping[str, FloatArray], title: str, path: Path) -> None
         for index, (name, of) in enumerate(shares.items()):
             heights = 100 * of[stage]
             x = slots + width * (index - (len(shares) - 1) / 2)
-            place.bar(x, heights, 0.92 * width, color=colours[name], label=name)
+            place.bar(x, heights, 0.92 * width, color=styles[name].colour, label=name)
             if len(shares) <= 2:
                 for at, height in zip(x, heights, strict=True):
                     place.text(at, height + _DIGIT_ROOM * top, f"{height:.0f}", ha="center", va="bottom", fontsize=7.5)
@@ -97,7 +90,7 @@ def draw_moves(shares: Mapping[str, FloatArray], title: str, path: Path) -> None
         place.set_ylim(0, 1.12 * top)
         place.set_xticks(slots, [name.translate(_SIGNS) for name in MOVE_NAMES], fontsize=8)
         place.tick_params(axis="x", length=0)
-        _clean(place)
+        clean(place)
     for place in places[:, 0]:
         place.set_ylabel("share of moves [%]")
     for place in places[1]:
@@ -127,8 +120,8 @@ def draw_states(
     place = figure.add_subplot()
     for rank, of in enumerate(held):
         here = mapped[label == of]
-        colour = COLOURS[rank % len(COLOURS)]
-        marker = MARKERS[(rank + rank // len(COLOURS)) % len(MARKERS)]
+        colour = CLASSES[rank % len(CLASSES)]
+        marker = MARKERS[(rank + rank // len(CLASSES)) % len(MARKERS)]
         place.scatter(
             here[:, 0],
             here[:, 1],
@@ -143,7 +136,7 @@ def draw_states(
     place.set_xticks([])
     place.set_yticks([])
     place.set_aspect("equal", adjustable="datalim")
-    place.spines[:].set_color(_LIGHT)
+    place.spines[:].set_color(EDGE)
     place.set_xlabel(
         f"t-SNE of {len(mapped)} states\nOf the {purity.neighbours} nearest in other sequences "
         f"{100 * purity.purity:.0f} % are of the class, by chance {100 * purity.chance:.0f} %",
@@ -152,18 +145,6 @@ def draw_states(
     figure.suptitle(title, fontsize=9.5, x=0.01, ha="left")
     figure.legend(loc="outside right center", ncols=columns, fontsize=8, frameon=False, markerscale=1.8)
     _save(figure, path)
-
-
-def _colours(names: list[str]) -> dict[str, str]:
-    """Return a colour for each planner."""
-    return {name: COLOURS[index % len(COLOURS)] for index, name in enumerate(names)}
-
-
-def _clean(place: Any) -> None:
-    """Leave out what a reader does not need."""
-    place.grid(axis="y", color="#E3E3E3", linewidth=0.6)
-    place.set_axisbelow(True)
-    place.spines[["top", "right"]].set_visible(False)
 
 
 def _save(figure: Figure, path: Path) -> None:

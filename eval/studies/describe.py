@@ -14,6 +14,7 @@ from ehar.data.scenario import split_parts, windows
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError, UsageError
 from ehar.files import replacing
+from eval.render.palette import BLUE, EDGE, LINE, SOFT, THIN, VERMILION
 from eval.render.tables import Table
 
 EPISODE_FRAMES = 60  # Sec. 5.1: L
@@ -23,7 +24,7 @@ ROW_HEIGHT = 1.8  # inches
 GROUND = -0.15  # [m] the lower edge of each row
 VIEW_AZIMUTH = np.radians(40)  # from the first person's facing: between front and side
 VIEW_ELEVATION = np.radians(15)
-LEFT, RIGHT, MIDDLE = "#c8502b", "#2b6cb0", "#555555"
+LEFT, RIGHT, MIDDLE = VERMILION, BLUE, SOFT
 PERSON_TINT = 0.45  # how far the second person's colours are mixed with white
 
 
@@ -151,13 +152,13 @@ def _draw(axis: Axes, joints: FloatArray, skeleton: Skeleton) -> None:
     right = left[skeleton.mirror] & ~left
     start, end = skeleton.bone_indices.T
     sides = np.select([left[start] | left[end], right[start] | right[end]], [1, 2], default=0)
-    axis.axhline(0.0, color="#cccccc", linewidth=0.8, zorder=0)
+    axis.axhline(0.0, color=EDGE, linewidth=THIN, zorder=0)
     for person in reversed(range(len(joints))):
         tint = PERSON_TINT * person / max(1, len(joints) - 1)
         palette = [np.array(to_rgb(color)) * (1 - tint) + tint for color in (MIDDLE, LEFT, RIGHT)]
         segments = np.stack([joints[person, start], joints[person, end]], axis=1)
         axis.add_collection(
-            LineCollection(list(segments), colors=[palette[side] for side in sides], linewidths=1.8, capstyle="round")
+            LineCollection(list(segments), colors=[palette[side] for side in sides], linewidths=LINE, capstyle="round")
         )
 
 

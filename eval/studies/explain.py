@@ -2,59 +2,19 @@
 
 import numpy as np
 
-from ehar.arrays import FloatArray, IntArray
+from ehar.arrays import IntArray
 from ehar.conditions import Conditions
 from ehar.errors import UsageError
-from ehar.planner import Context, Observation, Planner
 from eval.running.choice import ModelPlace
 from eval.running.episodes import CHUNK, cut_scenarios, random_starts
 from eval.running.progress import ConsoleReporter, Reporter
+from eval.running.recorder import Recorder
 from eval.studies.explanation import Explanation
 from planners.registry import VALUING, make_planner, needs_gain_model
-from planners.value.model import GainModel
 from planners.value.view_value import ViewValue
 from recognition.setting import load_setting
 
 FIRST_MOMENT, LAST_MOMENT = 0.1, 0.9  # of the episode
-
-
-class Recorder(Planner):
-    """Asks a planner, and keeps what it saw and said in an episode, with what views were worth.
-
-    Args:
-        planner: to ask.
-        model: the gain model that it was made with.
-    """
-
-    privileged = False
-
-    def __init__(self, planner: Planner, model: GainModel) -> None:
-        """Create the recorder."""
-        self.name = planner.name
-        self._planner = planner
-        self._value = ViewValue(model)
-
-    def reset(self, context: Context) -> None:
-        """Forget what was kept."""
-        self._planner.reset(context)
-        self._value.reset(context)
-        self.targets: list[FloatArray] = []
-        self.believed: list[FloatArray] = []
-        self.weights: list[FloatArray] = []
-        self.facing: list[FloatArray] = []
-        self.facing_std: list[FloatArray] = []
-
-    def act(self, observation: Observation) -> FloatArray:
-        """Return the planner's targets."""
-        target = self._planner.act(observation)
-        self._value.update(observation)
-        situation = self._value.situation
-        self.targets.append(target[0])
-        self.believed.append(situation.belief[0])
-        self.weights.append(self._value.weights[0])
-        self.facing.append(situation.facing[0].copy())
-        self.facing_std.append(situation.facing_std[0].copy())
-        return target
 
 
 def explain(
@@ -89,10 +49,19 @@ def explain(
     episodes = random_starts(cut_scenarios(setting.data, setting.sequences, length, note), 1, conditions.seed)
     if not 0 <= episode < len(episodes):
         raise UsageError(f"episode: expected 0 to {len(episodes) - 1}, got {episode}")
-    batch, runner = episodes.single(episode), setting.runner
+    batch, runner = episodes.pick([episode]), setting.runner
     motion = runner.track.new_motion()
-    recorder = Recorder(make_planner(planner, lambda: model), model)
+    recorder = Recorder(make_planner(planner, lambda: model))
     record = runner.roll(recorder, batch, episodes.planner_rng(planner, episode // CHUNK), motion)
+    value = ViewValue(model)
+    value.reset(recorder.context)
+    believed, weights, facing, facing_std = [], [], [], []
+    for observation in recorder.observations:
+        value.update(observation)
+        believed.append(value.situation.belief[0])
+        weights.append(value.weights[0])
+        facing.append(value.situation.facing[0].copy())
+        facing_std.append(value.situation.facing_std[0].copy())
     return Explanation(
         title=f"{setting.data.title}, {conditions.sensor} sensor, {conditions.views} views",
         planner=recorder.name,
@@ -101,11 +70,11 @@ def explain(
         label=int(batch.labels[0]),
         viewpoints=record.viewpoints[0],
         recognised=np.exp(record.log_probs[0].astype(np.float64)),
-        targets=np.array(recorder.targets),
-        believed=np.array(recorder.believed),
-        weights=np.array(recorder.weights),
-        facing=np.array(recorder.facing),
-        facing_std=np.array(recorder.facing_std),
+        targets=np.array([target[0] for target in recorder.targets]),
+        believed=np.array(believed),
+        weights=np.array(weights),
+        facing=np.array(facing),
+        facing_std=np.array(facing_std),
         moments=moments(length, frames),
         workspace=motion.workspace,
     )

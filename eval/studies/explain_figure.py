@@ -14,16 +14,16 @@ from ehar.arrays import FloatArray
 from ehar.errors import UsageError
 from ehar.files import replacing
 from ehar.viewpoint import AZIMUTH, POLAR
+from eval.render.field_map import COLOUR_MAP
+from eval.render.palette import LINE, NEUTRAL, PEOPLE, RIGHT, STRONG, TEXT, THIN, VERMILION, YELLOW
 from eval.studies.explanation import Explanation
 
 FORMATS = (".png", ".svg", ".pdf")
-COLOUR_MAP = "cividis"  # the same to colour-blind readers, and in grey
 NARROWEST = 10.0  # [inch], a picture, so that its titles have room
 MOST_CLASSES = 10  # that bars are drawn for
 TURNS = (-360.0, 0.0, 360.0)  # [deg]: lines are drawn three times, so that they go on where they leave the map
 
-_TRUE, _OTHER, _RECOGNISER = "#D55E00", "#7A8794", "#000000"  # Okabe and Ito's vermilion, and greys
-_PEOPLE = ("#56B4E9", "#CC79A7", "#009E73", "#E69F00")
+_TRUE, _OTHER, _RECOGNISER = VERMILION, NEUTRAL, TEXT
 _OUTLINE = (withStroke(linewidth=4.5, foreground="black"), Normal())
 
 
@@ -87,7 +87,7 @@ def _draw_maps(explanation: Explanation, axes: list[Any], colours: Any) -> None:
             field.azimuth, field.polar, 100 * field.gain, cmap=COLOUR_MAP, vmin=low, vmax=high, rasterized=True
         )
         place.contour(
-            field.azimuth, field.polar, field.gain, levels=[0.0], colors="white", linewidths=1.0, linestyles="-"
+            field.azimuth, field.polar, field.gain, levels=[0.0], colors="white", linewidths=THIN, linestyles="-"
         )
         _draw_path(explanation, frame, place)
         row, column = field.best
@@ -95,7 +95,7 @@ def _draw_maps(explanation: Explanation, axes: list[Any], colours: Any) -> None:
             field.azimuth[column],
             field.polar[row],
             "*",
-            color="#F0E442",
+            color=YELLOW,
             markersize=15,
             markeredgecolor="black",
             clip_on=False,
@@ -125,8 +125,10 @@ def _draw_path(explanation: Explanation, frame: int, place: Any) -> None:
     target = np.degrees(explanation.targets[frame])
     way = (target[AZIMUTH] - azimuth[frame] + 180) % 360 - 180
     for turn in TURNS:
-        place.plot(azimuth[frame:] + turn, polar[frame:], ":", color="white", linewidth=1.6, path_effects=_thin())
-        place.plot(azimuth[: frame + 1] + turn, polar[: frame + 1], color="white", linewidth=2.5, path_effects=_OUTLINE)
+        place.plot(azimuth[frame:] + turn, polar[frame:], ":", color="white", linewidth=LINE, path_effects=_thin())
+        place.plot(
+            azimuth[: frame + 1] + turn, polar[: frame + 1], color="white", linewidth=STRONG, path_effects=_OUTLINE
+        )
         here = azimuth[frame] + turn, polar[frame]
         if np.hypot(way, target[POLAR] - polar[frame]) > 1:
             place.annotate(
@@ -155,7 +157,7 @@ def _draw_facing(explanation: Explanation, frame: int, place: Any) -> None:
     bottom = place.get_xaxis_transform()
     azimuths, spreads = np.degrees(explanation.facing[frame]), np.degrees(explanation.facing_std[frame])
     for person, (azimuth, spread) in enumerate(zip(azimuths % 360, spreads, strict=True)):
-        colour, height = _PEOPLE[person % len(_PEOPLE)], -0.06 - 0.065 * person
+        colour, height = PEOPLE[person % len(PEOPLE)], -0.06 - 0.065 * person
         for turn in TURNS:
             ends = np.clip([azimuth + turn - spread, azimuth + turn + spread], 0, 360)
             if ends[1] > ends[0]:
@@ -178,15 +180,15 @@ def _map_key(persons: int) -> list[Any]:
     black = {"markeredgecolor": "black", "linestyle": "none"}
     people = [
         Line2D([], [], marker="^", color=colour, markersize=9, label=f"person {person + 1} faces", **black)  # type: ignore[arg-type]
-        for person, colour in zip(range(persons), _PEOPLE, strict=False)
+        for person, colour in zip(range(persons), PEOPLE, strict=False)
     ]
     return [
         Line2D([], [], marker="o", color="white", markersize=9, label="camera", **black),  # type: ignore[arg-type]
-        Line2D([], [], color="white", linewidth=2.5, path_effects=_OUTLINE, label="path so far"),
+        Line2D([], [], color="white", linewidth=STRONG, path_effects=_OUTLINE, label="path so far"),
         Line2D([], [], color="black", marker=">", linewidth=2, label="heads for"),
-        Line2D([], [], color="white", linestyle=":", linewidth=1.6, path_effects=_thin(), label="path from here on"),
-        Line2D([], [], color="white", linewidth=1.0, path_effects=_thin(), label="as good as here"),
-        Line2D([], [], marker="*", color="#F0E442", markersize=14, label="best view at this distance", **black),  # type: ignore[arg-type]
+        Line2D([], [], color="white", linestyle=":", linewidth=LINE, path_effects=_thin(), label="path from here on"),
+        Line2D([], [], color="white", linewidth=THIN, path_effects=_thin(), label="as good as here"),
+        Line2D([], [], marker="*", color=YELLOW, markersize=14, label="best view at this distance", **black),  # type: ignore[arg-type]
         *people,
     ]
 
@@ -237,16 +239,20 @@ def _draw_course(explanation: Explanation, place: Any) -> None:
     """Draw the true class's probability over the frames, what was recognised, and the moments shown."""
     frames = np.arange(1, len(explanation.viewpoints) + 1)
     place.fill_between(
-        frames, 0, 100, where=explanation.right, step="mid", color="#DCEBD9", linewidth=0, label="recognised rightly"
+        frames, 0, 100, where=explanation.right, step="mid", color=RIGHT, linewidth=0, label="recognised rightly"
     )
     place.plot(
-        frames, 100 * explanation.recognised[:, explanation.label], color=_RECOGNISER, linewidth=1.4, label="recogniser"
+        frames,
+        100 * explanation.recognised[:, explanation.label],
+        color=_RECOGNISER,
+        linewidth=LINE,
+        label="recogniser",
     )
     place.plot(
-        frames[:-1], 100 * explanation.believed[:, explanation.label], color=_TRUE, linewidth=2.2, label="belief"
+        frames[:-1], 100 * explanation.believed[:, explanation.label], color=_TRUE, linewidth=STRONG, label="belief"
     )
     for frame in explanation.moments:
-        place.axvline(frame + 1, color=_OTHER, linewidth=1.2, linestyle="--", zorder=1)
+        place.axvline(frame + 1, color=_OTHER, linewidth=THIN, linestyle="--", zorder=1)
     place.set_xlim(1, len(frames))
     place.set_ylim(0, 100)
     place.set_xlabel("frame (dashed: the moments above)")

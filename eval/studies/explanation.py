@@ -7,8 +7,8 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.viewpoint import Workspace, wrap_azimuth
+from eval.render.field_map import gain_over_directions
 from eval.render.tables import Table
-from eval.replays.field_map import gain_over_directions
 from planners.value.view_basis import field_value
 
 MAP_STEP = 2.0  # [deg], from one azimuth or polar angle of a map to the next

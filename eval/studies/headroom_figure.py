@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
 
 from ehar.arrays import FloatArray
-from eval.render.figures import save_figure
+from eval.render.figures import outlined, save_figure
+from eval.render.palette import VERMILION
 
 ARC_SLICES = 12  # straight pieces in which a cell's arc is drawn
 
@@ -32,10 +32,10 @@ def draw_map(viewpoints: FloatArray, acc_mean: FloatArray, title: str, stem: Pat
     outward = np.concatenate([[0.0], middles, [2 * polar[-1] - middles[-1]]])
     mesh = axes.pcolormesh(across, outward, np.repeat(acc_mean, ARC_SLICES, axis=1), cmap="viridis")
     row, column = np.unravel_index(acc_mean.argmax(), acc_mean.shape)
-    axes.plot(azimuth[column], polar[row], "o", markerfacecolor="none", markeredgecolor="#D55E00", markersize=11)
+    axes.plot(azimuth[column], polar[row], "o", markerfacecolor="none", markeredgecolor=VERMILION, markersize=11)
     axes.set_yticks(polar, [f"{angle:.0f}°" for angle in polar], fontsize=7)
     for label in axes.get_yticklabels():
-        label.set_path_effects([withStroke(linewidth=2, foreground="white")])
+        label.set_path_effects(outlined(2.0))
     axes.tick_params(axis="x", labelsize=8)
     axes.grid(False)
     figure.colorbar(mesh, ax=axes, label="mean accuracy [%]", shrink=0.8)

@@ -2,10 +2,10 @@ import json
 from pathlib import Path
 
 import pytest
+from eval.running.tracks import load_track, track_name
 
 from ehar.errors import UsageError
 from ehar.flight.vehicle import VEHICLES
-from eval.running.tracks import load_track, track_name
 from tests.helpers.vehicle_files import FILE_KEYS
 
 

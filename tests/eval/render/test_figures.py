@@ -4,7 +4,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from eval.render.figures import _cycle, _line, _spread, draw_accuracy
+from eval.render.figures import _spread, draw_accuracy
 from tests.helpers.made_records import summary_of, three_planners
 
 
@@ -29,13 +29,6 @@ def test_the_same_numbers_give_the_same_bytes(tmp_path: Path, suffix: str) -> No
     draw(tmp_path / "a")
     draw(tmp_path / "b")
     assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
-
-
-def test_planners_whose_colours_repeat_differ_in_their_lines() -> None:
-    colours = _cycle(22)
-    drawn = {(colour, _line(index, privileged=False)) for index, colour in enumerate(colours)}
-    assert len(drawn) == 22 > len(set(colours))
-    assert {_line(index, privileged=True) for index in range(22)} == {"--"}
 
 
 def test_labels_keep_apart_in_the_order_of_the_curves() -> None:

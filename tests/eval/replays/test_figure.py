@@ -8,10 +8,11 @@ from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from ehar.viewpoint import cartesian
+from eval.render.figures import shortened
+from eval.render.palette import PAIR
 from eval.replays.figure import HEIGHT, WIDTH, ReplayFigure
 from eval.replays.panels import Beliefs, Course, DirectionMap, Image, unbroken
 from eval.replays.scene import CLEAR, TILT, Scene, view_from_aside
-from eval.replays.style import LOOKS, shortened
 from tests.helpers.fakes import SKELETON
 from tests.helpers.replays import FRAMES, PERSONS, camera_replay, known_replay
 
@@ -104,7 +105,7 @@ def test_nothing_seen_is_an_empty_image() -> None:
 
 def test_bars_are_as_long_as_probabilities() -> None:
     replay = known_replay()
-    beliefs = Beliefs(axes(), replay, replay.cameras[0], LOOKS[0])
+    beliefs = Beliefs(axes(), replay, replay.cameras[0], PAIR[0])
     beliefs.show(4)
     widths = np.array([bar.get_width() for bar in beliefs._bars])
     expected = replay.cameras[0].probabilities[4, replay.shown_classes]
@@ -112,7 +113,7 @@ def test_bars_are_as_long_as_probabilities() -> None:
     most = replay.class_names[int(replay.cameras[0].probabilities[4].argmax())]
     assert beliefs._said.get_text().startswith(f"recognised: {most}, ")
     colours = [bar.get_facecolor() for bar in beliefs._bars]
-    assert colours[0] == to_rgba(LOOKS[0].colour) and to_rgba(LOOKS[0].colour) not in colours[1:]
+    assert colours[0] == to_rgba(PAIR[0].colour) and to_rgba(PAIR[0].colour) not in colours[1:]
 
 
 def test_the_true_class_comes_first_and_the_most_believed_follow() -> None:
@@ -127,7 +128,7 @@ def test_a_course_ends_at_the_frame_and_shows_where_it_was_right() -> None:
     replay = known_replay()
     course = Course(axes(), replay)
     course.show(3)
-    for camera, line, (strip, _), look in zip(replay.cameras, course._lines, course._rights, LOOKS, strict=True):
+    for camera, line, (strip, _), look in zip(replay.cameras, course._lines, course._rights, PAIR, strict=True):
         np.testing.assert_allclose(line.get_ydata(), 100 * camera.probabilities[:4, 1])
         pixels = strip.get_array()
         right = camera.probabilities.argmax(axis=1) == 1
@@ -147,7 +148,7 @@ def test_a_path_on_the_map_has_a_gap_where_it_leaves_it() -> None:
 
 def test_the_map_shows_the_field_of_the_frame() -> None:
     camera = known_replay().cameras[0]
-    shown = DirectionMap(axes(), camera, LOOKS[0])
+    shown = DirectionMap(axes(), camera, PAIR[0])
     assert shown._field is not None and camera.gain is not None
     for frame, of in ((2, 2), (FRAMES - 1, FRAMES - 2)):  # of the last frame there is none
         shown.show(frame)
@@ -155,6 +156,6 @@ def test_the_map_shows_the_field_of_the_frame() -> None:
         assert shown._field.get_clim() == (camera.gain[of].min(), camera.gain[of].max())
         low, high = camera.gain[of].min(), camera.gain[of].max()
         assert shown._caption.get_text() == f"gain field: {low:+.1f} (dark) to {high:+.1f} % (light)"
-    alone = DirectionMap(axes(), known_replay().cameras[1], LOOKS[1])
+    alone = DirectionMap(axes(), known_replay().cameras[1], PAIR[1])
     alone.show(0)
     assert alone._caption.get_text() == "all directions; it has no gain field"

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects
 import pytest
+from eval.running.finished_run import read_run
 from plotly.offline import get_plotlyjs
 
 from ehar.data.motion_file import save_motion
@@ -19,8 +20,6 @@ from eval.cli.main import main
 from eval.records.episodes import EpisodeRecords
 from eval.records.run_files import SUMMARY
 from eval.reports.page import for_script
-from eval.reports.style import looks
-from eval.running.finished_run import read_run
 from planners.heuristic import HRotate
 from planners.value.model import gain_model_path, save_gain_model
 from tests.helpers.commands import fails_with
@@ -280,12 +279,6 @@ def test_benchmark_writes_a_report_unless_told_not_to(tmp_path: Path, capsys: py
     assert (tmp_path / "with" / "report.html").is_file()
     main([*options, "--out", str(tmp_path / "without"), "--no-report"])
     assert not (tmp_path / "without" / "report.html").exists()
-
-
-def test_planners_look_different() -> None:
-    names = {"no-act": False, **{f"p{index}": False for index in range(11)}, "oracle": True, "oracle-lookahead": True}
-    assert len({look.symbol + look.colour for look in looks(names).values()}) == 14
-    assert len({look.dash + look.colour for look in looks(names).values()}) == 14
 
 
 def test_the_command_writes_the_same_report_each_time(

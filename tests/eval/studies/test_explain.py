@@ -4,6 +4,7 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 import pytest
+from eval.running.picked_episodes import pick_episodes
 
 from ehar.data.motion_file import save_motion
 from ehar.data.scenario import split_parts
@@ -12,7 +13,7 @@ from eval import benchmark
 from eval.cli.main import main
 from eval.records.episodes import read_episodes
 from eval.running.episodes import cut_scenarios, random_starts
-from eval.studies.explain import explain, moments, single_episode
+from eval.studies.explain import explain, moments
 from eval.studies.explain_figure import draw_explanation, shown_classes
 from eval.studies.explanation import Explanation, explain_table
 from planners.value.view_basis import field_value
@@ -67,7 +68,7 @@ def test_it_explains_the_benchmarks_own_episode(tmp_path: Path) -> None:
     recorded = read_episodes(tmp_path / "run" / "episodes.jsonl")["no-act"]
     episodes = random_starts(cut_scenarios(data, split_parts(data).test, 10, lambda _: None), 1, 0)
     for index in (0, 7):
-        alone, together = single_episode(episodes, index), episodes.batch(0)
+        alone, together = pick_episodes(episodes, [index]), episodes.batch(0)
         np.testing.assert_array_equal(alone.positions[0], together.positions[index])
         for draws, all_draws in zip(alone.noise, together.noise, strict=True):
             np.testing.assert_array_equal(draws[0], all_draws[index])

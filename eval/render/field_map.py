@@ -6,6 +6,8 @@ from ehar.arrays import FloatArray
 from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR
 from planners.value.view_basis import field_value
 
+COLOUR_MAP = "cividis"  # the same to colour-blind readers, and in grey
+
 
 def gain_over_directions(weights: FloatArray, here: FloatArray, azimuth: FloatArray, polar: FloatArray) -> FloatArray:
     """Return the gained probability of looking from each direction, rather than from here, to the end, (..., H, A).
