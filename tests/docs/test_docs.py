@@ -50,7 +50,7 @@ def test_commands_that_are_none_are_found() -> None:
 
 
 def test_flags_that_are_none_are_found() -> None:
-    assert unknown_flags(["headroom", "--data", "duo", "--speed=3"]) == ["--speed"]
+    assert unknown_flags(["study", "headroom", "--data", "duo", "--speed=3"]) == ["--speed"]
     assert unknown_flags(["benchmark", "./spiral.py:Spiral", "--radius", "6", "--track", "px4-max"]) == []
 
 
