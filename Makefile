@@ -51,13 +51,16 @@ weights: setup
 	    for what in gain-field agent; do \
 	      $(RUN)ehar train $$what $$options --sensor $$sensor --models models/$$data; done; done; done; done
 
-# The models and tables of docs/results.md; DATA is a folder with hdm05, bandai2 and sbu.npz. The short sequences of sbu
-# are cheap, and few: more rollouts for its gain field.
+# The models, the runs, and the tables of docs/results; DATA is a folder with hdm05, bandai2 and sbu.npz. The short
+# sequences of sbu are cheap, and few: more rollouts for its gain field.
 DATA ?= ../shared/data
 STARTS ?= 5
 SEEDS ?= 5
 ENCODERS := recognition vision position
-PLANNERS := no-act random towards h-rotate v-rotate nbv-greedy nbv-search nbv il ppo il-ppo dagger oracle oracle-lookahead
+RULES := no-act random towards h-rotate v-rotate nbv-greedy nbv-search nbv
+PLANNERS := $(RULES) il ppo il-ppo dagger oracle oracle-lookahead
+SETS := duo solo hdm05 bandai2 sbu
+VEHICLES := px4-auto px4-max tracking-drone
 
 # Train agents in models/$(1) under the conditions $(2), and compare all planners in runs/agents-$(1)-$(3).
 compare = $(RUN)ehar train agent $(2) --models models/$(1) --seeds $(SEEDS) && \
@@ -83,9 +86,32 @@ prepare = $(RUN)ehar train recogniser $(2) --out models/$(1) && \
   $(RUN)ehar train gain-field $(2) --models models/$(1) --batches $(3) && \
   $(RUN)ehar train gain-field $(2) --models models/$(1) --batches $(3) --sensor estimator
 
+# Compare the planners that are not agents through the sensor $(3), in runs/nbv-$(1)-$(3), on data and models $(2).
+without_agents = $(RUN)ehar benchmark $(RULES) oracle $(2) --sensor $(3) --starts $(STARTS) --out runs/nbv-$(1)-$(3)
+
+# The belief on $(1), whose data and models are $(2), with both sensors.
+believe = for sensor in perfect estimator; do \
+  $(RUN)ehar study belief $(2) --sensor $$sensor --out runs/belief-$(1)-$$sensor || exit 1; done
+
+# What fixed cameras win on $(1), whose data and models are $(2).
+fixed = $(RUN)ehar study headroom $(2) --sensor estimator --azimuths 6 --polars 3 --out runs/headroom-$(1)-estimator
+
+# Write the page docs/results/$(1).md with the title $(2): the command $(3), when it ran, and the tables $(4).
+page = { printf '%s\n' '\# $(2)' '' '```' '$(3)' '```' '' \
+  "Measured on $$(date +%F), at commit $$(git rev-parse --short HEAD). \`make results\` runs all of it again and writes this" \
+  'page. [What these figures are](../results.md\#what-these-figures-are) says how to read them.' ''; \
+  for table in $(4); do cat $$table; echo; done; } > docs/results/$(1).md
+
+# Put runs $(3) side by side, with the differences of the planner $(4), on the page $(1) with the title $(2).
+side_by_side = $(RUN)ehar study overview $(3) --planner $(4) --out runs/$(1).md && \
+  $(call page,$(1),$(2),ehar study overview $(3) --planner $(4),runs/$(1).md)
+
 HDM05 := --data $(DATA)/hdm05.npz
 BANDAI2 := --data $(DATA)/bandai2.npz
 SBU := --data $(DATA)/sbu.npz --fps 30 --length 30
+
+LONG := --data solo --sensor estimator --length 150 --starts 2
+CONDITIONS := $(foreach name,duo solo,$(foreach kind,paper perfect estimator,runs/agents-$(name)-$(kind)))
 
 results: setup
 	$(call prepare,hdm05,$(HDM05),24)
@@ -123,8 +149,55 @@ results: setup
 	  --part validation --starts $(STARTS) --no-report --out runs/validation-duo-paper
 	$(call own_part,sbu,$(SBU) --sensor estimator,estimator)
 	$(call own_part,solo,--data solo --views paper,paper)
-	$(RUN)ehar analyse runs/agents-hdm05-estimator --planners il-ppo nbv
-	$(RUN)ehar analyse runs/agents-sbu-estimator --planners il-ppo nbv --states il-ppo/0
+	$(RUN)ehar study analyse runs/agents-hdm05-estimator --planners il-ppo nbv
+	$(RUN)ehar study analyse runs/agents-sbu-estimator --planners il-ppo nbv --states il-ppo/0
+	$(call without_agents,duo,--data duo,perfect)
+	$(call without_agents,solo,--data solo,perfect)
+	$(call without_agents,hdm05,$(HDM05) --models models/hdm05,perfect)
+	$(call without_agents,bandai2,$(BANDAI2) --models models/bandai2,perfect)
+	$(call without_agents,sbu,$(SBU) --models models/sbu,perfect)
+	$(RUN)ehar benchmark $(RULES) oracle $(LONG) --out runs/flight-solo-ideal
+	for track in $(VEHICLES); do $(RUN)ehar benchmark $(RULES) oracle $(LONG) --track $$track --ideal runs/flight-solo-ideal \
+	  --out runs/flight-solo-$$track || exit 1; done
+	$(RUN)ehar study ablation $(SBU) --models models/sbu --sensor estimator --starts $(STARTS) --tracks $(VEHICLES) \
+	  --out runs/ablation-sbu-estimator
+	$(call believe,duo,--data duo)
+	$(call believe,solo,--data solo)
+	$(call believe,hdm05,$(HDM05) --models models/hdm05)
+	$(call believe,bandai2,$(BANDAI2) --models models/bandai2)
+	$(call believe,sbu,$(SBU) --models models/sbu)
+	$(call fixed,hdm05,$(HDM05) --models models/hdm05)
+	$(call fixed,bandai2,$(BANDAI2) --models models/bandai2)
+	$(call fixed,sbu,$(SBU) --models models/sbu)
+	$(RUN)ehar study headroom $(SBU) --models models/sbu --azimuths 6 --polars 4 --out runs/headroom-sbu-perfect
+	$(RUN)ehar train recogniser $(HDM05) --out models/hdm05 --form ctrgcn
+	$(RUN)ehar train recogniser --data duo --out models/duo --form ctrgcn
+	for form in causal ctrgcn; do \
+	  $(RUN)ehar benchmark no-act $(HDM05) --models models/hdm05 --form $$form --starts 2 --no-report --out runs/form-hdm05-$$form && \
+	  $(RUN)ehar benchmark no-act --data duo --models models/duo --form $$form --starts 2 --no-report --out runs/form-duo-$$form \
+	  || exit 1; done
+	$(call side_by_side,planners,All planners through the estimator,$(SETS:%=runs/agents-%-estimator),il-ppo)
+	$(call side_by_side,nbv,nbv against the others through the estimator,$(SETS:%=runs/agents-%-estimator),nbv)
+	$(call side_by_side,exact-joints,Planners with exact joints,$(SETS:%=runs/nbv-%-perfect),nbv)
+	$(call side_by_side,conditions,Two synthetic sets under three conditions,$(CONDITIONS),il-ppo)
+	$(call side_by_side,flown,All planners in flight on single clips,$(SETS:%=runs/agents-%-drone),nbv)
+	$(call page,flight-solo,Flight over 2.5 seconds of solo,ehar benchmark $(RULES) oracle $(LONG) --track px4-auto,\
+	  $(foreach track,ideal $(VEHICLES),runs/flight-solo-$(track)/table.md))
+	$(call page,ablation-sbu,What each part and setting of nbv is worth on sbu,ehar study ablation $(SBU) --sensor estimator,\
+	  runs/ablation-sbu-estimator/table.md)
+	$(call page,belief,The belief against the recogniser,ehar study belief --data duo --sensor estimator,\
+	  $(foreach sensor,estimator perfect,$(SETS:%=runs/belief-%-$(sensor)/table.md)))
+	$(call page,headroom,What there is to win,ehar study headroom $(SBU) --models models/sbu --azimuths 6 --polars 4,\
+	  runs/headroom-*/table.md)
+	$(call page,forms,The streaming form against the published one,ehar benchmark no-act --data duo --form ctrgcn --starts 2,\
+	  runs/form-*/table.md)
+	cp runs/agents-hdm05-estimator/analysis/*.png docs/results
+	$(call page,behaviour,Where the agent goes,ehar study analyse runs/agents-hdm05-estimator --planners il-ppo nbv,\
+	  runs/agents-hdm05-estimator/analysis/analysis.md)
+	$(call page,agents,What parts and options of the learned agent are worth,ehar benchmark no-act il il-ppo oracle,\
+	  runs/encoders-solo-paper/table.md runs/imitation-solo-*/table.md runs/policy-*/table.md runs/dagger-ppo-duo-*/table.md)
+	$(call page,benchmarks,Every planner on every set with all columns,ehar benchmark $(PLANNERS) --data duo --sensor estimator,\
+	  runs/agents-*-estimator/table.md runs/nbv-*-perfect/table.md)
 
 clean:
 	rm -rf $(VENV)

@@ -79,6 +79,21 @@ class Conditions:
         return types
 
     @property
+    def sensor_name(self) -> str:
+        """The sensor, as files and tables call it."""
+        return self.sensor if isinstance(self.sensor, str) else self.sensor.name
+
+    @property
+    def seen(self) -> str:
+        """What a recogniser is trained to see, as files of weights are called after it: perfect-moving."""
+        return f"{self.sensor_name}-{self.views}"
+
+    @property
+    def options(self) -> str:
+        """The same as options of the command line."""
+        return f"--sensor {self.sensor} --views {self.views}"
+
+    @property
     def directory(self) -> Path | None:
         """The folder of weights; None takes those that ship with ehar."""
         return None if self.models is None else Path(self.models)

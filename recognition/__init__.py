@@ -14,5 +14,5 @@ gymnasium.register(
     id="ehar/Flight-v0",
     entry_point="recognition.environments:make_env",
     vector_entry_point="recognition.environments:make_vector_env",
-    kwargs={"vehicle": "px4-auto"},
+    kwargs={"track": "px4-auto"},
 )

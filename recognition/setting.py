@@ -38,6 +38,20 @@ class Setting:
         return part_of(self.data, self.conditions.part)
 
 
+def load_motion_of(conditions: Conditions) -> MotionData:
+    """Load the motion that conditions name or hold, at their frame rate.
+
+    Raises:
+        EharError: it is unknown, missing or malformed.
+    """
+    from ehar.data.source import load_data  # here, as it brings scipy, which `ehar --help` does not wait for
+
+    given = conditions.data
+    if isinstance(given, MotionData):
+        return given if conditions.fps is None else given.resampled(conditions.fps)
+    return load_data(given, fps=conditions.fps)
+
+
 def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     """Load data, recogniser, sensor and track.
 
@@ -49,20 +63,15 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
         EharError: one of them is unknown, missing or malformed, or they do not fit each other.
     """
     # Here, as they bring torch, which `ehar --help` does not wait for.
-    from ehar.data.source import load_data
     from ehar.sensors.registry import make_sensor
     from recognition.storage import load_recogniser
 
     track = load_track(conditions.track)
-    given = conditions.data
-    if isinstance(given, MotionData):
-        data, source = given if conditions.fps is None else given.resampled(conditions.fps), given.name
-    else:
-        data, source = load_data(given, fps=conditions.fps), str(given)
+    data = load_motion_of(conditions)
     sensor = make_sensor(conditions.sensor, data.skeleton)
     named = replace(
         conditions,
-        data=source,
+        data=data.name if isinstance(conditions.data, MotionData) else str(conditions.data),
         models=None if conditions.models is None else str(conditions.models),
         sensor=sensor.name,
         track=track.name,
@@ -71,12 +80,5 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
         own = resolve_recogniser(conditions.recogniser, data)
         runner = Runner(data, own.recogniser, sensor, track)
         return Setting(replace(named, recogniser=own.spec), runner, own.sha256, own.title)
-    trained = load_recogniser(
-        conditions.directory,
-        data,
-        sensor=sensor.name,
-        views=conditions.views,
-        form=conditions.form,
-        device=device,
-    )
+    trained = load_recogniser(conditions, data, device=device)
     return Setting(named, Runner(data, trained, sensor, track), trained.sha256, conditions.form)

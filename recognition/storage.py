@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ehar.conditions import Form
+from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.errors import ModelError
 from ehar.files import read_json
@@ -45,9 +45,9 @@ class RecogniserDescription:
         return Temperature(self.log_temperatures)
 
 
-def recogniser_path(directory: Path, *, form: Form, sensor: str, views: str) -> Path:
+def recogniser_path(directory: Path, conditions: Conditions) -> Path:
     """Return where a recogniser's weights lie in a models directory; the JSON lies beside them."""
-    return directory / f"{form}-{sensor}-{views}.safetensors"
+    return directory / f"{conditions.form}-{conditions.seen}.safetensors"
 
 
 def save_recogniser(
@@ -66,34 +66,26 @@ def save_recogniser(
 
 
 def load_recogniser(
-    directory: Path | None,
-    data: MotionData,
-    *,
-    sensor: str,
-    views: str,
-    form: Form = "causal",
-    device: str = "cpu",
+    conditions: Conditions, data: MotionData, *, device: str = "cpu"
 ) -> StreamingRecogniser | PrefixRecogniser:
     """Load a trained recogniser and check that it fits the data.
 
     Args:
-        directory: of models; None means the weights shipped for a synthetic set.
+        conditions: that it was trained for: the folder, sensor, views and form.
         data: what it will be used on.
-        sensor: the sensor that it was trained with.
-        views: the regime that it was trained with.
-        form: "causal" streams, "ctrgcn" is the published network on each prefix.
         device: a torch device.
 
     Raises:
         ModelError: the files are missing or malformed, or were made for other joints, classes, persons or rates.
     """
+    directory, form = conditions.directory, conditions.form
     if directory is None and not (data.synthetic and (SHIPPED / data.name).is_dir()):
         raise ModelError(
             f"no weights are shipped for {data.name!r}: expected --models DIR, as made by "
             f"`ehar train recogniser --data X.npz --out DIR`"
         )
-    path = recogniser_path(directory or SHIPPED / data.name, form=form, sensor=sensor, views=views)
-    check_files(path, f"a recogniser trained with --sensor {sensor} --views {views} --form {form}")
+    path = recogniser_path(directory or SHIPPED / data.name, conditions)
+    check_files(path, f"a recogniser trained with {conditions.options} --form {form}")
     file, what = description_path(path), "a recogniser, as `ehar train recogniser` writes it"
     description = read_json(file, RecogniserDescription, what, wrong=ModelError)
     spec, temperature = description.spec, description.temperature

@@ -5,9 +5,9 @@ import numpy as np
 from stable_baselines3 import A2C
 from stable_baselines3.common.policies import BasePolicy
 
-import ehar  # noqa: F401  makes the environments known to Gymnasium
+import recognition  # noqa: F401  registers the environments with Gymnasium
+from ehar import Conditions, Context, Observation, Planner
 from ehar.envs.observations import shown_to_agent
-from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import apply_moves
 from eval import benchmark
 
@@ -26,7 +26,7 @@ class Learned(Planner):
         self.policy = policy
 
     def reset(self, context: Context) -> None:
-        """Take what is told of these episodes."""
+        """Keep what is said about these episodes."""
         self.context = context
 
     def act(self, observation: Observation) -> np.ndarray:
@@ -37,10 +37,11 @@ class Learned(Planner):
 
 
 def train(steps: int, **world: object) -> Learned:
-    """Return a planner trained for some steps; `world` is what `gym.make` is told."""
+    """Return a planner that was trained for some steps. `world` goes to `gym.make`."""
     env = gym.make("ehar/Grid-v0", **world)
     return Learned(A2C("MultiInputPolicy", env, seed=0, device="cpu").learn(steps).policy)
 
 
 if __name__ == "__main__":
-    print(benchmark([train(5_000, data="duo"), "no-act", "oracle"], data="duo").planner("learned"))
+    run = benchmark([train(5_000, data="duo"), "no-act", "oracle"], Conditions(data="duo"))
+    print(run.summary.planner("learned"))

@@ -1,8 +1,8 @@
-"""A planner of one's own over the trained gain field: head in the direction in which most is to be seen."""
+"""Your own planner over the trained gain field: head in the direction in which most is to be seen."""
 
 import numpy as np
 
-from ehar.planner import Context, Observation, Planner
+from ehar import Context, Observation, Planner
 from ehar.viewpoint import MOVES, STEP
 from planners.value.model import GainModel
 from planners.value.view_basis import basis_at
@@ -10,11 +10,11 @@ from planners.value.view_value import ViewValue
 
 
 class Rays(Planner):
-    """Look along the 7 moves, some steps far, and head for the end of the ray whose mean gain is the highest.
+    """Look along the 7 moves, some steps far. Head for the end of the ray whose mean gain is the highest.
 
     Args:
-        model: the trained gain field; `ehar benchmark` hands it to an argument that is annotated so.
-        steps: of the grid that a ray is long.
+        model: the trained gain field. `ehar benchmark` hands it to an argument with this annotation.
+        steps: how many steps of the grid a ray is long.
     """
 
     name = "rays"

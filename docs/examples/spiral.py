@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from ehar.planner import Observation, Planner
+from ehar import Observation, Planner
 
 
 class Spiral(Planner):
-    """Come near; turn for as long as no class is more probable than the others together.
+    """Come near. Turn as long as no class is more probable than all others together.
 
     Args:
-        distance: to end at [m].
-        turn: how far ahead to head on the circle [rad].
+        distance: where to end [m].
+        turn: how far ahead on the circle to head [rad].
     """
 
     name = "spiral"

@@ -13,7 +13,7 @@ from ehar.conditions import Conditions
 from ehar.processes import cores
 
 REQUIRED = inspect.Parameter.empty
-_LEFT_OUT = ("reporter",)  # parameters that Python alone can give
+_LEFT_OUT = ("reporter", "load", "effort")  # parameters that Python alone can give
 
 
 @dataclass(frozen=True)

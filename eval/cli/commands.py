@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Union
+from typing import TYPE_CHECKING, NamedTuple, Protocol, Union
 
 from eval.cli.command import REQUIRED, Command, Flag
 from eval.render.console import output_console, print_tables
@@ -14,7 +14,16 @@ if TYPE_CHECKING:
     from eval.replays.replay import WrittenReplay
     from eval.running.run import Run
     from eval.running.training import Trained
+    from eval.studies.compare import Comparison
     from eval.verification.checks import Verification
+
+
+class HasTables(Protocol):
+    """What a study returns."""
+
+    def tables(self) -> "list[Table]":
+        """Return what there is to read."""
+        ...
 
 
 class Group(NamedTuple):
@@ -48,6 +57,25 @@ def show_run(run: "Run", *, report: bool = True) -> None:
 def show_tables(tables: "Table | list[Table] | tuple[Table, ...]") -> None:
     """Print a table, or several."""
     print_tables(*(tables if isinstance(tables, list | tuple) and not hasattr(tables, "title") else [tables]))
+
+
+def show_result(result: "HasTables") -> None:
+    """Print the tables of a study."""
+    print_tables(*result.tables())
+
+
+def show_comparison(comparison: "Comparison") -> None:
+    """Print the table of two runs."""
+    from eval.studies.compare_table import compare_table  # here, as `ehar --help` does not wait for it
+
+    show_tables(compare_table(comparison))
+
+
+def show_speed(figures: dict[str, float]) -> None:
+    """Print the figures beside their targets."""
+    from eval.speed.bench import bench_table  # here, as it brings torch
+
+    show_tables(bench_table(figures))
 
 
 def show_path(path: Path) -> None:
@@ -302,7 +330,7 @@ STUDY = Group(
                 ehar study headroom --data duo --out runs/headroom
             """,
             "eval.studies.headroom:headroom",
-            lambda result: show_tables(result.tables()),
+            show_result,
             conditions=SEEN,
         ),
         "ablation": Command(
@@ -314,7 +342,7 @@ STUDY = Group(
                 ehar study ablation --data duo --groups horizon effort
             """,
             "eval.studies.ablation:ablation",
-            lambda result: show_tables(result.tables()),
+            show_result,
             conditions=(*SEEN[:4], "starts", *SEEN[4:]),
             flags={
                 "groups": Flag(kind=tuple[str, ...], default=(), metavar="GROUP ...", hint="all"),
@@ -328,7 +356,7 @@ STUDY = Group(
                 ehar study belief --data duo --sensor estimator
             """,
             "eval.studies.belief:belief_report",
-            lambda result: show_tables(result.tables()),
+            show_result,
             conditions=(*SEEN[:4], "starts", *SEEN[4:]),
         ),
         "explain": Command(
@@ -338,7 +366,7 @@ STUDY = Group(
                 ehar study explain --data duo --episode 3 --out explain.png
             """,
             "eval.studies.explain:explain",
-            lambda result: show_tables(result.table()),
+            show_result,
             conditions=SEEN,
             flags={"out": Flag(default=Path("explain.png"))},
         ),
@@ -351,7 +379,7 @@ STUDY = Group(
                 ehar study analyse runs/mine --states il-ppo/0
             """,
             "eval.studies.analyse:analyse",
-            lambda result: show_tables(result.tables()),
+            show_result,
             flags={
                 "run": RUN,
                 "planners": Flag(kind=tuple[str, ...], default=(), metavar="PLANNER ...", hint="il-ppo, or else nbv"),
@@ -433,7 +461,7 @@ COMMANDS = Group(
                 ehar compare runs/before runs/after --planners nbv il-ppo
             """,
             "eval.studies.compare:compare",
-            lambda result: show_tables(result.table()),
+            show_comparison,
             flags={
                 "run_a": Flag(kind=Path, positional=True, metavar="A"),
                 "run_b": Flag(kind=Path, positional=True, metavar="B"),
@@ -465,7 +493,7 @@ COMMANDS = Group(
                 ehar bench --out bench.json --report runs/duo-perfect-moving/report.html
             """,
             "eval.speed.bench:bench",
-            show_tables,
+            show_speed,
             flags={"out": Flag(default=REQUIRED), "report": Flag(hint="none")},
         ),
     },

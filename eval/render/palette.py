@@ -7,7 +7,7 @@ and symbols as well. A report has a light and a dark theme, everything else is d
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
-from eval.scores.summary import NO_ACT
+from eval.scores.planner_summary import NO_ACT
 
 BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00"
 YELLOW = "#f0e442"  # fades on white: only above dark fields

@@ -30,7 +30,7 @@ def replay_data(
     planners: Mapping[str, str],
     *,
     data: str | Path | None,
-    models: Path | None,
+    models: str | Path | None,
     advance: Callable[[str], None],
 ) -> dict[str, Any]:
     """Return the replays of a run; `episodes` is empty, and `missing` says why, where they cannot be had.

@@ -38,15 +38,15 @@ class WrittenReplay:
 
 
 def make_replay(
-    directory: Path,
+    run: str | Path,
     episode: int | str,
     *,
     planners: Sequence[str] = (),
-    out: Path | None = None,
+    out: str | Path | None = None,
     slower: float = SLOWER,
     rerun: bool = False,
     data: str | Path | None = None,
-    models: Path | None = None,
+    models: str | Path | None = None,
     reporter: Reporter | None = None,
 ) -> WrittenReplay:
     """Replay one episode of a run on its recorded way, and write it.
@@ -54,7 +54,7 @@ def make_replay(
     Planners and a recogniser of one's own are made again: the files that the run's config.json names are run.
 
     Args:
-        directory: of the run.
+        run: folder of a finished run.
         episode: counted from 0, in the order of episodes.jsonl; or `gain`, `loss`, `typical`: the one in which the
             first planner gains most or loses most against the second, or is at its median, as in a report.
         planners: one or two; none takes the most accurate one that is not handed the truth, beside no-act.
@@ -72,7 +72,7 @@ def make_replay(
     from eval.replays.film import check_film, write_film
     from eval.replays.recording import check_recording, write_recording
 
-    directory, out = Path(directory), None if out is None else Path(out)
+    out = None if out is None else Path(out)
     if rerun:
         check_recording(out)
     elif out is not None:
@@ -84,11 +84,11 @@ def make_replay(
     if len(planners) > MOST_PLANNERS or len(set(planners)) < len(planners):
         raise UsageError(f"--planners: expected one or two different planners, got {', '.join(planners)}")
     reporter = reporter or ConsoleReporter()
-    run = read_run(directory)
-    records, why_planners = _records(run, planners)
-    chosen = _choose(run, episode, records)
-    path = out or directory / f"replay-{chosen.episode}{'.rrd' if rerun else '.mp4'}"
-    replay = _replay(run, data, models, chosen.episode, records, reporter)
+    finished = read_run(run)
+    records, why_planners = _records(finished, planners)
+    chosen = _choose(finished, episode, records)
+    path = out or finished.folder / f"replay-{chosen.episode}{'.rrd' if rerun else '.mp4'}"
+    replay = _replay(finished, data, models, chosen.episode, records, reporter)
     if rerun:
         write_recording(replay, path)
     else:
@@ -133,7 +133,7 @@ def _choose(run: Run, episode: int | str, records: Sequence[str]) -> Chosen:
 def _replay(
     run: Run,
     data: str | Path | None,
-    models: Path | None,
+    models: str | Path | None,
     index: int,
     records: Sequence[str],
     reporter: Reporter,

@@ -37,17 +37,17 @@ PAGE = files("eval.reports") / "assets"
 
 
 def make_report(
-    directory: Path,
+    run: str | Path,
     *,
-    out: Path | None = None,
+    out: str | Path | None = None,
     data: str | Path | None = None,
-    models: Path | None = None,
+    models: str | Path | None = None,
     reporter: Reporter | None = None,
 ) -> Path:
     """Write the report of a finished run, and return its path.
 
     Args:
-        directory: of the run.
+        run: folder of a finished run.
         out: the file to write; None is report.html in the run's folder.
         data: where the run's data lie now; None is where they lay.
         models: where its weights lie now; None is where they lay.
@@ -57,10 +57,10 @@ def make_report(
         EharError: one line that says what was got and what was expected.
     """
     reporter = reporter or ConsoleReporter()
-    run = read_run(Path(directory))
-    shown = report_data(run, class_names(run, reporter.note, data))
+    finished = read_run(run)
+    shown = report_data(finished, class_names(finished, reporter.note, data))
     replays, rule = _replays(shown, data, models, reporter)
-    path = run.folder / REPORT if out is None else Path(out)
+    path = finished.folder / REPORT if out is None else Path(out)
     write_text(path, [page(shown, replays, rule)])
     return path
 
@@ -134,7 +134,7 @@ def _moves_text(data: ReportData) -> str:
 
 
 def _replays(
-    data: ReportData, source: str | Path | None, models: Path | None, reporter: Reporter
+    data: ReportData, source: str | Path | None, models: str | Path | None, reporter: Reporter
 ) -> tuple[dict[str, Any], str]:
     """Return the replays of the most telling episodes, and the rule that chose them."""
     shown = first_trainings(data.run.records)

@@ -58,15 +58,9 @@ class ModelPlace:
         """
         from planners.value.model import load_gain_model  # brings torch
 
-        if self.form != "causal":
+        if self.conditions.form != "causal":
             raise ModelError(f"{_CAUSAL_FIELDS}, and this is {self.form}")
-        return load_gain_model(
-            self.models,
-            self.data,
-            sensor=str(self.conditions.sensor),
-            views=self.conditions.views,
-            recogniser_sha256=self.recogniser_sha256,
-        )
+        return load_gain_model(self.conditions, self.data, self.recogniser_sha256)
 
     def load_agent(self, spec: str) -> "Agent":
         """Return one training of a learned planner, `il-ppo/0`; of `il-ppo` alone the first, by that name.
@@ -76,20 +70,12 @@ class ModelPlace:
         """
         from planners.agents.storage import load_agent  # brings torch
 
-        if self.form != "causal":
+        if self.conditions.form != "causal":
             raise ModelError(f"planner {spec!r}: {_CAUSAL_AGENTS}, and this is {self.form}")
         name, seed = split_record_name(spec)
         if seed is None:
             seed = next(iter(self.seeds(name)), 0)
-        agent = load_agent(
-            self.models,
-            self.data,
-            name,
-            sensor=str(self.conditions.sensor),
-            views=self.conditions.views,
-            recogniser_sha256=self.recogniser_sha256,
-            seed=seed,
-        )
+        agent = load_agent(self.conditions, self.data, name, recogniser_sha256=self.recogniser_sha256, seed=seed)
         agent.name = spec
         return agent
 
@@ -97,9 +83,7 @@ class ModelPlace:
         """Return with which seeds a learned planner was trained here."""
         from planners.agents.storage import agent_seeds  # brings torch
 
-        return agent_seeds(
-            self.models, self.data, name, sensor=str(self.conditions.sensor), views=self.conditions.views
-        )
+        return agent_seeds(self.conditions, self.data, name)
 
     def expanded(self, spec: str) -> tuple[str, ...]:
         """Return the trainings of a learned planner that is named without one, or at least the first."""
@@ -110,11 +94,9 @@ class ModelPlace:
         """Return why there can be no gain model here, and what to do about it; None where there is one."""
         from planners.value.model import SHIPPED, gain_model_path
 
-        if self.form != "causal":
+        if self.conditions.form != "causal":
             return f"{_CAUSAL_FIELDS}, and this is {self.form}"
-        path = gain_model_path(
-            self.models or SHIPPED / self.data.name, sensor=str(self.conditions.sensor), views=self.conditions.views
-        )
+        path = gain_model_path(self.models or SHIPPED / self.data.name, self.conditions)
         if path.is_file():
             return None
         try:
@@ -125,13 +107,13 @@ class ModelPlace:
 
     def reason_for_no_agent(self, name: str) -> str | None:
         """Return why a learned planner cannot run here, and what to do about it; None where it can."""
-        if self.form != "causal":
+        if self.conditions.form != "causal":
             return f"{_CAUSAL_AGENTS}, and this is {self.form}"
         if self.seeds(name):
             return None
         return (
             f"no agent was trained for this recogniser: expected those of `ehar train agent --data {self.data.name} "
-            f"--models {self.models or 'DIR'} --sensor {self.conditions.sensor} --views {self.conditions.views}`"
+            f"--models {self.models or 'DIR'} {self.conditions.options}`"
         )
 
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.conditions import Form
+from ehar.conditions import Conditions, Form
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import windows
 from ehar.errors import ModelError
@@ -90,7 +90,7 @@ def time_world(data: MotionData, effort: Effort) -> float:
 def streaming_recogniser(data: MotionData) -> tuple[Recogniser, bool]:
     """Return the recogniser that ships for the data and True, or an untrained one of its architecture and False."""
     try:
-        return load_recogniser(None, data, sensor="perfect", views="moving"), True
+        return load_recogniser(Conditions(), data), True
     except ModelError:
         return _untrained(data, "causal", "small", Effort.length), False
 

@@ -48,6 +48,10 @@ class Ablation(NamedTuple):
     setting: str
     summary: Summary
 
+    def tables(self) -> list[Table]:
+        """Return what there is to read."""
+        return ablation_tables(self)
+
 
 def ablation(
     conditions: Conditions | None = None,

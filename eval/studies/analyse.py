@@ -34,18 +34,18 @@ FOLDER = "analysis"  # in the run's folder
 
 
 def analyse(
-    directory: Path,
+    run: str | Path,
     *,
     planners: Sequence[str] = (),
     states: str | None = None,
-    out: Path | None = None,
+    out: str | Path | None = None,
     load: AgentLoader = load_agent,
     reporter: Reporter | None = None,
 ) -> Analysis:
     """Analyse a finished run as the paper does, and write what was found.
 
     Args:
-        directory: of the run.
+        run: folder of a finished run.
         planners: whose behaviour is shown, beside that of no-act; none takes il-ppo, or else nbv. The training
             seeds of one planner are taken together.
         states: a learned planner, by record name, whose states are mapped: it runs its episodes once more.
@@ -63,17 +63,17 @@ def analyse(
     )
 
     reporter = reporter or ConsoleReporter()
-    run = read_run(Path(directory))
-    chosen = choose(run, planners)
-    names = class_names(run, reporter.note)
-    folder = Path(directory) / FOLDER if out is None else Path(out)
-    analysis = _analysis(run, chosen, names, states, load, reporter)
+    finished = read_run(run)
+    chosen = choose(finished, planners)
+    names = class_names(finished, reporter.note)
+    folder = finished.folder / FOLDER if out is None else Path(out)
+    analysis = _analysis(finished, chosen, names, states, load, reporter)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UsageError(f"{folder}: expected a folder that can be written to: {error.strerror}") from error
     write_text(folder / ANALYSIS, [json_text(analysis.to_json())])
-    title = run.config.title
+    title = finished.config.title
     draw_positions({name: of.histograms for name, of in analysis.positions.items()}, title, folder / POSITIONS)
     if analysis.moves is not None:
         draw_moves(analysis.moves, title, folder / MOVES_MADE)
@@ -81,6 +81,7 @@ def analyse(
         of = analysis.states
         draw_states(of.mapped, of.states.label, names, f"{title}: states of {of.planner}", of.purity, folder / STATES)
     write_text(folder / TABLES, [analysis_markdown(analysis)])
+    reporter.note(f"written to {folder}")
     return analysis
 
 

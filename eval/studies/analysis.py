@@ -94,6 +94,10 @@ class Analysis:
             "states": None if self.states is None else _states_json(self.states),
         }
 
+    def tables(self) -> list[Table]:
+        """Return what there is to read."""
+        return analysis_tables(self)
+
 
 def _seeds_json(row: SeedAccuracy) -> dict[str, Any]:
     return {

@@ -72,6 +72,10 @@ class BeliefReport:
         """Return what belief.json holds."""
         return {name: value for name, value in asdict(self).items() if name != "config"}
 
+    def tables(self) -> list[Table]:
+        """Return what there is to read."""
+        return belief_tables(self)
+
 
 class Rollouts(NamedTuple):
     """What was recognised in N episodes."""

@@ -9,6 +9,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import split_parts, windows
 from ehar.data.skeleton import Skeleton
@@ -16,6 +17,7 @@ from ehar.errors import DataError, UsageError
 from ehar.files import replacing
 from eval.render.palette import BLUE, EDGE, LINE, SOFT, THIN, VERMILION
 from eval.render.tables import Table
+from recognition.setting import load_motion_of
 
 EPISODE_FRAMES = 60  # Sec. 5.1: L
 
@@ -28,8 +30,20 @@ LEFT, RIGHT, MIDDLE = VERMILION, BLUE, SOFT
 PERSON_TINT = 0.45  # how far the second person's colours are mixed with white
 
 
-def describe(data: MotionData) -> Table:
-    """Return a table of the classes: sequences, their frames, the split, and the test windows of 60 frames."""
+def describe(data: str | Path | MotionData, *, fps: float | None = None, figure: str | Path | None = None) -> Table:
+    """Return a table of the classes: sequences, their frames, the split, and the test windows of 60 frames.
+
+    Args:
+        data: duo, solo, or a prepared .npz.
+        fps: frame rate to resample to [Hz].
+        figure: to draw, a few skeletons of each class: .png, .svg or .pdf.
+
+    Raises:
+        EharError: one line that says what was got and what was expected.
+    """
+    data = load_motion_of(Conditions(data=data, fps=fps))
+    if figure is not None:
+        describe_figure(data, Path(figure))
     test = split_parts(data).test
     is_test = np.isin(np.arange(len(data.labels)), test)
     tested = windows(data, test, EPISODE_FRAMES, EPISODE_FRAMES).labels

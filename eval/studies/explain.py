@@ -1,5 +1,7 @@
 """Explains one episode: runs it as the benchmark does, and keeps what explains it."""
 
+from pathlib import Path
+
 import numpy as np
 
 from ehar.arrays import IntArray
@@ -23,6 +25,7 @@ def explain(
     planner: str = "nbv",
     episode: int = 0,
     frames: int = 4,
+    out: str | Path | None = None,
     reporter: Reporter | None = None,
 ) -> Explanation:
     """Run one of the benchmark's episodes, and keep what explains it.
@@ -32,12 +35,17 @@ def explain(
         planner: one that values views.
         episode: which of the test scenarios, counted from 0; its start viewpoint is the benchmark's first.
         frames: how many moments to show, from 10 to 90 % of the episode.
+        out: the picture to write: .png, .svg or .pdf.
         reporter: hears of what is left out; None prints it on standard error.
 
     Raises:
         EharError: one line that says what was got and what was expected.
     """
-    conditions = conditions or Conditions()
+    from eval.studies.explain_figure import check_format, draw_explanation  # matplotlib takes a second to import
+
+    conditions, reporter = conditions or Conditions(), reporter or ConsoleReporter()
+    if out is not None:
+        check_format(Path(out))
     if not needs_gain_model(planner):
         raise UsageError(f"unknown planner {planner!r}; expected one that values views: {', '.join(VALUING)}")
     length = conditions.length
@@ -45,8 +53,8 @@ def explain(
         raise UsageError(f"frames: expected 1 to {length - 1} moments of episodes of {length} frames, got {frames}")
     setting = load_setting(conditions)
     model = ModelPlace.of(setting).load_gain_model()
-    note = (reporter or ConsoleReporter()).note
-    episodes = random_starts(cut_scenarios(setting.data, setting.sequences, length, note), 1, conditions.seed)
+    scenarios = cut_scenarios(setting.data, setting.sequences, length, reporter.note)
+    episodes = random_starts(scenarios, 1, conditions.seed)
     if not 0 <= episode < len(episodes):
         raise UsageError(f"episode: expected 0 to {len(episodes) - 1}, got {episode}")
     batch, runner = episodes.pick([episode]), setting.runner
@@ -62,7 +70,7 @@ def explain(
         weights.append(value.weights[0])
         facing.append(value.situation.facing[0].copy())
         facing_std.append(value.situation.facing_std[0].copy())
-    return Explanation(
+    explanation = Explanation(
         title=f"{setting.data.title}, {conditions.sensor} sensor, {conditions.views} views",
         planner=recorder.name,
         sequence=batch.names[0],
@@ -78,6 +86,10 @@ def explain(
         moments=moments(length, frames),
         workspace=motion.workspace,
     )
+    if out is not None:
+        draw_explanation(explanation, Path(out))
+        reporter.note(f"drawn in {out}")
+    return explanation
 
 
 def moments(length: int, count: int) -> IntArray:

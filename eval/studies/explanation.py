@@ -87,6 +87,10 @@ class Explanation:
         row, column = np.unravel_index(int(gain.argmax()), gain.shape)
         return FieldMap(azimuth, polar, gain, (int(row), int(column)))
 
+    def tables(self) -> list[Table]:
+        """Return what there is to read."""
+        return [explain_table(self)]
+
 
 def explain_table(explanation: Explanation) -> Table:
     """Return where the camera was at each moment, what was believed, and where the best view was."""

@@ -88,6 +88,10 @@ class Headroom:
             },
         }
 
+    def tables(self) -> list[Table]:
+        """Return what there is to read."""
+        return headroom_tables(self)
+
 
 def headroom(
     conditions: Conditions | None = None,

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ehar.errors import UsageError
-from eval.render.tables import Table, interval_text, no_interval_footnotes
+from ehar.files import write_text
+from eval.render.tables import Table, interval_text, markdown, no_interval_footnotes
 from eval.running.run import read_run
 from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
 from eval.scores.statistics import Interval
@@ -30,6 +31,24 @@ class RunOverview:
     def planners(self) -> Mapping[str, PlannerSummary]:
         """The planners by name."""
         return {planner.name: planner for planner in self.summary.planners}
+
+
+def overview(runs: Sequence[Path], *, planner: str | None = None, out: str | Path | None = None) -> list[Table]:
+    """Return the tables of several runs side by side.
+
+    Args:
+        runs: folders of finished runs.
+        planner: whose paired differences from the others are shown too.
+        out: Markdown file to write as well.
+
+    Raises:
+        EharError: one line that says what was got and what was expected.
+    """
+    read = read_overview(runs)
+    tables = [gap_table(read), *([] if planner is None else [difference_table(read, planner)])]
+    if out is not None:
+        write_text(Path(out), [markdown(*tables)])
+    return tables
 
 
 def read_overview(directories: Sequence[Path]) -> list[RunOverview]:

@@ -31,7 +31,7 @@ class Inputs(NamedTuple):
 
 
 def check_inputs(
-    config: RunConfig, data: str | Path | None, models: Path | None, *, run_own_code: bool = False
+    config: RunConfig, data: str | Path | None, models: str | Path | None, *, run_own_code: bool = False
 ) -> Inputs:
     """Load what a run was made from, and compare the hashes.
 

@@ -22,11 +22,11 @@ from eval.verification.records import contradiction
 
 
 def verify(
-    directory: Path,
+    run: str | Path,
     *,
     data: str | Path | None = None,
-    models: Path | None = None,
-    ideal: Path | None = None,
+    models: str | Path | None = None,
+    ideal: str | Path | None = None,
     rerun_episodes: int = 0,
     seed: int = 0,
     reporter: Reporter | None = None,
@@ -34,12 +34,11 @@ def verify(
     """Check a run of `ehar benchmark` against itself, and against its data and weights where these are at hand.
 
     Args:
-        directory: of the run.
+        run: folder of a finished run.
         data: where its data lie now; None is where they lay.
         models: where its weights lie now; None is where they lay.
         ideal: where the run lies now that flights were compared with; None is where it lay.
-        rerun_episodes: how many episodes are drawn and run once more, with all that share a chunk with them. The files
-            and modules of one's own that the run names are run for that: only for a run that can be trusted.
+        rerun_episodes: how many to draw and run once more, each with its chunk of 32.
         seed: of that draw.
         reporter: hears of progress; None reports on standard error.
 
@@ -52,7 +51,7 @@ def verify(
     for name, value in (("rerun_episodes", rerun_episodes), ("seed", seed)):
         if value < 0:
             raise UsageError(f"{name}: expected at least 0, got {value}")
-    directory = Path(directory)
+    directory = Path(run)
     config = read_config(directory)
     notes = other_versions(config.versions)
     try:
@@ -130,7 +129,7 @@ def _check_records(config: RunConfig, records: Mapping[str, EpisodeRecords], epi
 
 
 def _check_figures(
-    directory: Path, config: RunConfig, records: Mapping[str, EpisodeRecords], ideal: Path | None
+    directory: Path, config: RunConfig, records: Mapping[str, EpisodeRecords], ideal: str | Path | None
 ) -> Check:
     """Return how summary.json compares with what the records give."""
     path = directory / SUMMARY
@@ -150,7 +149,7 @@ def _check_figures(
     return Check("figures", OK, f"{count_figures(held)} of {SUMMARY}; {', '.join(UNRECORDED)} are not in the records")
 
 
-def _read_ideal(config: RunConfig, ideal: Path | None) -> Mapping[str, EpisodeRecords] | None:
+def _read_ideal(config: RunConfig, ideal: str | Path | None) -> Mapping[str, EpisodeRecords] | None:
     """Return the records that flights were compared with; None where they were compared with none."""
     if ideal is not None:
         return read_ideal_run(Path(ideal), config)

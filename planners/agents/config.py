@@ -5,15 +5,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
 
+from ehar.conditions import Conditions
 from ehar.errors import UsageError
 from ehar.processes import cores
 
 Stage = Literal["il", "ppo", "il-ppo", "dagger"]
 Teacher = Literal["oracle", "oracle-lookahead"]
 Labels = Literal["best", "soft"]
-Setting = Literal["quick", "paper"]
+Scale = Literal["quick", "paper"]
 Left = Literal["none", "recognition", "vision", "position"]
 STAGES: tuple[Stage, ...] = get_args(Stage)
+LEAST_LENGTH = 3  # frames of an episode
 LEAST_LOOKAHEAD = 5  # frames of an episode in which the teacher that looks ahead is asked at all
 
 
@@ -99,20 +101,15 @@ PAPER_PPO = PPOSetting(
 
 @dataclass(frozen=True, kw_only=True)
 class AgentTrainingConfig:
-    """How agents are trained: without `models` for the recogniser that ships, with `out` to write to.
+    """How agents are trained.
 
     Stages: il clones the oracle, ppo starts from scratch, il-ppo from what il has cloned; dagger clones what moves are
     worth, in states that it comes to itself. All train on recorded motion and on variations of it: mirrored, of other
     pace and size. Training seeds share the demonstrations.
 
     Args:
-        data: duo, solo, or a prepared .npz.
-        models: folder of the recogniser, and to write to.
-        out: folder to write to instead.
-        sensor: perfect (exact joints) or estimator (noisy joints).
-        views: cameras the recogniser was trained on: moving or paper.
-        length: L, frames of an episode.
-        fps: frame rate to resample to [Hz]; None keeps the data's.
+        conditions: of the episodes, and the recogniser.
+        out: folder to write to.
         stages: which agents, with commas between them.
         seeds: how many training seeds, each an agent of its own.
         without: encoder that is left out (Table 3), as in il-no-vision.
@@ -128,17 +125,12 @@ class AgentTrainingConfig:
         tensorboard: folder for TensorBoard's logs.
     """
 
-    data: str
-    models: Path | None = None
+    conditions: Conditions
     out: Path | None = None
-    sensor: str = "perfect"
-    views: str = "moving"
-    length: int = 60
-    fps: float | None = None
     stages: str = ",".join(STAGES)
     seeds: int = 1
     without: Left = "none"
-    setting: Setting = "quick"
+    setting: Scale = "quick"
     teacher: Teacher = ImitationSetting.teacher
     labels: Labels = ImitationSetting.labels
     rounds: int = ImitationSetting.rounds
@@ -156,7 +148,7 @@ class AgentTrainingConfig:
         Raises:
             UsageError: neither `models` nor `out` says so.
         """
-        directory = self.out or self.models
+        directory = self.out or self.conditions.directory
         if directory is None:
             raise UsageError("train agent: expected --models DIR, or --out DIR where the shipped recogniser is used")
         return directory
@@ -178,11 +170,12 @@ class AgentTrainingConfig:
         """Raise a UsageError if an option makes no sense, or asks for what is not there."""
         _ = self.directory
         stages = self.stage_names
-        least = {"length": 3, "seeds": 1, "workers": 1, "episodes": 1, "rounds": 1, "frames": 1, "variations": 0}
-        if any(stage != "ppo" and self.imitation(stage).teacher == "oracle-lookahead" for stage in stages):
-            least["length"] = LEAST_LOOKAHEAD
+        least = {"seeds": 1, "workers": 1, "episodes": 1, "rounds": 1, "frames": 1, "variations": 0}
+        looks_ahead = any(stage != "ppo" and self.imitation(stage).teacher == "oracle-lookahead" for stage in stages)
+        held = vars(self) | {"length": self.conditions.length}
+        least["length"] = LEAST_LOOKAHEAD if looks_ahead else LEAST_LENGTH
         for name, bound in least.items():
-            value = getattr(self, name)
+            value = held[name]
             if value is not None and value < bound:
                 raise UsageError(f"--{name}: got {value}, expected at least {bound}")
         kind = self.device.partition(":")[0]

@@ -17,12 +17,9 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.data.scenario import Scenarios
 from ehar.envs.observations import shown_to_agent
 from ehar.files import write_bytes
-from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.processes import worker_pool
-from ehar.recogniser import Recogniser
-from ehar.rollout import Batch, rollout
-from ehar.sensors.sensor import Sensor, draw_noise
+from ehar.runner import Runner
 from ehar.viewpoint import HOVER, MOVES, apply_moves, sample_starts
 from planners.agents.agent import decide
 from planners.agents.config import Teacher
@@ -142,17 +139,15 @@ class DemonstrationTask:
     """What is needed to run batches of demonstrated episodes.
 
     Args:
+        runner: rolls them.
         scenarios: what episodes are drawn from.
-        recogniser: trained.
-        sensor: that it was trained with.
         teacher: whom to ask.
         agent: who acts; None leaves it to the teacher.
         seed: of everything drawn.
     """
 
+    runner: Runner
     scenarios: Scenarios
-    recogniser: Recogniser
-    sensor: Sensor
     teacher: Teacher
     agent: AgentNetwork | None
     seed: tuple[int, ...]
@@ -176,28 +171,10 @@ def demonstrate_batch(task: DemonstrationTask, index: int) -> Demonstrations:
     """Run one batch of episodes; what is drawn depends on the seed and its index only."""
     torch.set_num_threads(1)
     rng = np.random.default_rng([*task.seed, index])
-    scenarios, data = task.scenarios, task.scenarios.data
-    chosen = rng.integers(len(scenarios), size=EPISODES)
-    batch = Batch(
-        positions=scenarios.positions(chosen),
-        labels=scenarios.labels[chosen],
-        starts=sample_starts(rng, EPISODES),
-        noise=draw_noise(rng, (EPISODES, scenarios.length), data.persons, len(data.skeleton.joint_names)),
-        names=tuple(data.sequence_names[sequence] for sequence in scenarios.sequence[chosen]),
-    )
-    motion = GridMotion()
-    context = Context(
-        episodes=EPISODES,
-        length=scenarios.length,
-        frame_time=1 / data.fps,
-        class_names=data.class_names,
-        skeleton=data.skeleton,
-        workspace=motion.workspace,
-        track="ideal",
-        rng=rng,
-    )
+    chosen = rng.integers(len(task.scenarios), size=EPISODES)
+    batch = task.runner.batch(task.scenarios, chosen, sample_starts(rng, EPISODES), rng)
     demonstrator = Demonstrator(teacher=task.teacher, agent=task.agent)
-    rollout(demonstrator, batch, task.recogniser, task.sensor, motion, context)
+    task.runner.roll(demonstrator, batch, rng)
     inputs = {name: np.concatenate([seen[name] for seen in demonstrator.inputs]) for name in demonstrator.inputs[0]}
     kept = {name: values.astype(np.float16) for name, values in inputs.items()}  # 10,000 episodes are half a gigabyte
     return Demonstrations(**kept, values=np.concatenate(demonstrator.values))

@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -106,12 +106,10 @@ class StageRun:
         if not path.is_file():
             raise ModelError(f"{path}: no such file: expected the cloned policy, of --stages il,{self.stage}")
         cloned = load_agent(
-            path.parent,
-            world.data,
+            replace(self.config.conditions, models=path.parent),
+            world.setting.data,
             agent_name("il", self.config.without),
-            sensor=self.config.sensor,
-            views=self.config.views,
-            recogniser_sha256=world.recogniser.sha256,
+            recogniser_sha256=world.setting.recogniser_sha256,
             seed=self.seed,
         ).network
         if (cloned.spec.sizes, cloned.spec.without) != (network.spec.sizes, network.spec.without):
@@ -176,9 +174,9 @@ class StageRun:
         save_agent(
             self.path,
             network,
-            world.data,
-            recogniser_sha256=world.recogniser.sha256,
-            history={"data": world.data.title, "run": self.identity, "history": history},
+            world.setting.data,
+            recogniser_sha256=world.setting.recogniser_sha256,
+            history={"data": world.setting.data.title, "run": self.identity, "history": history},
         )
 
     def _save_checkpoint(self, progress: "PPOProgress") -> None:
@@ -234,7 +232,7 @@ def _differing(held: dict[str, Any], wanted: dict[str, Any]) -> str:
 
 def _path(config: AgentTrainingConfig, stage: Stage, seed: int) -> Path:
     name = agent_name(stage, config.without)
-    return agent_path(config.directory, name, sensor=config.sensor, views=config.views, seed=seed)
+    return agent_path(config.directory, name, config.conditions, seed)
 
 
 def _identity(config: AgentTrainingConfig, world: TrainingWorld, stage: Stage, seed: int) -> dict[str, Any]:
@@ -242,14 +240,14 @@ def _identity(config: AgentTrainingConfig, world: TrainingWorld, stage: Stage, s
     decisive: dict[str, Any] = {
         "stage": stage,
         "seed": seed,
-        "sensor": config.sensor,
-        "views": config.views,
-        "length": config.length,
-        "fps": config.fps,
+        "sensor": config.conditions.sensor_name,
+        "views": config.conditions.views,
+        "length": config.conditions.length,
+        "fps": config.conditions.fps,
         "variations": config.variations_of_each,
         "without": config.without,
-        "data_sha256": world.data.sha256,
-        "recogniser_sha256": world.recogniser.sha256,
+        "data_sha256": world.setting.data.sha256,
+        "recogniser_sha256": world.setting.recogniser_sha256,
     }
     if stage != "ppo":
         decisive["imitation"] = asdict(config.imitation(stage))

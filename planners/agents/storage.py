@@ -7,6 +7,7 @@ from typing import Any
 
 import torch
 
+from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.errors import ModelError
 from ehar.files import read_json
@@ -49,15 +50,15 @@ def agent_name(stage: str, without: str = "none") -> str:
     return stage if without == "none" else f"{stage}-no-{without}"
 
 
-def agent_path(directory: Path, name: str, *, sensor: str, views: str, seed: int) -> Path:
+def agent_path(directory: Path, name: str, conditions: Conditions, seed: int) -> Path:
     """Return where an agent's weights lie in a models directory; the JSON lies beside them."""
-    return directory / f"agent-{name}-{sensor}-{views}-seed{seed}.safetensors"
+    return directory / f"agent-{name}-{conditions.seen}-seed{seed}.safetensors"
 
 
-def agent_seeds(directory: Path | None, data: MotionData, name: str, *, sensor: str, views: str) -> tuple[int, ...]:
+def agent_seeds(conditions: Conditions, data: MotionData, name: str) -> tuple[int, ...]:
     """Return the training seeds of which there is an agent of that name, in order."""
-    folder = directory or SHIPPED / data.name
-    first = agent_path(folder, name, sensor=sensor, views=views, seed=0).stem
+    folder = conditions.directory or SHIPPED / data.name
+    first = agent_path(folder, name, conditions, seed=0).stem
     form = re.compile(re.escape(first.removesuffix("0")) + r"(0|[1-9][0-9]*)")
     found = (form.fullmatch(path.stem) for path in folder.glob("agent-*.safetensors"))
     return tuple(sorted(int(match[1]) for match in found if match))
@@ -86,28 +87,24 @@ def save_agent(
     save_weights(path, network_bytes(network), description)
 
 
-def load_agent(
-    directory: Path | None, data: MotionData, name: str, *, sensor: str, views: str, recogniser_sha256: str, seed: int
-) -> Agent:
+def load_agent(conditions: Conditions, data: MotionData, name: str, *, recogniser_sha256: str, seed: int) -> Agent:
     """Load an agent and check that it belongs to the data and the recogniser.
 
     Args:
-        directory: of models; None means what is shipped for a synthetic set.
+        conditions: that it was trained for: the folder, sensor and views.
         data: what it will be used on.
         name: il, ppo, il-ppo, or one of these with what it goes without.
-        sensor: that it was trained with.
-        views: the recogniser's training regime.
         recogniser_sha256: of the recogniser that it will work with.
         seed: of its training.
 
     Raises:
         ModelError: the files are missing or malformed, or belong to another data set or recogniser.
     """
-    path = agent_path(directory or SHIPPED / data.name, name, sensor=sensor, views=views, seed=seed)
+    path = agent_path(conditions.directory or SHIPPED / data.name, name, conditions, seed)
     check_files(
         path,
-        f"an agent, as made by `ehar train agent --data {data.name} --models {directory or 'DIR'} --sensor {sensor} "
-        f"--views {views}`",
+        f"an agent, as made by `ehar train agent --data {data.name} --models {conditions.directory or 'DIR'} "
+        f"{conditions.options}`",
     )
     what = "an agent, as `ehar train agent` writes it"
     held = read_json(description_path(path), AgentDescription, what, wrong=ModelError)

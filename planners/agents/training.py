@@ -62,8 +62,11 @@ def demonstrations_of(
 ) -> Demonstrations:
     """Return all rounds of demonstrations; from the second on an agent acts that was cloned from those before."""
     acts = config.without if setting.rounds > 1 else "none"  # without which encoder, where an agent acts
-    key = json.dumps([asdict(setting), config.variations_of_each, config.length, config.fps, acts], sort_keys=True)
-    digest = hashlib.sha256(f"{key} {world.data.sha256} {world.recogniser.sha256}".encode()).hexdigest()
+    key = json.dumps(
+        [asdict(setting), config.variations_of_each, config.conditions.length, config.conditions.fps, acts],
+        sort_keys=True,
+    )
+    digest = hashlib.sha256(f"{key} {world.setting.data.sha256} {world.setting.recogniser_sha256}".encode()).hexdigest()
     batches = max(1, round(setting.episodes / EPISODES / setting.rounds))
     rounds: list[Demonstrations] = []
 
@@ -75,15 +78,14 @@ def demonstrations_of(
             clone(agent, join(rounds), setting, seed=DAGGER_SEED)
         return DemonstrationTask(
             scenarios=world.scenarios,
-            recogniser=world.recogniser,
-            sensor=world.sensor,
+            runner=world.setting.runner,
             teacher=setting.teacher,
             agent=agent,
             seed=(DAGGER_SEED, len(rounds)),
         )
 
     for number in range(setting.rounds):
-        name = f"demonstrations-{config.sensor}-{config.views}-{digest[:8]}-round{number}"
+        name = f"demonstrations-{config.conditions.seen}-{digest[:8]}-round{number}"
         rounds.append(collect(task, batches, config.directory / name, workers=config.workers, report=report))
     return join(rounds)
 

@@ -9,15 +9,12 @@ import numpy as np
 import torch
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios
 from ehar.errors import DataError, EpisodeError
-from ehar.motion import GridMotion, move_towards
+from ehar.motion import move_towards
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.processes import worker_pool
-from ehar.recogniser import Recogniser
-from ehar.rollout import Batch, rollout
-from ehar.sensors.sensor import Sensor, draw_noise
+from ehar.runner import Runner
 from ehar.viewpoint import Workspace, apply_moves, sample_starts
 from planners.value.body_filter import BodyFilter
 from planners.value.situation import frame_gains
@@ -156,20 +153,16 @@ class CollectionTask:
     """What is needed to run batches of branching episodes.
 
     Args:
-        data: the motion.
+        runner: rolls them.
         sequences: those of the policy part that are long enough.
         length: L, frames.
-        recogniser: trained.
-        sensor: that it was trained with.
         pairs: of the trunk.
         seed: of everything drawn.
     """
 
-    data: MotionData
+    runner: Runner
     sequences: IntArray
     length: int
-    recogniser: Recogniser
-    sensor: Sensor
     pairs: IntArray
     seed: int
 
@@ -181,7 +174,9 @@ def run_batches(task: CollectionTask, batches: Sequence[int], *, workers: int = 
         DataError: no sequence has `length` frames.
     """
     if len(task.sequences) == 0:
-        raise DataError(f"{task.data.name}: expected policy sequences of at least {task.length} frames, got none")
+        raise DataError(
+            f"{task.runner.data.name}: expected policy sequences of at least {task.length} frames, got none"
+        )
     if workers == 1 or len(batches) < 2:
         for batch in batches:
             yield batch, collect_batch(task, batch)
@@ -196,32 +191,15 @@ def collect_batch(task: CollectionTask, index: int) -> Collection:
     """Run one batch of episodes; what is drawn depends on the seed and its index only."""
     torch.set_num_threads(1)
     rng = np.random.default_rng([task.seed, index])
-    data = task.data
+    data = task.runner.data
     # As in what is tested: a sequence as often as its length yields windows.
     weights = data.lengths[task.sequences] // task.length
     sequence = rng.choice(task.sequences, size=EPISODES, p=weights / weights.sum())
     first = rng.integers(data.lengths[sequence] - task.length + 1)
     scenarios = Scenarios(data, task.length, sequence, first)
-    batch = Batch(
-        positions=scenarios.positions(np.arange(EPISODES)),
-        labels=scenarios.labels,
-        starts=sample_starts(rng, EPISODES),
-        noise=draw_noise(rng, (EPISODES, task.length), data.persons, len(data.skeleton.joint_names)),
-        names=tuple(data.sequence_names[i] for i in sequence),
-    )
-    motion = GridMotion()
-    context = Context(
-        episodes=EPISODES,
-        length=task.length,
-        frame_time=1 / data.fps,
-        class_names=data.class_names,
-        skeleton=data.skeleton,
-        workspace=motion.workspace,
-        track="ideal",
-        rng=rng,
-    )
+    batch = task.runner.batch(scenarios, np.arange(EPISODES), sample_starts(rng, EPISODES), rng)
     forker = Forker(pairs=task.pairs)
-    record = rollout(forker, batch, task.recogniser, task.sensor, motion, context)
+    record = task.runner.roll(forker, batch, rng)
     forks = {name: np.concatenate([fork[name] for fork in forker.forks]) for name in forker.forks[0]}
     return Collection(
         log_probs=record.log_probs, viewpoints=record.viewpoints, labels=batch.labels, sequences=sequence, **forks

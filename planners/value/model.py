@@ -9,6 +9,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
 from ehar.arrays import IntArray
+from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.errors import ModelError
 from ehar.files import read_json
@@ -64,9 +65,9 @@ class GainDescription:
     training: dict[str, Any]
 
 
-def gain_model_path(directory: Path, *, sensor: str, views: str) -> Path:
+def gain_model_path(directory: Path, conditions: Conditions) -> Path:
     """Return where the fields' weights lie in a models directory; the JSON lies beside them."""
-    return directory / f"gain-field-{sensor}-{views}.safetensors"
+    return directory / f"gain-field-{conditions.seen}.safetensors"
 
 
 def save_gain_model(path: Path, model: GainModel, *, recogniser_sha256: str, history: dict[str, Any]) -> None:
@@ -93,26 +94,22 @@ def save_gain_model(path: Path, model: GainModel, *, recogniser_sha256: str, his
     save_weights(path, save(tensors), description)
 
 
-def load_gain_model(
-    directory: Path | None, data: MotionData, *, sensor: str, views: str, recogniser_sha256: str
-) -> GainModel:
+def load_gain_model(conditions: Conditions, data: MotionData, recogniser_sha256: str) -> GainModel:
     """Load a gain model and check that it belongs to the recogniser.
 
     Args:
-        directory: of models; None means what is shipped for a synthetic set.
+        conditions: that it was trained for: the folder, sensor and views.
         data: what it will be used on.
-        sensor: that it was trained with.
-        views: the recogniser's training regime.
         recogniser_sha256: of the recogniser that it will work with.
 
     Raises:
         ModelError: the files are missing or malformed, or belong to another recogniser.
     """
-    path = gain_model_path(directory or SHIPPED / data.name, sensor=sensor, views=views)
+    path = gain_model_path(conditions.directory or SHIPPED / data.name, conditions)
     check_files(
         path,
-        f"a gain field, as made by `ehar train gain-field --data {data.name} --models {directory or 'DIR'} "
-        f"--sensor {sensor} --views {views}`",
+        f"a gain field, as made by `ehar train gain-field --data {data.name} --models {conditions.directory or 'DIR'} "
+        f"{conditions.options}`",
     )
     file, what = description_path(path), "a gain field, as `ehar train gain-field` writes it"
     description = read_json(file, GainDescription, what, wrong=ModelError)

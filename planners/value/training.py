@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -11,17 +11,15 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
 from ehar.data.scenario import split_parts
-from ehar.data.source import load_data
 from ehar.errors import DataError, UsageError
 from ehar.files import write_bytes
-from ehar.sensors.registry import make_sensor
 from planners.value.belief_fit import fit_belief
 from planners.value.body_filter import trunk_pairs
 from planners.value.collection import Collection, CollectionTask, join, run_batches
 from planners.value.config import GainTrainingConfig
 from planners.value.fit import VARIANTS, Fit, fit_field
 from planners.value.model import GainModel, gain_model_path, save_gain_model
-from recognition.storage import load_recogniser
+from recognition.setting import load_setting
 
 LEAST_LENGTH = 3  # frames of an episode: views along a path spread only if there are two to come
 
@@ -44,33 +42,34 @@ def train_gain_field(config: GainTrainingConfig, report: Callable[[str, int, int
     Raises:
         EharError: data or recogniser are missing or do not fit, or a number is too small.
     """
-    for name, least in (("batches", 1), ("workers", 1), ("length", LEAST_LENGTH), ("seed", 0)):
-        if getattr(config, name) < least:
-            raise UsageError(f"{name}: expected at least {least}, got {getattr(config, name)}")
-    directory = config.out or config.models
+    conditions = config.conditions
+    for name, value, least in (
+        ("batches", config.batches, 1),
+        ("workers", config.workers, 1),
+        ("length", conditions.length, LEAST_LENGTH),
+    ):
+        if value < least:
+            raise UsageError(f"{name}: expected at least {least}, got {value}")
+    directory = config.out or conditions.directory
     if directory is None:
         raise UsageError("train gain-field: expected --models DIR, or --out DIR where the shipped recogniser is used")
-    data = load_data(config.data, fps=config.fps)
-    sensor = make_sensor(config.sensor, data.skeleton)
-    recogniser = load_recogniser(config.models, data, sensor=config.sensor, views=config.views)
-    policy = split_parts(data).policy
-    sequences = policy[data.lengths[policy] >= config.length]
+    setting = load_setting(conditions)
+    data, policy = setting.data, split_parts(setting.data).policy
+    sequences = policy[data.lengths[policy] >= conditions.length]
     if len(sequences) < 2:  # a field is judged on others than it was fitted on
         raise DataError(
-            f"{data.name}: expected at least 2 policy sequences of at least {config.length} frames, "
+            f"{data.name}: expected at least 2 policy sequences of at least {conditions.length} frames, "
             f"got {len(sequences)}"
         )
     task = CollectionTask(
-        data=data,
+        runner=setting.runner,
         sequences=sequences,
-        length=config.length,
-        recogniser=recogniser,
-        sensor=sensor,
+        length=conditions.length,
         pairs=trunk_pairs(data, sequences),
-        seed=config.seed,
+        seed=conditions.seed,
     )
-    path = gain_model_path(directory, sensor=config.sensor, views=config.views)
-    key = f"{data.sha256} {recogniser.sha256} {config.length} {config.seed}"
+    path = gain_model_path(directory, conditions)
+    key = f"{data.sha256} {setting.recogniser_sha256} {conditions.length} {conditions.seed}"
     collection = _collect(task, config, path.with_suffix(""), hashlib.sha256(key.encode()).hexdigest(), report)
     belief = fit_belief(collection.log_probs, collection.viewpoints, collection.labels, collection.sequences)
     fits: dict[str, Fit] = {}
@@ -79,16 +78,17 @@ def train_gain_field(config: GainTrainingConfig, report: Callable[[str, int, int
         fits[name] = fit_field(collection, belief, parts)
     report("regressions", len(fits), len(VARIANTS))
     model = GainModel({name: fit.field for name, fit in fits.items()}, belief, task.pairs)
-    options = {name: str(value) if isinstance(value, Path) else value for name, value in asdict(config).items()}
+    told = setting.conditions
     history: dict[str, Any] = {
-        **{name: value for name, value in options.items() if name != "workers"},  # which decides nothing
+        **{name: getattr(told, name) for name in ("data", "models", "sensor", "views", "length", "fps", "seed")},
+        "batches": config.batches,
         "data_sha256": data.sha256,
         "cross_validation": {
             name: {score: value for score, value in fit._asdict().items() if score != "field"}
             for name, fit in fits.items()
         },
     }
-    save_gain_model(path, model, recogniser_sha256=recogniser.sha256, history=history)
+    save_gain_model(path, model, recogniser_sha256=setting.recogniser_sha256, history=history)
     return GainTraining(path, fits)
 
 

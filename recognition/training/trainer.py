@@ -16,18 +16,17 @@ from torch.nn import functional
 
 from ehar.arrays import FloatArray
 from ehar.data.scenario import split_parts
-from ehar.data.source import load_data
 from ehar.errors import ModelError, UsageError
 from ehar.files import as_json, parse_json
 from ehar.sensors.registry import make_sensor
 from recognition.calibration import fit_temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network, NetworkSpec
+from recognition.setting import load_motion_of
 from recognition.storage import load_weights, recogniser_path, save_recogniser
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.training.clips import Clips, ClipSource
 from recognition.training.config import TrainingConfig
-from recognition.training.views import REGIMES
 from recognition.weight_files import description_path, recorded_run
 
 WARM_UP = 0.05  # share of the steps in which the learning rate rises
@@ -74,14 +73,12 @@ def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Ev
         DataError: the data is malformed, or has no training sequence of `length` frames.
         ModelError: the loss is not finite, the checkpoint is damaged, or `init` does not fit.
     """
-    for field in ("length", "clips", "batch", "evaluations", "patience"):
+    for field in ("clips", "batch", "evaluations", "patience"):
         if getattr(config, field) < 1:
             raise UsageError(f"--{field}: got {getattr(config, field)}, expected at least 1")
     device_type = config.device.partition(":")[0]
     if device_type not in ("cpu", "cuda") or (device_type == "cuda" and not torch.cuda.is_available()):
         raise UsageError(f"--device {config.device}: expected cpu, or cuda where there is such a device")
-    if config.views not in REGIMES:
-        raise UsageError(f"unknown --views {config.views!r}: expected one of {', '.join(REGIMES)}")
     if config.threads:
         torch.set_num_threads(config.threads)
     _keep_freed_memory()
@@ -95,29 +92,29 @@ class _Run:
 
     def __init__(self, config: TrainingConfig) -> None:
         self.config = config
-        data = load_data(config.data, fps=config.fps)
+        data = load_motion_of(config.conditions)
         parts = split_parts(data)
-        sensor = make_sensor(config.sensor, data.skeleton)
+        sensor = make_sensor(config.conditions.sensor, data.skeleton)
 
         def source(sequences: Any, augment: bool) -> ClipSource:
             return ClipSource(
                 data=data,
                 sequences=sequences,
-                length=config.length,
+                length=config.conditions.length,
                 sensor=sensor,
-                views=config.views,
+                views=config.conditions.views,
                 augment=augment,
             )
 
         self.source = source(parts.recogniser, augment=True)
         # Where the validation part has no sequence that is long enough, the recogniser's own part has to do.
-        self.held_out = bool((data.lengths[parts.validation] >= config.length).any())
+        self.held_out = bool((data.lengths[parts.validation] >= config.conditions.length).any())
         held_out = source(parts.validation if self.held_out else parts.recogniser, augment=False)
         self.validation = held_out.draw(np.random.default_rng(VALIDATION_SEED), VALIDATION_CLIPS)
-        self.spec = NetworkSpec.of(data, form=config.form, size=config.size, length=config.length)
+        self.spec = NetworkSpec.of(data, form=config.conditions.form, size=config.size, length=config.conditions.length)
         self.data_title = data.title
         self.device = torch.device(config.device)
-        self.network: Network = self.spec.build(config.seed).to(self.device)
+        self.network: Network = self.spec.build(config.conditions.seed).to(self.device)
         if config.init is not None:
             load_weights(config.init, self.network)
         self.identity = _identify(config, data.sha256)
@@ -128,7 +125,7 @@ class _Run:
         self.step = 0
         self.evaluations: list[Evaluation] = []
         self.best: dict[str, Tensor] = {}
-        self.path = recogniser_path(config.out, form=config.form, sensor=config.sensor, views=config.views)
+        self.path = recogniser_path(config.out, config.conditions)
         self.checkpoint = self.path.with_suffix(".checkpoint")
 
     def train(self, report: Report) -> Evaluation:
@@ -148,7 +145,7 @@ class _Run:
     def _learn(self) -> float:
         """Make one step and return its loss."""
         config = self.config
-        rng = np.random.default_rng((config.seed, self.step))
+        rng = np.random.default_rng((config.conditions.seed, self.step))
         clips = self.source.draw(rng, config.batch)
         for group in self.optimiser.param_groups:
             group["lr"] = config.learning_rate * _schedule(self.step / self.steps)
@@ -173,14 +170,14 @@ class _Run:
             logits = self.network(seen)
             frames = logits.shape[1]
             return functional.cross_entropy(logits.flatten(0, 1), labels.repeat_interleave(frames))
-        prefix = int(rng.integers(1, self.config.length + 1))
+        prefix = int(rng.integers(1, self.config.conditions.length + 1))
         return functional.cross_entropy(self.network(seen[:, :prefix].permute(0, 4, 1, 3, 2)), labels)
 
     def _logits(self, clips: Clips) -> FloatArray:
         """Return validation logits (N, L, K); the published form fills the frames between its prefixes."""
         self.network.eval()
         pieces = []
-        length = self.config.length
+        length = self.config.conditions.length
         with torch.inference_mode():
             for seen in torch.split(clips.features, self.config.batch):
                 batch = seen.to(self.device)
@@ -258,11 +255,15 @@ class _Run:
             )
 
 
+NOT_DECISIVE = ("conditions", "out", "threads", "device", "init")  # in themselves
+
+
 def _identify(config: TrainingConfig, data_sha256: str) -> dict[str, Any]:
     """Return what decides the result of a run, for JSON: neither where files lie nor on what it is computed."""
-    identity = asdict(config)
-    for field in ("data", "out", "threads", "device", "init"):
-        del identity[field]
+    told, own = vars(config.conditions), vars(config)
+    identity = {name: told[name] for name in ("views", "form", "length", "fps", "seed")}
+    identity |= {name: value for name, value in own.items() if name not in NOT_DECISIVE}
+    identity["sensor"] = config.conditions.sensor_name
     init_sha256 = None if config.init is None else hashlib.sha256(config.init.read_bytes()).hexdigest()
     return {**identity, "data_sha256": data_sha256, "init_sha256": init_sha256}
 

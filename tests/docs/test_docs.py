@@ -50,7 +50,7 @@ def test_commands_that_are_none_are_found() -> None:
 
 
 def test_flags_that_are_none_are_found() -> None:
-    assert unknown_flags(["headroom", "--data", "duo", "--speed=3"]) == ["--speed"]
+    assert unknown_flags(["study", "headroom", "--data", "duo", "--speed=3"]) == ["--speed"]
     assert unknown_flags(["benchmark", "./spiral.py:Spiral", "--radius", "6", "--track", "px4-max"]) == []
 
 
@@ -84,6 +84,14 @@ def test_a_planner_of_other_arguments_is_made_and_runs() -> None:
     solves = summary.planner("patient").solves
     assert solves is not None
     assert solves.total == 4 * summary.episodes  # frames 0, 15, 30 and 45
+
+
+@pytest.mark.parametrize("page", sorted((DOCS / "results").glob("*.md")), ids=page_name)
+def test_a_page_of_tables_begins_with_its_command_and_a_claim_leads_to_it(page: Path) -> None:
+    head = page.read_text().split("|")[0]
+    assert commands(page) and "```\nehar " in head
+    assert re.search(r"Measured on \d{4}-\d\d-\d\d, at commit [0-9a-f]{7}", head)
+    assert f"results/{page.name}" in (DOCS / "results.md").read_text()
 
 
 def test_all_planners_are_listed() -> None:

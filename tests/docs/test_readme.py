@@ -1,11 +1,22 @@
 """What the README shows runs as it stands there."""
 
+import itertools
 from pathlib import Path
 
 import pytest
 
 from eval import benchmark
 from tests.helpers.pages import README, python_blocks
+
+
+def test_it_begins_with_a_sentence_a_picture_and_a_short_table() -> None:
+    lines = README.read_text().splitlines()
+    assert len(lines) <= 150
+    title, sentence, picture, *table = [line for line in lines if line][:10]
+    assert title.startswith("# ") and sentence.endswith(".") and picture.startswith("![")
+    rows = list(itertools.takewhile(lambda line: line.startswith("|"), table))
+    assert 3 <= len(rows) <= 2 + 6  # below the head and its rule
+    assert {row.count("|") - 1 for row in rows} == {6}
 
 
 def test_the_planner_has_ten_lines_at_most() -> None:

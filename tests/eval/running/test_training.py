@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from eval.running.train_all import TrainAllConfig, has_gain_field, has_recogniser, train_all
 
 from ehar.errors import EharError, ModelError, UsageError
-from eval.running.train_all import TrainAllConfig, has_gain_field, has_recogniser, train_all
 from planners.value.model import SHIPPED as GAIN_FIELDS
 from recognition.storage import SHIPPED as RECOGNISERS
 

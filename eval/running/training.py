@@ -1,0 +1,212 @@
+"""Trainings with their progress: each alone, or all that planners need on your own data, in order."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from ehar.conditions import Conditions
+from ehar.errors import ModelError
+from ehar.files import read_json
+from ehar.processes import cores
+from planners.agents.config import AgentTrainingConfig, Scale
+from planners.value.config import GainTrainingConfig
+from recognition.setting import load_motion_of, load_setting
+from recognition.training.config import TrainingConfig
+
+PAPER_CLIPS = 200_000  # about as many as 32 views of each training scenario of ExPI (Sec. 4.2 and 5.1)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What the JSON of a recogniser says about its training; None where it does not say it."""
+
+    data_sha256: str | None = None
+    size: str | None = None
+
+
+@dataclass(frozen=True)
+class _Training:
+    run: _Run = _Run()
+
+
+@dataclass(frozen=True)
+class _Trained:
+    training: _Training = _Training()
+
+
+@dataclass(frozen=True)
+class Trained:
+    """What a training gave.
+
+    Args:
+        paths: of the weights.
+        lines: what there is to say of it.
+    """
+
+    paths: tuple[Path, ...]
+    lines: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainAllConfig:
+    """How everything is trained.
+
+    Args:
+        conditions: of all trainings.
+        out: folder to write to.
+        seeds: how many training seeds, each an agent of its own.
+        setting: quick, for 2 CPU cores; paper, as published, for a GPU.
+        workers: processes; numbers do not depend on it.
+        device: of the recogniser's and of PPO's network: cpu or cuda.
+    """
+
+    conditions: Conditions
+    out: Path
+    seeds: int = 1
+    setting: Scale = "quick"
+    workers: int = field(default_factory=cores)
+    device: str = "cpu"
+
+    @property
+    def with_models(self) -> Conditions:
+        """The conditions with the weights that are trained here."""
+        return replace(self.conditions, models=self.out)
+
+    @property
+    def benchmark_options(self) -> str:
+        """The options with which a benchmark runs under these conditions; its own defaults are left out."""
+        usual, told = Conditions(), self.with_models
+        options = {name: getattr(told, name) for name in ("data", "models", "sensor", "views", "length", "fps")}
+        return " ".join(f"--{name} {value}" for name, value in options.items() if value != getattr(usual, name))
+
+    @property
+    def recogniser(self) -> TrainingConfig:
+        """How the recogniser is trained."""
+        return TrainingConfig(
+            conditions=self.conditions,
+            out=self.out,
+            size="small" if self.setting == "quick" else "published",
+            clips=TrainingConfig.clips if self.setting == "quick" else PAPER_CLIPS,
+            device=self.device,
+        )
+
+    @property
+    def gain_field(self) -> GainTrainingConfig:
+        """How the gain field is trained."""
+        return GainTrainingConfig(conditions=self.with_models, workers=self.workers)
+
+    @property
+    def agents(self) -> AgentTrainingConfig:
+        """How the agents are trained."""
+        return AgentTrainingConfig(
+            conditions=self.with_models,
+            seeds=self.seeds,
+            setting=self.setting,
+            workers=self.workers,
+            device=self.device,
+        )
+
+
+def train_recogniser(config: TrainingConfig) -> Trained:
+    """Train a recogniser, with a bar on standard error; resumes where a checkpoint lies in `out`."""
+    from eval.running.progress import TrainingProgress  # these bring rich and torch, which `ehar --help` does not need
+    from recognition.storage import recogniser_path
+    from recognition.training import trainer
+
+    with TrainingProgress() as progress:
+        best = trainer.train_recogniser(config, progress.report)
+    line = (
+        f"best at step {best.step}: validation accuracy {100 * best.accuracy:.1f} % (mean over frames), "
+        f"NLL {best.nll:.3f}; written to {config.out}"
+    )
+    return Trained((recogniser_path(config.out, config.conditions),), (line,))
+
+
+def train_gain_field(config: GainTrainingConfig) -> Trained:
+    """Train gain fields and belief, with bars on standard error; goes on where a stopped run left off."""
+    from eval.running.progress import StageProgress  # these bring rich and torch, which `ehar --help` does not need
+    from planners.value import training
+
+    with StageProgress() as progress:
+        result = training.train_gain_field(config, progress.report)
+    lines = [
+        f"{name}: explains {100 * fit.explained:.1f} % of what paths gain; the path it picks gains "
+        f"{100 * fit.chosen_gain:.2f} % in probability, of {100 * fit.best_gain:.2f} % in hindsight"
+        for name, fit in result.fits.items()
+    ]
+    return Trained((result.path,), (*lines, f"in cross-validation over sequences; written to {result.path}"))
+
+
+def train_agents(config: AgentTrainingConfig) -> Trained:
+    """Train the agents that are missing, with bars on standard error."""
+    from eval.running.progress import StageProgress  # these bring rich and torch, which `ehar --help` does not need
+    from planners.agents import training
+
+    with StageProgress() as progress:
+        paths = training.train_agents(config, progress.report, progress.note)
+    line = f"{len(paths)} agents are in {paths[0].parent}: {', '.join(path.stem for path in paths)}"
+    return Trained(tuple(paths), (line,))
+
+
+def train_all(config: TrainAllConfig) -> Trained:
+    """Train recogniser, gain field and the four agents; what is there is kept, what was stopped goes on.
+
+    Raises:
+        EharError: as the trainings do; an option of the agents that makes no sense is refused before anything begins.
+    """
+    config.agents.check()
+    stages: tuple[tuple[str, Callable[[TrainAllConfig], bool], Callable[[], Trained]], ...] = (
+        ("the recogniser", has_recogniser, lambda: train_recogniser(config.recogniser)),
+        ("the gain field", has_gain_field, lambda: train_gain_field(config.gain_field)),
+        ("the agents il, ppo, il-ppo and dagger", lambda _: False, lambda: train_agents(config.agents)),
+    )
+    paths: list[Path] = []
+    for number, (name, is_there, train) in enumerate(stages, 1):
+        kept = is_there(config)
+        print(f"{number} of 3: {name}{f' in {config.out} is kept' * kept}", flush=True)
+        if not kept:
+            paths += train().paths
+    return Trained(tuple(paths), (f"next: ehar benchmark {config.benchmark_options}",))
+
+
+def has_recogniser(config: TrainAllConfig) -> bool:
+    """Return whether a recogniser that fits the data is there.
+
+    Raises:
+        EharError: there is one, and it does not fit.
+    """
+    from recognition.storage import load_recogniser, recogniser_path
+
+    path = recogniser_path(config.out, config.conditions)
+    description = path.with_suffix(".json")
+    if not (path.is_file() and description.is_file()):
+        return False
+    data = load_motion_of(config.conditions)
+    load_recogniser(config.with_models, data)
+    # Classes and joints can be the same where recordings were added: other sequences are then held out for the test.
+    run = read_json(description, _Trained, "a recogniser", unknown=True, defaults=True, wrong=ModelError).training.run
+    sha256 = run.data_sha256
+    if sha256 not in (None, data.sha256):
+        raise ModelError(
+            f"{description}: trained on another data set: its sha256 was {sha256[:12]}..., that of {data.name} is "
+            f"{data.sha256[:12]}...: remove it to train again, or choose another --out"
+        )
+    wanted = config.recogniser.size
+    if config.setting == "paper" and run.size not in (None, wanted):
+        raise ModelError(
+            f"{description}: got a recogniser of size {run.size}, expected {wanted}, as --setting paper trains it: "
+            "remove it to train again, or choose another --out"
+        )
+    return True
+
+
+def has_gain_field(config: TrainAllConfig) -> bool:
+    """Return whether a gain field for the recogniser is there; one for another recogniser is trained anew."""
+    from planners.value.model import load_gain_model
+
+    try:
+        setting = load_setting(config.with_models)
+        load_gain_model(setting.conditions, setting.data, setting.recogniser_sha256)
+    except ModelError:
+        return False
+    return True
