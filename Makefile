@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/
 
-.PHONY: setup benchmark test lint docs weights results clean
+.PHONY: setup benchmark test fuzz lint docs weights results clean
 
 setup: $(VENV)/.installed
 
@@ -21,6 +21,11 @@ benchmark: setup
 
 test: setup
 	$(RUN)pytest -n 2
+
+# A long random search for examples that break a property. `make test` tries the same few examples every time, so what
+# is found here is pinned: write it above its test as `@example(...)`, with the arguments that hypothesis prints.
+fuzz: setup
+	$(RUN)pytest -n 2 -m hypothesis --hypothesis-profile fuzz
 
 lint: setup
 	$(RUN)ruff check .

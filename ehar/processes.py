@@ -11,12 +11,18 @@ from contextlib import contextmanager
 from multiprocessing.connection import wait
 from typing import Any
 
-from ehar.errors import ModelError
+from ehar.errors import ModelError, UsageError
 
 
 def cores() -> int:
     """Return in how many processes a command runs by default."""
     return os.cpu_count() or 1
+
+
+def check_workers(workers: int) -> None:
+    """Raise a UsageError unless there is a worker."""
+    if workers < 1:
+        raise UsageError(f"workers: expected at least 1, got {workers}")
 
 
 @contextmanager

@@ -1,13 +1,14 @@
 """The only loop: every frame of a batch of episodes is sensed, recognised, planned upon and moved, in lockstep."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
+from ehar.data.scenario import Scenarios
 from ehar.errors import EharError, EpisodeError
 from ehar.motion import Motion
 from ehar.planner import Context, Observation, Planner, Truth
@@ -33,6 +34,44 @@ class Batch:
     starts: FloatArray
     noise: SensorNoise
     names: tuple[str, ...]
+
+    @staticmethod
+    def of(scenarios: Scenarios, chosen: IntArray, starts: FloatArray, noise: SensorNoise) -> "Batch":
+        """Return episodes of scenarios chosen by index (B,)."""
+        sequences = (scenarios.data.sequence_names[sequence] for sequence in scenarios.sequence[chosen])
+        begins = zip(sequences, scenarios.first[chosen], strict=True)
+        return Batch(
+            positions=scenarios.positions(chosen),
+            labels=scenarios.labels[chosen],
+            starts=starts,
+            noise=noise,
+            names=tuple(
+                f"{name} from frame {first}" for name, first in zip(sequences, scenarios.first[chosen], strict=True)
+            ),
+        )
+
+    @staticmethod
+    def joined(pieces: Sequence["Batch"]) -> "Batch":
+        """Return the episodes of several batches, one after another."""
+        return Batch(
+            positions=np.concatenate([piece.positions for piece in pieces]),
+            labels=np.concatenate([piece.labels for piece in pieces]),
+            starts=np.concatenate([piece.starts for piece in pieces]),
+            noise=SensorNoise(
+                *(np.concatenate(draws) for draws in zip(*(piece.noise for piece in pieces), strict=True))
+            ),
+            names=tuple(name for piece in pieces for name in piece.names),
+        )
+
+    def select(self, rows: IntArray | slice, frames: int | None = None) -> "Batch":
+        """Return some of the episodes, and of each the first frames; None is all frames."""
+        return Batch(
+            positions=self.positions[rows, :frames],
+            labels=self.labels[rows],
+            starts=self.starts[rows],
+            noise=SensorNoise(*(draws[rows, :frames] for draws in self.noise)),
+            names=tuple(np.array(self.names, dtype=object)[rows]),
+        )
 
 
 @dataclass(frozen=True, eq=False)

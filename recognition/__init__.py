@@ -7,11 +7,12 @@ import gymnasium
 
 gymnasium.register(
     id="ehar/Grid-v0",
-    entry_point="recognition.environments:grid_env",
-    vector_entry_point="recognition.environments:grid_vector_env",
+    entry_point="recognition.environments:make_env",
+    vector_entry_point="recognition.environments:make_vector_env",
 )
 gymnasium.register(
     id="ehar/Flight-v0",
-    entry_point="recognition.environments:flight_env",
-    vector_entry_point="recognition.environments:flight_vector_env",
+    entry_point="recognition.environments:make_env",
+    vector_entry_point="recognition.environments:make_vector_env",
+    kwargs={"vehicle": "px4-auto"},
 )

@@ -1,26 +1,48 @@
 """Trained recognisers on disk: safetensors for the weights, JSON for what they were built and trained for."""
 
 import hashlib
-import json
-from dataclasses import asdict
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save
-from torch import Tensor
-
+from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
-from ehar.data.skeleton import Skeleton
 from ehar.errors import ModelError
-from ehar.files import write_bytes
+from ehar.files import read_json
 from recognition.calibration import Temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network, NetworkSpec
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
-from recognition.training.config import Form, Size
+from recognition.weight_files import check_files, description_path, load_tensors, network_bytes, save_weights
 
 SHIPPED = Path(__file__).parent / "weights"
+
+
+@dataclass(frozen=True)
+class RecogniserDescription:
+    """The JSON beside a recogniser's weights.
+
+    Args:
+        spec: what the network was built for.
+        log_temperatures: as in `Temperature`.
+        training: how it was trained; kept for people, and to tell one run from another.
+
+    Raises:
+        ValueError: the temperatures are not one finite number a knot.
+    """
+
+    spec: NetworkSpec
+    log_temperatures: tuple[float, ...]
+    training: dict[str, Any]
+
+    def __post_init__(self) -> None:
+        """Check the temperatures."""
+        _ = self.temperature
+
+    @property
+    def temperature(self) -> Temperature:
+        """The temperature that was fitted."""
+        return Temperature(self.log_temperatures)
 
 
 def recogniser_path(directory: Path, *, form: Form, sensor: str, views: str) -> Path:
@@ -40,10 +62,7 @@ def save_recogniser(
         temperature: fitted on validation data.
         history: how it was trained; kept for people, not read back.
     """
-    state = {name: tensor.detach().cpu().contiguous() for name, tensor in network.state_dict().items()}
-    description = {"spec": asdict(spec), "log_temperatures": temperature.log_temperatures, "training": history}
-    write_bytes(path, save(state))
-    write_bytes(path.with_suffix(".json"), (json.dumps(description, indent=1) + "\n").encode())
+    save_weights(path, network_bytes(network), RecogniserDescription(spec, temperature.log_temperatures, history))
 
 
 def load_recogniser(
@@ -74,15 +93,12 @@ def load_recogniser(
             f"`ehar train recogniser --data X.npz --out DIR`"
         )
     path = recogniser_path(directory or SHIPPED / data.name, form=form, sensor=sensor, views=views)
-    for file in (path, path.with_suffix(".json")):
-        if not file.is_file():
-            raise ModelError(
-                f"{file}: no such file: expected a recogniser trained with "
-                f"--sensor {sensor} --views {views} --form {form}"
-            )
-    spec, temperature = _read_description(path.with_suffix(".json"))
+    check_files(path, f"a recogniser trained with --sensor {sensor} --views {views} --form {form}")
+    file, what = description_path(path), "a recogniser, as `ehar train recogniser` writes it"
+    description = read_json(file, RecogniserDescription, what, wrong=ModelError)
+    spec, temperature = description.spec, description.temperature
     if spec.form != form:
-        raise ModelError(f"{path.with_suffix('.json')}: spec.form: expected {form!r}, got {spec.form!r}")
+        raise ModelError(f"{file}: spec.form: expected {form!r}, got {spec.form!r}")
     _check_fit(path, spec, data)
     network = spec.build()
     load_weights(path, network)
@@ -92,54 +108,13 @@ def load_recogniser(
     return PrefixRecogniser(network=network, spec=spec, temperature=temperature, sha256=digest, device=device)
 
 
-def _read_description(path: Path) -> tuple[NetworkSpec, Temperature]:
-    """Read the JSON beside the weights."""
-    try:
-        description = json.loads(path.read_text())
-        fields = description["spec"]
-        skeleton = fields["skeleton"]
-        spec = NetworkSpec(
-            form=fields["form"],
-            size=fields["size"],
-            class_names=tuple(fields["class_names"]),
-            skeleton=Skeleton(tuple(skeleton["joint_names"]), tuple((int(a), int(b)) for a, b in skeleton["bones"])),
-            persons=int(fields["persons"]),
-            fps=float(fields["fps"]),
-            length=int(fields["length"]),
-        )
-        for field, known in (("form", get_args(Form)), ("size", get_args(Size))):
-            if fields[field] not in known:
-                raise ValueError(f"{field}: expected one of {', '.join(known)}, got {fields[field]!r}")
-        if spec.length < 1:
-            raise ValueError(f"length: expected at least 1 frame, got {spec.length}")
-        temperature = Temperature(tuple(float(value) for value in description["log_temperatures"]))
-    except (ValueError, KeyError, TypeError, OverflowError, OSError) as error:
-        raise ModelError(f"{path}: expected the JSON that `ehar train recogniser` writes, got {error!r}") from error
-    return spec, temperature
-
-
 def load_weights(path: Path, network: Network) -> None:
     """Load weights into a network.
 
     Raises:
         ModelError: the file is missing or malformed, its tensors have other names or shapes, or are not finite.
     """
-    try:
-        state: dict[str, Tensor] = load_file(path)
-    except (SafetensorError, OSError) as error:
-        raise ModelError(f"{path}: expected a safetensors file, got {error}") from error
-    wanted = network.state_dict()
-    wrong = sorted(
-        name
-        for name in wanted.keys() | state.keys()
-        if name not in state or name not in wanted or state[name].shape != wanted[name].shape
-    )
-    if wrong:
-        raise ModelError(f"{path}: {len(wrong)} tensors do not fit the network that is expected, first {wrong[0]!r}")
-    for name, tensor in state.items():
-        if not tensor.isfinite().all():
-            raise ModelError(f"{path}: tensor {name!r} is not finite everywhere")
-    network.load_state_dict(state)
+    network.load_state_dict(load_tensors(path, network, "a recogniser"))
 
 
 def _check_fit(path: Path, spec: NetworkSpec, data: MotionData) -> None:

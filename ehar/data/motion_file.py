@@ -23,19 +23,18 @@ _KIND_NAMES = {_FLOAT: "floats", _INTEGER: "integers", _NUMBER: "a number", _TEX
 _SPLIT_WORDS = ("train", "test")
 
 
-def load_motion(path: Path, *, name: str | None = None) -> MotionData:
+def load_motion(path: Path) -> MotionData:
     """Read motion data from an .npz of the schema; arrays that the schema does not name are ignored.
 
     Args:
-        path: the file.
-        name: what reports call the data; the file's name without its ending by default.
+        path: the file; its name without its ending is what reports call the data.
 
     Raises:
         DataError: the file is missing, is not an .npz, holds anything that would have to be unpickled (nothing is),
             or does not hold what the schema asks for.
     """
     path = Path(path)
-    return _parse(_Fields(str(path), _read_arrays(path)), name=name or path.stem)
+    return _parse(_Fields(str(path), _read_arrays(path)), name=path.stem)
 
 
 def save_motion(path: Path, data: MotionData) -> None:

@@ -9,14 +9,8 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from ehar.arrays import BoolArray, FloatArray
-from ehar.data.scenario import Scenarios
-from ehar.envs.controls import FlightControls, GridControls
 from ehar.envs.task import Episodes, Observations
 from ehar.envs.task import reward as reward
-from ehar.flight.vehicle import Vehicle
-from ehar.recogniser import Recogniser
-from ehar.sensors.sensor import Sensor
-from ehar.viewpoint import Workspace
 
 
 class EpisodeEnv(gym.Env[dict[str, Any], Any]):
@@ -94,110 +88,6 @@ class EpisodeVectorEnv(gym.vector.VectorEnv[Observations, npt.NDArray[Any], npt.
         """Return the info with the mask that Gymnasium keeps beside each key."""
         info = self.episodes.info
         return info | {f"_{key}": np.ones(self.num_envs, dtype=bool) for key in info}
-
-
-class GridEnv(EpisodeEnv):
-    """Episodes on the paper's grid, one at a time: actions as in `GridControls`.
-
-    Args:
-        scenarios: what episodes are drawn from, uniformly.
-        recogniser: sees every frame.
-        sensor: what the recogniser sees.
-        workspace: where the camera may be; the paper's by default.
-    """
-
-    def __init__(
-        self,
-        *,
-        scenarios: Scenarios,
-        recogniser: Recogniser,
-        sensor: Sensor,
-        workspace: Workspace | None = None,
-    ) -> None:
-        """Create the environment."""
-        controls = GridControls(workspace=workspace)
-        super().__init__(Episodes(scenarios=scenarios, recogniser=recogniser, sensor=sensor, controls=controls))
-
-
-class GridVectorEnv(EpisodeVectorEnv):
-    """Episodes on the paper's grid, B at a time: actions as in `GridControls`.
-
-    Args:
-        num_envs: episodes at a time, B.
-        scenarios: what episodes are drawn from, uniformly.
-        recogniser: sees every frame.
-        sensor: what the recogniser sees.
-        workspace: where the camera may be; the paper's by default.
-    """
-
-    def __init__(
-        self,
-        *,
-        num_envs: int,
-        scenarios: Scenarios,
-        recogniser: Recogniser,
-        sensor: Sensor,
-        workspace: Workspace | None = None,
-    ) -> None:
-        """Create the environments."""
-        controls = GridControls(workspace=workspace)
-        super().__init__(
-            num_envs, Episodes(scenarios=scenarios, recogniser=recogniser, sensor=sensor, controls=controls)
-        )
-
-
-class FlightEnv(EpisodeEnv):
-    """Episodes in flight, one at a time: actions and observations as in `FlightControls`.
-
-    Args:
-        scenarios: what episodes are drawn from, uniformly.
-        recogniser: sees every frame.
-        sensor: what the recogniser sees.
-        vehicle: what carries the camera.
-        workspace: where the camera may be; the paper's by default.
-    """
-
-    def __init__(
-        self,
-        *,
-        scenarios: Scenarios,
-        recogniser: Recogniser,
-        sensor: Sensor,
-        vehicle: Vehicle,
-        workspace: Workspace | None = None,
-    ) -> None:
-        """Create the environment."""
-        controls = FlightControls(vehicle=vehicle, workspace=workspace)
-        super().__init__(Episodes(scenarios=scenarios, recogniser=recogniser, sensor=sensor, controls=controls))
-
-
-class FlightVectorEnv(EpisodeVectorEnv):
-    """Episodes in flight, B at a time: actions and observations as in `FlightControls`.
-
-    Args:
-        num_envs: episodes at a time, B.
-        scenarios: what episodes are drawn from, uniformly.
-        recogniser: sees every frame.
-        sensor: what the recogniser sees.
-        vehicle: what carries the camera.
-        workspace: where the camera may be; the paper's by default.
-    """
-
-    def __init__(
-        self,
-        *,
-        num_envs: int,
-        scenarios: Scenarios,
-        recogniser: Recogniser,
-        sensor: Sensor,
-        vehicle: Vehicle,
-        workspace: Workspace | None = None,
-    ) -> None:
-        """Create the environments."""
-        controls = FlightControls(vehicle=vehicle, workspace=workspace)
-        super().__init__(
-            num_envs, Episodes(scenarios=scenarios, recogniser=recogniser, sensor=sensor, controls=controls)
-        )
 
 
 def _only(batched: dict[str, Any]) -> dict[str, Any]:

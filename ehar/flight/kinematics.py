@@ -26,19 +26,8 @@ class CartesianMotion(NamedTuple):
     jerk: FloatArray  # [m/s^3]
 
 
-def cartesian_motion(state: SphericalState) -> CartesianMotion:
-    """Return the exact derivatives of `ehar.viewpoint.cartesian`, in the scenario's frame with z up."""
-    azimuth = state.viewpoint[..., AZIMUTH]
-    cos, sin = np.cos(azimuth), np.sin(azimuth)
-    turned = (
-        np.stack([out * cos - across * sin, out * sin + across * cos, up], axis=-1)
-        for out, across, up in (np.moveaxis(vector, -1, 0) for vector in local_motion(state))
-    )
-    return CartesianMotion(*turned)
-
-
 def local_motion(state: SphericalState) -> CartesianMotion:
-    """Return the same vectors on axes that point level away from the centre, level across that, and up.
+    """Return the exact derivatives on axes that point level away from the centre, level across that, and up.
 
     The camera is turned twice in a plane: by the polar angle, which gives its height and how far out it is, and
     then by the azimuth about the z axis. All centripetal, Coriolis and Euler terms are there.

@@ -1,11 +1,16 @@
 """What a vehicle can do: the limits that a flight keeps, three named vehicles, and vehicle files."""
 
-import json
 import math
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Annotated
+
+from annotated_types import Gt
 
 from ehar.errors import UsageError
+from ehar.files import read_json
+
+Positive = Annotated[float, Gt(0)]
 
 
 def _is_positive(value: object) -> bool:
@@ -49,7 +54,23 @@ class Vehicle:
 
 LIMITS = tuple(field.name for field in fields(Vehicle) if field.name != "name")
 
-FILE_KEYS = ("speed", "acceleration", "jerk", "climb_speed", "descent_speed", "yaw_rate_deg")
+
+@dataclass(frozen=True, kw_only=True)
+class VehicleFile:
+    """What a vehicle file holds: as in `Vehicle`, but for the yaw rate, which is in degrees per second."""
+
+    speed: Positive
+    acceleration: Positive
+    jerk: Positive
+    climb_speed: Positive
+    descent_speed: Positive
+    yaw_rate_deg: Positive
+
+    def vehicle(self, name: str) -> Vehicle:
+        """Return the vehicle, by that name."""
+        limits = asdict(self)
+        return Vehicle(name=name, yaw_rate=math.radians(limits.pop("yaw_rate_deg")), **limits)
+
 
 VEHICLES = {
     vehicle.name: vehicle
@@ -95,8 +116,8 @@ VEHICLES = {
 def load_vehicle(name_or_path: str | Path) -> Vehicle:
     """Return a vehicle of `VEHICLES` by its name, or read a vehicle file.
 
-    A vehicle file is a JSON object of exactly the keys `FILE_KEYS`: as in `Vehicle`, but for the yaw rate, which
-    is in degrees per second. The vehicle is called what the file is, without `.json`.
+    A vehicle file is a JSON object, whose keys are the fields of `VehicleFile`. The vehicle is called what the file
+    is, without `.json`.
 
     Raises:
         UsageError: there is no such vehicle or file, or a key is missing, unknown, or no positive number.
@@ -108,19 +129,4 @@ def load_vehicle(name_or_path: str | Path) -> Vehicle:
         raise UsageError(
             f"unknown vehicle {str(name_or_path)!r}; expected one of: {', '.join(VEHICLES)}, or a .json file"
         )
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UsageError(f"{path}: expected a vehicle file, got: {error.strerror}") from error
-    except ValueError as error:
-        raise UsageError(f"{path}: expected JSON, got: {error}") from error
-    if not isinstance(content, dict):
-        raise UsageError(f"{path}: expected an object of {', '.join(FILE_KEYS)}; got {type(content).__name__}")
-    for problem, keys in (("missing", set(FILE_KEYS) - set(content)), ("unknown", set(content) - set(FILE_KEYS))):
-        if keys:
-            raise UsageError(f"{path}: {problem} {', '.join(sorted(keys))}; expected {', '.join(FILE_KEYS)}")
-    for key, value in content.items():
-        if not _is_positive(value):
-            raise UsageError(f"{path}: expected a positive, finite {key}, got {value!r}")
-    yaw_rate = math.radians(content.pop("yaw_rate_deg"))
-    return Vehicle(name=path.stem, yaw_rate=yaw_rate, **{key: float(value) for key, value in content.items()})
+    return read_json(path, VehicleFile, "a vehicle file", wrong=UsageError).vehicle(path.stem)

@@ -5,8 +5,7 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray
 from ehar.camera import NEAR_PLANE, Camera, project
 from ehar.data.skeleton import Skeleton
-from ehar.errors import UsageError
-from ehar.sensors.sensor import PerfectSensor, Sensed, Sensor, SensorNoise
+from ehar.sensors.sensor import Sensed, SensorNoise
 
 RELATIVE_NOISE = 0.01  # of the person's height in the image
 NOISE_FLOOR = 1.5  # [px], what is left of the noise however small the person
@@ -196,19 +195,3 @@ class EstimatorSensor:
         share = seen / np.maximum(full, 1e-6)
         probability: FloatArray = self.swap_probability * np.maximum(1 - share / self.swap_width, 0)
         return probability
-
-
-SENSOR_NAMES = ("perfect", "estimator")
-
-
-def make_sensor(name: str, skeleton: Skeleton) -> Sensor:
-    """Return the sensor of a name, for joints of `skeleton`.
-
-    Raises:
-        UsageError: the name is unknown.
-    """
-    if name == "perfect":
-        return PerfectSensor()
-    if name == "estimator":
-        return EstimatorSensor(skeleton=skeleton)
-    raise UsageError(f"unknown sensor {name!r}; expected one of: {', '.join(SENSOR_NAMES)}")

@@ -1,288 +1,472 @@
-"""The commands of `ehar`, one class each: its fields are the options, calling it runs the command.
+"""The commands of `ehar`: which function each runs, and what is printed of what that returns."""
 
-What a command needs is imported when it runs, so that `ehar --help` waits for none of it.
-"""
-
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, NamedTuple, Union
 
-import tyro
-
-from ehar.processes import cores
-from eval.cli.options import Fps, Models, Out
+from eval.cli.command import REQUIRED, Command, Flag
 from eval.render.console import output_console, print_tables
-from eval.running.train_all import TrainAllConfig
-from planners.agents.config import AgentTrainingConfig
-from planners.value.config import GainTrainingConfig
-from recognition.training.config import Form, TrainingConfig
+
+if TYPE_CHECKING:
+    from ehar.data.motion_data import MotionData
+    from eval.conformance.checks import Conformance
+    from eval.render.tables import Table
+    from eval.replays.replay import WrittenReplay
+    from eval.running.run import Run
+    from eval.running.training import Trained
+    from eval.verification.checks import Verification
 
 
-@dataclass(frozen=True)
-class Benchmark:
+class Group(NamedTuple):
+    """Commands that share their first words. Its text is, as a command's, a line and then examples."""
+
+    text: str
+    commands: Mapping[str, Union["Group", Command]]
+
+
+RUN = Flag(kind=Path, positional=True, metavar="RUN")  # folder of a finished run
+AS_RECORDED = {"data": Flag(hint="as recorded"), "models": Flag(hint="as recorded")}  # of a finished run
+SEEN = ("data", "models", "sensor", "views", "seed", "length", "fps", "recogniser")  # conditions of any run
+TRAINED = ("data", "sensor", "views", "length", "fps")  # conditions of any training
+ON_DATA = {"data": Flag(default=REQUIRED), "out": Flag(hint="that of --models")}
+
+
+def show_run(run: "Run", *, report: bool = True) -> None:
+    """Print a run's tables.
+
+    Args:
+        run: as it ran.
+        report: write report.html too, as ehar report does.
+    """
+    print_tables(*run.summary.tables())
+    if report and run.directory is not None:
+        from eval.reports.page import make_report  # here, as it brings plotly
+
+        print(f"report: {make_report(run.directory)}")
+
+
+def show_tables(tables: "Table | list[Table] | tuple[Table, ...]") -> None:
+    """Print a table, or several."""
+    print_tables(*(tables if isinstance(tables, list | tuple) and not hasattr(tables, "title") else [tables]))
+
+
+def show_path(path: Path) -> None:
+    """Say where something was written."""
+    print(f"written to {path}")
+
+
+def show_replay(written: "WrittenReplay") -> None:
+    """Say what a replay shows, and where it is."""
+    print("; ".join([f"episode {written.episode}, {' and '.join(written.planners)}", *written.why]))
+    show_path(written.path)
+
+
+def save_data(data: "MotionData", *, out: Path) -> None:
+    """Write prepared data, and say what was written.
+
+    Args:
+        data: prepared.
+        out: .npz to write.
+    """
+    from ehar.data.motion_file import save_motion
+    from ehar.errors import UsageError
+
+    if out.suffix != ".npz":
+        raise UsageError(f"{out}: expected a path that ends in .npz")
+    save_motion(out, data)
+    output_console().print(
+        f"{out}: {len(data.labels)} sequences of {len(data.class_names)} classes, {data.fps:g} frames/s"
+    )
+
+
+def show_trained(trained: "Trained") -> None:
+    """Print what a training gave."""
+    for line in trained.lines:
+        print(line)
+
+
+def show_conformance(found: "Conformance") -> int:
+    """Print the checks; 1 where one failed."""
+    print(found)
+    return 0 if found.passed else 1
+
+
+def show_verification(found: "Verification") -> int:
+    """Print what was checked; 1 where something differs."""
+    print_tables(found.table)
+    for line in (*found.notes, found.verdict):
+        print(line)
+    return 0 if found.difference is None else 1
+
+
+BENCHMARK = Command(
     """Run planners on test episodes, and say how well each did.
 
     For example:
         ehar benchmark --data duo
         ehar benchmark --data mine.npz --models models/mine --out runs/mine
         ehar benchmark ./spiral.py:Spiral --distance 6 no-act oracle
-
-    Args:
-        planners: names, or your own: file.py:Class or module:Class, then --argument value.
-        data: duo, solo, or a prepared .npz.
-        models: folder of weights.
-        out: folder for records, tables and report.
-        report: write report.html too, as ehar report does.
-        sensor: perfect (exact joints) or estimator (noise, occlusion, dropout, swaps).
-        track: ideal (grid moves), px4-auto, px4-max, tracking-drone, or a vehicle file.
-        starts: start viewpoints of each scenario.
-        length: frames of an episode.
-        fps: frame rate to resample to [Hz].
-        seed: of start viewpoints, noise and random planners.
-        part: of the data: test, validation, policy or recogniser.
-        views: cameras the recogniser was trained on: moving or paper.
-        form: causal (streams) or ctrgcn (as published, on each prefix).
-        recogniser: your own: file.py:Class, then --argument value.
-        readout: whose probabilities count: recogniser or belief.
-        ideal: finished run on the ideal track to compare flights with.
-        workers: processes; numbers do not depend on it.
-    """
-
-    planners: Annotated[
-        tuple[str, ...],
-        tyro.conf.Positional,
-        tyro.conf.arg(metavar="[PLANNER ...]", help_behavior_hint="(default: all of ours)"),
-    ] = ()
-    data: str = "duo"
-    models: Models = None
-    out: Out = None
-    report: bool = True
-    sensor: str = "perfect"
-    track: str = "ideal"
-    starts: int = 1
-    length: int = 60
-    fps: Fps = None
-    seed: int = 0
-    part: str = "test"
-    views: str = "moving"
-    form: Form = "causal"
-    recogniser: Annotated[str | None, tyro.conf.arg(help_behavior_hint="(default: ours)")] = None
-    readout: str = "recogniser"
-    ideal: Annotated[Path | None, tyro.conf.arg(help_behavior_hint="(default: none)")] = None
-    workers: int = field(default_factory=cores)
-
-    def __call__(self) -> None:
-        """Run the benchmark, print its table and write its report."""
-        from eval.render.summary_table import render_summary
-        from eval.running.benchmark import benchmark
-
-        summary = benchmark(
-            self.planners or None,
-            data=self.data,
-            models=self.models,
-            sensor=self.sensor,
-            views=self.views,
-            form=self.form,
-            recogniser=self.recogniser,
-            track=self.track,
-            ideal=self.ideal,
-            readout=self.readout,
-            part=self.part,
-            starts=self.starts,
-            seed=self.seed,
-            length=self.length,
-            fps=self.fps,
-            out=self.out,
-            workers=self.workers,
-        )
-        output_console().print(render_summary(summary))
-        if self.report and self.out is not None:
-            from eval.reports.page import make_report
-
-            print(f"report: {make_report(self.out)}")
-
-
-@dataclass(frozen=True)
-class HeadroomCommand:
-    """Say what there is to win: accuracy of fixed cameras.
-
-    A map of viewpoints and the best of them, beside no-act and the oracles.
+    """,
+    "eval.running.benchmark:benchmark",
+    show_run,
+    conditions=(
+        *("data", "models", "sensor", "track", "starts", "length", "fps", "seed", "part", "views", "form"),
+        "recogniser",
+    ),
+    flags={
+        "planners": Flag(
+            kind=tuple[str, ...], default=(), positional=True, metavar="[PLANNER ...]", hint="all of ours"
+        ),
+        "ideal": Flag(hint="none"),
+    },
+)
+PREPARED = {
+    "source": Flag(positional=True, metavar="SOURCE"),
+    "out": Flag(positional=True, metavar="OUT.npz"),
+}
+PREPARE = Group(
+    """Read motion files, and write a prepared .npz.
 
     For example:
-        ehar headroom --data duo --out runs/headroom
+        ehar data prepare aistpp AIST++ aistpp.npz
+    """,
+    {
+        "bvh": Command(
+            """Read a folder of BVH files.
 
-    Args:
-        data: duo, solo, or a prepared .npz.
-        models: folder of weights.
-        sensor: perfect (exact joints) or estimator (noisy joints).
-        views: cameras the recogniser was trained on: moving or paper.
-        seed: of start viewpoints and noise.
-        length: frames of an episode.
-        fps: frame rate to resample to [Hz].
-        distance: of the fixed cameras [m].
-        azimuths: how many azimuths the map has.
-        polars: how many polar angles the map has, from straight above to level.
-        out: folder for config.json, headroom.json, table.md and the figure.
-        workers: processes; numbers do not depend on it.
-    """
+            For example:
+                ehar data prepare bvh recordings mine.npz --pattern '{label}_{number}.bvh'
+                ehar data prepare bvh recordings mine.npz --label-from folder --unit 1
+            """,
+            "ehar.data.readers.bvh:prepare_bvh",
+            save_data,
+            flags=PREPARED,
+        ),
+        "expi": Command(
+            """Read the original ExPI files.
 
-    data: str = "duo"
-    models: Models = None
-    sensor: str = "perfect"
-    views: str = "moving"
-    seed: int = 0
-    length: int = 60
-    fps: Fps = None
-    distance: float = 10.0
-    azimuths: int = 12
-    polars: int = 6
-    out: Out = None
-    workers: int = field(default_factory=cores)
+            For example:
+                ehar data prepare expi ExPI expi.npz
+            """,
+            "ehar.data.readers.expi:prepare_expi",
+            save_data,
+            flags=PREPARED,
+        ),
+        "aistpp": Command(
+            """Read the original AIST++ files.
 
-    def __call__(self) -> None:
-        """Run the map and print its tables."""
-        from eval.studies.headroom import headroom, headroom_tables
-
-        result = headroom(
-            data=self.data,
-            models=self.models,
-            sensor=self.sensor,
-            views=self.views,
-            seed=self.seed,
-            length=self.length,
-            fps=self.fps,
-            distance=self.distance,
-            azimuths=self.azimuths,
-            polars=self.polars,
-            out=self.out,
-            workers=self.workers,
-        )
-        print_tables(*headroom_tables(result))
-
-
-@dataclass(frozen=True)
-class TrainRecogniser:
-    """Train a recogniser, on the recogniser part of data.
-
-    Stopped and started again, it goes on where it was.
+            For example:
+                ehar data prepare aistpp AIST++ aistpp.npz
+            """,
+            "ehar.data.readers.aistpp:prepare_aistpp",
+            save_data,
+            flags=PREPARED,
+        ),
+    },
+)
+DATA = Group(
+    """Prepare motion data of your own, and describe it.
 
     For example:
-        ehar train recogniser --data mine.npz --out models/mine
+        ehar data prepare bvh recordings mine.npz
+        ehar data describe mine.npz
+    """,
+    {
+        "prepare": PREPARE,
+        "describe": Command(
+            """Print what some data hold, class by class.
 
-    Args:
-        config: how.
-    """
-
-    config: Annotated[TrainingConfig, tyro.conf.arg(name="")]
-
-    def __call__(self) -> None:
-        """Train, resuming where a checkpoint lies in `out`."""
-        from eval.running.progress import TrainingProgress
-        from recognition.training.trainer import train_recogniser
-
-        with TrainingProgress() as progress:
-            best = train_recogniser(self.config, progress.report)
-        print(
-            f"best at step {best.step}: validation accuracy {100 * best.accuracy:.1f} % (mean over frames), "
-            f"NLL {best.nll:.3f}; written to {self.config.out}"
-        )
-
-
-@dataclass(frozen=True)
-class TrainGainField:
-    """Train gain fields and belief, on the policy part of data.
-
-    For the recogniser in --models, or the one that ships; what is done is kept.
-
-    For example:
-        ehar train gain-field --data mine.npz --models models/mine
-
-    Args:
-        config: how.
-    """
-
-    config: Annotated[GainTrainingConfig, tyro.conf.arg(name="")]
-
-    def __call__(self) -> None:
-        """Train, going on where a stopped run left off."""
-        from eval.running.progress import StageProgress
-        from planners.value.training import train_gain_field
-
-        with StageProgress() as progress:
-            result = train_gain_field(self.config, progress.report)
-        for name, fit in result.fits.items():
-            print(
-                f"{name}: explains {100 * fit.explained:.1f} % of what paths gain; the path it picks gains "
-                f"{100 * fit.chosen_gain:.2f} % in probability, of {100 * fit.best_gain:.2f} % in hindsight"
-            )
-        print(f"in cross-validation over sequences; written to {result.path}")
-
-
-@dataclass(frozen=True)
-class TrainAgent:
-    """Train agents: il, ppo, il-ppo and dagger.
-
-    For the recogniser in --models, or the one that ships; what is done is kept.
-
-    For example:
-        ehar train agent --data mine.npz --models models/mine --stages il,il-ppo
-
-    Args:
-        config: how.
-    """
-
-    config: Annotated[AgentTrainingConfig, tyro.conf.arg(name="")]
-
-    def __call__(self) -> None:
-        """Train what is missing."""
-        from eval.running.progress import StageProgress
-        from planners.agents.training import train_agents
-
-        with StageProgress() as progress:
-            paths = train_agents(self.config, progress.report, progress.note)
-        print(f"{len(paths)} agents are in {paths[0].parent}: {', '.join(path.stem for path in paths)}")
-
-
-@dataclass(frozen=True)
-class TrainAll:
-    """Train recogniser, gain field and agents, in this order.
-
-    What is done is kept; stopped and started again, it goes on.
+            For example:
+                ehar data describe mine.npz --figure mine.png
+            """,
+            "eval.studies.describe:describe",
+            show_tables,
+            flags={"data": Flag(kind=str, positional=True, metavar="DATA"), "figure": Flag(hint="none")},
+        ),
+    },
+)
+TRAIN = Group(
+    """Train what planners need on data of your own.
 
     For example:
         ehar train all --data mine.npz --out models/mine
+    """,
+    {
+        "all": Command(
+            """Train recogniser, gain field and agents, in this order.
 
-    Args:
-        config: how.
-    """
+            What is done is kept; stopped and started again, it goes on.
 
-    config: Annotated[TrainAllConfig, tyro.conf.arg(name="")]
+            For example:
+                ehar train all --data mine.npz --out models/mine
+            """,
+            "eval.running.training:train_all",
+            show_trained,
+            conditions=TRAINED,
+            flags=ON_DATA,
+        ),
+        "recogniser": Command(
+            """Train a recogniser, on the recogniser part of data.
 
-    def __call__(self) -> None:
-        """Train what is missing, and say what to do with it."""
-        from eval.running.train_all import train_all
+            Stopped and started again, it goes on where it was.
 
-        train_all(self.config, lambda line: print(line, flush=True))
-        print(f"next: ehar benchmark {self.config.benchmark_options}")
+            For example:
+                ehar train recogniser --data mine.npz --out models/mine
+            """,
+            "eval.running.training:train_recogniser",
+            show_trained,
+            conditions=(*TRAINED, "form", "seed"),
+            flags={**ON_DATA, "init": Flag(hint="none")},
+        ),
+        "gain-field": Command(
+            """Train gain fields and belief, on the policy part of data.
 
+            For the recogniser in --models, or the one that ships; what is done is kept.
 
-@dataclass(frozen=True)
-class Bench:
-    """Measure how fast recognition, planning and training are.
+            For example:
+                ehar train gain-field --data mine.npz --models models/mine
+            """,
+            "eval.running.training:train_gain_field",
+            show_trained,
+            conditions=(*TRAINED, "models", "recogniser", "seed"),
+            flags=ON_DATA,
+        ),
+        "agent": Command(
+            """Train agents: il, ppo, il-ppo and dagger.
+
+            For the recogniser in --models, or the one that ships; what is done is kept.
+
+            For example:
+                ehar train agent --data mine.npz --models models/mine --stages il,il-ppo
+            """,
+            "eval.running.training:train_agents",
+            show_trained,
+            conditions=(*TRAINED, "models", "recogniser"),
+            flags={**ON_DATA, "tensorboard": Flag(hint="none")},
+        ),
+    },
+)
+CHECK = Group(
+    """Check a planner or a recogniser of your own.
 
     For example:
-        ehar bench --out bench.json --report runs/duo-perfect-moving/report.html
+        ehar check planner ./spiral.py:Spiral
+    """,
+    {
+        "planner": Command(
+            """Check that a planner keeps its contract.
 
-    Args:
-        out: .json to write.
-        report: report.html to open too; takes chromium, and playwright from ehar[dev].
-    """
+            Shapes, independent rows, seed, reset, no peeking, time a step.
 
-    out: Path
-    report: Path | None = None
+            Exit code 0: all passed; 1: a check failed, and how to mend it; 2: it can't run.
 
-    def __call__(self) -> None:
-        """Measure, write, and print the figures beside their targets."""
-        from eval.speed.bench import bench, bench_table
+            For example:
+                ehar check planner ./spiral.py:Spiral --distance 6
+            """,
+            "eval.conformance.planner:check_planner",
+            show_conformance,
+            conditions=("data", "models"),
+            flags={"planner": Flag(kind=str, positional=True, metavar="PLANNER")},
+        ),
+        "recogniser": Command(
+            """Check that a recogniser keeps its contract.
 
-        print_tables(bench_table(bench(self.out, report=self.report)))
+            Shapes, probabilities, independent rows, states that are forked and reset.
+
+            Exit code 0: all passed; 1: a check failed, and how to mend it; 2: it can't run.
+
+            For example:
+                ehar check recogniser ./mine.py:Mine --weights mine.safetensors
+            """,
+            "eval.conformance.recogniser:check_recogniser",
+            show_conformance,
+            conditions=("data",),
+            flags={"recogniser": Flag(kind=str, default=REQUIRED, positional=True, metavar="RECOGNISER")},
+        ),
+    },
+)
+STUDY = Group(
+    """Ask what there is to win, what parts are worth, and what planners do.
+
+    For example:
+        ehar study headroom --data duo
+        ehar study overview runs/duo runs/solo
+    """,
+    {
+        "headroom": Command(
+            """Say what there is to win: accuracy of fixed cameras.
+
+            A map of viewpoints and the best of them, beside no-act and the oracles.
+
+            For example:
+                ehar study headroom --data duo --out runs/headroom
+            """,
+            "eval.studies.headroom:headroom",
+            lambda result: show_tables(result.tables()),
+            conditions=SEEN,
+        ),
+        "ablation": Command(
+            """Say what each part and setting of nbv is worth.
+
+            Its variants run side by side on the same test episodes.
+
+            For example:
+                ehar study ablation --data duo --groups horizon effort
+            """,
+            "eval.studies.ablation:ablation",
+            lambda result: show_tables(result.tables()),
+            conditions=(*SEEN[:4], "starts", *SEEN[4:]),
+            flags={
+                "groups": Flag(kind=tuple[str, ...], default=(), metavar="GROUP ...", hint="all"),
+                "tracks": Flag(kind=tuple[str, ...], default=(), metavar="TRACK ...", hint="none"),
+            },
+        ),
+        "belief": Command(
+            """Score the belief against the recogniser, part by part.
+
+            For example:
+                ehar study belief --data duo --sensor estimator
+            """,
+            "eval.studies.belief:belief_report",
+            lambda result: show_tables(result.tables()),
+            conditions=(*SEEN[:4], "starts", *SEEN[4:]),
+        ),
+        "explain": Command(
+            """Draw one episode: what views were worth, and where it went.
+
+            For example:
+                ehar study explain --data duo --episode 3 --out explain.png
+            """,
+            "eval.studies.explain:explain",
+            lambda result: show_tables(result.table()),
+            conditions=SEEN,
+            flags={"out": Flag(default=Path("explain.png"))},
+        ),
+        "analyse": Command(
+            """Analyse a finished run as the paper does.
+
+            Tables of encoders and predictability; figures of views, moves and states.
+
+            For example:
+                ehar study analyse runs/mine --states il-ppo/0
+            """,
+            "eval.studies.analyse:analyse",
+            lambda result: show_tables(result.tables()),
+            flags={
+                "run": RUN,
+                "planners": Flag(kind=tuple[str, ...], default=(), metavar="PLANNER ...", hint="il-ppo, or else nbv"),
+                "states": Flag(metavar="AGENT", hint="none"),
+                "out": Flag(hint="RUN/analysis"),
+            },
+        ),
+        "overview": Command(
+            """Show several finished runs side by side.
+
+            One row a planner, one column a run: the share of the gap that it closes.
+
+            For example:
+                ehar study overview runs/duo runs/solo --planner nbv
+            """,
+            "eval.studies.overview:overview",
+            show_tables,
+            flags={
+                "runs": Flag(kind=tuple[Path, ...], positional=True, metavar="RUN ..."),
+                "planner": Flag(metavar="PLANNER", hint="none"),
+            },
+        ),
+    },
+)
+COMMANDS = Group(
+    """Embodied human activity recognition: which planner of views recognises earliest?
+
+    For example:
+        ehar benchmark --data duo  # all planners, on a synthetic set that ships
+        ehar benchmark --help      # its options and examples; so each command
+    """,
+    {  # what a newcomer needs first stands first
+        "benchmark": BENCHMARK,
+        "report": Command(
+            """Write a finished run as one HTML file, for any browser.
+
+            Tables, figures and replays; it needs neither a server nor a network.
+
+            It runs the files of your own planners and recognisers that the run names.
+
+            For example:
+                ehar report runs/duo-perfect-moving
+            """,
+            "eval.reports.page:make_report",
+            show_path,
+            flags={"run": RUN, "out": Flag(hint="RUN/report.html"), **AS_RECORDED},
+        ),
+        "replay": Command(
+            """Show one episode of a finished run as a film.
+
+            The people, the cameras, what these see, and what is believed.
+
+            It runs the files of your own planners and recognisers that the run names.
+
+            For example:
+                ehar replay runs/mine gain
+                ehar replay runs/mine 12 --planners nbv il-ppo --out nbv.gif
+            """,
+            "eval.replays.replay:make_replay",
+            show_replay,
+            flags={
+                "run": RUN,
+                "episode": Flag(kind=str, positional=True, metavar="EPISODE"),
+                "planners": Flag(
+                    kind=tuple[str, ...], default=(), metavar="PLANNER ...", hint="the most accurate, and no-act"
+                ),
+                "out": Flag(hint="RUN/replay-EPISODE.mp4"),
+                **AS_RECORDED,
+            },
+        ),
+        "data": DATA,
+        "train": TRAIN,
+        "check": CHECK,
+        "compare": Command(
+            """Compare two finished runs on the same episodes: A minus B.
+
+            For example:
+                ehar compare runs/before runs/after
+                ehar compare runs/before runs/after --planners nbv il-ppo
+            """,
+            "eval.studies.compare:compare",
+            lambda result: show_tables(result.table()),
+            flags={
+                "run_a": Flag(kind=Path, positional=True, metavar="A"),
+                "run_b": Flag(kind=Path, positional=True, metavar="B"),
+                "planners": Flag(
+                    kind=tuple[str, ...], default=(), metavar="PLANNER-A PLANNER-B", hint="each with itself"
+                ),
+            },
+        ),
+        "verify": Command(
+            """Check that a finished run's figures follow from its records.
+
+            And that data and weights are those that it names, by their hashes.
+
+            Exit code 0: verified; 1: the first difference is printed; 2: it can't be read.
+
+            For example:
+                ehar verify runs/mine
+                ehar verify runs/mine --rerun-episodes 20  # runs files that the run names
+            """,
+            "eval.verification.verify:verify",
+            show_verification,
+            flags={"run": RUN, "ideal": Flag(hint="as recorded"), **AS_RECORDED},
+        ),
+        "study": STUDY,
+        "bench": Command(
+            """Measure how fast recognition, planning and training are.
+
+            For example:
+                ehar bench --out bench.json --report runs/duo-perfect-moving/report.html
+            """,
+            "eval.speed.bench:bench",
+            show_tables,
+            flags={"out": Flag(default=REQUIRED), "report": Flag(hint="none")},
+        ),
+    },
+)

@@ -1,12 +1,10 @@
 """Flags of a class of one's own: those that follow it on the command line become its constructor's arguments."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
-from typing import Any
 
 from ehar.errors import UsageError
 
-NAMES_A_CLASS = "--recogniser"  # the option whose value may be a class of one's own
+NAMES_A_CLASS = ("--recogniser", "--sensor", "--track")  # options whose value may be a class of your own
 
 
 def fold_flags(arguments: Sequence[str], options: Mapping[str, bool]) -> list[str]:
@@ -28,7 +26,7 @@ def fold_flags(arguments: Sequence[str], options: Mapping[str, bool]) -> list[st
     while words:
         word = words.pop(0)
         option, equals, value = word.partition("=")
-        if option == NAMES_A_CLASS and (equals or words):
+        if option in NAMES_A_CLASS and (equals or words):
             folded += [option, value if equals else words.pop(0)]
             own = _own_at(folded)
         elif not word.startswith("--"):
@@ -43,18 +41,6 @@ def fold_flags(arguments: Sequence[str], options: Mapping[str, bool]) -> list[st
         else:
             folded[own] = _with_argument(folded[own], option, value if equals else words.pop(0))
     return folded
-
-
-def options_of(*commands: type[Any]) -> dict[str, bool]:
-    """Return the options of commands, which are dataclasses, and whether a value follows each."""
-    known = {"--help": False}
-    for command in commands:
-        for field in fields(command):
-            option = f"--{field.name.replace('_', '-')}"
-            known[option] = field.type is not bool
-            if field.type is bool:
-                known[f"--no-{option[2:]}"] = False
-    return known
 
 
 def _own_at(folded: Sequence[str]) -> int | None:

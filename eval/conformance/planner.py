@@ -2,21 +2,20 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import cloudpickle
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.data.motion_data import MotionData
+from ehar.conditions import Conditions
 from ehar.planner import Planner
 from ehar.rollout import Batch
 from ehar.sensors.sensor import Sensed
 from eval.conformance.checks import Check, Conformance, attempt, first_difference
 from eval.conformance.runs import PlannerRun, PlannerWorld, joined, replay, run_planner
-from eval.conformance.world import BATCH, ReplayedSensor, rows_of, small_batch
-from eval.running.benchmark import load_setting
-from eval.running.choice import ModelPlace, check_planners, choose_planners
+from eval.conformance.world import BATCH, ReplayedSensor, small_batch
+from eval.running.choice import ModelPlace, choose_planners, listed
+from recognition.setting import load_setting
 
 TOLERANCE = 1e-4  # [m], [rad]: arithmetic in batches of another size may differ by rounding, not by more
 FIRST, OTHERS = np.arange(BATCH), np.arange(BATCH, 2 * BATCH)
@@ -26,40 +25,29 @@ _ROWS = "compute every row from its own row: no mean, maximum or sort over axis 
 _DRAWS = "; where you draw, draw for all rows and then choose"
 
 
-def check_planner(
-    planner: str | Planner, *, data: str | Path | MotionData = "duo", models: Path | None = None
-) -> Conformance:
+def check_planner(planner: str | Planner, conditions: Conditions | None = None) -> Conformance:
     """Check that a planner does what the benchmark relies on.
 
     Args:
         planner: an object, or what `ehar benchmark` would be told.
-        data: whose test episodes it acts in.
-        models: folder of weights for other data than `duo` and `solo`.
+        conditions: that it acts under; None is the usual ones.
 
     Raises:
         EharError: the planner cannot be made, or data and weights cannot be loaded.
     """
     from recognition.torch_threads import one_torch_thread  # brings torch
 
-    check_planners([planner])
-    setting = load_setting(data=data, models=models, sensor="perfect", views="moving", form="causal", fps=None)
-    place = ModelPlace(
-        models=None if models is None else Path(models),
-        data=setting.data,
-        sensor="perfect",
-        views="moving",
-        form="causal",
-        recogniser_sha256=setting.recogniser_sha256,
-    )
-    chosen = choose_planners([planner], place, readout="recogniser", note=lambda _: None).planners[0]
-    world = PlannerWorld(small_batch(setting.data), setting.recogniser, setting.sensor, setting.data)
+    specs = listed(planner)
+    setting = load_setting(conditions or Conditions())
+    chosen = choose_planners(specs, ModelPlace.of(setting), readout="recogniser", note=lambda _: None).planners[0]
+    world = PlannerWorld(setting.runner, small_batch(setting.data))
     with one_torch_thread():
         return Conformance(f"planner {chosen.name}", tuple(_checks(chosen, world)))
 
 
 def _checks(planner: Planner, world: PlannerWorld) -> list[Check]:
     """Return all checks, the first of which the others need."""
-    batch = rows_of(world.batch, FIRST)
+    batch = world.batch.select(FIRST)
     try:
         copy_of = _copier(planner)
     except Exception as error:
@@ -90,7 +78,7 @@ def _checks(planner: Planner, world: PlannerWorld) -> list[Check]:
 
     def shorter(rows: IntArray, *lengths: int | None) -> str | None:
         for frames in lengths:
-            run_planner(copy_of(), world, rows_of(world.batch, rows, frames))
+            run_planner(copy_of(), world, world.batch.select(rows, frames))
         return None
 
     checks = [
@@ -149,7 +137,7 @@ def _copier(planner: Planner) -> Callable[[], Planner]:
 
 
 def _second_time(planner: Planner, world: PlannerWorld, batch: Batch, expected: FloatArray) -> str | None:
-    run_planner(planner, world, rows_of(world.batch, OTHERS))
+    run_planner(planner, world, world.batch.select(OTHERS))
     again = run_planner(planner, world, batch).targets
     return first_difference(expected, again, ("when new", "after it ran other episodes"), tolerance=0)
 
@@ -160,7 +148,7 @@ def _rows_alone(copy_of: Callable[[], Planner], world: PlannerWorld, run: Planne
     The planner is shown again what it was shown, so that a difference is its own. What draws from its generator
     draws other numbers in a batch of another size: it is checked with other rows in place of every second one only.
     """
-    other_run = run_planner(copy_of(), world, rows_of(world.batch, OTHERS))
+    other_run = run_planner(copy_of(), world, world.batch.select(OTHERS))
     shown = [
         joined(one, other)
         for one, other in zip(run.recorder.observations, other_run.recorder.observations, strict=True)
@@ -203,9 +191,9 @@ def _hidden_truth(planner: Planner, world: PlannerWorld, batch: Batch, run: Plan
     if planner.privileged:
         return Check(name, None, "it declares privileged = True: it is handed the truth, and every table marks it")
     seen = [Sensed(observation.joints_2d, observation.confidence) for observation in run.recorder.observations]
-    sensor = ReplayedSensor([*seen, seen[-1]], world.sensor.camera)
+    sensor = ReplayedSensor([*seen, seen[-1]], world.runner.sensor.camera)
     hidden = replace(
-        batch, labels=(batch.labels + 1) % len(world.data.class_names), positions=-2 * batch.positions[::-1] + 1
+        batch, labels=(batch.labels + 1) % len(world.runner.data.class_names), positions=-2 * batch.positions[::-1] + 1
     )
     return attempt(
         name,

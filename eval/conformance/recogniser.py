@@ -2,14 +2,14 @@
 
 import time
 from collections.abc import Sequence
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import cloudpickle
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.data.motion_data import MotionData
+from ehar.conditions import Conditions
 from ehar.recogniser import Recogniser
 from ehar.rollout import blamed
 from eval.conformance.checks import Check, Conformance, attempt
@@ -25,6 +25,7 @@ from eval.conformance.streams import (
     small_frames,
 )
 from eval.conformance.world import BATCH
+from recognition.setting import load_setting
 
 NORMALISED = 1e-3  # how far the probabilities of a frame may sum to something else than 1
 FORKS = 3
@@ -32,7 +33,7 @@ ALL, OTHERS = np.arange(BATCH), np.arange(BATCH, 2 * BATCH)
 _PURE = "keep all memory in the state, none in `self`, and return a new state in place of changing the one given"
 
 
-def check_recogniser(recogniser: str | Recogniser, *, data: str | Path | MotionData = "duo") -> Conformance:
+def check_recogniser(recogniser: str | Recogniser, conditions: Conditions | None = None) -> Conformance:
     """Check that a recogniser keeps the contract of `ehar.recogniser`.
 
     One that also recognises whole clips, by a method `recognise_clip(sensed, viewpoint)` from arrays (B, T, ...) to a
@@ -40,20 +41,17 @@ def check_recogniser(recogniser: str | Recogniser, *, data: str | Path | MotionD
 
     Args:
         recogniser: an object, or what `ehar benchmark --recogniser` would be told.
-        data: whose test episodes it sees.
+        conditions: of the test episodes that it sees; None is the usual ones.
 
     Raises:
         EharError: the recogniser cannot be made, or data cannot be loaded.
     """
-    from eval.running.benchmark import load_setting
     from recognition.torch_threads import one_torch_thread  # brings torch
 
-    setting = load_setting(
-        data=data, models=None, sensor="perfect", views="moving", form="causal", fps=None, recogniser=recogniser
-    )
+    setting = load_setting(replace(conditions or Conditions(), recogniser=recogniser))
     frames = small_frames(setting.data)
     with one_torch_thread():
-        return Conformance(f"recogniser {setting.form}", tuple(_checks(setting.recogniser, frames)))
+        return Conformance(f"recogniser {setting.form}", tuple(_checks(setting.runner.recogniser, frames)))
 
 
 def _checks(recogniser: Recogniser, frames: Sequence[Frame]) -> list[Check]:

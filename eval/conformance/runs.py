@@ -7,42 +7,27 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.data.motion_data import MotionData
 from ehar.errors import EpisodeError
-from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner, Truth
-from ehar.recogniser import Recogniser
-from ehar.rollout import Batch, blamed, rollout
+from ehar.rollout import Batch, blamed
+from ehar.runner import Runner
 from ehar.sensors.sensor import Sensed, Sensor
-from ehar.viewpoint import Workspace
-from eval.conformance.world import rows_of
 from eval.running.recorder import Recorder, array_names
-from eval.running.tracks import IDEAL
 
 SEED = 0  # of every planner's generator
 
 
 @dataclass(frozen=True, eq=False)
 class PlannerWorld:
-    """The episodes, and all that a rollout of them needs beside the planner and the motion."""
+    """The episodes, and what rolls planners over them."""
 
+    runner: Runner
     batch: Batch
-    recogniser: Recogniser
-    sensor: Sensor
-    data: MotionData
 
-    def context(self, episodes: int, length: int) -> Context:
+    def context(self, batch: Batch) -> Context:
         """Return what a planner is told, with a new generator of the same seed."""
-        return Context(
-            episodes=episodes,
-            length=length,
-            frame_time=1 / self.data.fps,
-            class_names=self.data.class_names,
-            skeleton=self.data.skeleton,
-            workspace=Workspace(),
-            track=IDEAL,
-            rng=np.random.default_rng(SEED),
-        )
+        episodes, length = batch.positions.shape[:2]
+        return self.runner.context(episodes, length, np.random.default_rng(SEED))
 
 
 class PlannerRun(NamedTuple):
@@ -65,26 +50,27 @@ def run_planner(planner: Planner, world: PlannerWorld, batch: Batch, *, sensor: 
                 changed.setdefault(name, kept.frame)
 
     recorder = Recorder(planner, answered=note_changes)
-    context = world.context(len(batch.labels), batch.positions.shape[1])
-    before = context.rng.bit_generator.state
-    rollout(recorder, batch, world.recogniser, sensor or world.sensor, GridMotion(), context)
+    runner = world.runner if sensor is None else replace(world.runner, sensor=sensor)
+    rng = np.random.default_rng(SEED)
+    before = rng.bit_generator.state
+    runner.roll(recorder, batch, rng)
     targets = np.stack(recorder.targets) if recorder.targets else np.empty((0, len(batch.labels), 3))
-    return PlannerRun(recorder, targets, changed, context.rng.bit_generator.state != before)
+    return PlannerRun(recorder, targets, changed, rng.bit_generator.state != before)
 
 
 def replay(planner: Planner, world: PlannerWorld, shown: list[Observation], batch: Batch, rows: IntArray) -> FloatArray:
     """Return the targets (L - 1, B, 3) for some rows of what was shown before, whatever they lead to."""
-    some = rows_of(batch, rows)
+    some, recogniser = batch.select(rows), world.runner.recogniser
     where = f"planner {planner.name!r}, {len(rows)} of the rows that it was shown before"
-    state = world.recogniser.start(len(rows))
+    state = recogniser.start(len(rows))
     targets = []
     with blamed(planner, where):
-        planner.reset(world.context(len(rows), some.positions.shape[1]))
+        planner.reset(world.context(some))
         for observation in shown:
             here = replace(observation, **{name: getattr(observation, name)[rows] for name in array_names(observation)})
             if planner.privileged:
-                _, state = world.recogniser.step(state, Sensed(here.joints_2d, here.confidence), here.viewpoint)
-                here = replace(here, truth=Truth(some.labels, world.recogniser, state, _imagination(world, some)))
+                _, state = recogniser.step(state, Sensed(here.joints_2d, here.confidence), here.viewpoint)
+                here = replace(here, truth=Truth(some.labels, recogniser, state, _imagination(world, some)))
             target = np.array(planner.act(here), dtype=np.float64)
             if target.shape != (len(rows), 3):
                 raise EpisodeError(f"{where}, frame {here.frame}: targets of shape {target.shape}")
@@ -94,7 +80,7 @@ def replay(planner: Planner, world: PlannerWorld, shown: list[Observation], batc
 
 def _imagination(world: PlannerWorld, batch: Batch) -> Callable[[int, FloatArray], Sensed]:
     def imagine(frame: int, candidates: FloatArray) -> Sensed:
-        return world.sensor.sense(batch.positions[:, None, frame], candidates, batch.noise.frame(frame).forked())
+        return world.runner.sensor.sense(batch.positions[:, None, frame], candidates, batch.noise.frame(frame).forked())
 
     return imagine
 

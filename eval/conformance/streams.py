@@ -37,7 +37,7 @@ class Stream(NamedTuple):
 
 def small_frames(data: MotionData) -> list[Frame]:
     """Return what a perfect sensor sees of 14 episodes from cameras that move at random."""
-    from ehar.sensors.estimator import make_sensor
+    from ehar.sensors.registry import make_sensor
     from recognition.training.views import training_viewpoints
 
     batch = small_batch(data)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ehar.arrays import FloatArray, IntArray
+from ehar.arrays import FloatArray
 from ehar.camera import Camera
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import TEST, part_of
@@ -32,17 +32,6 @@ def small_batch(data: MotionData) -> Batch:
     spread = np.linspace(0, len(episodes) - 1, EPISODES).astype(np.int64)
     some = type(episodes)(scenarios, episodes.scenario[spread], episodes.starts[spread], seed=0)
     return some.batch(0)
-
-
-def rows_of(batch: Batch, rows: IntArray, frames: int | None = None) -> Batch:
-    """Return some of the episodes, and of each the first frames."""
-    return Batch(
-        positions=batch.positions[rows, :frames],
-        labels=batch.labels[rows],
-        starts=batch.starts[rows],
-        noise=SensorNoise(*(draws[rows, :frames] for draws in batch.noise)),
-        names=tuple(batch.names[row] for row in rows),
-    )
 
 
 @dataclass

@@ -7,6 +7,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.flight.telemetry import FlightTelemetry
+from ehar.motion import Motion
 
 DIGITS = 6  # decimals that are recorded
 
@@ -44,8 +45,11 @@ class FlightSummary:
 KEYS = tuple(field.name for field in fields(FlightRecords))  # of a line of episodes.jsonl and of summary.json
 
 
-def record_flights(telemetry: FlightTelemetry) -> FlightRecords:
-    """Return what is kept of the telemetry of whole episodes, rounded as it is written."""
+def flights_of(motion: Motion) -> FlightRecords | None:
+    """Return what is kept of the telemetry of a motion, rounded as it is written; None where it has none."""
+    telemetry = getattr(motion, "telemetry", None)
+    if not isinstance(telemetry, FlightTelemetry):
+        return None
     return FlightRecords(
         peak_speed=telemetry.peak_speed.round(DIGITS),
         peak_acceleration=telemetry.peak_acceleration.round(DIGITS),

@@ -1,6 +1,6 @@
 """The accuracy curve (Fig. 5), as PNG and SVG, and what figures share; the same numbers give the same bytes."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,22 +14,25 @@ from matplotlib.patheffects import Normal, withStroke
 from ehar.arrays import FloatArray
 from ehar.files import replacing
 from eval.render.palette import GRID, LINE, NEUTRAL, THIN, looks
-from eval.scores.summary import Summary
 
 
-def draw_accuracy(curves: Mapping[str, FloatArray], summary: Summary, classes: int, stem: Path) -> None:
+def draw_accuracy(
+    curves: Mapping[str, FloatArray], privileged: Collection[str], classes: int, title: str, stem: Path
+) -> None:
     """Draw accuracy against the observation ratio as `stem`.png and `stem`.svg.
 
     Args:
         curves: the accuracy after each frame (L,) of every planner, 0 to 1.
-        summary: for the title, and for who is privileged (drawn dashed).
+        privileged: the planners that are drawn dashed.
         classes: K; chance is 1 / K.
+        title: above it.
         stem: path without a suffix.
     """
     figure = Figure(figsize=(7.2, 4.3), layout="constrained")
     axes = figure.add_subplot()
-    ratios = 100 * np.arange(1, summary.length + 1) / summary.length
-    styles = looks({name: summary.planner(name).privileged for name in curves})
+    length = len(next(iter(curves.values())))
+    ratios = 100 * np.arange(1, length + 1) / length
+    styles = looks({name: name in privileged for name in curves})
     for name, curve in curves.items():
         look = styles[name]
         axes.plot(ratios, 100 * curve, linestyle=look.line, color=look.colour, linewidth=LINE)
@@ -44,7 +47,7 @@ def draw_accuracy(curves: Mapping[str, FloatArray], summary: Summary, classes: i
     ends = {name: 100 * float(curve[-1]) for name, curve in curves.items()}
     for name, height in _spread(ends, gap=0.05 * (high - low), high=high).items():
         axes.annotate(
-            f"{name} (privileged)" if summary.planner(name).privileged else name,
+            f"{name} (privileged)" if name in privileged else name,
             (100, ends[name]),
             (106, height),
             annotation_clip=False,
@@ -55,12 +58,7 @@ def draw_accuracy(curves: Mapping[str, FloatArray], summary: Summary, classes: i
         )
     axes.set_xlabel("observed share of the episode [%]")
     axes.set_ylabel("accuracy [%]")
-    axes.set_title(
-        f"{summary.data}, {summary.sensor} sensor, {summary.views} views, {summary.track} track"
-        + (", as believed" if summary.readout == "belief" else ""),
-        fontsize=9.5,
-        loc="left",
-    )
+    axes.set_title(title, fontsize=9.5, loc="left")
     clean(axes)
     save_figure(figure, stem)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from html import escape
+from io import StringIO
 from typing import NamedTuple
 
 from rich.box import SIMPLE_HEAD
@@ -9,11 +10,12 @@ from rich.console import Console, ConsoleOptions, RenderResult
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from eval.scores.statistics import Interval
+Interval = tuple[float, float]  # its two ends
 
 PRIVILEGED = "*"  # behind the name of a planner that is handed the truth
 NONE = "-"
 NO_INTERVAL = "[-]"
+TEXT_WIDTH = 160  # columns
 
 
 class Cell(NamedTuple):
@@ -106,6 +108,14 @@ def _width(table: Table, column: int) -> int:
     pieces = [word for cell in cells for word in cell.split()] if column in table.words else cells
     # Between columns rich puts one space of padding and one for the box, and one at either end.
     return max(map(len, pieces), default=0) + 2
+
+
+def text(*tables: Table) -> str:
+    """Return tables as plain text, one below the other."""
+    console = Console(file=StringIO(), width=TEXT_WIDTH, color_system=None, highlight=False)
+    with console.capture() as captured:
+        console.print(Rendered(*tables))
+    return captured.get()
 
 
 def markdown(*tables: Table) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from eval.records.episodes import EpisodeRecords
 from eval.scores.metrics import mean_acc
-from eval.scores.summary import NO_ACT
+from eval.scores.planner_summary import NO_ACT
 
 MOST = 8  # episodes
 RULE = (

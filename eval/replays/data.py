@@ -14,7 +14,7 @@ from ehar.viewpoint import Workspace, wrap_azimuth
 from eval.render.field_map import gain_over_directions
 from eval.replays.choice import Chosen
 from eval.replays.rerun import PlannerReplay, Replays, replay_run
-from eval.running.finished_run import FinishedRun
+from eval.running.run import Run
 from eval.verification.inputs import check_inputs
 
 MOST_BYTES = 6_000_000  # of all replays together; episodes beyond are left out
@@ -25,7 +25,7 @@ MAP_STEP = 10.0  # [deg], from one azimuth or polar angle of a field map to the 
 
 
 def replay_data(
-    run: FinishedRun,
+    run: Run,
     chosen: Sequence[Chosen],
     planners: Mapping[str, str],
     *,
@@ -79,7 +79,7 @@ _AROUND = np.radians(np.arange(0.0, 360.0 + MAP_STEP, MAP_STEP))
 _DOWN = np.radians(np.arange(0.0, 90.0 + MAP_STEP, MAP_STEP))
 
 
-def _episode(run: FinishedRun, replays: Replays, row: int, one: Chosen, planners: Mapping[str, str]) -> dict[str, Any]:
+def _episode(run: Run, replays: Replays, row: int, one: Chosen, planners: Mapping[str, str]) -> dict[str, Any]:
     """Return one episode with all planners."""
     reference = next(iter(run.records.values()))
     return {

@@ -11,7 +11,7 @@ from ehar.data.skeleton import Skeleton
 from ehar.viewpoint import Workspace, cartesian
 from eval.render.field_map import gain_over_directions
 from eval.replays.rerun import PlannerReplay, replay_run
-from eval.running.finished_run import FinishedRun
+from eval.running.run import Run
 from eval.verification.followed_way import VIEWPOINT
 from eval.verification.inputs import Inputs
 
@@ -96,7 +96,7 @@ class EpisodeReplay:
 
 
 def replay_episode(
-    run: FinishedRun, inputs: Inputs, index: int, records: Sequence[str], *, advance: Callable[[str], None]
+    run: Run, inputs: Inputs, index: int, records: Sequence[str], *, advance: Callable[[str], None]
 ) -> EpisodeReplay:
     """Replay one episode on its recorded way.
 
@@ -115,7 +115,7 @@ def replay_episode(
     reference = run.records[records[0]]
     return EpisodeReplay(
         index=index,
-        conditions=run.conditions.title,
+        conditions=run.config.title,
         sequence=f"{reference.sequence[index]} from frame {reference.first[index]}",
         class_names=replays.class_names,
         label=int(reference.label[index]),

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 from ehar.errors import UsageError
 from eval.replays.choice import Chosen, choose_episodes, choose_planners
-from eval.running.finished_run import FinishedRun, read_run
 from eval.running.progress import ConsoleReporter, Reporter
-from eval.running.run_summary import lead_planner, read_summary
+from eval.running.run import Run, read_run
 from eval.scores.training_seeds import first_trainings
 
 if TYPE_CHECKING:
@@ -99,17 +98,18 @@ def make_replay(
     return WrittenReplay(path, chosen.episode, records, tuple(why for why in (why_planners, chosen.why) if why))
 
 
-def _records(run: FinishedRun, planners: Sequence[str]) -> tuple[tuple[str, ...], str]:
+def _records(run: Run, planners: Sequence[str]) -> tuple[tuple[str, ...], str]:
     """Return the record names of the planners to show, and why these where none was asked for."""
     if planners:
         return tuple(run.record_name(name) for name in planners), ""
-    lead = lead_planner(read_summary(run))
+
+    lead = run.summary.lead
     shown = choose_planners(list(first_trainings(run.records)), lead)
     reason = f"{lead} is the most accurate planner that is not handed the truth" if lead else f"{shown[0]} is the first"
     return tuple(run.record_name(name) for name in shown), reason
 
 
-def _choose(run: FinishedRun, episode: int | str, records: Sequence[str]) -> Chosen:
+def _choose(run: Run, episode: int | str, records: Sequence[str]) -> Chosen:
     """Return which episode is meant, and why it where that was not said by its number."""
     count = len(run.records[records[0]])
     expected = f"episode: expected 0 to {count - 1}, or {', '.join(TELLING)}"
@@ -131,7 +131,7 @@ def _choose(run: FinishedRun, episode: int | str, records: Sequence[str]) -> Cho
 
 
 def _replay(
-    run: FinishedRun,
+    run: Run,
     data: str | Path | None,
     models: Path | None,
     index: int,

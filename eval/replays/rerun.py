@@ -16,10 +16,11 @@ from ehar.data.scenario import part_of
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError
 from ehar.planner import Context, Observation, Planner
-from ehar.rollout import Batch, rollout
-from eval.running.finished_run import FinishedRun
-from eval.running.picked_episodes import pick_episodes
+from ehar.rollout import Batch
+from eval.running.episodes import cut_scenarios, random_starts
+from eval.running.jobs import Workload
 from eval.running.recorder import Recorder
+from eval.running.run import Run
 from eval.verification.checks import FAILED, OK
 from eval.verification.followed_way import FollowedWay
 from eval.verification.inputs import Inputs
@@ -28,7 +29,6 @@ from planners.heuristic import NoAct
 from planners.registry import VALUING
 
 if TYPE_CHECKING:
-    from eval.running.jobs import World
     from planners.value.model import GainModel
 
 
@@ -77,7 +77,7 @@ class Replays:
 
 
 def replay_run(
-    run: FinishedRun, inputs: Inputs, indices: Sequence[int], names: Sequence[str], *, advance: Callable[[str], None]
+    run: Run, inputs: Inputs, indices: Sequence[int], names: Sequence[str], *, advance: Callable[[str], None]
 ) -> Replays:
     """Replay some episodes of a run.
 
@@ -96,25 +96,22 @@ def replay_run(
             what was recorded.
         EharError: something that the run needed cannot be read.
     """
-    from eval.running.episodes import cut_scenarios, random_starts
-    from eval.running.jobs import World
-
     conditions = run.conditions
     if inputs.setting is None or inputs.place is None or any(check.result == FAILED for check in inputs.checks[:2]):
         raise DataError(next(check.what for check in inputs.checks if check.result != OK))
     data = inputs.setting.data
     scenarios = cut_scenarios(data, part_of(data, conditions.part), conditions.length, lambda line: None)
     episodes = random_starts(scenarios, conditions.starts, conditions.seed)
-    belief = inputs.place.load_gain_model().belief if conditions.readout == "belief" else None
-    world = World(episodes, inputs.setting.recogniser, inputs.setting.sensor, run.config.vehicle, belief)
-    batch = pick_episodes(episodes, indices)
+    belief = inputs.place.load_gain_model().belief if run.config.readout == "belief" else None
+    workload = Workload(inputs.setting.runner, episodes, belief)
+    batch = episodes.pick(indices)
     asked = tuple(planner for planner in run.config.planners if planner.name in names)
     planners, left = make_again(replace(run.config, planners=asked), inputs.place)
     notes = [f"What {name} wanted is not shown: {left[name]}." for name in names if name in left]
     replayed = {}
     for name in names:
         model = inputs.place.load_gain_model() if name in planners and name in VALUING else None
-        replayed[name], astray = _replay(run, name, planners.get(name), model, world, batch, indices)
+        replayed[name], astray = _replay(run, name, planners.get(name), model, workload, batch, indices)
         if name in planners and astray:
             notes.append(
                 f"What {name} wanted is not shown in {astray} of {len(indices)} episodes: asked once more, it would "
@@ -126,18 +123,18 @@ def replay_run(
         skeleton=data.skeleton,
         class_names=data.class_names,
         fps=data.fps,
-        camera=inputs.setting.sensor.camera,
+        camera=inputs.setting.runner.sensor.camera,
         planners=replayed,
         notes=tuple(notes),
     )
 
 
 def _replay(
-    run: FinishedRun,
+    run: Run,
     name: str,
     planner: Planner | None,
     model: "GainModel | None",
-    world: "World",
+    workload: Workload,
     batch: Batch,
     indices: Sequence[int],
 ) -> tuple[PlannerReplay, int]:
@@ -148,39 +145,21 @@ def _replay(
         name: of the planner's record.
         planner: to ask; None where it cannot be made again.
         model: of its gain field; None where it has none.
-        world: of the run.
+        workload: of the run.
         batch: the episodes.
         indices: of them in the run.
     """
-    from recognition.torch_threads import one_torch_thread  # here, as torch takes seconds to import
-
-    records, data = run.records[name], world.episodes.scenarios.data
+    records, sensor = run.records[name], workload.runner.sensor
     way = records.viewpoint[list(indices)]
-    motion = FollowedWay(world.new_motion(), way)
-    context = Context(
-        episodes=len(indices),
-        length=way.shape[1],
-        frame_time=1 / data.fps,
-        class_names=data.class_names,
-        skeleton=data.skeleton,
-        workspace=motion.workspace,
-        track=run.conditions.track,
-        rng=world.episodes.planner_rng(name, 0),
-        vehicle=world.vehicle,
-    )
-    recorder = Recorder(planner or NoAct())  # from a recorded way one sees the same, whoever is asked
-    with one_torch_thread():
-        record = rollout(recorder, batch, world.recogniser, world.sensor, motion, context)
-        if world.belief is not None:
-            from planners.value.belief import readout
-
-            record = replace(record, log_probs=readout(world.belief, record.log_probs, record.viewpoints))
-        weights = [] if model is None else _field_weights(model, context, recorder.observations)
+    motion = FollowedWay(workload.runner.track.new_motion(), way)
+    recorder = Recorder(planner or NoAct(), name=name)  # from a recorded way one sees the same, whoever is asked
+    record = workload.roll(recorder, batch, 0, motion)
+    weights = [] if model is None else _field_weights(model, recorder.context, recorder.observations)
     difference = first_difference(name, records, np.array(indices), record)
     if difference is not None:
         raise DataError(difference)
     frames = [
-        world.sensor.sense(batch.positions[:, frame], record.viewpoints[:, frame], batch.noise.frame(frame))
+        sensor.sense(batch.positions[:, frame], record.viewpoints[:, frame], batch.noise.frame(frame))
         for frame in range(way.shape[1])
     ]
     astray: BoolArray = np.asarray(motion.elsewhere.any(axis=1))

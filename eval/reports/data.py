@@ -1,15 +1,14 @@
 """What a report shows of a finished run, as plain data: everything but the replay."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ehar.arrays import FloatArray
 from eval.records.episodes import EpisodeRecords
-from eval.running.finished_run import FinishedRun
-from eval.running.run_summary import lead_planner
+from eval.running.run import Run
 from eval.scores.behaviour import (
     PositionHistogram,
     SphereDensity,
@@ -20,12 +19,13 @@ from eval.scores.behaviour import (
     sphere_density,
 )
 from eval.scores.confusion import ClassGains, class_gains, confusion
-from eval.scores.differences import compare_pairs
+from eval.scores.differences import Difference, compare_pairs
 from eval.scores.metrics import Reliability, reliability
 from eval.scores.planner_accuracy import Resamples, accuracy_bands, planner_accuracy, resample_sequences
+from eval.scores.planner_summary import NO_ACT
 from eval.scores.predictability import Predictability, predictability
 from eval.scores.seed_accuracy import pool_seeds, seeds_of
-from eval.scores.summary import NO_ACT
+from eval.scores.summary import Summary
 from eval.scores.training_seeds import curves, group_planners
 
 STAGED_FROM = 4  # frames that an episode needs for three stages
@@ -62,7 +62,6 @@ class ReportData:
 
     Args:
         run: with conditions and records.
-        summary: summary.json.
         class_names: K.
         differences: paired ones, those of summary.json; where it has none, of each planner without the truth and
             no-act, or else the first.
@@ -71,31 +70,34 @@ class ReportData:
         planners: by name, in the order of the run.
     """
 
-    run: FinishedRun
-    summary: Mapping[str, Any]
+    run: Run
     class_names: tuple[str, ...]
-    differences: Sequence[Mapping[str, Any]]
+    differences: Sequence[Difference]
     curves: Mapping[str, FloatArray]
     bands: Mapping[str, FloatArray]
     planners: Mapping[str, PlannerData]
 
     @property
+    def summary(self) -> Summary:
+        """The run's summary."""
+        return self.run.summary
+
+    @property
     def privileged(self) -> dict[str, bool]:
         """Whether each planner was handed the truth."""
-        return {planner["name"]: planner["privileged"] for planner in self.summary["planners"]}
+        return {planner.name: planner.privileged for planner in self.summary.planners}
 
     @property
     def lead(self) -> str | None:
-        """The planner that leads, see `lead_planner`."""
-        return lead_planner(self.summary)
+        """The planner that leads, see `Summary.lead`."""
+        return self.summary.lead
 
 
-def report_data(run: FinishedRun, summary: Mapping[str, Any], class_names: tuple[str, ...]) -> ReportData:
+def report_data(run: Run, class_names: tuple[str, ...]) -> ReportData:
     """Compute what a report shows.
 
     Args:
-        run: with records and conditions.
-        summary: its summary.json, from `read_summary`.
+        run: with records, conditions and summary.
         class_names: K.
     """
     trainings, pooled = seeds_of(run.records), pool_seeds(run.records)
@@ -103,9 +105,8 @@ def report_data(run: FinishedRun, summary: Mapping[str, Any], class_names: tuple
     resamples = resample_sequences(list(run.records.values()))
     return ReportData(
         run=run,
-        summary=summary,
         class_names=class_names,
-        differences=summary.get("differences") or _differences(run, summary, resamples),
+        differences=run.summary.differences or _differences(run, resamples),
         curves=curves(run.records),
         bands=accuracy_bands(run.records, resamples),
         planners={name: _planner(name, of, trainings, classes, staged=not run.flown) for name, of in pooled.items()},
@@ -129,14 +130,14 @@ def _planner(
     )
 
 
-def _differences(run: FinishedRun, summary: Mapping[str, Any], resamples: Resamples) -> list[dict[str, Any]]:
+def _differences(run: Run, resamples: Resamples) -> Sequence[Difference]:
     """Return what every planner without the truth has more than no-act, or than the first where that did not run."""
-    able = [of["name"] for of in summary["planners"] if not of["privileged"]]
+    able = [planner.name for planner in run.summary.planners if not planner.privileged]
     compared = {group.name: group for group in group_planners(run.records) if group.name in able}
     accuracy = {name: planner_accuracy(group, run.records, resamples) for name, group in compared.items()}
     base = NO_ACT if NO_ACT in accuracy else next(iter(accuracy), None)
     pairs = [(of, accuracy[base]) for name, of in accuracy.items() if base is not None and name != base]
-    return [asdict(of) for of in compare_pairs(pairs, resamples)] if pairs else []
+    return compare_pairs(pairs, resamples) if pairs else ()
 
 
 def finite(values: FloatArray, digits: int) -> list[Any]:

@@ -9,7 +9,8 @@ from ehar.arrays import BoolArray, FloatArray
 from eval.render.palette import LINE, STRONG, Look, looks
 from eval.reports.data import ReportData, finite
 from eval.reports.style import Figure, figure, plain
-from eval.scores.summary import NO_ACT, ORACLE
+from eval.scores.differences import Difference
+from eval.scores.planner_summary import NO_ACT, ORACLE
 
 LEAST_MS = 1e-4  # planning times below are drawn here, as the axis is logarithmic
 
@@ -72,10 +73,10 @@ def accuracy_figure(data: ReportData, focus: str) -> Figure:
 
 def cost_figures(data: ReportData) -> dict[str, Figure]:
     """Return accuracy against motion and against planning time, with the Pareto front of those without the truth."""
-    planners = data.summary["planners"]
-    value = np.array([of["acc_mean"] for of in planners])
-    motion = np.array([of["path_length_m"] for of in planners])
-    seconds = np.maximum([of["step_ms"] for of in planners], LEAST_MS)
+    planners = data.summary.planners
+    value = np.array([planner.acc_mean for planner in planners])
+    motion = np.array([planner.path_length_m for planner in planners])
+    seconds = np.maximum([planner.step_ms for planner in planners], LEAST_MS)
     return {
         "motion": _cost(data, motion, value, {"title": "path length of an episode [m]", "rangemode": "tozero"}, "m"),
         "time": _cost(
@@ -102,9 +103,9 @@ def pareto_front(cost: FloatArray, value: FloatArray) -> BoolArray:
 
 
 def _cost(data: ReportData, cost: FloatArray, value: FloatArray, axis: Mapping[str, Any], unit: str) -> Figure:
-    planners = data.summary["planners"]
+    planners = data.summary.planners
     styles = looks(data.privileged)
-    able = np.flatnonzero([not of["privileged"] for of in planners])
+    able = np.flatnonzero([not planner.privileged for planner in planners])
     front = able[pareto_front(cost[able], value[able])]
     front = front[np.argsort(cost[front], kind="stable")]
     traces: list[dict[str, Any]] = [
@@ -117,9 +118,9 @@ def _cost(data: ReportData, cost: FloatArray, value: FloatArray, axis: Mapping[s
             "hoverinfo": "skip",
         }
     ]
-    for row, of in enumerate(planners):
-        name = of["name"]
-        ends = of["acc_mean_ci95"]
+    for row, planner in enumerate(planners):
+        name = planner.name
+        ends = planner.acc_mean_ci95
         on_front = row in front
         traces.append(
             {
@@ -138,18 +139,18 @@ def _cost(data: ReportData, cost: FloatArray, value: FloatArray, axis: Mapping[s
 
 def difference_figures(data: ReportData) -> dict[str, Figure]:
     """Return the paired differences of each planner that is compared with the others, by its name."""
-    found: dict[str, list[Mapping[str, Any]]] = {}
-    for of in data.differences:
-        found.setdefault(of["planner"], []).append(of)
+    found: dict[str, list[Difference]] = {}
+    for pair in data.differences:
+        found.setdefault(pair.planner, []).append(pair)
     return {name: _differences(name, pairs) for name, pairs in found.items()}
 
 
-def _differences(name: str, pairs: list[Mapping[str, Any]]) -> Figure:
-    pairs = sorted(pairs, key=lambda of: of["acc_mean"])
-    rows = [plain(of["other"]) for of in pairs]
-    means = [of["acc_mean"] for of in pairs]
-    clear = [_clear(of["ci95"]) for of in pairs]
-    smallest = [of.get("smallest") for of in pairs]
+def _differences(name: str, pairs: list[Difference]) -> Figure:
+    pairs = sorted(pairs, key=lambda pair: pair.acc_mean)
+    rows = [plain(pair.other) for pair in pairs]
+    means = [pair.acc_mean for pair in pairs]
+    clear = [_clear(pair.ci95) for pair in pairs]
+    smallest = [pair.smallest for pair in pairs]
     traces: list[dict[str, Any]] = []
     if any(value is not None for value in smallest):
         traces.append(
@@ -178,7 +179,7 @@ def _differences(name: str, pairs: list[Mapping[str, Any]]) -> Figure:
                     "mode": "markers",
                     "marker": {"color": colour, "size": 11, "symbol": symbol, "line": {"width": 2, "color": colour}},
                     "error_x": {
-                        **_errors(values, [pairs[row]["ci95"] for row in chosen], thickness=2),
+                        **_errors(values, [pairs[row].ci95 for row in chosen], thickness=2),
                         "color": colour,
                     },
                     "name": label,

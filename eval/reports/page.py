@@ -9,7 +9,7 @@ from string import Template
 from typing import Any
 
 from ehar.files import write_text
-from eval.records.run_files import package_version
+from eval.records.config import package_version
 from eval.render.palette import DARK, LIGHT
 from eval.replays.choice import RULE, RULE_ALONE, choose_episodes, choose_planners
 from eval.replays.data import replay_data
@@ -26,10 +26,9 @@ from eval.reports.tables import (
     planner_table,
     what_ran,
 )
-from eval.running.finished_run import class_names, read_run
 from eval.running.progress import ConsoleReporter, Reporter
-from eval.running.run_summary import read_summary
-from eval.scores.summary import NO_ACT
+from eval.running.run import class_names, read_run
+from eval.scores.planner_summary import NO_ACT
 from eval.scores.training_seeds import first_trainings
 
 REPORT = "report.html"
@@ -59,10 +58,9 @@ def make_report(
     """
     reporter = reporter or ConsoleReporter()
     run = read_run(Path(directory))
-    summary = read_summary(run)
-    shown = report_data(run, summary, class_names(run, reporter.note, data))
+    shown = report_data(run, class_names(run, reporter.note, data))
     replays, rule = _replays(shown, data, models, reporter)
-    path = run.directory / REPORT if out is None else Path(out)
+    path = run.folder / REPORT if out is None else Path(out)
     write_text(path, [page(shown, replays, rule)])
     return path
 
@@ -80,7 +78,7 @@ def page(data: ReportData, replays: dict[str, Any], rule: str) -> str:
     names = list(data.planners)
     focus = data.lead or names[0]
     return Template(_read("page.html")).substitute(
-        title=escape(data.run.conditions.title),
+        title=escape(data.run.config.title),
         style=f"{_themes()}\n{_read('style.css')}",
         lead=escape(lead_sentence(data)),
         ran=what_ran(data),

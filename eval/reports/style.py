@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
-from eval.scores.summary import NO_ACT
+from eval.scores.planner_summary import NO_ACT
 
 Figure = dict[str, Any]
 

@@ -4,25 +4,14 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ehar.errors import UsageError
+from ehar.track import IDEAL
+from eval.records.config import RunConfig
 from eval.records.episodes import EpisodeRecords
-from eval.records.run_files import RunConfig
-from eval.running.finished_run import read_run
-from eval.running.tracks import IDEAL
-from eval.scores.summary import NO_ACT
+from eval.running.run import read_run
+from eval.scores.planner_summary import NO_ACT
 
-SAME = (  # of both runs' config.json; without the gain model, which not every run needs
-    "data_sha256",
-    "recogniser_sha256",
-    "sensor",
-    "views",
-    "form",
-    "readout",
-    "part",
-    "starts",
-    "seed",
-    "length",
-    "fps",
-)
+SAME = ("data_sha256", "recogniser_sha256", "form", "readout")  # of both configurations
+TOLD = ("sensor", "views", "part", "starts", "seed", "length", "fps")  # of both conditions
 
 
 def read_ideal_run(directory: Path, config: RunConfig) -> Mapping[str, EpisodeRecords]:
@@ -37,14 +26,14 @@ def read_ideal_run(directory: Path, config: RunConfig) -> Mapping[str, EpisodeRe
             conditions or with other weights of a learned planner, or one without no-act.
         DataError: its files cannot be read, or it is incomplete.
     """
-    if config.track == IDEAL:
+    if config.conditions.track == IDEAL:
         raise UsageError(f"{directory}: a run to compare flights with, but the track is {IDEAL}; expected a vehicle")
     run = read_run(directory)
     held = run.config
-    wanted = {"track": IDEAL, **{name: getattr(config, name) for name in SAME}}
-    if config.gain_model_sha256 is not None and held.gain_model_sha256 is not None:
-        wanted["gain_model_sha256"] = config.gain_model_sha256
-    _check_same(directory, held, wanted)
+    wanted, got = _decided(config), _decided(held)
+    if config.gain_model_sha256 is None or held.gain_model_sha256 is None:  # not every run needs one
+        del wanted["gain_model_sha256"]
+    _check_same(directory, got, {**wanted, "track": IDEAL})
     _check_weights(directory, held, config)
     if NO_ACT not in run.records:
         raise UsageError(f"{directory}: expected a run with {NO_ACT} among its planners, got {', '.join(run.records)}")
@@ -63,12 +52,18 @@ def _check_weights(directory: Path, held: RunConfig, config: RunConfig) -> None:
             )
 
 
-def _check_same(directory: Path, held: RunConfig, wanted: Mapping[str, object]) -> None:
+def _decided(config: RunConfig) -> dict[str, object]:
+    """Return what the runs have to share, and the track."""
+    own = {name: getattr(config, name) for name in (*SAME, "gain_model_sha256")}
+    return own | {name: getattr(config.conditions, name) for name in (*TOLD, "track")}
+
+
+def _check_same(directory: Path, got: Mapping[str, object], wanted: Mapping[str, object]) -> None:
     """Raise a UsageError that says what differs."""
-    differing = [name for name, value in wanted.items() if getattr(held, name) != value]
+    differing = [name for name, value in wanted.items() if got[name] != value]
     if differing:
         name = differing[0]
         raise UsageError(
             f"{directory}: expected a run under the flight's conditions, on the {IDEAL} track; it differs in "
-            f"{', '.join(differing)} ({name}: expected {wanted[name]!r}, got {getattr(held, name)!r})"
+            f"{', '.join(differing)} ({name}: expected {wanted[name]!r}, got {got[name]!r})"
         )

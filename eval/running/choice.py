@@ -6,12 +6,14 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.errors import ModelError, UsageError
 from ehar.planner import Planner
 from eval.scores.training_seeds import group_planners, record_name, split_record_name
 from planners.own_planner import Origin, check_planner_contract
 from planners.registry import check_spec, is_learned, needs_gain_model, planner_names, resolve_planner
+from recognition.setting import Setting
 
 if TYPE_CHECKING:
     from planners.agents.agent import Agent
@@ -27,20 +29,26 @@ class ModelPlace:
     """Where gain models and agents lie, and what they have to fit.
 
     Args:
-        models: folder of weights; None takes those that ship with ehar.
-        data: what planners are compared on.
-        sensor: that they see through.
-        views: the recogniser's.
-        form: the recogniser's; none of ours for one of the user's own.
+        conditions: that planners are compared under.
+        data: what they are compared on.
+        form: the recogniser's; of your own, its title.
         recogniser_sha256: that they were trained for.
     """
 
-    models: Path | None
+    conditions: Conditions
     data: MotionData
-    sensor: str
-    views: str
     form: str
     recogniser_sha256: str
+
+    @staticmethod
+    def of(setting: Setting) -> "ModelPlace":
+        """Return the place of what was trained for a setting."""
+        return ModelPlace(setting.conditions, setting.data, setting.form, setting.recogniser_sha256)
+
+    @property
+    def models(self) -> Path | None:
+        """The folder of weights; None takes those that ship with ehar."""
+        return self.conditions.directory
 
     def load_gain_model(self) -> "GainModel":
         """Return the gain model.
@@ -55,8 +63,8 @@ class ModelPlace:
         return load_gain_model(
             self.models,
             self.data,
-            sensor=self.sensor,
-            views=self.views,
+            sensor=str(self.conditions.sensor),
+            views=self.conditions.views,
             recogniser_sha256=self.recogniser_sha256,
         )
 
@@ -77,8 +85,8 @@ class ModelPlace:
             self.models,
             self.data,
             name,
-            sensor=self.sensor,
-            views=self.views,
+            sensor=str(self.conditions.sensor),
+            views=self.conditions.views,
             recogniser_sha256=self.recogniser_sha256,
             seed=seed,
         )
@@ -89,7 +97,9 @@ class ModelPlace:
         """Return with which seeds a learned planner was trained here."""
         from planners.agents.storage import agent_seeds  # brings torch
 
-        return agent_seeds(self.models, self.data, name, sensor=self.sensor, views=self.views)
+        return agent_seeds(
+            self.models, self.data, name, sensor=str(self.conditions.sensor), views=self.conditions.views
+        )
 
     def expanded(self, spec: str) -> tuple[str, ...]:
         """Return the trainings of a learned planner that is named without one, or at least the first."""
@@ -102,7 +112,9 @@ class ModelPlace:
 
         if self.form != "causal":
             return f"{_CAUSAL_FIELDS}, and this is {self.form}"
-        path = gain_model_path(self.models or SHIPPED / self.data.name, sensor=self.sensor, views=self.views)
+        path = gain_model_path(
+            self.models or SHIPPED / self.data.name, sensor=str(self.conditions.sensor), views=self.conditions.views
+        )
         if path.is_file():
             return None
         try:
@@ -119,17 +131,25 @@ class ModelPlace:
             return None
         return (
             f"no agent was trained for this recogniser: expected those of `ehar train agent --data {self.data.name} "
-            f"--models {self.models or 'DIR'} --sensor {self.sensor} --views {self.views}`"
+            f"--models {self.models or 'DIR'} --sensor {self.conditions.sensor} --views {self.conditions.views}`"
         )
 
 
-def check_planners(planners: Sequence[str | Planner] | None) -> None:
-    """Raise a UsageError if a name is unknown or an instance is no planner; nothing is loaded for that."""
-    for planner in planners or ():
+def listed(planners: str | Planner | Sequence[str | Planner] | None) -> Sequence[str | Planner] | None:
+    """Return planners as a list: one alone may be given without one; None, or an empty list, is all of ours.
+
+    Raises:
+        UsageError: a name is unknown, or an instance is no planner; nothing is loaded for that.
+    """
+    if planners is None or (isinstance(planners, Sequence) and not planners):
+        return None
+    several = planners if isinstance(planners, Sequence) and not isinstance(planners, str) else [planners]
+    for planner in several:
         if isinstance(planner, str):
             check_spec(planner)
         else:
             check_planner_contract(planner, f"planner {planner!r}")
+    return several
 
 
 class Choice(NamedTuple):

@@ -1,7 +1,7 @@
 """The episodes of a run: the same scenarios, start viewpoints and sensor noise for every planner."""
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,6 @@ from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios, windows
 from ehar.errors import DataError
 from ehar.rollout import Batch
-from ehar.sensors.sensor import draw_noise
 from ehar.viewpoint import sample_starts
 
 # Episodes that run in lockstep; fixed, so that results do not depend on the number of workers. 128 are no faster,
@@ -71,11 +70,13 @@ class Episodes:
     def batch(self, index: int) -> Batch:
         """Return one chunk, ready to run; its noise depends on the seed and the chunk only."""
         part = self.chunk(index)
-        positions = self.scenarios.positions(part.scenario)
-        episodes, length, persons, joints, _ = positions.shape
-        noise = draw_noise(np.random.default_rng([self.seed, _NOISE, index]), (episodes, length), persons, joints)
-        names = tuple(f"{name} from frame {first}" for name, first in zip(part.sequence_names, part.first, strict=True))
-        return Batch(positions=positions, labels=part.labels, starts=part.starts, noise=noise, names=names)
+        noise = self.scenarios.draw_noise(np.random.default_rng([self.seed, _NOISE, index]), len(part))
+        return Batch.of(self.scenarios, part.scenario, part.starts, noise)
+
+    def pick(self, indices: Sequence[int]) -> Batch:
+        """Return some episodes, with the start viewpoints and the noise that they have in their chunks."""
+        pieces = [self.batch(index // CHUNK).select(slice(index % CHUNK, index % CHUNK + 1)) for index in indices]
+        return Batch.joined(pieces)
 
     def planner_rng(self, name: str, index: int) -> np.random.Generator:
         """Return the generator that a planner is given for one chunk."""

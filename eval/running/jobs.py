@@ -11,50 +11,53 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import cloudpickle
 
-from ehar.flight.vehicle import Vehicle
-from ehar.motion import GridMotion, Motion
-from ehar.planner import Context, Planner
+from ehar.motion import Motion
+from ehar.planner import Planner
 from ehar.processes import worker_pool
-from ehar.recogniser import Recogniser
-from ehar.rollout import Record, rollout
-from ehar.sensors.sensor import Sensor
+from ehar.rollout import Batch, Record
+from ehar.runner import Runner
 from eval.records.episodes import EpisodeRecords, join_records, record_episodes
-from eval.records.flights import record_flights
+from eval.records.flights import flights_of
 from eval.records.solves import Solves, join_solves, solves_of
 from eval.running.episodes import Episodes
 from eval.running.progress import Reporter
-from eval.running.tracks import track_name
 
 if TYPE_CHECKING:
-    from ehar.flight.motion import FlightMotion
     from planners.value.belief import BeliefModel
 
 
 @dataclass(frozen=True, eq=False)
-class World:
+class Workload:
     """All that a job needs beside its planner and its chunk's index.
 
     Args:
+        runner: rolls all planners.
         episodes: which all planners run.
-        recogniser: which all planners see with.
-        sensor: which all planners see through.
-        vehicle: what carries the camera; None is the ideal track.
         belief: what is scored, in place of the recogniser's own words; planners act the same with it.
     """
 
+    runner: Runner
     episodes: Episodes
-    recogniser: Recogniser
-    sensor: Sensor
-    vehicle: Vehicle | None = None
     belief: "BeliefModel | None" = None
 
-    def new_motion(self) -> "GridMotion | FlightMotion":
-        """Return a new body that moves on the grid, or flies as the vehicle does."""
-        if self.vehicle is None:
-            return GridMotion()
-        from ehar.flight.motion import FlightMotion  # here, as it brings Ruckig, which `ehar --help` does not wait for
+    def roll(self, planner: Planner, batch: Batch, chunk: int, motion: Motion) -> Record:
+        """Run one planner over a batch; what is scored is in the record.
 
-        return FlightMotion(vehicle=self.vehicle)
+        Args:
+            planner: decides where to look from.
+            batch: of episodes.
+            chunk: whose generator the planner is given.
+            motion: carries the camera.
+        """
+        from recognition.torch_threads import one_torch_thread  # here, as torch takes seconds to import
+
+        with one_torch_thread():
+            record = self.runner.roll(planner, batch, self.episodes.planner_rng(planner.name, chunk), motion)
+            if self.belief is not None:
+                from planners.value.belief import readout  # here, as it brings scipy, which `ehar --help` would await
+
+                record = replace(record, log_probs=readout(self.belief, record.log_probs, record.viewpoints))
+        return record
 
 
 class PlannerRun(NamedTuple):
@@ -93,7 +96,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 def run_planners(
-    world: World, planners: Sequence[Planner], *, workers: int, reporter: Reporter
+    workload: Workload, planners: Sequence[Planner], *, workers: int, reporter: Reporter
 ) -> dict[str, PlannerRun]:
     """Run every planner over all episodes.
 
@@ -101,11 +104,13 @@ def run_planners(
         EpisodeError: a planner broke its contract.
         Interrupted: Ctrl-C; it carries what was finished.
     """
-    jobs = [_Job(planner, chunk) for planner in range(len(planners)) for chunk in range(world.episodes.chunks)]
+    jobs = [_Job(planner, chunk) for planner in range(len(planners)) for chunk in range(workload.episodes.chunks)]
     done: dict[_Job, _Done] = {}
     reporter.begin(len(jobs))
     try:
-        run = _run_here(world, planners, jobs) if workers == 1 else _run_in_workers(world, planners, jobs, workers)
+        run = (
+            _run_here(workload, planners, jobs) if workers == 1 else _run_in_workers(workload, planners, jobs, workers)
+        )
         for job, result in run:
             done[job] = result
             reporter.advance(planners[job.planner].name)
@@ -131,80 +136,54 @@ def _join(planners: Sequence[Planner], done: dict[_Job, _Done]) -> dict[str, Pla
     return runs
 
 
-def roll_chunk(world: World, planner: Planner, chunk: int, motion: Motion) -> Record:
-    """Run one planner, carried by a new motion of the world's, over one chunk; what is scored is in the record."""
-    from recognition.torch_threads import one_torch_thread  # here, as torch takes seconds to import
-
-    batch = world.episodes.batch(chunk)
-    data = world.episodes.scenarios.data
-    context = Context(
-        episodes=len(batch.labels),
-        length=world.episodes.scenarios.length,
-        frame_time=1 / data.fps,
-        class_names=data.class_names,
-        skeleton=data.skeleton,
-        workspace=motion.workspace,
-        track=track_name(world.vehicle),
-        rng=world.episodes.planner_rng(planner.name, chunk),
-        vehicle=world.vehicle,
-    )
-    with one_torch_thread():
-        record = rollout(planner, batch, world.recogniser, world.sensor, motion, context)
-        if world.belief is not None:
-            from planners.value.belief import readout  # here, as it brings scipy, which `ehar --help` does not wait for
-
-            record = replace(record, log_probs=readout(world.belief, record.log_probs, record.viewpoints))
-    return record
-
-
-def _run_chunk(world: World, planner: Planner, chunk: int) -> _Done:
+def _run_chunk(workload: Workload, planner: Planner, chunk: int) -> _Done:
     """Run one planner over one chunk, and keep what is recorded."""
-    episodes = world.episodes.chunk(chunk)
-    motion = world.new_motion()
-    record = roll_chunk(world, planner, chunk, motion)
+    episodes = workload.episodes.chunk(chunk)
+    motion = workload.runner.track.new_motion()
+    record = workload.roll(planner, workload.episodes.batch(chunk), chunk, motion)
     records = record_episodes(
         record,
         sequence=episodes.sequence_names,
         first=episodes.first,
         start=episodes.starts,
         label=episodes.labels,
-        flight=None if isinstance(motion, GridMotion) else record_flights(motion.telemetry),
+        flight=flights_of(motion),
     )
     return _Done(records, record.plan_seconds, solves_of(planner))
 
 
-def _run_here(world: World, planners: Sequence[Planner], jobs: Sequence[_Job]) -> Iterator[tuple[_Job, _Done]]:
+def _run_here(workload: Workload, planners: Sequence[Planner], jobs: Sequence[_Job]) -> Iterator[tuple[_Job, _Done]]:
     """Run the jobs in this process."""
     for job in jobs:
-        yield job, _run_chunk(world, planners[job.planner], job.chunk)
+        yield job, _run_chunk(workload, planners[job.planner], job.chunk)
 
 
 def _run_in_workers(
-    world: World, planners: Sequence[Planner], jobs: Sequence[_Job], workers: int
+    workload: Workload, planners: Sequence[Planner], jobs: Sequence[_Job], workers: int
 ) -> Iterator[tuple[_Job, _Done]]:
-    """Run the jobs in processes of their own, each of which is handed the world once."""
+    """Run the jobs in processes of their own, each of which is handed the workload once."""
     # cloudpickle, so that planners and recognisers defined in a notebook or a script arrive too.
     payloads = [cloudpickle.dumps(planner) for planner in planners]
     futures: dict[Future[_Done], _Job] = {}
-    with worker_pool(min(workers, len(jobs)), _start_worker, (cloudpickle.dumps(world),)) as pool:
+    with worker_pool(min(workers, len(jobs)), _start_worker, (cloudpickle.dumps(workload),)) as pool:
         for job in jobs:
             futures[pool.submit(_run_in_worker, payloads[job.planner], job.chunk)] = job
         for future in as_completed(futures):
             yield futures[future], future.result()
 
 
-_worker_world: World
+_worker_workload: Workload
 
 
 def _start_worker(payload: bytes) -> None:
-    """Receive the world, once a process."""
+    """Receive the workload, once a process."""
     import torch
 
-    global _worker_world
+    global _worker_workload
     torch.set_num_threads(1)
-    _worker_world = cloudpickle.loads(payload)
+    _worker_workload = cloudpickle.loads(payload)
 
 
 def _run_in_worker(payload: bytes, chunk: int) -> _Done:
     """Run one planner, as pickled, over one chunk."""
-    return _run_chunk(_worker_world, cloudpickle.loads(payload), chunk)
+    return _run_chunk(_worker_workload, cloudpickle.loads(payload), chunk)

@@ -20,6 +20,7 @@ class Recorder(Planner):
         answered: called after each answer with the observation that the planner was handed, which it may have spoiled.
 
     Attributes:
+        context: of the batch.
         observations: of each frame so far, without the truth, as they were before the planner saw them.
         targets: of each frame so far, (B, 3) if the planner keeps its contract.
         seconds: that the planner took for its answers.
@@ -38,6 +39,7 @@ class Recorder(Planner):
     def reset(self, context: Context) -> None:
         """Begin a new batch."""
         self._forget()
+        self.context = context
         with blamed(self.planner, f"planner {self.name!r}, reset"):
             self.planner.reset(context)
 

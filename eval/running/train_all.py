@@ -1,17 +1,35 @@
 """Everything that planners need on someone's own data, trained in order: recogniser, gain field, and agents."""
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from ehar.errors import ModelError
+from ehar.files import read_json
 from ehar.processes import cores
 from planners.agents.config import AgentTrainingConfig, Setting
 from planners.value.config import GainTrainingConfig
 from recognition.training.config import TrainingConfig
 
 PAPER_CLIPS = 200_000  # about as many as 32 views of each training scenario of ExPI (Sec. 4.2 and 5.1)
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What the JSON of a recogniser says about its training; None where it does not say it."""
+
+    data_sha256: str | None = None
+    size: str | None = None
+
+
+@dataclass(frozen=True)
+class _Training:
+    run: _Run = _Run()
+
+
+@dataclass(frozen=True)
+class _Trained:
+    training: _Training = _Training()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,18 +164,18 @@ def has_recogniser(config: TrainAllConfig) -> bool:
     data = load_data(config.data, fps=config.fps)
     load_recogniser(config.out, data, sensor=config.sensor, views=config.views)
     # Classes and joints can be the same where recordings were added: other sequences are then held out for the test.
-    run = json.loads(description.read_text()).get("training", {}).get("run", {})
-    sha256 = run.get("data_sha256", data.sha256)
-    if sha256 != data.sha256:
+    run = read_json(description, _Trained, "a recogniser", unknown=True, defaults=True, wrong=ModelError).training.run
+    sha256 = run.data_sha256
+    if sha256 not in (None, data.sha256):
         raise ModelError(
             f"{description}: trained on another data set: its sha256 was {sha256[:12]}..., that of {config.data} is "
             f"{data.sha256[:12]}...: remove it to train again, or choose another --out"
         )
     wanted = config.recogniser.size
-    if config.setting == "paper" and (size := run.get("size", wanted)) != wanted:
+    if config.setting == "paper" and run.size not in (None, wanted):
         raise ModelError(
-            f"{description}: got a recogniser of size {size}, expected {wanted}, as --setting paper trains it: remove "
-            "it to train again, or choose another --out"
+            f"{description}: got a recogniser of size {run.size}, expected {wanted}, as --setting paper trains it: "
+            "remove it to train again, or choose another --out"
         )
     return True
 

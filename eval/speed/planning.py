@@ -26,13 +26,16 @@ from planners.agents.network import AgentNetwork, AgentSpec
 from planners.agents.ppo import PPOProgress, train_ppo
 from planners.search.limits import camera_limits
 from planners.search.next_best_view import DEFAULT_HORIZON, FLIGHT_PLAN_TIME
-from planners.search.solver import TrajectorySolver
-from planners.search.timing import measure_solves
+from planners.search.solver import SolverStatistics, TrajectorySolver
+from planners.search.task import TrajectoryLimits, TrajectoryTask
+from planners.value.view_basis import BASIS_SIZE
 from recognition.torch_threads import one_torch_thread
 
 VEHICLE = VEHICLES["px4-auto"]
 ENVIRONMENTS = 64  # of which the frames a second of PPO are told
 PACE = 0.1  # share of the vehicle's speed and acceleration that each axis begins a flight with, at most
+EFFORT_WEIGHT = 0.01
+FIELD_MEMORY = 0.97  # how much of a random gain field is left one node later; the rest is new
 
 
 def time_solves(data: MotionData, effort: Effort) -> dict[str, float]:
@@ -69,6 +72,36 @@ def time_solves(data: MotionData, effort: Effort) -> dict[str, float]:
         "nbv_solve_ms_p95": 1000 * float(np.percentile(seconds, 95)),
         "nbv_fallback_share": fallbacks / plans,
     }
+
+
+def measure_solves(
+    rng: np.random.Generator,
+    solver: TrajectorySolver,
+    limits: TrajectoryLimits,
+    *,
+    node_time: float,
+    episodes: int,
+    plans: int,
+) -> SolverStatistics:
+    """Return what became of `episodes * plans` solves, each warm-started from the one before it.
+
+    They plan over random gain fields that change as they go. In each episode the camera starts at rest at one of the
+    paper's starts and follows every plan for one node.
+    """
+    solver.statistics = SolverStatistics()
+    horizon = solver.horizon
+    gain_weights = np.full(horizon, 1 / horizon)
+    for start in sample_starts(rng, episodes):
+        state, previous = (start, np.zeros(3), np.zeros(3)), None
+        field = rng.normal(size=BASIS_SIZE)
+        for _ in range(plans):
+            task = TrajectoryTask(*state, field, gain_weights, EFFORT_WEIGHT, node_time, limits, Workspace())
+            previous = solver.solve_best(task, sample_starts(rng, 16), previous, node_time)
+            position, velocity, acceleration, _ = previous.trajectory
+            state = (position[1], velocity[1], acceleration[1])
+            change = np.sqrt(1 - FIELD_MEMORY**2)
+            field = FIELD_MEMORY * field + change * rng.normal(size=BASIS_SIZE)
+    return solver.statistics
 
 
 def time_ruckig(effort: Effort) -> float:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ehar.arrays import FloatArray
+from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import windows
 from ehar.errors import ModelError
@@ -22,7 +23,7 @@ from recognition.networks.layers import refreshes
 from recognition.networks.spec import NetworkSpec
 from recognition.storage import load_recogniser
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
-from recognition.training.config import Form, Size
+from recognition.training.config import Size
 
 EARLY = 5  # the frame, counted from 1, that the last one is compared with
 

@@ -1,54 +1,36 @@
 """What each part and setting of the next-best-view planner is worth: variants side by side on the same episodes."""
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from ehar.data.motion_data import MotionData
-from ehar.data.scenario import split_parts
+from ehar.conditions import Conditions
 from ehar.errors import UsageError
 from ehar.files import json_text, write_text
 from ehar.planner import Planner
+from ehar.processes import check_workers
+from ehar.track import IDEAL, load_track
+from eval.records.config import CONFIG, planner_config, run_config
 from eval.records.episodes import episode_lines
-from eval.records.run_files import CONFIG, EPISODES, SUMMARY, check_out, installed_versions
+from eval.records.run_files import EPISODES, SUMMARY, check_out
 from eval.render.tables import Table, interval_text, markdown, no_interval_footnotes, share_text
-from eval.running.benchmark import check_options, load_setting
+from eval.running.benchmark import summarise_runs
 from eval.running.choice import ModelPlace
 from eval.running.episodes import cut_scenarios, random_starts
-from eval.running.jobs import PlannerRun, World, run_planners
+from eval.running.jobs import PlannerRun, Workload, run_planners
 from eval.running.progress import ConsoleReporter, Reporter
-from eval.running.tracks import IDEAL, load_track, track_name
 from eval.scores.differences import NBV, Difference
-from eval.scores.summary import NO_ACT, Conditions, PlannerSummary, Summary, summarise
+from eval.scores.planner_summary import NO_ACT, PlannerSummary
+from eval.scores.summary import Summary
 from planners.heuristic import NoAct
 from planners.oracle import Oracle
 from planners.search.next_best_view import NextBestView
 from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch
 from planners.value.model import GainModel
+from recognition.setting import load_setting
 
 GROUPS = ("knowledge", "horizon", "replan", "effort", "solver", "search")
-
-
-@dataclass(frozen=True)
-class AblationConfig:
-    """Everything that decides an ablation's episodes.jsonl."""
-
-    source: str
-    data: str
-    data_sha256: str
-    models: str | None
-    recogniser_sha256: str
-    gain_model_sha256: str
-    sensor: str
-    views: str
-    groups: tuple[str, ...]
-    tracks: tuple[str, ...]
-    starts: int
-    seed: int
-    length: int
-    fps: float | None
-    versions: dict[str, str]
 
 
 class Ablation(NamedTuple):
@@ -68,98 +50,70 @@ class Ablation(NamedTuple):
 
 
 def ablation(
+    conditions: Conditions | None = None,
     *,
-    data: str | Path | MotionData = "duo",
-    models: Path | None = None,
-    sensor: str = "perfect",
-    views: str = "moving",
     groups: Sequence[str] = GROUPS,
     tracks: Sequence[str] = (),
-    starts: int = 1,
-    seed: int = 0,
-    length: int = 60,
-    fps: float | None = None,
-    out: Path | None = None,
+    out: str | Path | None = None,
     workers: int = 1,
     reporter: Reporter | None = None,
 ) -> Ablation:
-    """Run variants of nbv, no-act and the oracle on the test scenarios of some data.
+    """Say what each part and setting of nbv is worth.
+
+    Runs variants of it, no-act and the oracle on the same episodes.
+
+    For example:
+        ehar study ablation --data duo --groups knowledge search --out runs/ablation
 
     Args:
-        data: `duo`, `solo`, the path of a prepared .npz, or data in memory.
-        models: folder of recogniser and gain field; None takes those that ship with ehar.
-        sensor: `perfect` or `estimator`.
-        views: the cameras that the recogniser was trained on, `moving` or `paper`.
-        groups: of variants, among `GROUPS`.
-        tracks: vehicles that nbv flies as well, as in `benchmark`.
-        starts: start viewpoints for each test scenario.
-        seed: of start viewpoints and the sensor's noise.
-        length: L, frames in an episode.
-        fps: frame rate to resample to [1/s]; None keeps the data's.
+        conditions: of all variants, on the grid; None is the usual ones.
+        groups: of variants: knowledge, horizon, replan, effort, solver, search.
+        tracks: vehicles that nbv flies as well.
         out: folder for config.json, episodes.jsonl, summary.json and table.md.
-        workers: processes; the numbers, but for times, are the same with any number.
+        workers: processes; numbers, but for times, do not depend on it.
         reporter: hears of progress; None reports on standard error.
 
     Raises:
         EharError: one line that says what was got and what was expected.
         KeyboardInterrupt: nothing has been written then.
     """
-    reporter = reporter or ConsoleReporter()
-    check_options(starts=starts, seed=seed, workers=workers)
+    conditions, reporter = conditions or Conditions(), reporter or ConsoleReporter()
+    check_workers(workers)
     unknown = [group for group in groups if group not in GROUPS]
     if unknown:
         raise UsageError(f"unknown group {unknown[0]!r}; expected some of: {', '.join(GROUPS)}")
-    vehicles = [vehicle for vehicle in map(load_track, tracks) if vehicle is not None]
-    names = [NO_ACT, *map(track_name, vehicles)]
-    if len(vehicles) < len(tracks) or len(set(names)) < len(names):
+    flown = [track for track in map(load_track, tracks) if track.vehicle is not None]
+    names = [NO_ACT, *(track.name for track in flown)]
+    if len(flown) < len(tracks) or len(set(names)) < len(names):
         raise UsageError(f"tracks: expected vehicles, each once and none of them {IDEAL}, got {', '.join(tracks)}")
-    setting = load_setting(data=data, models=models, sensor=sensor, views=views, form="causal", fps=fps)
-    scenarios = cut_scenarios(setting.data, split_parts(setting.data).test, length, reporter.note)
-    model = ModelPlace(
-        models=None if models is None else Path(models),
-        data=setting.data,
-        sensor=sensor,
-        views=views,
-        form="causal",
-        recogniser_sha256=setting.recogniser_sha256,
-    ).load_gain_model()
-    config = AblationConfig(
-        source=setting.source,
-        data=setting.data.title,
-        data_sha256=setting.data.sha256,
-        models=None if models is None else str(models),
-        recogniser_sha256=setting.recogniser_sha256,
-        gain_model_sha256=model.sha256,
-        sensor=sensor,
-        views=views,
-        groups=tuple(groups),
-        tracks=tuple(names[1:]),
-        starts=starts,
-        seed=seed,
-        length=length,
-        fps=fps,
-        versions=installed_versions(),
-    )
-    if out is not None:
-        check_out(Path(out), asdict(config))
+    setting = load_setting(conditions)
+    scenarios = cut_scenarios(setting.data, setting.sequences, conditions.length, reporter.note)
+    model = ModelPlace.of(setting).load_gain_model()
     nbv = NextBestView(model=model)
     chosen = {group: planners for group, planners in variants(model).items() if group in groups}
     together = [NoAct(), nbv, *(planner for planners in chosen.values() for planner in planners), Oracle()]
-    episodes = random_starts(scenarios, starts, seed)
-    world = World(episodes, setting.recogniser, setting.sensor)
-    runs = run_planners(world, together, workers=workers, reporter=reporter)
-    for vehicle in vehicles:
-        world = World(episodes, setting.recogniser, setting.sensor, vehicle)
-        flying = NextBestView(model=model, name=vehicle.name)
-        runs |= run_planners(world, [flying], workers=workers, reporter=reporter)
+    flying = [NextBestView(model=model, name=track.name) for track in flown]
+    config = run_config(
+        setting, [planner_config(planner) for planner in (*together, *flying)], gain_model_sha256=model.sha256
+    )
+    written = {**config.to_json(), "groups": list(groups), "tracks": names[1:]}
+    if out is not None:
+        check_out(Path(out), written)
+    episodes = random_starts(scenarios, conditions.starts, conditions.seed)
+    runs = run_planners(Workload(setting.runner, episodes), together, workers=workers, reporter=reporter)
+    for track, planner in zip(flown, flying, strict=True):
+        workload = Workload(replace(setting.runner, track=track), episodes)
+        runs |= run_planners(workload, [planner], workers=workers, reporter=reporter)
+    # A flight is compared with nbv on the ideal track, in the same resamples.
+    on_ideal = {NO_ACT: runs[NO_ACT].records, **dict.fromkeys(names[1:], runs[NBV].records)} if flown else None
     result = Ablation(
         groups={group: tuple(planner.name for planner in planners) for group, planners in chosen.items()},
-        tracks=config.tracks,
+        tracks=tuple(names[1:]),
         setting=f"horizon {nbv.horizon}, a plan every {nbv.replan} frames, effort weight {nbv.effort_weight:g}, fatrop",
-        summary=_summarise(runs, config),
+        summary=summarise_runs(runs, config, on_ideal),
     )
     if out is not None:
-        _write(Path(out), config, runs, result)
+        _write(Path(out), written, runs, result)
     return result
 
 
@@ -187,17 +141,13 @@ def ablation_tables(result: Ablation) -> list[Table]:
     summary = result.summary
     planners = {planner.name: planner for planner in summary.planners}
     differences = {difference.other: difference for difference in summary.differences}
-    title = (
-        f"{summary.data}: sensor {summary.sensor}, views {summary.views}, "
-        f"{summary.episodes} episodes of {summary.length} frames from {summary.sequences} sequences"
-    )
     header = ("mean acc [95 %]", "gap closed % [95 %]", "minus nbv [95 %]", "path [m]", "ms/step", "fallbacks")
     rows = [("", name) for name in (NO_ACT, NBV)]
     rows += [(group, name) for group, names in result.groups.items() for name in names]
     rows += [("", planner.name) for planner in summary.planners if planner.privileged]
     tables = [
         Table(
-            title=title,
+            title=summary.title,
             header=("planner", "group", *header),
             rows=tuple(
                 (name + "*" * planners[name].privileged, group, *_row(planners[name], differences.get(name)))
@@ -254,30 +204,9 @@ def _peak(planner: PlannerSummary) -> str:
     return "-" if planner.flight is None else f"{planner.flight.peak_speed:.2f}"
 
 
-def _summarise(runs: dict[str, PlannerRun], config: AblationConfig) -> Summary:
-    """Return one summary of all: a flight is compared with nbv on the ideal track, in the same resamples."""
-    on_ideal = {NO_ACT: runs[NO_ACT].records, **dict.fromkeys(config.tracks, runs[NBV].records)}
-    return summarise(
-        {name: run.records for name, run in runs.items()},
-        Conditions(
-            data=config.data,
-            sensor=config.sensor,
-            views=config.views,
-            track=IDEAL,
-            form="causal",
-            readout="recogniser",
-        ),
-        privileged={name: name == Oracle.name for name in runs},
-        step_ms={name: run.step_ms for name, run in runs.items()},
-        solves={name: run.solves for name, run in runs.items()},
-        on_ideal=on_ideal if config.tracks else None,
-    )
-
-
-def _write(out: Path, config: AblationConfig, runs: dict[str, PlannerRun], result: Ablation) -> None:
+def _write(out: Path, config: Mapping[str, Any], runs: dict[str, PlannerRun], result: Ablation) -> None:
     """Write config, records, numbers and tables."""
-    out.mkdir(parents=True, exist_ok=True)
-    write_text(out / CONFIG, [json_text(asdict(config))])
+    write_text(out / CONFIG, [json_text(config)])
     write_text(out / EPISODES, episode_lines({name: run.records for name, run in runs.items()}))
     write_text(out / SUMMARY, [json_text({"groups": result.groups, **result.summary.to_json()})])
     write_text(out / "table.md", [markdown(*ablation_tables(result))])

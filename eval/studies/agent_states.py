@@ -5,8 +5,7 @@ Records do not hold them, so the planner runs its episodes once more; it has to 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,20 +14,18 @@ from ehar.data.scenario import part_of
 from ehar.errors import DataError, UsageError
 from ehar.planner import Observation, Planner
 from eval.running.choice import ModelPlace
-from eval.running.finished_run import FinishedRun, RunConditions, same_episodes
 from eval.running.progress import Reporter
 from eval.running.recorder import Recorder
+from eval.running.run import Run, same_episodes
 from planners.registry import is_learned
-
-if TYPE_CHECKING:
-    from eval.running.benchmark import Setting
+from recognition.setting import load_setting
 
 EVERY = 5  # frames, of which one is kept: consecutive states differ little
 MOST = 3000  # points that are drawn
 NEIGHBOURS = 10
 PERPLEXITY = 30.0  # scikit-learn's own; van der Maaten and Hinton, 2008, advise 5 to 50
 
-AgentLoader = Callable[[RunConditions, str], Planner]  # as `load_agent`
+AgentLoader = Callable[[Run, str], Planner]  # as `load_agent`
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +104,7 @@ class StateKeeper:
         return np.concatenate([np.stack(batch, axis=1) for batch in self._batches])
 
 
-def load_agent(conditions: RunConditions, name: str) -> Planner:
+def load_agent(run: Run, name: str) -> Planner:
     """Return the learned planner that a run has under a record name such as `il-ppo/0`.
 
     Raises:
@@ -117,21 +114,10 @@ def load_agent(conditions: RunConditions, name: str) -> Planner:
     """
     if not is_learned(name):
         raise UsageError(f"planner {name!r}: expected a learned one, such as il-ppo/0, whose states can be kept")
-    setting = _setting(conditions)
-    place = ModelPlace(
-        models=None if conditions.models is None else Path(conditions.models),
-        data=setting.data,
-        sensor=conditions.sensor,
-        views=conditions.views,
-        form=conditions.form,
-        recogniser_sha256=setting.recogniser_sha256,
-    )
-    return place.load_agent(name)
+    return ModelPlace.of(load_setting(run.conditions)).load_agent(name)
 
 
-def agent_states(
-    run: FinishedRun, name: str, planner: Planner, *, reporter: Reporter, every: int = EVERY
-) -> AgentStates:
+def agent_states(run: Run, name: str, planner: Planner, *, reporter: Reporter, every: int = EVERY) -> AgentStates:
     """Run a planner on a run's own episodes once more, and return its states.
 
     Args:
@@ -147,17 +133,17 @@ def agent_states(
         ModelError: there is no recogniser.
     """
     from eval.running.episodes import cut_scenarios, random_starts  # these bring what `ehar --help` does not wait for
-    from eval.running.jobs import World, run_planners
+    from eval.running.jobs import Workload, run_planners
 
     conditions = run.conditions
     if name not in run.records:
         raise UsageError(f"{run.directory}: no planner {name!r}; expected one of: {', '.join(run.records)}")
     if run.flown:
         raise DataError(f"{run.directory}: states: expected a run on the ideal track, got {conditions.track}")
-    setting = _setting(conditions)
+    setting = load_setting(conditions)
     for what, held, wanted in (
-        ("data", setting.data.sha256, conditions.data_sha256),
-        ("recogniser", setting.recogniser_sha256, conditions.recogniser_sha256),
+        ("data", setting.data.sha256, run.config.data_sha256),
+        ("recogniser", setting.recogniser_sha256, run.config.recogniser_sha256),
     ):
         if held != wanted:
             raise DataError(f"{run.directory}: expected the {what} of the run, sha256 {wanted}, got {held}")
@@ -166,8 +152,7 @@ def agent_states(
     keeper = StateKeeper(planner, every=every)
     recorder = Recorder(planner, name=name, answered=keeper.keep)
     # In this process, as the states stay in it.
-    world = World(episodes, setting.recogniser, setting.sensor)
-    again = run_planners(world, [recorder], workers=1, reporter=reporter)[name].records
+    again = run_planners(Workload(setting.runner, episodes), [recorder], workers=1, reporter=reporter)[name].records
     recorded = run.records[name]
     if not same_episodes(recorded, again):
         raise DataError(f"{run.directory}: expected to make its episodes once more, got others")
@@ -185,20 +170,6 @@ def agent_states(
         label=np.repeat(recorded.label, frames),
         sequence=np.repeat(np.array(recorded.sequence), frames),
         frame=np.tile(every * np.arange(frames), count),
-    )
-
-
-def _setting(conditions: RunConditions) -> "Setting":
-    """Load what a run took place in, as far as it is still there."""
-    from eval.running.benchmark import load_setting  # here, as it brings what `ehar --help` does not wait for
-
-    return load_setting(
-        data=conditions.source,
-        models=None if conditions.models is None else Path(conditions.models),
-        sensor=conditions.sensor,
-        views=conditions.views,
-        form="ctrgcn" if conditions.form == "ctrgcn" else "causal",
-        fps=conditions.fps,
     )
 
 

@@ -7,17 +7,17 @@ import numpy as np
 
 from ehar.errors import UsageError
 from ehar.files import json_text, write_text
-from eval.running.finished_run import FinishedRun, class_names, read_run
 from eval.running.progress import ConsoleReporter, Reporter
+from eval.running.run import Run, class_names, read_run
 from eval.scores.behaviour import (
     level_share,
     move_shares,
     position_histograms,
     recover_moves,
 )
+from eval.scores.planner_summary import NO_ACT
 from eval.scores.predictability import predictability
 from eval.scores.seed_accuracy import TABLE_3, accuracy_over_seeds, seeds_of
-from eval.scores.summary import NO_ACT
 from eval.studies.agent_states import (
     MOST,
     AgentLoader,
@@ -73,7 +73,7 @@ def analyse(
     except OSError as error:
         raise UsageError(f"{folder}: expected a folder that can be written to: {error.strerror}") from error
     write_text(folder / ANALYSIS, [json_text(analysis.to_json())])
-    title = run.conditions.title
+    title = run.config.title
     draw_positions({name: of.histograms for name, of in analysis.positions.items()}, title, folder / POSITIONS)
     if analysis.moves is not None:
         draw_moves(analysis.moves, title, folder / MOVES_MADE)
@@ -84,7 +84,7 @@ def analyse(
     return analysis
 
 
-def choose(run: FinishedRun, planners: Sequence[str]) -> tuple[str, ...]:
+def choose(run: Run, planners: Sequence[str]) -> tuple[str, ...]:
     """Return the planners whose behaviour is analysed: those named, or il-ppo, or else nbv.
 
     Raises:
@@ -109,7 +109,7 @@ def choose(run: FinishedRun, planners: Sequence[str]) -> tuple[str, ...]:
 
 
 def _analysis(
-    run: FinishedRun,
+    run: Run,
     chosen: Sequence[str],
     names: tuple[str, ...],
     states: str | None,
@@ -121,7 +121,7 @@ def _analysis(
     if run.flown:
         reporter.note(f"{run.directory}: moves are those of the grid, a run on track {run.conditions.track} has none")
     return Analysis(
-        conditions=run.conditions,
+        config=run.config,
         episodes=len(next(iter(run.records.values()))),
         class_names=names,
         seed_accuracy=tuple(accuracy_over_seeds(name, seeds[name]) for name in TABLE_3 if name in seeds),
@@ -132,10 +132,10 @@ def _analysis(
     )
 
 
-def _map(run: FinishedRun, name: str, load: AgentLoader, reporter: Reporter) -> StateMap:
+def _map(run: Run, name: str, load: AgentLoader, reporter: Reporter) -> StateMap:
     """Return the map of a planner's states."""
     if name not in run.records:
         raise UsageError(f"{run.directory}: no planner {name!r}; expected one of: {', '.join(run.records)}")
-    found = agent_states(run, name, load(run.conditions, name), reporter=reporter)
+    found = agent_states(run, name, load(run, name), reporter=reporter)
     drawn = found.sample(np.random.default_rng(0), MOST)
     return StateMap(name, drawn, map_states(drawn.state), neighbour_purity(drawn))

@@ -15,7 +15,7 @@ from ehar.viewpoint import AZIMUTH, MOVE_NAMES, POLAR
 from eval.render.figures import clean
 from eval.render.palette import CLASSES, EDGE, LINE, NEUTRAL, THIN, looks
 from eval.scores.behaviour import STAGES, PositionHistogram
-from eval.scores.summary import NO_ACT
+from eval.scores.planner_summary import NO_ACT
 from eval.studies.agent_states import Purity
 
 MARKERS = ("o", "^", "s", "D", "v", "P", "X", "*")  # each class has a colour and a marker; 64 pairs differ

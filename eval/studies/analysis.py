@@ -1,17 +1,17 @@
 """What an analysis of a finished run found, and its tables, for the terminal and in Markdown."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from ehar.arrays import FloatArray
 from ehar.viewpoint import MOVE_NAMES
+from eval.records.config import RunConfig
 from eval.render.tables import Table, markdown
-from eval.running.finished_run import RunConditions
 from eval.scores.behaviour import LEVEL_FROM, STAGES, PositionHistogram
+from eval.scores.planner_summary import NO_ACT
 from eval.scores.predictability import LEVELS, NO_EPISODE, Predictability
 from eval.scores.seed_accuracy import TABLE_3_AT, SeedAccuracy, Spread
-from eval.scores.summary import NO_ACT
 from eval.studies.agent_states import EVERY, AgentStates, Purity
 
 POSITIONS, MOVES_MADE, STATES = "positions.png", "moves.png", "states.png"  # beside the tables, which name them
@@ -24,6 +24,12 @@ _OF_CLASS = (
 )
 _OF_EPISODE = (
     "An episode is as predictable as the first of 10, 50 and 100 % from which on it is classified correctly at each."
+)
+
+
+RUN_KEYS = (  # of config.json, that analysis.json repeats
+    *("source", "data", "data_sha256", "models", "recogniser_sha256", "sensor", "views", "form", "track", "readout"),
+    *("part", "starts", "seed", "length", "fps"),
 )
 
 
@@ -57,7 +63,7 @@ class Analysis:
     """All analyses of a run.
 
     Args:
-        conditions: of the run.
+        config: of the run.
         episodes: how many, of each training seed.
         class_names: K.
         seed_accuracy: Table 3, those of its planners that ran.
@@ -67,7 +73,7 @@ class Analysis:
         states: Fig. 7e; None where no planner was named.
     """
 
-    conditions: RunConditions
+    config: RunConfig
     episodes: int
     class_names: tuple[str, ...]
     seed_accuracy: tuple[SeedAccuracy, ...]
@@ -78,8 +84,9 @@ class Analysis:
 
     def to_json(self) -> dict[str, Any]:
         """Return what analysis.json holds."""
+        told = self.config.to_json()
         return {
-            "run": {**asdict(self.conditions), "episodes": self.episodes},
+            "run": {**{key: told[key] for key in RUN_KEYS}, "episodes": self.episodes},
             "table_3": [_seeds_json(row) for row in self.seed_accuracy],
             "table_4": {name: of.to_json(self.class_names) for name, of in self.predictable.items()},
             "figure_6": {name: _positions_json(of) for name, of in self.positions.items()},
@@ -134,7 +141,9 @@ def analysis_tables(analysis: Analysis) -> list[Table]:
 
 def analysis_markdown(analysis: Analysis) -> str:
     """Return all tables and pictures of an analysis in Markdown."""
-    pieces = [f"# {analysis.conditions.title}: {analysis.episodes} episodes of {analysis.conditions.length} frames\n"]
+    pieces = [
+        f"# {analysis.config.title}: {analysis.episodes} episodes of {analysis.config.conditions.length} frames\n"
+    ]
     if analysis.seed_accuracy:
         pieces.append(markdown(seeds_table(analysis)))
     pieces += [markdown(of(analysis)) for of in (counts_table, classes_table, shares_table, positions_table)]

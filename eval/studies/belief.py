@@ -8,44 +8,26 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.data.motion_data import MotionData
+from ehar.conditions import Conditions
 from ehar.data.scenario import split_parts, windows
 from ehar.errors import DataError
 from ehar.files import json_text, write_text
-from ehar.motion import GridMotion
-from ehar.planner import Context, Planner
-from ehar.rollout import rollout
-from eval.records.run_files import CONFIG, check_out, installed_versions
+from ehar.planner import Planner
+from eval.records.config import CONFIG, RunConfig, planner_config, run_config
+from eval.records.run_files import check_out
 from eval.render.tables import Table, markdown
-from eval.running.benchmark import Setting, check_options, load_setting
-from eval.running.episodes import Episodes, cut_scenarios, random_starts
+from eval.running.choice import ModelPlace
+from eval.running.episodes import cut_scenarios, random_starts
+from eval.running.jobs import Workload
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.scores.metrics import ece, frame_at, nll
 from planners.heuristic import NoAct, Random
 from planners.value.belief import readout
 from planners.value.belief_fit import ablate_belief
-from planners.value.model import load_gain_model
+from recognition.setting import load_setting
 
 NLL_AT = tuple(range(10, 101, 10))  # observation ratios [%]
 CALIBRATED_FROM = 50  # [%]: the calibration error is that of the frames from here on
-
-
-@dataclass(frozen=True)
-class BeliefConfig:
-    """Everything that decides a report."""
-
-    source: str
-    data: str
-    data_sha256: str
-    recogniser_sha256: str
-    gain_model_sha256: str
-    sensor: str
-    views: str
-    starts: int
-    seed: int
-    length: int
-    fps: float | None
-    versions: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -80,7 +62,7 @@ class BeliefReport:
         parts_episodes: that they are scored on.
     """
 
-    config: BeliefConfig
+    config: RunConfig
     test: tuple[BeliefRow, ...]
     test_episodes: int
     parts: tuple[BeliefRow, ...]
@@ -101,79 +83,48 @@ class Rollouts(NamedTuple):
 
 
 def belief_report(
-    *,
-    data: str | Path | MotionData = "duo",
-    models: Path | None = None,
-    sensor: str = "perfect",
-    views: str = "moving",
-    starts: int = 1,
-    seed: int = 0,
-    length: int = 60,
-    fps: float | None = None,
-    out: Path | None = None,
-    reporter: Reporter | None = None,
+    conditions: Conditions | None = None, *, out: str | Path | None = None, reporter: Reporter | None = None
 ) -> BeliefReport:
     """Score the belief and the recogniser on cameras that stay and that move at random.
 
+    For example:
+        ehar study belief --data duo --sensor estimator
+
     Args:
-        data: `duo`, `solo`, the path of a prepared .npz, or data in memory.
-        models: folder of recogniser and gain field, with which the belief lies; None takes those that ship.
-        sensor: `perfect` or `estimator`.
-        views: the cameras that the recogniser was trained on, `moving` or `paper`.
-        starts: start viewpoints for each scenario.
-        seed: of start viewpoints, noise, the random planner, and which sequences the parts are fitted on.
-        length: L, frames in an episode.
-        fps: frame rate to resample to [1/s]; None keeps the data's.
+        conditions: of both; None is the usual ones.
         out: folder for config.json, belief.json and table.md.
         reporter: hears of progress; None reports on standard error.
 
     Raises:
         EharError: one line that says what was got and what was expected.
     """
-    reporter = reporter or ConsoleReporter()
-    check_options(starts=starts, seed=seed, workers=1)
-    setting = load_setting(data=data, models=models, sensor=sensor, views=views, form="causal", fps=fps)
+    conditions, reporter = conditions or Conditions(), reporter or ConsoleReporter()
+    setting = load_setting(conditions)
     motion, parts = setting.data, split_parts(setting.data)
-    model = load_gain_model(
-        None if models is None else Path(models),
-        motion,
-        sensor=sensor,
-        views=views,
-        recogniser_sha256=setting.recogniser_sha256,
-    )
-    config = BeliefConfig(
-        source=setting.source,
-        data=motion.title,
-        data_sha256=motion.sha256,
-        recogniser_sha256=setting.recogniser_sha256,
-        gain_model_sha256=model.sha256,
-        sensor=sensor,
-        views=views,
-        starts=starts,
-        seed=seed,
-        length=length,
-        fps=fps,
-        versions=installed_versions(),
+    model = ModelPlace.of(setting).load_gain_model()
+    planners: list[Planner] = [NoAct(), Random()]
+    config = run_config(
+        setting, [planner_config(planner) for planner in planners], readout="belief", gain_model_sha256=model.sha256
     )
     if out is not None:
-        check_out(Path(out), asdict(config))
+        check_out(Path(out), config.to_json())
+    length, starts, seed = conditions.length, conditions.starts, conditions.seed
     tested = random_starts(cut_scenarios(motion, parts.test, length, reporter.note), starts, seed)
     policy = windows(motion, parts.policy, length, stride=length)
     if not len(policy):
         raise DataError(f"{motion.name}: expected policy sequences of at least {length} frames, got none")
     trained = random_starts(policy, starts, seed)
-    planners: list[Planner] = [NoAct(), Random()]
     reporter.begin(len(planners) * (tested.chunks + trained.chunks))
     try:
-        test = {planner.name: run_rollouts(setting, tested, planner, reporter) for planner in planners}
-        fitted = [run_rollouts(setting, trained, planner, reporter) for planner in planners]
+        test = {planner.name: run_rollouts(Workload(setting.runner, tested), planner, reporter) for planner in planners}
+        fitted = [run_rollouts(Workload(setting.runner, trained), planner, reporter) for planner in planners]
     finally:
         reporter.end()
     rows = []
-    for name, of in test.items():
-        believed = readout(model.belief, of.log_probs, of.viewpoints)
-        rows += [belief_row(name, "recogniser", of.log_probs, of.labels)]
-        rows += [belief_row(name, "belief", believed, of.labels)]
+    for name, rolled in test.items():
+        believed = readout(model.belief, rolled.log_probs, rolled.viewpoints)
+        rows += [belief_row(name, "recogniser", rolled.log_probs, rolled.labels)]
+        rows += [belief_row(name, "belief", believed, rolled.labels)]
     together = Rollouts(*(np.concatenate(arrays) for arrays in zip(*fitted, strict=True)))
     ablation = ablate_belief(*together, np.random.default_rng(seed))
     report = BeliefReport(
@@ -191,22 +142,12 @@ def belief_report(
     return report
 
 
-def run_rollouts(setting: Setting, episodes: Episodes, planner: Planner, reporter: Reporter) -> Rollouts:
-    """Run a planner over all episodes on the ideal track, and keep the probabilities of all classes."""
-    records, data = [], setting.data
+def run_rollouts(workload: Workload, planner: Planner, reporter: Reporter) -> Rollouts:
+    """Run a planner over all episodes, and keep the probabilities of all classes."""
+    records, episodes = [], workload.episodes
     for chunk in range(episodes.chunks):
-        batch, motion = episodes.batch(chunk), GridMotion()
-        context = Context(
-            episodes=len(batch.labels),
-            length=episodes.scenarios.length,
-            frame_time=1 / data.fps,
-            class_names=data.class_names,
-            skeleton=data.skeleton,
-            workspace=motion.workspace,
-            track="ideal",
-            rng=episodes.planner_rng(planner.name, chunk),
-        )
-        records.append(rollout(planner, batch, setting.recogniser, setting.sensor, motion, context))
+        motion = workload.runner.track.new_motion()
+        records.append(workload.roll(planner, episodes.batch(chunk), chunk, motion))
         reporter.advance(planner.name)
     return Rollouts(
         log_probs=np.concatenate([record.log_probs for record in records]),
@@ -237,8 +178,8 @@ def belief_tables(report: BeliefReport) -> list[Table]:
     config = report.config
     return [
         _table(
-            f"{config.data}: sensor {config.sensor}, views {config.views}, "
-            f"{report.test_episodes} test episodes of {config.length} frames for each planner",
+            f"{config.data}: sensor {config.conditions.sensor}, views {config.conditions.views}, "
+            f"{report.test_episodes} test episodes of {config.conditions.length} frames for each planner",
             report.test,
             (f"NLL [nat] of the true class; ECE: calibration error of the frames from {CALIBRATED_FROM} % on.",),
         ),
@@ -271,7 +212,6 @@ def _table(title: str, rows: Sequence[BeliefRow], footnotes: tuple[str, ...]) ->
 
 def _write(out: Path, report: BeliefReport) -> None:
     """Write config, numbers and tables."""
-    out.mkdir(parents=True, exist_ok=True)
-    write_text(out / CONFIG, [json_text(asdict(report.config))])
+    write_text(out / CONFIG, [json_text(report.config.to_json())])
     write_text(out / "belief.json", [json_text(report.to_json())])
     write_text(out / "table.md", [markdown(*belief_tables(report))])

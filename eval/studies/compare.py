@@ -1,14 +1,13 @@
 """Two finished runs, made at different times, compared planner by planner on the episodes that both ran."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ehar.errors import DataError, UsageError
-from eval.records.run_files import CONFIG
-from eval.running.finished_run import FinishedRun, read_run, same_episodes
+from eval.records.config import CONFIG, PlannerConfig
+from eval.running.run import Run, read_run, same_episodes
 from eval.scores.differences import Difference, compare_pairs
 from eval.scores.planner_accuracy import PlannerAccuracy, Resamples, planner_accuracy, resample_sequences
 from eval.scores.training_seeds import PlannerGroup, group_planners
@@ -62,15 +61,6 @@ class Comparison:
     no_intervals: str | None
 
 
-@dataclass(frozen=True, eq=False)
-class _Run:
-    """A run, its config.json as written, and what that says of each record name."""
-
-    run: FinishedRun
-    config: Mapping[str, Any]
-    planners: Mapping[str, Mapping[str, Any]]
-
-
 def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) -> Comparison:
     """Compare each planner that is in both runs, A's minus B's.
 
@@ -86,20 +76,19 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
     """
     if len(planners) not in (0, 2):
         raise UsageError(f"planners: expected one of A and one of B, got {len(planners)}: {', '.join(planners)}")
-    a, b = _read(Path(run_a)), _read(Path(run_b))
+    a, b = read_run(run_a), read_run(run_b)
     _check_same_episodes(a, b)
-    groups = _choose(a.run, b.run, planners)
-    reference = next(iter(a.run.records.values()))
-    resamples = resample_sequences([*a.run.records.values(), *b.run.records.values()])
+    groups = _choose(a, b, planners)
+    reference = next(iter(a.records.values()))
+    resamples = resample_sequences([*a.records.values(), *b.records.values()])
     pairs = [_accuracies(of_a, of_b, a, b, resamples) for of_a, of_b in groups]
-    conditions = a.run.conditions
+    told = a.conditions
     return Comparison(
-        folders=(a.run.directory, b.run.directory),
-        title=f"{conditions.data}, {conditions.sensor} sensor"
-        + ("" if conditions.part == "test" else f", {conditions.part} part"),
+        folders=(a.folder, b.folder),
+        title=f"{a.config.data}, {told.sensor} sensor" + ("" if told.part == "test" else f", {told.part} part"),
         episodes=len(reference),
         sequences=len(set(reference.sequence)),
-        differing=dict(_differing(a.config, b.config)),
+        differing=dict(_differing(a.config.to_json(), b.config.to_json())),
         planners=tuple(
             ComparedPlanners(
                 difference=difference,
@@ -115,29 +104,15 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
     )
 
 
-def _read(directory: Path) -> _Run:
-    """Read a run with all that its config.json says."""
-    run = read_run(directory)
-    path = directory / CONFIG
-    config = json.loads(path.read_text(encoding="utf-8"))
-    try:
-        listed = {str(planner["name"]): {"privileged": False, **planner} for planner in config["planners"]}
-    except (KeyError, TypeError) as error:
-        raise DataError(f"{path}: planners: expected a list of names and what ran under them, got {error!r}") from error
-    unknown = [name for name in run.records if name not in listed]
-    if unknown:
-        raise DataError(f"{path}: expected every planner with episodes among its planners, {unknown[0]!r} is not")
-    return _Run(run, config, listed)
-
-
-def _check_same_episodes(a: _Run, b: _Run) -> None:
+def _check_same_episodes(a: Run, b: Run) -> None:
     """Raise an error that says in what the episodes of two runs differ, with both values."""
-    where = f"{a.run.directory} and {b.run.directory}"
-    differing = [name for name in SAME_EPISODES if a.config.get(name) != b.config.get(name)]
+    where = f"{a.directory} and {b.directory}"
+    in_a, in_b = a.config.to_json(), b.config.to_json()
+    differing = [name for name in SAME_EPISODES if in_a[name] != in_b[name]]
     if differing:
-        got = ", ".join(f"{_label(name)} ({_value(name, a.config)}, {_value(name, b.config)})" for name in differing)
+        got = ", ".join(f"{_label(name)} ({_value(name, in_a)}, {_value(name, in_b)})" for name in differing)
         raise UsageError(f"{where}: expected runs of the same episodes; they differ in {got}")
-    of_a, of_b = (next(iter(one.run.records.values())) for one in (a, b))
+    of_a, of_b = (next(iter(one.records.values())) for one in (a, b))
     if not same_episodes(of_a, of_b):
         raise DataError(
             f"{where}: expected the same episodes, as their {CONFIG} say, got {len(of_a)} and {len(of_b)} that differ "
@@ -168,7 +143,7 @@ def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str
             yield _label(name).replace("_", " "), (_value(name, a), _value(name, b))
 
 
-def _choose(a: FinishedRun, b: FinishedRun, planners: Sequence[str]) -> list[tuple[PlannerGroup, PlannerGroup]]:
+def _choose(a: Run, b: Run, planners: Sequence[str]) -> list[tuple[PlannerGroup, PlannerGroup]]:
     """Return which planner of A is compared with which of B.
 
     Raises:
@@ -186,7 +161,7 @@ def _choose(a: FinishedRun, b: FinishedRun, planners: Sequence[str]) -> list[tup
     return both
 
 
-def _find(run: FinishedRun, name: str, groups: Mapping[str, PlannerGroup]) -> PlannerGroup:
+def _find(run: Run, name: str, groups: Mapping[str, PlannerGroup]) -> PlannerGroup:
     if name in groups:
         return groups[name]
     if name in run.records:
@@ -194,26 +169,32 @@ def _find(run: FinishedRun, name: str, groups: Mapping[str, PlannerGroup]) -> Pl
     raise UsageError(f"{run.directory}: no planner {name!r}; expected one of: {', '.join({**groups, **run.records})}")
 
 
-def _weights(name: str, one: _Run) -> str | None:
-    return one.planners[name].get("weights_sha256")
+def _config(name: str, run: Run) -> PlannerConfig:
+    """Return what config.json says of a planner."""
+    return next(planner for planner in run.config.planners if planner.name == name)
 
 
-def _rewritten(name: str, a: _Run, b: _Run) -> bool:
-    """Return whether a planner of one's own has another file or other arguments; of older runs nobody knows."""
-    of_a, of_b = a.planners[name], b.planners[name]
-    return any(key in of_a and key in of_b and of_a[key] != of_b[key] for key in ("source_sha256", "arguments"))
+def _weights(name: str, run: Run) -> str | None:
+    return _config(name, run).weights_sha256
 
 
-def _is_privileged(group: PlannerGroup, one: _Run) -> bool:
-    return any(one.planners[name]["privileged"] for name in group.records)
+def _rewritten(name: str, a: Run, b: Run) -> bool:
+    """Return whether a planner of your own has another file or other arguments; of some runs the file is unknown."""
+    one, other = _config(name, a), _config(name, b)
+    files = (one.source_sha256, other.source_sha256)
+    return (None not in files and files[0] != files[1]) or one.arguments != other.arguments
+
+
+def _is_privileged(group: PlannerGroup, run: Run) -> bool:
+    return any(_config(name, run).privileged for name in group.records)
 
 
 def _accuracies(
-    of_a: PlannerGroup, of_b: PlannerGroup, a: _Run, b: _Run, resamples: Resamples
+    of_a: PlannerGroup, of_b: PlannerGroup, a: Run, b: Run, resamples: Resamples
 ) -> tuple[PlannerAccuracy, PlannerAccuracy]:
     """Return the accuracies of two planners; trainings are drawn together only where both have the very same."""
     weights = [_weights(name, a) for name in of_a.records]
     same = None not in weights and weights == [_weights(name, b) for name in of_b.records]
     drawn = replace(of_b, name=of_a.name if same else f"{of_b.name} of another run")
-    found = planner_accuracy(drawn, b.run.records, resamples)
-    return planner_accuracy(of_a, a.run.records, resamples), replace(found, name=of_b.name)
+    found = planner_accuracy(drawn, b.records, resamples)
+    return planner_accuracy(of_a, a.records, resamples), replace(found, name=of_b.name)

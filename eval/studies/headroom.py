@@ -1,5 +1,6 @@
 """Headroom: what there is to win by looking from elsewhere, read from a map of cameras that do not move."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -7,42 +8,24 @@ from typing import Any
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.data.motion_data import MotionData
+from ehar.conditions import Conditions
 from ehar.data.scenario import split_parts, windows
 from ehar.errors import UsageError
 from ehar.files import json_text, write_text
+from ehar.processes import check_workers
 from ehar.viewpoint import Workspace, from_cells, to_cells
-from eval.records.run_files import CONFIG, check_out, installed_versions
+from eval.records.config import CONFIG, RunConfig, planner_config, run_config
+from eval.records.run_files import check_out
 from eval.render.tables import Table, markdown
-from eval.running.benchmark import check_options, load_setting
 from eval.running.choice import make_planners
 from eval.running.episodes import Episodes, cut_scenarios, random_starts
-from eval.running.jobs import World, run_planners
+from eval.running.jobs import Workload, run_planners
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.scores.metrics import mean_acc
-from eval.scores.summary import NO_ACT, ORACLE
+from eval.scores.planner_summary import NO_ACT, ORACLE
+from recognition.setting import load_setting
 
 REFERENCES = (NO_ACT, ORACLE, "oracle-lookahead")  # what the fixed cameras stand beside
-
-
-@dataclass(frozen=True)
-class HeadroomConfig:
-    """Everything that decides a headroom run."""
-
-    source: str
-    data: str
-    data_sha256: str
-    models: str | None
-    recogniser_sha256: str
-    sensor: str
-    views: str
-    seed: int
-    length: int
-    fps: float | None
-    distance: float
-    azimuths: int
-    polars: int
-    versions: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -71,6 +54,7 @@ class Headroom:
 
     Args:
         config: what was run.
+        distance: of the fixed cameras [m].
         viewpoints: (polars, azimuths, 3), the map of fixed cameras.
         acc_mean: (polars, azimuths) accuracy [%] on test, mean over frames and scenarios.
         rows: the ways to place cameras.
@@ -78,7 +62,8 @@ class Headroom:
         scenarios: how many test scenarios there are.
     """
 
-    config: HeadroomConfig
+    config: RunConfig
+    distance: float
     viewpoints: FloatArray
     acc_mean: FloatArray
     rows: tuple[HeadroomRow, ...]
@@ -89,13 +74,13 @@ class Headroom:
         """Return what headroom.json holds."""
         return {
             "data": self.config.data,
-            "sensor": self.config.sensor,
-            "views": self.config.views,
+            "sensor": self.config.conditions.sensor,
+            "views": self.config.conditions.views,
             "scenarios": self.scenarios,
             "rows": [asdict(row) for row in self.rows],
             "classes": [asdict(row) for row in self.classes],
             "map": {
-                "distance_m": self.config.distance,
+                "distance_m": self.distance,
                 "polar_deg": np.degrees(self.viewpoints[:, 0, 2]).round(3).tolist(),
                 "azimuth_deg": np.degrees(self.viewpoints[0, :, 1]).round(3).tolist(),
                 "acc_mean": self.acc_mean.tolist(),
@@ -105,82 +90,60 @@ class Headroom:
 
 
 def headroom(
+    conditions: Conditions | None = None,
     *,
-    data: str | Path | MotionData = "duo",
-    models: Path | None = None,
-    sensor: str = "perfect",
-    views: str = "moving",
-    seed: int = 0,
-    length: int = 60,
-    fps: float | None = None,
     distance: float = 10.0,
     azimuths: int = 12,
     polars: int = 6,
-    out: Path | None = None,
+    out: str | Path | None = None,
     workers: int = 1,
     reporter: Reporter | None = None,
 ) -> Headroom:
-    """Run a camera that stays at each of a map of viewpoints, over every validation and test scenario.
+    """Say what there is to win: accuracy of fixed cameras.
 
-    A viewpoint chosen on the scenarios that it is scored on looks better than it is; so each choice is also made
-    on the validation part. Who picks the best viewpoint of each sample uses its outcome: no camera could.
+    A map of viewpoints and the best of them, beside no-act and the oracles. A viewpoint chosen on the scenarios that it
+    is scored on looks better than it is; so each choice is also made on the validation part. Who picks the best
+    viewpoint of each sample uses its outcome: no camera could.
+
+    For example:
+        ehar study headroom --data duo --out runs/headroom
 
     Args:
-        data: as in `eval.benchmark`, like every argument not named here.
-        models: folder of weights.
-        sensor: `perfect` or `estimator`.
-        views: `moving` or `paper`.
-        seed: of the references' start viewpoints, and of the noise.
-        length: L, frames in an episode.
-        fps: frame rate to resample to [1/s].
+        conditions: of all cameras; None is the usual ones.
         distance: of the fixed cameras [m].
         azimuths: how many azimuths the map has, evenly spaced.
         polars: how many polar angles the map has, from straight above to level.
-        out: folder for config.json, headroom.json, table.md and the map as a figure.
-        workers: processes.
-        reporter: hears of progress.
+        out: folder for config.json, headroom.json, table.md and the figure.
+        workers: processes; numbers do not depend on it.
+        reporter: hears of progress; None reports on standard error.
 
     Raises:
-        EharError: as in `eval.benchmark`.
+        EharError: one line that says what was got and what was expected.
     """
-    reporter = reporter or ConsoleReporter()
-    check_options(seed=seed, workers=workers)
+    conditions, reporter = conditions or Conditions(), reporter or ConsoleReporter()
+    check_workers(workers)
     viewpoints = viewpoint_map(distance, azimuths, polars)
-    setting = load_setting(data=data, models=models, sensor=sensor, views=views, form="causal", fps=fps)
+    setting = load_setting(conditions)
     motion, parts = setting.data, split_parts(setting.data)
-    config = HeadroomConfig(
-        source=setting.source,
-        data=motion.title,
-        data_sha256=motion.sha256,
-        models=None if models is None else str(models),
-        recogniser_sha256=setting.recogniser_sha256,
-        sensor=sensor,
-        views=views,
-        seed=seed,
-        length=length,
-        fps=fps,
-        distance=distance,
-        azimuths=azimuths,
-        polars=polars,
-        versions=installed_versions(),
-    )
-    if out is not None:
-        check_out(Path(out), asdict(config))
-    test = cut_scenarios(motion, parts.test, length, reporter.note)
-    both = windows(motion, np.concatenate([parts.validation, parts.test]), length, stride=length)
-    flat = viewpoints.reshape(-1, 3)
-    fixed = Episodes(both, np.repeat(np.arange(len(both)), len(flat)), np.tile(flat, (len(both), 1)), seed)
     references = make_planners(REFERENCES).planners
-    world = World(fixed, setting.recogniser, setting.sensor)
-    runs = run_planners(world, references[:1], workers=workers, reporter=reporter)
+    config = run_config(setting, [planner_config(planner) for planner in references])
+    written = {**config.to_json(), "distance": distance, "azimuths": azimuths, "polars": polars}
+    if out is not None:
+        check_out(Path(out), written)
+    test = cut_scenarios(motion, parts.test, conditions.length, reporter.note)
+    both = windows(motion, np.concatenate([parts.validation, parts.test]), conditions.length, stride=conditions.length)
+    flat = viewpoints.reshape(-1, 3)
+    fixed = Episodes(both, np.repeat(np.arange(len(both)), len(flat)), np.tile(flat, (len(both), 1)), conditions.seed)
+    runs = run_planners(Workload(setting.runner, fixed), references[:1], workers=workers, reporter=reporter)
     acc = 100 * mean_acc(runs[NO_ACT].records.correct).reshape(len(both), len(flat))
-    world = World(random_starts(test, 1, seed), setting.recogniser, setting.sensor)
-    runs = run_planners(world, references, workers=workers, reporter=reporter)
+    random = random_starts(test, conditions.starts, conditions.seed)
+    runs = run_planners(Workload(setting.runner, random), references, workers=workers, reporter=reporter)
     acc_references = {name: 100 * float(mean_acc(run.records.correct).mean()) for name, run in runs.items()}
     is_test = np.isin(both.sequence, parts.test)
     acc_test, labels = acc[is_test], both.labels[is_test]
     result = Headroom(
         config=config,
+        distance=distance,
         viewpoints=viewpoints,
         acc_mean=acc_test.mean(axis=0).reshape(viewpoints.shape[:2]),
         rows=_rows(acc_test, labels, acc[~is_test], both.labels[~is_test], acc_references),
@@ -188,7 +151,7 @@ def headroom(
         scenarios=len(acc_test),
     )
     if out is not None:
-        _write(Path(out), result)
+        _write(Path(out), written, result)
     return result
 
 
@@ -269,8 +232,11 @@ def _class_rows(
 def headroom_tables(result: Headroom) -> list[Table]:
     """Return the ways to place cameras, the accuracy at each polar angle, and the best viewpoint of each class."""
     config = result.config
-    placed = f"{config.azimuths} x {config.polars} fixed cameras at {config.distance:g} m"
-    title = f"{config.data}: sensor {config.sensor}, views {config.views}, {result.scenarios} test scenarios, {placed}"
+    polars, azimuths = result.acc_mean.shape
+    title = (
+        f"{config.data}: sensor {config.conditions.sensor}, views {config.conditions.views}, {result.scenarios} test "
+        f"scenarios, {azimuths} x {polars} fixed cameras at {result.distance:g} m"
+    )
     polar = np.degrees(result.viewpoints[:, 0, 2])
     return [
         Table(
@@ -309,13 +275,13 @@ def headroom_tables(result: Headroom) -> list[Table]:
     ]
 
 
-def _write(out: Path, result: Headroom) -> None:
+def _write(out: Path, config: Mapping[str, Any], result: Headroom) -> None:
     """Write config, numbers, tables and figure."""
     from eval.studies.headroom_figure import draw_map  # matplotlib takes a second to import
 
-    out.mkdir(parents=True, exist_ok=True)
-    write_text(out / CONFIG, [json_text(asdict(result.config))])
+    write_text(out / CONFIG, [json_text(config)])
     write_text(out / "headroom.json", [json_text(result.to_json())])
     write_text(out / "table.md", [markdown(*headroom_tables(result))])
-    title = f"{result.config.data}, {result.config.sensor} sensor: fixed cameras at {result.config.distance:g} m"
+    sensor = result.config.conditions.sensor
+    title = f"{result.config.data}, {sensor} sensor: fixed cameras at {result.distance:g} m"
     draw_map(result.viewpoints, result.acc_mean, title, out / "headroom")

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from ehar.files import json_text
+from eval.records.config import RunConfig
 from eval.records.episodes import EpisodeRecords
-from eval.records.run_files import SUMMARY, RunConfig
-from eval.scores.summary import summarise
+from eval.records.run_files import SUMMARY
+from eval.scores.summarise import summarise
 from eval.scores.training_seeds import split_record_name
 
 UNRECORDED = ("step_ms", "solves", "fallback_share")  # of a planner: timings and plans are not in the records
@@ -35,7 +36,7 @@ def recompute(
     step_ms = _step_ms(held)
     summary = summarise(
         records,
-        config.conditions,
+        config,
         privileged={planner.name: planner.privileged for planner in config.planners},
         step_ms={name: step_ms.get(split_record_name(name)[0], 0.0) for name in records},
         on_ideal=on_ideal,

@@ -1,18 +1,17 @@
 """Whether the data and the weights that a run names are those at hand."""
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from ehar.data.motion_data import MotionData
 from ehar.errors import EharError, ModelError, UsageError
 from ehar.plugins.class_spec import parse_spec
-from eval.records.run_files import CONFIG, RunConfig
+from eval.records.config import CONFIG, RunConfig
 from eval.running.choice import ModelPlace
 from eval.verification.checks import FAILED, OK, UNCHECKED, Check
 from planners.registry import is_learned
-
-if TYPE_CHECKING:
-    from eval.running.benchmark import Setting
+from recognition.setting import Setting, load_setting
 
 
 class Inputs(NamedTuple):
@@ -26,7 +25,7 @@ class Inputs(NamedTuple):
     """
 
     checks: tuple[Check, ...]
-    setting: "Setting | None" = None
+    setting: Setting | None = None
     data: MotionData | None = None
     place: ModelPlace | None = None
 
@@ -45,12 +44,12 @@ def check_inputs(
     Raises:
         EharError: what was asked for by `data` or `models` cannot be read.
     """
-    from ehar.data.source import load_data  # these bring what `ehar --help` does not wait for
-    from eval.running.benchmark import load_setting
+    from ehar.data.source import load_data  # brings what `ehar --help` does not wait for
 
-    source = config.source if data is None else data
+    told = config.conditions
+    source = told.data if data is None else data
     try:
-        motion = load_data(source, fps=config.fps)
+        motion = load_data(str(source), fps=told.fps)
     except EharError as error:
         if data is not None:
             raise
@@ -58,30 +57,16 @@ def check_inputs(
     checks: tuple[Check, ...] = (_compared("data", config.data_sha256, motion.sha256, str(source)),)
     if checks[0].result == FAILED:
         return _unchecked(checks)
-    directory = models or (None if config.models is None else Path(config.models))
-    place = ModelPlace(
-        models=directory,
-        data=motion,
-        sensor=config.sensor,
-        views=config.views,
-        form=config.form,
-        recogniser_sha256=config.recogniser_sha256,
-    )
-    reason = _why_not_loaded(config.recogniser, run_own_code=run_own_code)
+    here = replace(told, data=motion, fps=None, models=told.models if models is None else models)
+    place = ModelPlace(here, motion, config.form, config.recogniser_sha256)
+    own = None if told.recogniser is None else str(told.recogniser)
+    reason = _why_not_loaded(own, run_own_code=run_own_code)
     setting = None
     try:
         if reason is None:
-            setting = load_setting(
-                data=motion,
-                models=directory,
-                sensor=config.sensor,
-                views=config.views,
-                form="ctrgcn" if config.form == "ctrgcn" else "causal",
-                recogniser=config.recogniser,
-                fps=None,
-            )
+            setting = load_setting(replace(here, track=config.vehicle or told.track))
     except EharError as error:
-        if config.recogniser is not None:
+        if own is not None:
             reason = str(error)
         elif models is not None or not isinstance(error, ModelError):
             raise
@@ -90,7 +75,7 @@ def check_inputs(
     if setting is None:
         checks += (Check("recogniser", UNCHECKED, str(reason)),)
         return Inputs((*checks, *_planner_weights(config, place)), None, motion, place)
-    where = config.recogniser or str(directory or "the weights that ship with ehar")
+    where = own or str(here.models or "the weights that ship with ehar")
     checks += (_compared("recogniser", config.recogniser_sha256, setting.recogniser_sha256, where),)
     return Inputs((*checks, *_planner_weights(config, place)), setting, motion, place)
 

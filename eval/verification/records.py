@@ -7,8 +7,9 @@ import numpy as np
 
 from ehar.arrays import BoolArray
 from ehar.viewpoint import Workspace
+from eval.records.config import CONFIG, RunConfig
 from eval.records.episodes import DIGITS, EpisodeRecords
-from eval.records.run_files import CONFIG, EPISODES, RunConfig
+from eval.records.run_files import EPISODES
 from eval.running.episodes import Episodes, draw_starts
 
 
@@ -24,14 +25,14 @@ def contradiction(config: RunConfig, records: Mapping[str, EpisodeRecords], epis
     known = {planner.name for planner in config.planners}
     reference = next(iter(records.values()))
     count, length = reference.predicted.shape
-    scenarios, left = divmod(count, config.starts)
+    scenarios, left = divmod(count, config.conditions.starts)
     for name, of in records.items():
         if name not in known:
             return f"{EPISODES}: {name}: got a planner that is not in {CONFIG}, expected {', '.join(sorted(known))}"
-        if of.predicted.shape[1] != config.length:
-            return f"{EPISODES}: {name}: got episodes of {length} frames, expected {config.length}"
+        if of.predicted.shape[1] != config.conditions.length:
+            return f"{EPISODES}: {name}: got episodes of {length} frames, expected {config.conditions.length}"
     if left or (episodes is not None and len(episodes) != count):
-        expected = f"a multiple of the {config.starts} starts" if episodes is None else str(len(episodes))
+        expected = f"a multiple of the {config.conditions.starts} starts" if episodes is None else str(len(episodes))
         return f"{EPISODES}: got {count} episodes of each planner, expected {expected}"
     if episodes is None:
         row = np.arange(count) % scenarios
@@ -42,7 +43,7 @@ def contradiction(config: RunConfig, records: Mapping[str, EpisodeRecords], epis
             return f"{place(next(iter(records)), reference, again)}: got it twice, expected each window once a start"
     else:
         sequence, first, label = np.array(episodes.sequence_names), episodes.first, episodes.labels
-    start = draw_starts(count, config.seed).round(DIGITS)
+    start = draw_starts(count, config.conditions.seed).round(DIGITS)
     for name, of in records.items():
         columns: tuple[tuple[str, Any, Any], ...] = (
             ("sequence", np.array(of.sequence), sequence),

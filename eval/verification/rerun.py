@@ -11,22 +11,22 @@ many frames is not checked.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.errors import EharError, UsageError
-from ehar.motion import GridMotion
 from ehar.planner import Planner
 from ehar.plugins.loading import source_sha256
 from ehar.rollout import Record
+from eval.records.config import PlannerConfig, RunConfig, planner_config
 from eval.records.episodes import DIGITS, EpisodeRecords
-from eval.records.flights import KEYS, FlightRecords, record_flights
-from eval.records.run_files import EPISODES, PlannerConfig, RunConfig, planner_config
+from eval.records.flights import KEYS, FlightRecords, flights_of
+from eval.records.run_files import EPISODES
 from eval.running.choice import ModelPlace
 from eval.running.episodes import CHUNK, Episodes
-from eval.running.jobs import World, roll_chunk
+from eval.running.jobs import Workload
 from eval.running.progress import Reporter
 from eval.verification.checks import FAILED, OK, UNCHECKED, Check
 from eval.verification.followed_way import FollowedWay
@@ -34,9 +34,7 @@ from eval.verification.records import place
 from planners.heuristic import NoAct
 from planners.own_planner import Origin, load_own_class, make_own_planner, own_spec
 from planners.registry import is_ours, make_planner
-
-if TYPE_CHECKING:
-    from eval.running.benchmark import Setting
+from recognition.setting import Setting
 
 PROBABILITY = 1e-3
 FLIGHT = 1e-2  # of peaks and effort, and no less than 1e-2 of their units
@@ -47,7 +45,7 @@ def check_replay(
     config: RunConfig,
     records: Mapping[str, EpisodeRecords],
     episodes: Episodes,
-    setting: "Setting",
+    setting: Setting,
     models: ModelPlace,
     *,
     count: int,
@@ -71,7 +69,7 @@ def check_replay(
         ModelError: the belief that was scored is not there.
     """
     belief = models.load_gain_model().belief if config.readout == "belief" else None
-    world = World(episodes, setting.recogniser, setting.sensor, config.vehicle, belief)
+    workload = Workload(setting.runner, episodes, belief)
     planners, left = make_again(config, models)
     jobs = draw_jobs(list(records), len(episodes), count, np.random.default_rng(seed))
     compared, moves = 0, {name: Moves() for name, _ in jobs if name in planners}
@@ -79,13 +77,14 @@ def check_replay(
     try:
         for name, chunk in jobs:
             of, rows = records[name], np.arange(chunk * CHUNK, min((chunk + 1) * CHUNK, len(episodes)))
-            body = world.new_motion()
+            body = setting.runner.track.new_motion()
             motion = FollowedWay(body, of.viewpoint[rows])
             # From a recorded way one sees the same, whoever chose it.
-            record = roll_chunk(world, planners.get(name) or NoAct(), chunk, motion)
+            record = workload.roll(planners.get(name) or NoAct(), episodes.batch(chunk), chunk, motion)
             difference = first_difference(name, of, rows, record)
-            if difference is None and name in planners and not isinstance(body, GridMotion):
-                difference = flight_difference(name, of, rows, record_flights(body.telemetry), motion.elsewhere)
+            flight = flights_of(body)
+            if difference is None and name in planners and flight is not None:
+                difference = flight_difference(name, of, rows, flight, motion.elsewhere)
             if difference is not None:
                 return [Check("seen again", FAILED, difference)]
             compared += len(rows)

@@ -8,13 +8,13 @@ from typing import Any
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import part_of
 from ehar.errors import DataError, EharError, UsageError
-from eval.records.config import read_config
+from eval.records.config import RunConfig, installed_versions, read_config
 from eval.records.episodes import EpisodeRecords, read_episodes
-from eval.records.run_files import EPISODES, SUMMARY, RunConfig, installed_versions
+from eval.records.run_files import EPISODES, SUMMARY
 from eval.running.accuracy_kept import read_ideal_run
 from eval.running.episodes import Episodes, cut_scenarios, random_starts
-from eval.running.finished_run import why_incomplete
 from eval.running.progress import ConsoleReporter, Reporter
+from eval.running.run import why_incomplete
 from eval.verification.checks import FAILED, OK, UNCHECKED, Check, Verification
 from eval.verification.figures import UNRECORDED, count_figures, mismatch, recompute
 from eval.verification.inputs import check_inputs
@@ -116,8 +116,9 @@ def run_episodes(config: RunConfig, data: MotionData) -> Episodes:
         DataError: there are none in these data.
     """
     # What is too short was said when the benchmark ran.
-    scenarios = cut_scenarios(data, part_of(data, config.part), config.length, note=lambda _: None)
-    return random_starts(scenarios, config.starts, config.seed)
+    told = config.conditions
+    scenarios = cut_scenarios(data, part_of(data, told.part), told.length, note=lambda _: None)
+    return random_starts(scenarios, told.starts, told.seed)
 
 
 def _check_records(config: RunConfig, records: Mapping[str, EpisodeRecords], episodes: Episodes | None) -> Check:

@@ -1,15 +1,22 @@
-"""Demonstrations: what the agent saw, and what a teacher who knows the label found its 7 moves worth."""
+"""Demonstrations: what the agent saw, and what a teacher who knows the label found its 7 moves worth.
 
-from collections.abc import Iterator, Sequence
+They are kept in a folder, batch by batch, so that a training that was stopped does not run them again.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
 import torch
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.data.scenario import Scenarios
 from ehar.envs.observations import shown_to_agent
+from ehar.files import write_bytes
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.processes import worker_pool
@@ -204,3 +211,42 @@ def join(pieces: Sequence[Demonstrations]) -> Demonstrations:
             for name in fields(Demonstrations)
         }
     )
+
+
+def collect(
+    task: Callable[[], DemonstrationTask],
+    batches: int,
+    folder: Path,
+    *,
+    workers: int,
+    report: Callable[[str, int, int], None],
+) -> Demonstrations:
+    """Return the demonstrations of so many batches: those that lie in the folder, and those that are missing there.
+
+    A file that was cut short, or is none of ours, counts as missing and is written anew.
+
+    Args:
+        task: returns what is demonstrated; called only if something is missing, as an agent that acts in it takes
+            time to clone.
+        batches: how many.
+        folder: of this very task.
+        workers: processes.
+        report: hears of progress.
+    """
+    pieces = {batch: piece for batch in range(batches) if (piece := read_batch(folder / f"{batch}.safetensors"))}
+    missing = [batch for batch in range(batches) if batch not in pieces]
+    report(folder.name, len(pieces), batches)
+    for batch, piece in demonstrate(task(), missing, workers=workers) if missing else ():
+        pieces[batch] = piece
+        tensors = {field.name: np.ascontiguousarray(getattr(piece, field.name)) for field in fields(Demonstrations)}
+        write_bytes(folder / f"{batch}.safetensors", save(tensors))
+        report(folder.name, len(pieces), batches)
+    return join([pieces[batch] for batch in range(batches)])
+
+
+def read_batch(path: Path) -> Demonstrations | None:
+    """Return a batch that was kept; None if there is none, or it is not whole."""
+    try:
+        return Demonstrations(**load_file(path))
+    except (OSError, SafetensorError, TypeError, ValueError):
+        return None

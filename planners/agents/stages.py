@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ehar.errors import ModelError, UsageError
+from ehar.files import as_json, parse_json
 from planners.agents.config import AgentTrainingConfig, Stage
 from planners.agents.demonstrations import Demonstrations
 from planners.agents.imitation import clone
@@ -18,11 +19,21 @@ from planners.agents.storage import agent_name, agent_path, load_agent, save_age
 from planners.agents.world import TrainingWorld
 from recognition.torch_threads import one_torch_thread
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
+from recognition.weight_files import description_path, recorded_run
 
 if TYPE_CHECKING:
     from planners.agents.ppo import PPOProgress
 
 KEEP_EVERY = 5  # rollouts, that a checkpoint is kept
+
+
+@dataclass(frozen=True)
+class _Held:
+    """What a checkpoint holds beside tensors: which training it is of, and how far that has come."""
+
+    run: dict[str, Any]
+    rollouts: int
+    history: list[dict[str, Any]]  # of numbers, and NaN where a diagnostic has no value
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,14 +75,10 @@ class StageRun:
         Raises:
             UsageError: the result of another run lies in its place.
         """
-        description = self.path.with_suffix(".json")
+        description = description_path(self.path)
         if not description.is_file() or not self.path.is_file():
             return False
-        try:
-            held = dict(json.loads(description.read_text())["training"]["run"])
-        except (ValueError, KeyError, TypeError):
-            held = {}
-        wanted = json.loads(json.dumps(self.identity))
+        held, wanted = recorded_run(self.path), as_json(self.identity)
         if held == wanted:
             return True
         raise UsageError(
@@ -176,7 +183,7 @@ class StageRun:
 
     def _save_checkpoint(self, progress: "PPOProgress") -> None:
         """Keep everything that the rollouts to come depend on."""
-        held = {"run": self.identity, "rollouts": progress.rollouts, "history": progress.history}
+        held = asdict(_Held(self.identity, progress.rollouts, progress.history))
         states = {"network": progress.network.state_dict()}
         save_checkpoint(self.checkpoint, Checkpoint(states, progress.optimiser, held))
 
@@ -186,11 +193,12 @@ class StageRun:
             return
         try:
             kept = load_checkpoint(self.checkpoint)
-            held, wanted = dict(kept.held["run"]), json.loads(json.dumps(self.identity))
+            reached = parse_json(json.dumps(kept.held), _Held, "its JSON", "a checkpoint")
+            held, wanted = reached.run, as_json(self.identity)
             if held == wanted:
                 progress.network.load_state_dict(kept.states["network"])
-                progress.optimiser, progress.rollouts = kept.optimiser, kept.held["rollouts"]
-                progress.history = kept.held["history"]
+                progress.optimiser, progress.rollouts = kept.optimiser, reached.rollouts
+                progress.history = reached.history
         except Exception as error:  # of the kind that the damage happens to cause, at length
             reason = f"{type(error).__name__}: {error}".splitlines()[0][:120]
             raise ModelError(

@@ -1,23 +1,47 @@
 """Trained agents on disk: safetensors for the weights, JSON for what they were built and trained for."""
 
-import hashlib
-import json
 import re
-from dataclasses import asdict
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import torch
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save
 
 from ehar.data.motion_data import MotionData
 from ehar.errors import ModelError
-from ehar.files import write_bytes
+from ehar.files import read_json
 from planners.agents.agent import Agent
-from planners.agents.inputs import InputSizes
 from planners.agents.network import AgentNetwork, AgentSpec
 from planners.value.model import SHIPPED
+from recognition.weight_files import (
+    check_files,
+    description_path,
+    files_sha256,
+    load_tensors,
+    network_bytes,
+    save_weights,
+)
+
+
+@dataclass(frozen=True)
+class AgentDescription:
+    """The JSON beside an agent's weights.
+
+    Args:
+        spec: what the network was built for.
+        recogniser_sha256: of the recogniser that it was trained with.
+        data_sha256: of the data that it was trained on.
+        skeleton: names of the joints of these data.
+        classes: names of their classes.
+        training: how it was trained; kept for people, and to tell one run from another.
+    """
+
+    spec: AgentSpec
+    recogniser_sha256: str
+    data_sha256: str
+    skeleton: tuple[str, ...]
+    classes: tuple[str, ...]
+    training: dict[str, Any]
 
 
 def agent_name(stage: str, without: str = "none") -> str:
@@ -51,17 +75,15 @@ def save_agent(
         recogniser_sha256: of the recogniser that it was trained with.
         history: how it was trained; not read back with the agent.
     """
-    description = {
-        "spec": asdict(network.spec),
-        "recogniser_sha256": recogniser_sha256,
-        "data_sha256": data.sha256,
-        "skeleton": data.skeleton.joint_names,
-        "classes": data.class_names,
-        "training": history,
-    }
-    state = {name: tensor.detach().cpu().contiguous() for name, tensor in network.state_dict().items()}
-    write_bytes(path, save(state))
-    write_bytes(path.with_suffix(".json"), (json.dumps(description, indent=1) + "\n").encode())
+    description = AgentDescription(
+        spec=network.spec,
+        recogniser_sha256=recogniser_sha256,
+        data_sha256=data.sha256,
+        skeleton=data.skeleton.joint_names,
+        classes=data.class_names,
+        training=history,
+    )
+    save_weights(path, network_bytes(network), description)
 
 
 def load_agent(
@@ -82,50 +104,18 @@ def load_agent(
         ModelError: the files are missing or malformed, or belong to another data set or recogniser.
     """
     path = agent_path(directory or SHIPPED / data.name, name, sensor=sensor, views=views, seed=seed)
-    for file in (path, path.with_suffix(".json")):
-        if not file.is_file():
-            raise ModelError(
-                f"{file}: no such file: expected an agent, as made by `ehar train agent --data {data.name} "
-                f"--models {directory or 'DIR'} --sensor {sensor} --views {views}`"
-            )
-    held = _read_description(path.with_suffix(".json"))
+    check_files(
+        path,
+        f"an agent, as made by `ehar train agent --data {data.name} --models {directory or 'DIR'} --sensor {sensor} "
+        f"--views {views}`",
+    )
+    what = "an agent, as `ehar train agent` writes it"
+    held = read_json(description_path(path), AgentDescription, what, wrong=ModelError)
     _check_fit(path, held, data, recogniser_sha256)
-    network = _load_network(path, held.spec)
-    content = path.read_bytes() + path.with_suffix(".json").read_bytes()
-    return Agent(name=name, network=network, sha256=hashlib.sha256(content).hexdigest())
+    return Agent(name=name, network=_load_network(path, held.spec), sha256=files_sha256(path))
 
 
-class _Description(NamedTuple):
-    """What lies beside the weights: what the network was built and trained for."""
-
-    spec: AgentSpec
-    skeleton: tuple[str, ...]
-    classes: tuple[str, ...]
-    data_sha256: str
-    recogniser_sha256: str
-
-
-def _read_description(path: Path) -> _Description:
-    """Read the JSON beside the weights."""
-    try:
-        held = json.loads(path.read_text())
-        spec = held["spec"]
-        return _Description(
-            spec=AgentSpec(
-                sizes=InputSizes(**{name: int(size) for name, size in spec["sizes"].items()}),
-                without=tuple(spec["without"]),
-                hindsight=int(spec["hindsight"]),
-            ),
-            skeleton=tuple(held["skeleton"]),
-            classes=tuple(held["classes"]),
-            data_sha256=str(held["data_sha256"]),
-            recogniser_sha256=str(held["recogniser_sha256"]),
-        )
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, OSError, ModelError) as error:
-        raise ModelError(f"{path}: expected the JSON that `ehar train agent` writes, got {error!r}") from error
-
-
-def _check_fit(path: Path, held: _Description, data: MotionData, recogniser_sha256: str) -> None:
+def _check_fit(path: Path, held: AgentDescription, data: MotionData, recogniser_sha256: str) -> None:
     """Raise a ModelError that names what differs; names before hashes, as they say more."""
     for what, trained, given in (
         ("skeleton", held.skeleton, data.skeleton.joint_names),
@@ -147,23 +137,9 @@ def _check_fit(path: Path, held: _Description, data: MotionData, recogniser_sha2
 def _load_network(path: Path, spec: AgentSpec) -> AgentNetwork:
     """Build a network and load its weights."""
     try:
-        state = load_file(path)
         with torch.device("meta"):  # no memory is taken for sizes that the weights may not have
             network = AgentNetwork(spec)
-    except (SafetensorError, OSError, RuntimeError, TypeError) as error:
+    except (RuntimeError, TypeError) as error:
         raise ModelError(f"{path}: expected the weights of an agent, got {error}".splitlines()[0]) from error
-    wanted = network.state_dict()
-    wrong = sorted(
-        name
-        for name in wanted.keys() | state.keys()
-        if name not in state
-        or name not in wanted
-        or (state[name].shape, state[name].dtype) != (wanted[name].shape, wanted[name].dtype)
-    )
-    if wrong:
-        raise ModelError(f"{path}: {len(wrong)} tensors do not fit the agent that is expected, first {wrong[0]!r}")
-    for name, tensor in state.items():
-        if not tensor.isfinite().all():
-            raise ModelError(f"{path}: tensor {name!r} is not finite everywhere")
-    network.load_state_dict(state, assign=True)
+    network.load_state_dict(load_tensors(path, network, "an agent"), assign=True)
     return network

@@ -13,8 +13,7 @@ from typing import Any
 
 from ehar.processes import worker_pool
 from planners.agents.config import AgentTrainingConfig, ImitationSetting
-from planners.agents.demonstration_files import collect
-from planners.agents.demonstrations import EPISODES, Demonstrations, DemonstrationTask, join
+from planners.agents.demonstrations import EPISODES, Demonstrations, DemonstrationTask, collect, join
 from planners.agents.imitation import clone
 from planners.agents.stages import StageRun
 from planners.agents.world import TrainingWorld

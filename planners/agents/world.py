@@ -12,7 +12,7 @@ from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeVectorEnv
 from ehar.envs.task import Episodes
 from ehar.errors import DataError
-from ehar.sensors.estimator import make_sensor
+from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import Sensor
 from planners.agents.config import AgentTrainingConfig
 from planners.agents.inputs import InputSizes

@@ -79,6 +79,27 @@ def moved_on(trajectory: Trajectory, elapsed: float, task: TrajectoryTask) -> Tr
     return Trajectory(position, velocity, acceleration, np.diff(acceleration, axis=0) / task.node_time)
 
 
+def at_rest_at_the_end(trajectory: Trajectory, task: TrajectoryTask) -> Trajectory:
+    """Return the trajectory from the task's state to rest, by exact integration, whose jerk is nearest to another's.
+
+    It may exceed limits by about what was wrong with the other one.
+    """
+    time, remaining = task.node_time, np.arange(task.horizon)[::-1] + 0.5  # nodes from the middle of each jerk on
+    effect = np.stack([np.ones(task.horizon), remaining])  # of a jerk on the last acceleration and velocity
+    last_acceleration = task.acceleration / time + trajectory.jerk.sum(0)
+    last_velocity = (task.velocity / time + task.horizon * task.acceleration) / time + remaining @ trajectory.jerk
+    jerk = trajectory.jerk - np.linalg.lstsq(effect, np.stack([last_acceleration, last_velocity]))[0]
+    nodes = np.empty((3, task.horizon + 1, 3))
+    position, velocity, acceleration = nodes
+    acceleration[0], velocity[0], position[0] = task.acceleration, task.velocity, task.position
+    acceleration[1:] = task.acceleration + time * np.cumsum(jerk, axis=0)
+    change = time * (acceleration[:-1] + time / 2 * jerk)
+    velocity[1:] = task.velocity + np.cumsum(change, axis=0)
+    travelled = time * (velocity[:-1] + time * (acceleration[:-1] / 2 + time / 6 * jerk))
+    position[1:] = task.position + np.cumsum(travelled, axis=0)
+    return Trajectory(position, velocity, acceleration, jerk)
+
+
 def best_guesses(goals: FloatArray, task: TrajectoryTask, count: int) -> list[Trajectory]:
     """Return the trajectories to the `count` goals of (G, 3) whose guess collects most, best first."""
     guesses = trajectories_to(goals, task)

@@ -11,14 +11,13 @@ import casadi as ca
 import numpy as np
 
 from ehar.arrays import FloatArray
-from planners.search.guess import best_guesses, moved_on
+from planners.search.guess import at_rest_at_the_end, best_guesses, moved_on
 from planners.search.problem import TrajectoryProblem
 from planners.search.task import Trajectory, TrajectoryTask
 
 TOLERANCE = 1e-6  # on every constraint, in units of its limit (positions: 5 m and 1 rad)
-CAPPED_TOLERANCE = 1e-3  # where the iterations are capped
 OPTIMALITY = 1e-4  # in units of what is at stake: a tenth of it costs half as much time again and wins 0.02 %
-BACK_OFF = (0.9, 0.7, 0.4, 0.0)  # shares of a capped solve's step that are tried in turn
+BACK_OFF = (1.0, 0.998, 0.98, 0.9, 0.7, 0.4, 0.0)  # shares of a capped solve's step that are tried in turn
 ITERATIONS = 100  # of a solve that is not capped
 START_TOLERANCE = 1e-6  # [m], [rad]: how far outside the workspace the camera may already be
 
@@ -27,7 +26,7 @@ class SolveStatus(StrEnum):
     """How a solve ended. All but the first two are fallbacks."""
 
     OPTIMAL = "optimal"
-    CAPPED = "capped"  # the iterations ended at a trajectory within the tolerance
+    CAPPED = "capped"  # the iterations ended early; the trajectory is repaired and keeps the limits
     IPOPT_FALLBACK = "ipopt-fallback"  # fatrop failed, ipopt did not
     INFEASIBLE = "infeasible"  # no trajectory within the limits was found: the viewpoint is held
     NAN_FIELD = "nan-field"  # the field is not finite: the viewpoint is held
@@ -42,11 +41,6 @@ class Solution:
     violation: float  # the largest of any constraint, in units of its limit; of a held viewpoint NaN
     status: SolveStatus
     seconds: float  # wall time, all seeds and fallbacks together
-
-    @property
-    def fell_back(self) -> bool:
-        """Whether this is not what the solver that was asked for has found."""
-        return self.status not in (SolveStatus.OPTIMAL, SolveStatus.CAPPED)
 
     @property
     def held(self) -> bool:
@@ -92,8 +86,8 @@ class TrajectorySolver:
         Args:
             horizon: nodes after the present one, H.
             solver: the one to ask first; ipopt is the fallback of fatrop.
-            max_iterations: the real-time mode: stop there, accept what violates the limits by at most 1e-3, and
-                hold the viewpoint otherwise. None: iterate until optimal.
+            max_iterations: the real-time mode: stop there, and repair what does not keep the limits yet; hold the
+                viewpoint where that fails. None: iterate until optimal.
             seeds: how many of the goals a plan is solved from, the most promising, beside the previous solution.
         """
         self.statistics = SolverStatistics()
@@ -101,7 +95,6 @@ class TrajectorySolver:
         self._problem = TrajectoryProblem(horizon)
         self._seeds = seeds
         self._capped = max_iterations is not None
-        self._tolerance = CAPPED_TOLERANCE if self._capped else TOLERANCE
         self._solver = self._build(solver, max_iterations or ITERATIONS)
         falls_back = solver == "fatrop" and not self._capped
         self._fallback = self._build("ipopt", ITERATIONS) if falls_back else None
@@ -155,48 +148,51 @@ class TrajectorySolver:
         The first guess is kept where nothing beats it by more than a solver can tell: where nothing is to win, the
         camera stays, or goes on as it was going to.
         """
-        attempts = [self._attempt(self._solver, task, guess) for guess in guesses]
+        first = at_rest_at_the_end(guesses[0], task) if self._capped else guesses[0]
+        attempts = [self._attempt(self._solver, task, guess, first) for guess in guesses]
         if self._fallback is not None and all(attempt.status is not SolveStatus.OPTIMAL for attempt in attempts):
-            attempts.append(self._attempt(self._fallback, task, guesses[0]))
-        kept = [attempt for attempt in attempts if attempt.violation <= self._tolerance]
+            attempts.append(self._attempt(self._fallback, task, first, first))
+        kept = [attempt for attempt in attempts if attempt.violation <= TOLERANCE]
         best = max(kept, key=lambda attempt: attempt.objective, default=None)
         if best is None:
             return None
-        numbers = self._problem.arguments(task, guesses[0])
+        numbers = self._problem.arguments(task, first)
         violation = self._problem.violation(numbers["x0"], numbers)
-        objective = float(task.objective(guesses[0]))
-        if violation <= self._tolerance and objective > best.objective - OPTIMALITY * task.stake:
+        objective = float(task.objective(first))
+        if violation <= TOLERANCE and objective > best.objective - OPTIMALITY * task.stake:
             return _Attempt(self._problem.unpack(numbers["x0"], task), objective, violation, best.status)
         return best
 
-    def _attempt(self, solver: Any, task: TrajectoryTask, guess: Trajectory) -> "_Attempt":
+    def _attempt(self, solver: Any, task: TrajectoryTask, guess: Trajectory, first: Trajectory) -> "_Attempt":
         """Ask a solver once, and judge what it returns by the constraints, not by what it says of itself."""
         begin = time.perf_counter()
         numbers = self._problem.arguments(task, guess)
         variables = solver(**numbers)["x"].full().ravel()
         violation = self._problem.violation(variables, numbers)
         status = SolveStatus.OPTIMAL if solver.stats()["success"] else SolveStatus.CAPPED
-        if self._capped and violation > self._tolerance:
-            variables, violation = self._backed_off(variables, numbers)
+        if self._capped and violation > TOLERANCE:
+            variables, violation = self._repaired(variables, task, first)
         if solver is self._fallback:
             status = SolveStatus.IPOPT_FALLBACK
         self.statistics.solve_seconds.append(time.perf_counter() - begin)
         trajectory = self._problem.unpack(variables, task)
         return _Attempt(trajectory, float(task.objective(trajectory)), violation, status)
 
-    def _backed_off(self, variables: FloatArray, numbers: dict[str, FloatArray]) -> tuple[FloatArray, float]:
-        """Return the farthest step from the guess towards the result of a capped solve that keeps the limits.
+    def _repaired(self, variables: FloatArray, task: TrajectoryTask, first: Trajectory) -> tuple[FloatArray, float]:
+        """Return the trajectory within the limits that is nearest to the result of a capped solve, and its violation.
 
-        The previous plan, moved on in time, keeps them; nearly all constraints are convex, so that something between
-        does as well. Where nothing does, it is the guess that is returned, with its violation.
+        What the solver left open of the motion's equations is closed exactly. The rest are inequalities, nearly all
+        of them convex, which the first guess keeps: it is the previous plan, moved on in time, or to stay at rest.
+        Something between it and the result does as well. Where not even the first guess keeps them, it is returned.
         """
-        guess = numbers["x0"]
+        found = at_rest_at_the_end(self._problem.unpack(variables, task), task)
         for share in BACK_OFF:
-            candidate = guess + share * (variables - guess)
-            violation = self._problem.violation(candidate, numbers)
-            if violation <= self._tolerance:
+            between = Trajectory(*(old + share * (new - old) for old, new in zip(first, found, strict=True)))
+            numbers = self._problem.arguments(task, between)
+            violation = self._problem.violation(numbers["x0"], numbers)
+            if violation <= TOLERANCE:
                 break
-        return candidate, violation
+        return numbers["x0"], violation
 
     def _build(self, solver: str, max_iterations: int) -> Any:
         """Return a CasADi solver of the problem."""

@@ -1,6 +1,6 @@
 """What is believed about the activity: a Kalman filter over class log-odds, many episodes at once."""
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -75,35 +75,6 @@ class BeliefModel:
             raise ModelError(f"belief: prior_variance: expected a finite number above 0, got {self.prior_variance}")
         if self.evidence not in get_args(Evidence):
             raise ModelError(f"belief: evidence: expected {' or '.join(get_args(Evidence))}, got {self.evidence!r}")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the parameters for JSON."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, parameters: Any) -> "BeliefModel":
-        """Return the model of what `to_dict` gave.
-
-        Raises:
-            ModelError: a parameter is missing, unknown, or not what it should be.
-        """
-        names = [field.name for field in fields(cls)]
-        if not isinstance(parameters, dict) or set(parameters) != set(names):
-            got = ", ".join(sorted(map(str, parameters))) if isinstance(parameters, dict) else repr(parameters)
-            raise ModelError(f"belief: expected the parameters {', '.join(names)}, got {got}")
-        read: dict[str, Any] = dict(parameters)
-        for name in names:
-            if name == "evidence":
-                continue
-            value = parameters[name]
-            try:
-                read[name] = tuple(map(float, value)) if isinstance(value, list | tuple) else float(value)
-                if isinstance(read[name], tuple) != isinstance(getattr(cls, name), tuple):
-                    raise TypeError
-            except (TypeError, ValueError) as error:
-                expected = "numbers" if isinstance(getattr(cls, name), tuple) else "a number"
-                raise ModelError(f"belief: {name}: expected {expected}, got {value!r}") from error
-        return cls(**read)
 
 
 class FilterState(NamedTuple):

@@ -1,7 +1,5 @@
 """All that a planner which values views has learned, and where it lies on disk: safetensors, with JSON beside them."""
 
-import hashlib
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,9 +11,10 @@ from safetensors.numpy import load_file, save
 from ehar.arrays import IntArray
 from ehar.data.motion_data import MotionData
 from ehar.errors import ModelError
-from ehar.files import write_bytes
+from ehar.files import read_json
 from planners.value.belief import BeliefModel
 from planners.value.field import GainField
+from recognition.weight_files import check_files, description_path, files_sha256, save_weights
 
 SHIPPED = Path(__file__).parents[1] / "weights"
 FULL = "full"
@@ -38,6 +37,33 @@ class GainModel:
     sha256: str = ""
 
 
+@dataclass(frozen=True)
+class FieldDescription:
+    """What the JSON says of one gain field, as in `GainField`."""
+
+    parts: tuple[str, ...]
+    spread: float
+
+
+@dataclass(frozen=True)
+class GainDescription:
+    """The JSON beside the weights of gain fields.
+
+    Args:
+        recogniser_sha256: of the recogniser whose outputs they were trained on.
+        fields: by variant.
+        trunk: pairs of [left, right], the joints of the trunk.
+        belief: how evidence comes in.
+        training: how they were trained; kept for people, not read back.
+    """
+
+    recogniser_sha256: str
+    fields: dict[str, FieldDescription]
+    trunk: tuple[tuple[int, int], ...]
+    belief: BeliefModel
+    training: dict[str, Any]
+
+
 def gain_model_path(directory: Path, *, sensor: str, views: str) -> Path:
     """Return where the fields' weights lie in a models directory; the JSON lies beside them."""
     return directory / f"gain-field-{sensor}-{views}.safetensors"
@@ -57,15 +83,14 @@ def save_gain_model(path: Path, model: GainModel, *, recogniser_sha256: str, his
         for name, field in model.fields.items()
         for matrix in ("absolute", "relative")
     }
-    description = {
-        "recogniser_sha256": recogniser_sha256,
-        "fields": {name: {"parts": field.parts, "spread": field.spread} for name, field in model.fields.items()},
-        "trunk": model.pairs.tolist(),
-        "belief": model.belief.to_dict(),
-        "training": history,
-    }
-    write_bytes(path, save(tensors))
-    write_bytes(path.with_suffix(".json"), (json.dumps(description, indent=1) + "\n").encode())
+    description = GainDescription(
+        recogniser_sha256=recogniser_sha256,
+        fields={name: FieldDescription(field.parts, field.spread) for name, field in model.fields.items()},
+        trunk=tuple((int(left), int(right)) for left, right in model.pairs),
+        belief=model.belief,
+        training=history,
+    )
+    save_weights(path, save(tensors), description)
 
 
 def load_gain_model(
@@ -84,41 +109,31 @@ def load_gain_model(
         ModelError: the files are missing or malformed, or belong to another recogniser.
     """
     path = gain_model_path(directory or SHIPPED / data.name, sensor=sensor, views=views)
-    for file in (path, path.with_suffix(".json")):
-        if not file.is_file():
-            raise ModelError(
-                f"{file}: no such file: expected a gain field, as made by `ehar train gain-field --data {data.name} "
-                f"--models {directory or 'DIR'} --sensor {sensor} --views {views}`"
-            )
-    try:
-        description = json.loads(path.with_suffix(".json").read_text())
-        trained_for = str(description["recogniser_sha256"])
-        described = {
-            str(name): (tuple(map(str, of["parts"])), float(of["spread"])) for name, of in description["fields"].items()
-        }
-        pairs = np.array(description["trunk"], dtype=np.int64).reshape(-1, 2)
-        belief = BeliefModel.from_dict(description["belief"])
-        joints = len(data.skeleton.joint_names)
-        if len(pairs) == 0 or pairs.min() < 0 or pairs.max() >= joints:
-            raise ValueError(f"trunk: expected pairs of joints 0 to {joints - 1}, got {pairs.tolist()}")
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, OSError, ModelError) as error:
+    check_files(
+        path,
+        f"a gain field, as made by `ehar train gain-field --data {data.name} --models {directory or 'DIR'} "
+        f"--sensor {sensor} --views {views}`",
+    )
+    file, what = description_path(path), "a gain field, as `ehar train gain-field` writes it"
+    description = read_json(file, GainDescription, what, wrong=ModelError)
+    joints = range(len(data.skeleton.joint_names))
+    if not description.trunk or any(joint not in joints for pair in description.trunk for joint in pair):
+        got = str(description.trunk)[:80]
+        raise ModelError(f"{file}: trunk: expected pairs of joints 0 to {len(joints) - 1}, got {got}")
+    if description.recogniser_sha256 != recogniser_sha256:
         raise ModelError(
-            f"{path.with_suffix('.json')}: expected the JSON that `ehar train gain-field` writes, got {error!r}"
-        ) from error
-    if trained_for != recogniser_sha256:
-        raise ModelError(
-            f"{path}: trained for another recogniser: its sha256 was {trained_for[:12]}..., "
+            f"{path}: trained for another recogniser: its sha256 was {description.recogniser_sha256[:12]}..., "
             f"this one's is {recogniser_sha256[:12]}...; train the gain field again"
         )
     try:
         tensors = load_file(path)
         fields = {
-            name: GainField(parts, tensors[f"{name}.absolute"], tensors[f"{name}.relative"], spread)
-            for name, (parts, spread) in described.items()
+            name: GainField(field.parts, tensors[f"{name}.absolute"], tensors[f"{name}.relative"], field.spread)
+            for name, field in description.fields.items()
         }
     except (SafetensorError, OSError, KeyError, ModelError) as error:
-        raise ModelError(f"{path}: expected the gain fields {', '.join(described)}, got {error}") from error
+        raise ModelError(f"{path}: expected the gain fields {', '.join(description.fields)}, got {error}") from error
     if FULL not in fields:
         raise ModelError(f"{path}: expected a gain field {FULL!r}, got {', '.join(fields) or 'none'}")
-    content = path.read_bytes() + path.with_suffix(".json").read_bytes()
-    return GainModel(fields, belief, pairs, hashlib.sha256(content).hexdigest())
+    pairs = np.array(description.trunk, dtype=np.int64)
+    return GainModel(fields, description.belief, pairs, files_sha256(path))

@@ -14,7 +14,7 @@ from ehar.data.scenario import split_parts
 from ehar.data.source import load_data
 from ehar.errors import DataError, UsageError
 from ehar.files import write_bytes
-from ehar.sensors.estimator import make_sensor
+from ehar.sensors.registry import make_sensor
 from planners.value.belief_fit import fit_belief
 from planners.value.body_filter import trunk_pairs
 from planners.value.collection import Collection, CollectionTask, join, run_batches

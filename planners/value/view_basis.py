@@ -1,14 +1,13 @@
-"""The functions of a viewpoint that a gain field is a linear combination of: one formula for numpy, torch and CasADi.
+"""The functions of a viewpoint that a gain field is a linear combination of: one formula for numpy and CasADi.
 
 They are real spherical harmonics up to degree 3, written as polynomials of the unit vector towards the camera, and
 distance terms. So a field is smooth, periodic in the azimuth, and has one value at the pole whatever the azimuth.
 """
 
 from math import sqrt
-from typing import Any, Protocol, overload
+from typing import Any, Protocol
 
 import numpy as np
-import torch
 
 from ehar.arrays import FloatArray
 
@@ -21,7 +20,7 @@ HALF_RANGE = 5.0  # [m] ... to 15 m
 
 
 class Trigonometry(Protocol):
-    """What the formula needs of numpy, torch or casadi: hand it the module."""
+    """What the formula needs of numpy or casadi: hand it the module."""
 
     @property
     def sin(self) -> Any:
@@ -43,7 +42,7 @@ def view_basis(distance: Any, azimuth: Any, polar: Any, ops: Trigonometry) -> li
         distance: [m].
         azimuth: [rad].
         polar: [rad], 0 is straight above.
-        ops: where sin and cos come from: `numpy`, `torch` or `casadi`.
+        ops: where sin and cos come from: `numpy` or `casadi`.
     """
     x = ops.sin(polar) * ops.cos(azimuth)
     y = ops.sin(polar) * ops.sin(azimuth)
@@ -97,16 +96,7 @@ def turned(basis: FloatArray, angle: FloatArray) -> FloatArray:
     return result
 
 
-@overload
-def field_value(weights: FloatArray, viewpoint: FloatArray) -> FloatArray: ...
-
-
-@overload
-def field_value(weights: torch.Tensor, viewpoint: torch.Tensor) -> torch.Tensor: ...
-
-
-def field_value(weights: Any, viewpoint: Any) -> Any:
-    """Return the value of a field (...,) at viewpoints (..., 3) for weights (..., 21); numpy or torch, broadcast."""
-    ops: Any = torch if isinstance(viewpoint, torch.Tensor) else np
-    basis = view_basis(viewpoint[..., 0], viewpoint[..., 1], viewpoint[..., 2], ops)
-    return (weights * ops.stack(basis, axis=-1)).sum(-1)
+def field_value(weights: FloatArray, viewpoint: FloatArray) -> FloatArray:
+    """Return the value of a field (...,) at viewpoints (..., 3) for weights (..., 21); they broadcast."""
+    value: FloatArray = (weights * basis_at(viewpoint)).sum(-1)
+    return value

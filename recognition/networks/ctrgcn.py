@@ -5,14 +5,11 @@ Axis letters of this module are the paper's: N samples, C channels, T frames, V 
 """
 
 import math
-import pickle
 from collections.abc import Iterable, Sequence
 from functools import reduce
-from pathlib import Path
 from typing import cast
 
 import torch
-from safetensors.torch import load_file
 from torch import Tensor, nn
 
 from ehar.arrays import FloatArray
@@ -246,28 +243,3 @@ def relation_channels(in_channels: int) -> int:
     a width of 32, which is narrower than any published one, an eighth leaves too few.
     """
     return 8 if in_channels <= 9 else max(4, in_channels // 8)
-
-
-def load_published(path: Path) -> dict[str, Tensor]:
-    """Read a state dict as the public implementation saves it, without its `module.` prefixes.
-
-    Args:
-        path: a `.safetensors` file, or else a file written by `torch.save`, of which nothing is executed.
-
-    Raises:
-        ModelError: if the file cannot be read, or holds anything but named tensors.
-    """
-    try:
-        if path.suffix == ".safetensors":
-            state = load_file(path)
-        else:
-            state = torch.load(path, map_location="cpu", weights_only=True)
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except pickle.UnpicklingError as error:
-        raise ModelError(f"{path}: expected a pickled state dict of tensors alone, got other content") from error
-    except Exception as error:  # a malformed file can make torch and safetensors raise almost anything
-        raise ModelError(f"{path}: not a state dict: {type(error).__name__}") from error
-    if not isinstance(state, dict) or not all(isinstance(value, Tensor) for value in state.values()):
-        raise ModelError(f"{path}: expected a state dict of named tensors, got {type(state).__name__} of other content")
-    return {str(name).removeprefix("module."): value for name, value in state.items()}

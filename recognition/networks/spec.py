@@ -1,16 +1,19 @@
 """Which network: the causal form or the published one, in the small or the published size."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import torch
+from annotated_types import Ge
 
+from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
 from ehar.data.skeleton import Skeleton
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.ctrgcn import CTRGCN, PUBLISHED_STRIDES, PUBLISHED_WIDTHS
 from recognition.networks.features import channel_count
 from recognition.networks.graph import partition
-from recognition.training.config import Form, Size
+from recognition.training.config import Size
 
 Network = CausalCTRGCN | CTRGCN
 
@@ -38,7 +41,7 @@ class NetworkSpec:
     skeleton: Skeleton
     persons: int
     fps: float
-    length: int
+    length: Annotated[int, Ge(1)]
 
     @classmethod
     def of(cls, data: MotionData, *, form: Form, size: Size, length: int) -> "NetworkSpec":

@@ -18,7 +18,8 @@ from ehar.arrays import FloatArray
 from ehar.data.scenario import split_parts
 from ehar.data.source import load_data
 from ehar.errors import ModelError, UsageError
-from ehar.sensors.estimator import make_sensor
+from ehar.files import as_json, parse_json
+from ehar.sensors.registry import make_sensor
 from recognition.calibration import fit_temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network, NetworkSpec
@@ -27,6 +28,7 @@ from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_c
 from recognition.training.clips import Clips, ClipSource
 from recognition.training.config import TrainingConfig
 from recognition.training.views import REGIMES
+from recognition.weight_files import description_path, recorded_run
 
 WARM_UP = 0.05  # share of the steps in which the learning rate rises
 GRADIENT_NORM = 1.0  # gradients are clipped to it
@@ -43,6 +45,15 @@ class Evaluation:
     train_loss: float
     nll: float
     accuracy: float  # mean over frames, in [0, 1]
+
+
+@dataclass(frozen=True)
+class _Held:
+    """What a checkpoint holds beside tensors: which run it is of, and how far that has come."""
+
+    run: dict[str, Any]
+    step: int
+    evaluations: tuple[Evaluation, ...]
 
 
 Report = Callable[[int, int, "Evaluation | None"], None]  # (step, steps, an evaluation if there was one)
@@ -220,11 +231,7 @@ class _Run:
 
     def _save_checkpoint(self) -> None:
         """Keep everything that the next steps depend on."""
-        held = {
-            "run": self.identity,
-            "step": self.step,
-            "evaluations": [asdict(evaluation) for evaluation in self.evaluations],
-        }
+        held = asdict(_Held(self.identity, self.step, tuple(self.evaluations)))
         states = {"network": self.network.state_dict(), "best": self.best}
         save_checkpoint(self.checkpoint, Checkpoint(states, self.optimiser.state_dict(), held))
 
@@ -234,12 +241,13 @@ class _Run:
             return
         try:
             saved = load_checkpoint(self.checkpoint, str(self.device))
-            same = saved.held["run"] == json.loads(json.dumps(self.identity))
+            held = parse_json(json.dumps(saved.held), _Held, "its JSON", "a checkpoint")
+            same = held.run == as_json(self.identity)
             if same:
                 self.network.load_state_dict(saved.states["network"])
                 self.optimiser.load_state_dict(saved.optimiser or {})
-                self.best, self.step = dict(saved.states["best"]), saved.held["step"]
-                self.evaluations = [Evaluation(**evaluation) for evaluation in saved.held["evaluations"]]
+                self.best, self.step = dict(saved.states["best"]), held.step
+                self.evaluations = list(held.evaluations)
         except Exception as error:  # of the kind that the damage happens to cause, at length
             reason = f"{type(error).__name__}: {error}".splitlines()[0][:120]
             raise ModelError(f"{self.checkpoint}: expected a training checkpoint, got {reason}") from error
@@ -261,14 +269,10 @@ def _identify(config: TrainingConfig, data_sha256: str) -> dict[str, Any]:
 
 def _refuse_finished(path: Path, identity: dict[str, Any]) -> None:
     """Raise UsageError where a finished recogniser lies already; nobody's weights are overwritten."""
-    description = path.with_suffix(".json")
+    description = description_path(path)
     if not description.is_file():
         return
-    try:
-        finished = json.loads(description.read_text())["training"].get("run")
-    except (ValueError, KeyError, AttributeError):
-        finished = None
-    what = "this very run has finished" if finished == identity else "it holds the result of another run"
+    what = "this very run has finished" if recorded_run(path) == identity else "it holds the result of another run"
     raise UsageError(f"{description}: {what}: remove it to train again, or choose another --out")
 
 

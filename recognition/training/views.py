@@ -3,10 +3,9 @@
 import numpy as np
 
 from ehar.arrays import FloatArray
+from ehar.conditions import REGIMES
 from ehar.errors import UsageError
 from ehar.viewpoint import MOVES, Workspace, apply_moves, sample_starts
-
-REGIMES = ("moving", "paper")
 
 # Sec. 4.2: "a uniform grid of 32 nodes spanning P_0". The paper does not say which 32: the middles of 2 x 8 x 2 cells.
 PAPER_DISTANCES = (7.5, 12.5)  # [m]

@@ -10,7 +10,9 @@ import pytest
 from ehar.data.motion_file import load_motion, save_motion
 from ehar.data.scenario import part_of, windows
 from ehar.data.source import load_data
-from ehar.envs.environment import GridVectorEnv
+from ehar.envs.controls import GridControls
+from ehar.envs.environment import EpisodeVectorEnv
+from ehar.envs.task import Episodes
 from ehar.motion import GridMotion
 from ehar.planner import Context
 from ehar.rollout import rollout
@@ -100,7 +102,9 @@ def test_the_learned_policy_makes_the_moves_that_it_makes_in_its_environment(
     data = load_data(world["data"])
     recogniser = load_recogniser(Path(world["models"]), data, sensor="perfect", views="moving")
     scenarios = windows(data, part_of(data, "policy"), LENGTH, 1)
-    envs = GridVectorEnv(num_envs=4, scenarios=scenarios, recogniser=recogniser, sensor=PerfectSensor())
+    envs = EpisodeVectorEnv(
+        4, Episodes(scenarios=scenarios, recogniser=recogniser, sensor=PerfectSensor(), controls=GridControls())
+    )
     seen, _ = envs.reset(seed=0)
     viewpoints = [envs.episodes.viewpoint]
     for _ in range(LENGTH - 1):

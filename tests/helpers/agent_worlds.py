@@ -10,7 +10,7 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeVectorEnv
 from ehar.envs.task import Episodes
-from ehar.sensors.estimator import make_sensor
+from ehar.sensors.registry import make_sensor
 from ehar.viewpoint import POLAR
 from planners.agents.episode_groups import MakeEnv
 from planners.agents.network import AgentNetwork

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.special import log_softmax, softmax
 
 from recognition.calibration import KNOTS, Temperature, fit_temperature
+from tests.helpers.examples import share_of_examples
 
 LENGTH = 20
 RATIO = np.arange(1, LENGTH + 1) / LENGTH
@@ -46,7 +47,7 @@ def test_recovers_a_known_temperature_at_every_ratio(true: tuple[float, ...]) ->
     assert nll(logits, labels, fitted.at(RATIO)) < nll(logits, labels, np.ones(LENGTH))
 
 
-@settings(max_examples=15, deadline=None)
+@share_of_examples(0.15)
 @given(
     logits=arrays(np.float64, (4, 5, 3), elements=st.floats(-8, 8)),
     labels=arrays(np.int64, 4, elements=st.integers(0, 2)),

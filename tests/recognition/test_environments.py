@@ -12,10 +12,11 @@ import torch
 from gymnasium.utils.env_checker import check_env
 
 from ehar.data.motion_file import load_motion, save_motion
-from ehar.envs.environment import FlightVectorEnv, GridVectorEnv
+from ehar.envs.controls import FlightControls, GridControls
+from ehar.envs.environment import EpisodeVectorEnv
 from ehar.errors import DataError, ModelError, UsageError
 from recognition.calibration import Temperature
-from recognition.environments import flight_env, grid_env
+from recognition.environments import make_env
 from recognition.networks.spec import NetworkSpec
 from recognition.storage import recogniser_path, save_recogniser
 from tests.helpers.fakes import tiny_data
@@ -47,10 +48,11 @@ def test_the_single_environment_by_its_name(chosen: dict[str, Any], name: str) -
     assert terminated
 
 
-@pytest.mark.parametrize(("name", "kind"), [("ehar/Grid-v0", GridVectorEnv), ("ehar/Flight-v0", FlightVectorEnv)])
-def test_the_batched_environment_by_its_name(chosen: dict[str, Any], name: str, kind: type) -> None:
+@pytest.mark.parametrize(("name", "controls"), [("ehar/Grid-v0", GridControls), ("ehar/Flight-v0", FlightControls)])
+def test_the_batched_environment_by_its_name(chosen: dict[str, Any], name: str, controls: type) -> None:
     env = gym.make_vec(name, num_envs=8, vectorization_mode="vector_entry_point", **chosen)
-    assert isinstance(env.unwrapped, kind)
+    assert isinstance(env.unwrapped, EpisodeVectorEnv)
+    assert isinstance(env.unwrapped.episodes.controls, controls)
     observations, _ = env.reset(seed=0)
     assert observations in env.observation_space
     for _ in range(LENGTH + 3):
@@ -61,21 +63,21 @@ def test_the_batched_environment_by_its_name(chosen: dict[str, Any], name: str, 
 
 def test_what_is_unknown_or_missing(chosen: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="unknown part 'train'; expected one of: recogniser, policy, validation, test"):
-        grid_env(**chosen, part="train")
+        make_env(**chosen, part="train")
     with pytest.raises(DataError, match=r"absent\.npz"):
-        grid_env(**chosen | {"data": tmp_path / "absent.npz"})
+        make_env(**chosen | {"data": tmp_path / "absent.npz"})
     with pytest.raises(ModelError, match="estimator"):
-        grid_env(**chosen, sensor="estimator")
+        make_env(**chosen, sensor="estimator")
     with pytest.raises(UsageError, match="expected at least one scenario of 500 frames"):
-        grid_env(**chosen | {"length": 500})
+        make_env(**chosen | {"length": 500})
     with pytest.raises(UsageError, match="unknown vehicle 'kite'; expected one of: px4-auto, "):
-        flight_env(**chosen, vehicle="kite")
+        make_env(**chosen, vehicle="kite")
 
 
 def test_a_vehicle_file_flies(chosen: dict[str, Any], tmp_path: Path) -> None:
     limits = {"speed": 2, "acceleration": 1, "jerk": 5, "climb_speed": 1, "descent_speed": 1, "yaw_rate_deg": 30}
     (tmp_path / "kite.json").write_text(json.dumps(limits), encoding="utf-8")
-    env = flight_env(**chosen, vehicle=tmp_path / "kite.json")
+    env = make_env(**chosen, vehicle=tmp_path / "kite.json")
     env.reset(seed=0)
     observation = env.step(np.ones(4, dtype=np.float32))[0]
     assert observation in env.observation_space

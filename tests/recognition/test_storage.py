@@ -16,7 +16,7 @@ from ehar.data.scenario import split_parts
 from ehar.data.skeleton import Skeleton
 from ehar.data.source import BUILT_IN
 from ehar.errors import ModelError
-from ehar.sensors.estimator import SENSOR_NAMES, make_sensor
+from ehar.sensors.registry import SENSORS, make_sensor
 from recognition.calibration import Temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import NetworkSpec
@@ -108,7 +108,7 @@ def test_data_without_shipped_weights_asks_for_models() -> None:
 def test_truncated_weights(tmp_path: Path, kept: int) -> None:
     path, _ = saved(tmp_path)
     path.write_bytes(path.read_bytes()[:kept])
-    assert refusal(tmp_path).startswith(f"{path}: expected a safetensors file, got ")
+    assert refusal(tmp_path).startswith(f"{path}: expected the weights of a recogniser, got ")
 
 
 def test_weights_of_another_network(tmp_path: Path) -> None:
@@ -140,33 +140,42 @@ def test_weights_that_are_not_finite(tmp_path: Path, bad: float) -> None:
 def test_broken_json(tmp_path: Path, content: str) -> None:
     path, _ = saved(tmp_path)
     path.with_suffix(".json").write_text(content)
-    assert refusal(tmp_path).startswith(f"{path.with_suffix('.json')}: expected the JSON that")
+    message = refusal(tmp_path)
+    assert message.startswith(f"{path.with_suffix('.json')}: ")
+    if content == "{}":
+        assert message.endswith(": missing spec, log_temperatures, training; expected spec, log_temperatures, training")
+    else:
+        assert "of a recogniser, as `ehar train recogniser` writes it, got " in message
 
 
 def test_json_that_is_not_text(tmp_path: Path) -> None:
     path, _ = saved(tmp_path)
     path.with_suffix(".json").write_bytes(b"\xff\xfe\x00")
-    assert refusal(tmp_path).startswith(f"{path.with_suffix('.json')}: expected the JSON that")
+    assert refusal(tmp_path).startswith(f"{path.with_suffix('.json')}: expected the JSON of a recogniser, ")
 
 
 MISSING = object()
 
 
 @pytest.mark.parametrize(
-    ("field", "value"),
+    ("field", "value", "message"),
     [
-        *((field, MISSING) for field in ("form", "size", "class_names", "skeleton", "persons", "fps", "length")),
-        ("form", "transformer"),
-        ("size", "huge"),
-        ("persons", "many"),
-        ("persons", float("inf")),
-        ("fps", None),
-        ("length", 0),
-        ("skeleton", {"joint_names": ["a"]}),
-        ("skeleton", {"joint_names": ["a", "b"], "bones": [[0, 1, 2]]}),
+        *(
+            (field, MISSING, f"spec: missing {field}; expected form, size, ")
+            for field in ("form", "size", "class_names", "skeleton", "persons", "fps", "length")
+        ),
+        ("form", "transformer", "spec.form: expected 'causal' or 'ctrgcn', got 'transformer'"),
+        ("size", "huge", "spec.size: expected 'small' or 'published', got 'huge'"),
+        ("class_names", "nod", "spec.class_names: expected a list, got 'nod'"),
+        ("persons", "many", "spec.persons: expected a whole number, got 'many'"),
+        ("persons", float("inf"), "spec.persons: expected a whole number, got inf"),
+        ("fps", None, "spec.fps: expected a number, got null"),
+        ("length", 0, "spec.length: expected at least 1, got 0"),
+        ("skeleton", {"joint_names": ["a"]}, "spec.skeleton: missing bones; expected joint_names, bones"),
+        ("skeleton", {"joint_names": ["a"], "bones": [[0, 1, 2]]}, "spec.skeleton.bones[0]: expected at most 2 items"),
     ],
 )
-def test_a_description_with_a_bad_field(tmp_path: Path, field: str, value: Any) -> None:
+def test_a_description_with_a_bad_field(tmp_path: Path, field: str, value: Any, message: str) -> None:
     path, _ = saved(tmp_path)
     file = path.with_suffix(".json")
     description = json.loads(file.read_text())
@@ -175,7 +184,7 @@ def test_a_description_with_a_bad_field(tmp_path: Path, field: str, value: Any) 
     else:
         description["spec"][field] = value
     file.write_text(json.dumps(description))
-    assert refusal(tmp_path).startswith(f"{file}: expected the JSON that")
+    assert refusal(tmp_path).startswith(f"{file}: {message}")
 
 
 @pytest.mark.parametrize("value", [[], [0.0] * 4, [0.0] * 6, [0.0, 0.0, float("nan"), 0.0, 0.0], "warm", None])
@@ -185,7 +194,7 @@ def test_temperatures_that_cannot_be_interpolated(tmp_path: Path, value: Any) ->
     description = json.loads(file.read_text())
     description["log_temperatures"] = value
     file.write_text(json.dumps(description))
-    assert refusal(tmp_path).startswith(f"{file}: expected the JSON that")
+    assert refusal(tmp_path).startswith(f"{file}: log_temperatures")
 
 
 def renamed(joint_names: tuple[str, ...], bones: tuple[tuple[int, int], ...]) -> Callable[[MotionData], MotionData]:
@@ -227,7 +236,7 @@ def built_in(request: pytest.FixtureRequest) -> MotionData:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("views", REGIMES)
-@pytest.mark.parametrize("sensor", SENSOR_NAMES)
+@pytest.mark.parametrize("sensor", SENSORS)
 def test_shipped_weights(built_in: MotionData, sensor: str, views: str) -> None:
     recogniser = load_recogniser(None, built_in, sensor=sensor, views=views)
     path = recogniser_path(SHIPPED / built_in.name, form="causal", sensor=sensor, views=views)
@@ -255,7 +264,7 @@ def test_shipped_weights(built_in: MotionData, sensor: str, views: str) -> None:
 def test_nothing_else_is_shipped(name: str) -> None:
     expected = {
         recogniser_path(SHIPPED / name, form="causal", sensor=sensor, views=views).with_suffix(suffix)
-        for sensor in SENSOR_NAMES
+        for sensor in SENSORS
         for views in REGIMES
         for suffix in (".safetensors", ".json")
     }

@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import load_motion, save_motion
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError, EharError
+from tests.helpers.examples import share_of_examples
 from tests.helpers.places import SHARED
 
 DATA = SHARED
@@ -65,7 +66,6 @@ def test_reads_what_the_schema_says(tmp_path: Path) -> None:
     assert data.license == "CC0"
     assert not data.synthetic
     np.testing.assert_array_equal(data.positions, arrays["positions"])
-    assert load_motion(tmp_path / "some.npz", name="other").name == "other"
 
 
 def test_split_and_subjects_are_optional_and_other_arrays_ignored(tmp_path: Path) -> None:
@@ -81,7 +81,7 @@ def test_one_subject_a_sequence_counts_for_every_person(tmp_path: Path) -> None:
     assert data.subjects.tolist() == [[5, 5], [6, 6], [7, 7], [-1, -1]]
 
 
-@settings(max_examples=25, deadline=None)
+@share_of_examples(0.25)
 @given(
     lengths=st.lists(st.integers(1, 6), min_size=2, max_size=5),
     persons=st.integers(1, 2),
@@ -218,7 +218,7 @@ def test_files_that_are_no_npz(tmp_path: Path) -> None:
     assert not (tmp_path / "trace").exists()
 
 
-@settings(max_examples=60, deadline=None)
+@share_of_examples(0.6)
 @given(where=st.floats(0, 1), value=st.integers(0, 255), cut=st.booleans())
 def test_damaged_files_are_refused_or_harmless(
     tmp_path_factory: pytest.TempPathFactory, where: float, value: int, cut: bool

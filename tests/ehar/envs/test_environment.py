@@ -12,10 +12,10 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 from ehar.data.scenario import Scenarios, windows
 from ehar.envs.controls import GridControls
-from ehar.envs.environment import EpisodeVectorEnv, GridEnv, GridVectorEnv, reward
+from ehar.envs.environment import EpisodeEnv, EpisodeVectorEnv, reward
 from ehar.envs.task import Episodes
 from ehar.errors import EpisodeError, UsageError
-from ehar.sensors.estimator import make_sensor
+from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import PerfectSensor
 from ehar.viewpoint import ANGLE_STEP, HOVER, MOVE_NAMES, Workspace
 from tests.helpers.fakes import CLASS_NAMES, FakeRecogniser, tiny_data, tiny_scenarios
@@ -32,14 +32,18 @@ def parts(sensor: str = "perfect", *, persons: int = 1) -> dict[str, Any]:
     }
 
 
+def task(sensor: str = "perfect", *, persons: int = 1, copies: int = 1) -> Episodes:
+    return Episodes(**parts(sensor, persons=persons), controls=GridControls(), copies=copies)
+
+
 @pytest.fixture
 def registered() -> Any:
     """Register the environments with the fake recogniser for the time of a test."""
     name = "ehar-test/Grid-v0"
     gym.register(
         id=name,
-        entry_point=lambda **chosen: GridEnv(**parts(**chosen)),
-        vector_entry_point=lambda num_envs, **chosen: GridVectorEnv(num_envs=num_envs, **parts(**chosen)),
+        entry_point=lambda **chosen: EpisodeEnv(task(**chosen)),
+        vector_entry_point=lambda num_envs, **chosen: EpisodeVectorEnv(num_envs, task(**chosen)),
     )
     yield name
     del gym.registry[name]
@@ -62,7 +66,7 @@ def test_the_reward_of_equation_1_by_hand(now: bool, before: bool, first: bool, 
 
 def test_the_return_is_the_paper_s_sum() -> None:
     """The improvements telescope: accuracy / L over all frames, plus the last frame's less the first's."""
-    env = GridEnv(**parts())
+    env = EpisodeEnv(task())
     for seed in range(10):
         _, info = env.reset(seed=seed)
         correct, total = [info["correct"]], 0.0
@@ -77,12 +81,12 @@ def test_the_return_is_the_paper_s_sum() -> None:
 def test_gymnasium_s_and_stable_baselines_checkers(sensor: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of embeddings without bounds, and joints that are no image
-        check_env(GridEnv(**parts(sensor, persons=2)))
-        check_env_sb3(GridEnv(**parts(sensor, persons=2)))
+        check_env(EpisodeEnv(task(sensor, persons=2)))
+        check_env_sb3(EpisodeEnv(task(sensor, persons=2)))
 
 
 def test_an_episode_has_l_frames_and_then_terminates() -> None:
-    env = GridEnv(**parts())
+    env = EpisodeEnv(task())
     with pytest.raises(EpisodeError, match="expected a reset"):
         env.step(np.int64(HOVER))
     observation, _ = env.reset(seed=0)
@@ -97,7 +101,7 @@ def test_an_episode_has_l_frames_and_then_terminates() -> None:
 
 
 def test_actions_are_the_paper_s_moves() -> None:
-    env = GridEnv(**parts())
+    env = EpisodeEnv(task())
     change = {"distance": 0, "polar": 3}
     for move, name in enumerate(MOVE_NAMES):
         for seed in range(5):
@@ -117,7 +121,7 @@ def test_actions_are_the_paper_s_moves() -> None:
 
 @pytest.mark.parametrize("action", [-1, 7])
 def test_a_move_that_is_none_of_the_seven(action: int) -> None:
-    env = GridEnv(**parts())
+    env = EpisodeEnv(task())
     env.reset(seed=0)
     with pytest.raises(EpisodeError, match=rf"frame 1: expected 1 moves from 0 to 6, got \[{action}\]"):
         env.step(np.int64(action))
@@ -125,7 +129,7 @@ def test_a_move_that_is_none_of_the_seven(action: int) -> None:
 
 @pytest.mark.parametrize("sensor", ["perfect", "estimator"])
 def test_a_batch_of_one_is_the_single_environment(sensor: str) -> None:
-    single, batched = GridEnv(**parts(sensor)), GridVectorEnv(num_envs=1, **parts(sensor))
+    single, batched = EpisodeEnv(task(sensor)), EpisodeVectorEnv(1, task(sensor))
     (observation, info), (observations, infos) = single.reset(seed=5), batched.reset(seed=5)
     rng = np.random.default_rng(0)
     for _ in range(LENGTH - 1):
@@ -139,7 +143,7 @@ def test_a_batch_of_one_is_the_single_environment(sensor: str) -> None:
 
 
 def test_the_batch_begins_anew_with_the_step_after_the_last() -> None:
-    env = GridVectorEnv(num_envs=8, **parts())
+    env = EpisodeVectorEnv(8, task())
     assert env.metadata["autoreset_mode"] == AutoresetMode.NEXT_STEP
     env.reset(seed=0)
     for episode in range(3):
@@ -157,7 +161,7 @@ def test_the_batch_begins_anew_with_the_step_after_the_last() -> None:
 
 
 def test_the_same_seed_gives_the_same_episodes_and_another_does_not() -> None:
-    env = GridVectorEnv(num_envs=4, **parts("estimator"))
+    env = EpisodeVectorEnv(4, task("estimator"))
     first, again, other = (env.reset(seed=seed)[0] for seed in (3, 3, 4))
     for key in first:
         np.testing.assert_array_equal(first[key], again[key])
@@ -170,7 +174,7 @@ def test_by_name_single_and_batched(registered: str) -> None:
     assert single.action_space == gym.spaces.Discrete(7)
     assert single.reset(seed=0)[0] in single.observation_space
     batched = gym.make_vec(registered, num_envs=8, vectorization_mode="vector_entry_point")
-    assert isinstance(batched.unwrapped, GridVectorEnv)
+    assert isinstance(batched.unwrapped, EpisodeVectorEnv)
     observations, _ = batched.reset(seed=0)
     assert observations in batched.observation_space
     assert observations["probabilities"].shape == (8, len(CLASS_NAMES))
@@ -178,7 +182,7 @@ def test_by_name_single_and_batched(registered: str) -> None:
 
 def test_a_batch_costs_one_call_of_the_recogniser_a_step() -> None:
     chosen = parts()
-    env = GridVectorEnv(num_envs=16, **chosen)
+    env = EpisodeVectorEnv(16, Episodes(**chosen, controls=GridControls()))
     env.reset(seed=0)
     for _ in range(2 * LENGTH - 1):
         env.step(env.action_space.sample())
@@ -186,9 +190,8 @@ def test_a_batch_costs_one_call_of_the_recogniser_a_step() -> None:
 
 
 def test_a_small_workspace_bounds_starts_and_moves() -> None:
-    env = GridEnv(
-        **parts(), workspace=Workspace(distance_max=7.0, polar_min=14 * ANGLE_STEP, polar_max=14 * ANGLE_STEP)
-    )
+    workspace = Workspace(distance_max=7.0, polar_min=14 * ANGLE_STEP, polar_max=14 * ANGLE_STEP)
+    env = EpisodeEnv(Episodes(**parts(), controls=GridControls(workspace=workspace)))
     for seed in range(5):
         env.reset(seed=seed)
         for _ in range(LENGTH - 1):
@@ -201,9 +204,9 @@ def test_scenarios_that_make_no_episode() -> None:
     data = tiny_data()
     rest = {"recogniser": FakeRecogniser(), "sensor": PerfectSensor()}
     with pytest.raises(UsageError, match="tiny: expected at least one scenario of 50 frames, got none"):
-        GridEnv(scenarios=windows(data, np.arange(3), 50, 1), **rest)
+        EpisodeEnv(Episodes(scenarios=windows(data, np.arange(3), 50, 1), **rest, controls=GridControls()))
     with pytest.raises(UsageError, match="tiny: expected episodes of at least 2 frames, got 1"):
-        GridEnv(scenarios=windows(data, np.arange(3), 1, 1), **rest)
+        EpisodeEnv(Episodes(scenarios=windows(data, np.arange(3), 1, 1), **rest, controls=GridControls()))
 
 
 def test_a_recogniser_of_other_classes() -> None:
@@ -211,13 +214,15 @@ def test_a_recogniser_of_other_classes() -> None:
     recogniser.class_names = ("jump",)
     scenarios: Scenarios = tiny_scenarios()
     with pytest.raises(UsageError, match="tiny: expected a recogniser of its 3 classes"):
-        GridEnv(scenarios=scenarios, recogniser=recogniser, sensor=PerfectSensor())
+        EpisodeEnv(
+            Episodes(scenarios=scenarios, recogniser=recogniser, sensor=PerfectSensor(), controls=GridControls())
+        )
 
 
 @pytest.mark.parametrize("sensor", ["perfect", "estimator"])
 def test_copies_differ_in_the_moves_only(sensor: str) -> None:
     """The same scenario, start and noise: what moves alike sees alike, and what does not, does not."""
-    episodes = Episodes(**parts(sensor, persons=2), controls=GridControls(), copies=3)
+    episodes = task(sensor, persons=2, copies=3)
     env = EpisodeVectorEnv(6, episodes)
     observations, info = env.reset(seed=0)
     moves = np.random.default_rng(0).integers(0, 7, (LENGTH - 1, 6))
@@ -237,8 +242,8 @@ def test_copies_differ_in_the_moves_only(sensor: str) -> None:
 
 def test_an_episode_and_its_copies_are_drawn_as_one_would_be() -> None:
     """With the same seed, B episodes are those that 3 B with three copies are copies of."""
-    one = EpisodeVectorEnv(2, Episodes(**parts("estimator"), controls=GridControls()))
-    three = EpisodeVectorEnv(6, Episodes(**parts("estimator"), controls=GridControls(), copies=3))
+    one = EpisodeVectorEnv(2, task("estimator"))
+    three = EpisodeVectorEnv(6, task("estimator", copies=3))
     singles, copied = one.reset(seed=4)[0], three.reset(seed=4)[0]
     for move in (4, 2, 0):
         for key, values in singles.items():
@@ -248,6 +253,6 @@ def test_an_episode_and_its_copies_are_drawn_as_one_would_be() -> None:
 
 @pytest.mark.parametrize("episodes", [1, 2, 4])
 def test_episodes_that_copies_do_not_divide(episodes: int) -> None:
-    env = EpisodeVectorEnv(episodes, Episodes(**parts(), controls=GridControls(), copies=3))
+    env = EpisodeVectorEnv(episodes, task(copies=3))
     with pytest.raises(UsageError, match=f"episodes: expected a multiple of 3 copies, got {episodes}"):
         env.reset(seed=0)

@@ -7,10 +7,21 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from ehar.arrays import FloatArray
-from ehar.flight.kinematics import SphericalState, cartesian_motion
-from ehar.viewpoint import cartesian
+from ehar.flight.kinematics import CartesianMotion, SphericalState, local_motion
+from ehar.viewpoint import AZIMUTH, cartesian
 
 coefficients = arrays(np.float64, (4, 3), elements=st.floats(-2, 2))
+
+
+def cartesian_motion(state: SphericalState) -> CartesianMotion:
+    """Return the derivatives of `ehar.viewpoint.cartesian`: the local ones, turned by the azimuth."""
+    azimuth = state.viewpoint[..., AZIMUTH]
+    cos, sin = np.cos(azimuth), np.sin(azimuth)
+    turned = (
+        np.stack([out * cos - across * sin, out * sin + across * cos, up], axis=-1)
+        for out, across, up in (np.moveaxis(vector, -1, 0) for vector in local_motion(state))
+    )
+    return CartesianMotion(*turned)
 
 
 def polynomial(coefficient: FloatArray, time: float) -> SphericalState:

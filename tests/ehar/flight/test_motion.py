@@ -1,6 +1,6 @@
 """Flight: limits at 1 kHz, targets reached, smoothness, and what it does not fly.
 
-All 100,000 cases: `pytest -m slow tests/test_flight.py`, or `ehar.flight.cases.worst_excess(rng, 100_000)`.
+All 100,000 cases: `pytest -m slow tests/ehar/flight/test_motion.py`.
 """
 
 import pickle
@@ -10,7 +10,6 @@ import pytest
 
 from ehar.arrays import FloatArray
 from ehar.errors import EpisodeError
-from ehar.flight.cases import random_vehicle, random_viewpoints, worst_excess
 from ehar.flight.kinematics import SphericalState
 from ehar.flight.motion import FlightMotion
 from ehar.flight.profile import JerkProfile
@@ -18,6 +17,7 @@ from ehar.flight.proposals import limits_to_rest
 from ehar.flight.time_optimal import TimeOptimal
 from ehar.flight.vehicle import VEHICLES, Vehicle
 from ehar.viewpoint import AZIMUTH, Workspace, cartesian, sample_starts, wrap_difference
+from tests.helpers.flight_cases import random_vehicle, random_viewpoints, worst_excess
 
 FRAME_TIME = 0.04
 LEVEL = np.pi / 2

@@ -1,11 +1,10 @@
 """How limits are shared out: what is timid always flies, what is bold is sooner."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ehar.arrays import FloatArray
-from ehar.flight.cases import random_vehicle, random_viewpoints
 from ehar.flight.kinematics import SphericalState
 from ehar.flight.limits import keeps_limits
 from ehar.flight.profile import JerkProfile
@@ -13,6 +12,8 @@ from ehar.flight.proposals import BRAKING, PROPOSALS, limits_to_rest, limits_to_
 from ehar.flight.time_optimal import TimeOptimal
 from ehar.flight.vehicle import VEHICLES
 from ehar.viewpoint import AZIMUTH, Workspace, wrap_difference
+from tests.helpers.examples import share_of_examples
+from tests.helpers.flight_cases import random_vehicle, random_viewpoints
 
 FLIGHTS = 40
 LEVEL = np.pi / 2
@@ -23,7 +24,7 @@ def at_rest(viewpoint: FloatArray) -> SphericalState:
     return SphericalState(viewpoint, rest, rest, rest)
 
 
-@settings(max_examples=25, deadline=None)
+@share_of_examples(0.25)
 @given(st.integers(0, 10_000))
 def test_from_rest_the_most_timid_proposal_may_always_be_flown(seed: int) -> None:
     """Why any target that is held is reached."""

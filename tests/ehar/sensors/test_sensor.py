@@ -5,7 +5,8 @@ import pytest
 
 from ehar.camera import Camera, project
 from ehar.errors import UsageError
-from ehar.sensors.estimator import EstimatorSensor, make_sensor
+from ehar.sensors.estimator import EstimatorSensor
+from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import PerfectSensor, draw_noise
 from ehar.viewpoint import sample_starts
 from tests.helpers.fakes import SKELETON

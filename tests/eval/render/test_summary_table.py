@@ -4,10 +4,10 @@ import io
 from dataclasses import replace
 
 import pytest
+from eval.render.summary_table import benchmark_table, markdown_summary, paper_table, render_summary
 from rich.console import Console
 
 from eval.records.solves import Solves
-from eval.render.summary_table import benchmark_table, markdown_summary, paper_table, render_summary
 from tests.helpers.made_records import flown, summary_of, three_planners
 
 

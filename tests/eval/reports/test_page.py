@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects
 import pytest
+from eval.running.finished_run import read_run
 from plotly.offline import get_plotlyjs
 
 from ehar.data.motion_file import save_motion
@@ -19,7 +20,6 @@ from eval.cli.main import main
 from eval.records.episodes import EpisodeRecords
 from eval.records.run_files import SUMMARY
 from eval.reports.page import for_script
-from eval.running.finished_run import read_run
 from planners.heuristic import HRotate
 from planners.value.model import gain_model_path, save_gain_model
 from tests.helpers.commands import fails_with

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from eval.render.summary_table import markdown_summary
 
 from ehar.arrays import FloatArray
 from ehar.data.scenario import part_of
@@ -14,7 +15,6 @@ from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import cartesian
 from eval.records.episodes import read_episodes
 from eval.records.run_files import EPISODES, SCHEMA, SUMMARY
-from eval.render.summary_table import markdown_summary
 from eval.running.episodes import CHUNK
 from tests.helpers.fakes import tiny_data
 from tests.helpers.tiny_benchmarks import Log, file_hash, run

@@ -8,13 +8,14 @@ from typing import Any
 import pytest
 
 from ehar.errors import UsageError
-from ehar.flight.vehicle import FILE_KEYS, VEHICLES
+from ehar.flight.vehicle import VEHICLES
 from eval.records.episodes import read_episodes
 from eval.records.flights import FlightSummary, summarise_flights
 from eval.records.run_files import EPISODES, SUMMARY
 from tests.helpers.agents import save_untrained
 from tests.helpers.fakes import tiny_data
 from tests.helpers.tiny_benchmarks import file_hash, run, with_agents
+from tests.helpers.vehicle_files import FILE_KEYS
 
 pytestmark = pytest.mark.usefixtures("fake_weights")
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from eval.render.summary_table import benchmark_table, differences_table, markdown_summary, render_summary
 from rich.console import Console
 from scipy.stats import binomtest, mannwhitneyu, trim_mean
 
 from eval.records.episodes import EpisodeRecords
 from eval.records.run_files import SUMMARY, write_run
 from eval.render.figures import draw_accuracy
-from eval.render.summary_table import benchmark_table, differences_table, markdown_summary, render_summary
 from eval.scores.metrics import right_at
 from eval.scores.statistics import BOOTSTRAP_SEED, resample_counts
 from eval.scores.summary import Summary

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from eval.render.summary_table import benchmark_table, markdown_summary
 
 from ehar.errors import DataError
 from eval.records.episodes import episode_lines, read_episodes
 from eval.records.run_files import EPISODES, SUMMARY, write_run
-from eval.render.summary_table import benchmark_table, markdown_summary
 from tests.helpers.made_records import CONFIG_OF_RUN, flown, make_records, summary_of, three_planners
 
 

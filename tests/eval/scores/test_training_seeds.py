@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from eval.render.summary_table import benchmark_table, differences_table, render_summary
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
@@ -12,7 +13,6 @@ from ehar.errors import DataError
 from eval.records.episodes import EpisodeRecords
 from eval.records.solves import Solves
 from eval.render.figures import draw_accuracy
-from eval.render.summary_table import benchmark_table, differences_table, render_summary
 from eval.render.tables import markdown
 from eval.scores.differences import SUBJECTS
 from eval.scores.metrics import ece, gap_closed, mean_acc, nll, path_length

@@ -4,6 +4,7 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 import pytest
+from eval.running.picked_episodes import pick_episodes
 
 from ehar.data.motion_file import save_motion
 from ehar.data.scenario import split_parts
@@ -12,7 +13,6 @@ from eval import benchmark
 from eval.cli.main import main
 from eval.records.episodes import read_episodes
 from eval.running.episodes import cut_scenarios, random_starts
-from eval.running.picked_episodes import pick_episodes
 from eval.studies.explain import explain, moments
 from eval.studies.explain_figure import draw_explanation, shown_classes
 from eval.studies.explanation import Explanation, explain_table

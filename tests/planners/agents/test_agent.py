@@ -9,13 +9,15 @@ import pytest
 import torch
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.envs.environment import GridVectorEnv
+from ehar.envs.controls import GridControls
+from ehar.envs.environment import EpisodeVectorEnv
 from ehar.envs.observations import shown_to_agent
+from ehar.envs.task import Episodes
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
 from ehar.planner import Observation
 from ehar.rollout import rollout
-from ehar.sensors.estimator import make_sensor
+from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import PerfectSensor
 from ehar.viewpoint import MOVES, Workspace, apply_moves, from_cells, to_cells
 from planners.agents.agent import Agent, decide
@@ -145,7 +147,9 @@ def test_an_episode_goes_as_it_would_beside_any_others(chosen: list[int]) -> Non
 def test_it_sees_what_the_environment_shows_and_goes_the_same_way(sensor: str, persons: int) -> None:
     scenarios = tiny_scenarios(length=LENGTH, persons=persons)
     eye = make_sensor(sensor, scenarios.data.skeleton)
-    env = GridVectorEnv(num_envs=6, scenarios=scenarios, recogniser=FakeRecogniser(), sensor=eye)
+    env = EpisodeVectorEnv(
+        6, Episodes(scenarios=scenarios, recogniser=FakeRecogniser(), sensor=eye, controls=GridControls())
+    )
     network = untrained_agent(persons=persons).network
     shown, _ = env.reset(seed=0)
     batch = env.episodes._batch  # the episodes that were drawn

@@ -15,9 +15,8 @@ from ehar.planner import Planner
 from ehar.rollout import Batch, Record, rollout
 from ehar.sensors.sensor import PerfectSensor
 from ehar.viewpoint import Workspace, apply_moves, to_cells
-from planners.agents import demonstration_files, demonstrations
+from planners.agents import demonstrations
 from planners.agents.agent import Agent
-from planners.agents.demonstration_files import collect, read_batch
 from planners.agents.demonstrations import (
     EVERY,
     HORIZON,
@@ -25,9 +24,11 @@ from planners.agents.demonstrations import (
     Demonstrations,
     DemonstrationTask,
     Demonstrator,
+    collect,
     demonstrate,
     demonstrate_batch,
     join,
+    read_batch,
 )
 from planners.agents.inputs import AgentInputs
 from planners.oracle import Oracle
@@ -238,7 +239,7 @@ def test_a_file_that_is_not_whole_is_written_anew(tmp_path: Path, ran: list[int]
     path = tmp_path / "1.safetensors"
     content = path.read_bytes()
     if damage == "others":
-        path.write_bytes(demonstration_files.save({"values": np.zeros((2, 7))}))
+        path.write_bytes(demonstrations.save({"values": np.zeros((2, 7))}))
     else:
         path.write_bytes({"cut": content[:-40], "empty": b"", "nonsense": b"nonsense" * 9}[damage])
     assert read_batch(path) is None

@@ -129,36 +129,57 @@ def without(*keys: str) -> Callable[[str], str]:
 
 
 MUTATIONS = {
-    "cut short": lambda text: text[: len(text) // 2],
-    "empty": lambda text: "",
-    "a list": lambda text: "[]",
-    "a number": lambda text: "3",
-    "no spec": without("spec"),
-    "no sizes": without("spec", "sizes"),
-    "no hindsight": without("spec", "hindsight"),
-    "no hash": without("recogniser_sha256"),
-    "no classes": without("classes"),
-    "no skeleton": setting("skeleton", to=None),
-    "spec a text": setting("spec", to="large"),
-    "sizes a list": setting("spec", "sizes", to=[1, 2, 3]),
-    "a size too many": setting("spec", "sizes", "sound", to=3),
-    "a size a word": setting("spec", "sizes", "vision", to="wide"),
-    "a size infinite": setting("spec", "sizes", "vision", to=math.inf),
-    "a size of 0": setting("spec", "sizes", "vision", to=0),
-    "a size below 0": setting("spec", "sizes", "vision", to=-22),
-    "an unknown encoder": setting("spec", "without", to=["sound"]),
-    "encoders as text": setting("spec", "without", to="vision"),
-    "encoders a list of lists": setting("spec", "without", to=[["vision"]]),
-    "no encoder left": setting("spec", "without", to=["recognition", "vision", "position"]),
-    "hindsight below 0": setting("spec", "hindsight", to=-500),
+    "cut short": (
+        lambda text: text[: len(text) // 2],
+        "expected the JSON of an agent, as `ehar train agent` writes it, got ",
+    ),
+    "empty": (lambda text: "", "expected the JSON of an agent, as `ehar train agent` writes it, got "),
+    "a list": (lambda text: "[]", r"expected the JSON object of an agent, .* got \[\]"),
+    "a number": (lambda text: "3", "expected the JSON object of an agent, .* got 3"),
+    "no spec": (without("spec"), "missing spec; expected spec, recogniser_sha256, "),
+    "no sizes": (without("spec", "sizes"), "spec: missing sizes; expected sizes, without, hindsight"),
+    "no hindsight": (without("spec", "hindsight"), "spec: missing hindsight; expected sizes, "),
+    "no hash": (without("recogniser_sha256"), "missing recogniser_sha256; expected spec, "),
+    "no classes": (without("classes"), "missing classes; expected spec, "),
+    "no skeleton": (setting("skeleton", to=None), "skeleton: expected a list, got null"),
+    "spec a text": (setting("spec", to="large"), "spec: expected an object, got 'large'"),
+    "sizes a list": (setting("spec", "sizes", to=[1, 2, 3]), r"spec.sizes: expected an object, got \[1, 2, 3\]"),
+    "a size too many": (
+        setting("spec", "sizes", "sound", to=3),
+        "spec.sizes: unknown sound; expected recognition, vision, position",
+    ),
+    "a size a word": (
+        setting("spec", "sizes", "vision", to="wide"),
+        "spec.sizes.vision: expected a whole number, got 'wide'",
+    ),
+    "a size infinite": (
+        setting("spec", "sizes", "vision", to=math.inf),
+        "spec.sizes.vision: expected a whole number, got inf",
+    ),
+    "a size of 0": (setting("spec", "sizes", "vision", to=0), "agent: expected sizes of at least 1, got "),
+    "a size below 0": (setting("spec", "sizes", "vision", to=-22), "agent: expected sizes of at least 1, got "),
+    "an unknown encoder": (setting("spec", "without", to=["sound"]), "agent: without: expected some of "),
+    "encoders as text": (setting("spec", "without", to="vision"), "spec.without: expected a list, got 'vision'"),
+    "encoders a list of lists": (
+        setting("spec", "without", to=[["vision"]]),
+        r"spec.without\[0\]: expected text, got \['vision'\]",
+    ),
+    "no encoder left": (
+        setting("spec", "without", to=["recognition", "vision", "position"]),
+        "agent: without: expected some of ",
+    ),
+    "hindsight below 0": (
+        setting("spec", "hindsight", to=-500),
+        "agent: expected sizes of at least 1, got .* hindsight -500",
+    ),
 }
 
 
 @pytest.mark.parametrize("mutation", MUTATIONS)
 def test_a_broken_description_is_named_in_one_line(tmp_path: Path, mutation: str) -> None:
     description = save_untrained(tmp_path, DATA, "il").with_suffix(".json")
-    description.write_text(MUTATIONS[mutation](description.read_text()))
-    with pytest.raises(ModelError, match=rf"{description.name}: expected the JSON that `ehar train agent`") as error:
+    description.write_text(MUTATIONS[mutation][0](description.read_text()))
+    with pytest.raises(ModelError, match=rf"{description.name}: {MUTATIONS[mutation][1]}") as error:
         load(tmp_path)
     assert "\n" not in str(error.value)
 
@@ -166,7 +187,7 @@ def test_a_broken_description_is_named_in_one_line(tmp_path: Path, mutation: str
 def test_a_description_that_is_no_text_is_named(tmp_path: Path) -> None:
     description = save_untrained(tmp_path, DATA, "il").with_suffix(".json")
     description.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ModelError, match="expected the JSON"):
+    with pytest.raises(ModelError, match="expected the JSON of an agent, as `ehar train agent` writes it, got "):
         load(tmp_path)
 
 
@@ -236,7 +257,7 @@ def test_weights_that_are_not_finite_are_named(tmp_path: Path, value: float) -> 
 def test_tensors_that_do_not_fit_are_named(tmp_path: Path, change: Any, first: str) -> None:
     path = save_untrained(tmp_path, DATA, "il")
     changed_weights(path, change)
-    with pytest.raises(ModelError, match=rf"{path.name}: 1 tensors do not fit the agent .*, first '{first}'"):
+    with pytest.raises(ModelError, match=rf"{path.name}: 1 tensors do not fit an agent as described, first '{first}'"):
         load(tmp_path)
 
 

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ehar.viewpoint import sample_starts, wrap_difference
-from planners.search.guess import best_guesses, moved_on, trajectories_to
+from planners.search.guess import at_rest_at_the_end, best_guesses, moved_on, trajectories_to
 from planners.search.task import TrajectoryLimits
 from tests.helpers.trajectory_tasks import FLIGHT, GRID, random_task
 
@@ -87,3 +87,22 @@ def test_a_plan_moved_on_is_the_plan_seen_later(seed: int, elapsed: float) -> No
     ended = times + elapsed > times[-1] + 1e-6
     assert not later.velocity[ended].any()
     assert not np.diff(later.position[ended], axis=0).any()
+
+
+@given(seeds, st.integers(2, 20))
+def test_what_is_brought_to_rest_is_a_motion_and_nearest_to_what_it_was(seed: int, horizon: int) -> None:
+    rng = np.random.default_rng(seed)
+    task = random_task(rng, horizon=horizon, velocity=rng.normal(size=3), acceleration=rng.normal(size=3))
+    wanted = task.hold()._replace(jerk=rng.normal(size=(horizon, 3)))
+    p, v, a, j = plan = at_rest_at_the_end(wanted, task)
+    time = task.node_time
+    np.testing.assert_allclose([p[0], v[0], a[0]], [task.position, task.velocity, task.acceleration])
+    np.testing.assert_allclose(p[1:], p[:-1] + time * v[:-1] + time**2 / 2 * a[:-1] + time**3 / 6 * j, atol=1e-9)
+    np.testing.assert_allclose(v[1:], v[:-1] + time * a[:-1] + time**2 / 2 * j, atol=1e-9)
+    np.testing.assert_allclose(a[1:], a[:-1] + time * j, atol=1e-9)
+    np.testing.assert_allclose([v[-1], a[-1]], 0, atol=1e-9)
+    again = at_rest_at_the_end(plan, task)
+    np.testing.assert_allclose(again.jerk, j, atol=1e-9)  # nothing is changed that need not be
+    # The change is a line over time on every axis: of all changes with the same two effects, the smallest.
+    change = j - wanted.jerk
+    np.testing.assert_allclose(np.diff(change, 2, axis=0), 0, atol=1e-7 * np.abs(change).max())

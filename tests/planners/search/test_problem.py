@@ -5,7 +5,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -13,6 +13,7 @@ from ehar.errors import UsageError
 from ehar.viewpoint import cartesian
 from planners.search.problem import REGULARISATION, STAGE, STATE, TrajectoryProblem
 from planners.search.task import Trajectory, TrajectoryTask
+from tests.helpers.examples import share_of_examples
 from tests.helpers.trajectory_tasks import FLIGHT, GRID, random_task
 
 HORIZON = 4
@@ -49,7 +50,7 @@ def moving_task(rng: np.random.Generator, **changes: object) -> TrajectoryTask:
     )
 
 
-@settings(max_examples=20, deadline=None)
+@share_of_examples(0.2)
 @given(seeds, st.sampled_from([FLIGHT, GRID]))
 def test_derivatives_are_those_of_finite_differences(seed: int, limits: object) -> None:
     rng = np.random.default_rng(seed)
@@ -67,7 +68,7 @@ def test_derivatives_are_those_of_finite_differences(seed: int, limits: object) 
             np.testing.assert_allclose(analytic[:, column], (up - down) / (2 * step), atol=1e-7)
 
 
-@settings(max_examples=20, deadline=None)
+@share_of_examples(0.2)
 @given(seeds)
 def test_dynamics_are_exact(seed: int) -> None:
     rng = np.random.default_rng(seed)

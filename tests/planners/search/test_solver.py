@@ -4,29 +4,30 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ehar.errors import UsageError
 from ehar.viewpoint import cartesian, sample_starts
-from planners.search.solver import CAPPED_TOLERANCE, TOLERANCE, SolveStatus, TrajectorySolver
+from planners.search.solver import TOLERANCE, SolveStatus, TrajectorySolver
 from planners.search.task import Trajectory, TrajectoryLimits, TrajectoryTask
 from planners.value.view_basis import BASIS_SIZE, view_basis
+from tests.helpers.examples import share_of_examples
 from tests.helpers.trajectory_tasks import FLIGHT, GRID, HORIZON, random_task
 
 SOLVER = TrajectorySolver()
-CAPPED = TrajectorySolver(max_iterations=6)
+CAPPED, ONCE = TrajectorySolver(max_iterations=6), TrajectorySolver(max_iterations=1)
 seeds = st.integers(0, 10_000)
 
 
 def largest_excess(task: TrajectoryTask, trajectory: Trajectory) -> float:
-    """Return by how much a trajectory exceeds any limit, from scratch, in units of the limit ([m] and [rad])."""
+    """Return by how much a trajectory exceeds any limit, from scratch, in its units; of positions in [m], [rad]."""
     limits, time = task.limits, task.node_time
     p, v, a, j = trajectory
     excess = [
         np.abs(p[1:] - (p + time * v + time**2 / 2 * a)[:-1] - time**3 / 6 * j).max(),
-        np.abs(v[1:] - (v + time * a)[:-1] - time**2 / 2 * j).max(),
-        np.abs(a[1:] - a[:-1] - time * j).max(),
+        (np.abs(v[1:] - (v + time * a)[:-1] - time**2 / 2 * j) / limits.velocity).max(),
+        (np.abs(a[1:] - a[:-1] - time * j) / limits.acceleration).max(),
         np.abs([p[0] - task.position, v[0] - task.velocity, a[0] - task.acceleration]).max(),
         (np.abs(v[1:]) / limits.velocity).max() - 1,
         (np.abs(a[1:]) / limits.acceleration).max() - 1,
@@ -35,7 +36,7 @@ def largest_excess(task: TrajectoryTask, trajectory: Trajectory) -> float:
         (p[1:, 0] - task.workspace.distance_max).max(),
         (task.workspace.polar_min - p[1:, 2]).max(),
         (p[1:, 2] - task.workspace.polar_max).max(),
-        np.abs([v[-1], a[-1]]).max(),
+        np.abs([v[-1] / limits.velocity, a[-1] / limits.acceleration]).max(),
     ]
     step = 1e-6
     speed = np.linalg.norm(cartesian(p + step * v) - cartesian(p - step * v), axis=1)[1:] / (2 * step)
@@ -53,7 +54,7 @@ def peak_at(viewpoint: np.ndarray) -> np.ndarray:
     return weights
 
 
-@settings(max_examples=25, deadline=None)
+@share_of_examples(0.25)
 @given(seeds, st.sampled_from([FLIGHT, GRID]))
 def test_plans_keep_the_limits_and_can_be_followed_by_others(seed: int, limits: TrajectoryLimits) -> None:
     rng = np.random.default_rng(seed)
@@ -70,21 +71,22 @@ def test_plans_keep_the_limits_and_can_be_followed_by_others(seed: int, limits: 
         task = replace(task, field_weights=task.field_weights + 0.3 * rng.normal(size=BASIS_SIZE))
 
 
-@settings(max_examples=25, deadline=None)
+@share_of_examples(0.25)
 @given(seeds, st.sampled_from([FLIGHT, GRID]))
-def test_capped_plans_nearly_keep_the_limits_too(seed: int, limits: TrajectoryLimits) -> None:
+@example(152, GRID)  # was stopped with a gap of 0.03 m/s between velocity and acceleration
+def test_capped_plans_keep_the_limits_too(seed: int, limits: TrajectoryLimits) -> None:
     rng = np.random.default_rng(seed)
     task, previous = random_task(rng, limits=limits, node_time=0.08 if limits.shared else 0.2), None
-    for _ in range(3):
-        previous = CAPPED.solve_best(task, sample_starts(rng, 8), previous, task.node_time)
-        assert not previous.fell_back
-        assert previous.violation <= CAPPED_TOLERANCE
-        assert largest_excess(task, previous.trajectory) <= 10 * CAPPED_TOLERANCE
+    for solver in (CAPPED, CAPPED, ONCE):
+        previous = solver.solve_best(task, sample_starts(rng, 8), previous, task.node_time)
+        assert previous.status in (SolveStatus.CAPPED, SolveStatus.OPTIMAL)
+        assert previous.violation <= TOLERANCE
+        assert largest_excess(task, previous.trajectory) <= 5 * TOLERANCE  # the position's unit is 5 m
         position, velocity, acceleration, _ = previous.trajectory
         task = replace(task, position=position[1], velocity=velocity[1], acceleration=acceleration[1])
 
 
-@settings(max_examples=10, deadline=None)
+@share_of_examples(0.1)
 @given(seeds)
 def test_fatrop_and_ipopt_and_a_warm_start_find_the_same_optimum(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -165,7 +167,7 @@ def test_a_field_that_is_not_finite_holds_the_viewpoint_and_says_so(name: str, b
     getattr(task, name)[3] = bad
     solver = TrajectorySolver()
     solution = solver.solve_best(task, sample_starts(np.random.default_rng(0), 4))
-    assert solution.status == "nan-field" and solution.fell_back and solution.held
+    assert solution.status == "nan-field" and solution.held
     np.testing.assert_array_equal(solution.trajectory.position, task.hold().position)
     assert solver.statistics.counts == {SolveStatus.NAN_FIELD: 1} and solver.statistics.fallbacks == 1
 
@@ -185,7 +187,7 @@ def test_a_start_without_a_way_within_the_limits_holds_the_viewpoint_and_says_so
     task = random_task(np.random.default_rng(0), **changes)
     solver = TrajectorySolver(max_iterations=max_iterations)
     solution = solver.solve(task, task.hold())
-    assert solution.status == "infeasible" and solution.fell_back and solution.held
+    assert solution.status == "infeasible" and solution.held
     np.testing.assert_array_equal(solution.trajectory.position, task.hold().position)
     assert solver.statistics.fallbacks == 1
     assert capfd.readouterr().out == ""  # neither solver prints
@@ -203,7 +205,7 @@ def test_ipopt_takes_over_where_fatrop_fails() -> None:
     task = random_task(np.random.default_rng(0))
     solver._solver = solver._build("fatrop", 1)  # one that cannot converge
     solution = solver.solve(task, task.hold())
-    assert solution.status == "ipopt-fallback" and solution.fell_back and not solution.held
+    assert solution.status == "ipopt-fallback" and not solution.held
     assert solution.violation <= TOLERANCE
     assert solution.objective == pytest.approx(SOLVER.solve(task, task.hold()).objective, rel=1e-3)
     assert solver.statistics.fallbacks == 1 and len(solver.statistics.solve_seconds) == 2

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ehar.arrays import FloatArray
@@ -10,11 +10,12 @@ from ehar.data.scenario import split_parts, windows
 from ehar.data.skeleton import Skeleton
 from ehar.data.source import load_data
 from ehar.errors import DataError
-from ehar.sensors.estimator import make_sensor
+from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import draw_noise
 from ehar.viewpoint import wrap_difference
 from planners.value.body_filter import UNIFORM_STD, BodyFilter, trunk_pairs
 from recognition.training.views import training_viewpoints
+from tests.helpers.examples import share_of_examples
 from tests.helpers.fakes import POSE, SKELETON, tiny_data
 
 PAIRS = np.array([[1, 2], [4, 5]])
@@ -45,7 +46,7 @@ def watch(positions: FloatArray, viewpoints: FloatArray, **noise: float) -> Body
     return body
 
 
-@settings(deadline=None, max_examples=30)
+@share_of_examples(0.3)
 @given(azimuth=st.floats(-3.1, 3.1), begin=st.floats(0, 6.2), polar=st.floats(0.2, 1.0))
 def test_facing_is_found_from_one_image_that_is_not_level(azimuth, begin, polar):
     people = facing_people(np.full((1, 1, 1), azimuth))

@@ -10,7 +10,7 @@ from ehar.errors import DataError
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.rollout import rollout
-from ehar.sensors.estimator import make_sensor
+from ehar.sensors.registry import make_sensor
 from ehar.viewpoint import Workspace
 from planners.value import collection as gain_collection
 from planners.value.collection import (

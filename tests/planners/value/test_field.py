@@ -5,7 +5,6 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -34,15 +33,13 @@ def test_weights_are_those_of_the_definition(seed: int, viewpoint: np.ndarray, p
 @pytest.mark.parametrize(
     "viewpoint", [[9.0, 1.0, 0.7], [5.0, 0.0, 0.0], [15.0, 2.0, 0.0], [7.0, -1e-9, 1.2], [7.0, 2 * np.pi, np.pi / 2]]
 )
-def test_numpy_torch_and_casadi_give_the_same_value(viewpoint: list[float]) -> None:
+def test_numpy_and_casadi_give_the_same_value(viewpoint: list[float]) -> None:
     rng = np.random.default_rng(3)
     weights = random_field(rng).weights(random_situation(rng))
     value = field_value(weights, np.array(viewpoint))
     symbols, of = ca.SX.sym("viewpoint", 3), ca.SX.sym("weights", BASIS_SIZE)
     function = ca.Function("value", [of, symbols], [ca.dot(of, ca.vertcat(*view_basis(*ca.vertsplit(symbols), ca)))])
     np.testing.assert_allclose([float(function(row, viewpoint)) for row in weights], value, atol=1e-6)
-    of_torch = field_value(torch.from_numpy(weights), torch.tensor(viewpoint, dtype=torch.float64))
-    np.testing.assert_allclose(of_torch.numpy(), value, atol=1e-6)
 
 
 def test_straight_above_and_across_azimuth_0_it_is_one_smooth_function() -> None:

@@ -92,28 +92,31 @@ def test_a_sensor_without_a_model(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("change", "message"),
     [
-        lambda content: "",
-        lambda content: "{",
-        lambda content: "[1, 2]",
-        lambda content: "null",
-        lambda content: content[: len(content) // 2],
-        lambda content: content.replace("recogniser_sha256", "sha256"),
-        lambda content: content.replace('"trunk"', '"tree"'),
-        lambda content: content.replace('"spread": 0', '"spread": "much 0'),
-        lambda content: content.replace('"parts"', '"part"'),
-        lambda content: content.replace('"correlation": 0.4', '"correlation": 1.4'),
-        lambda content: content.replace('"correlation": 0.4', '"correlation": NaN'),
-        lambda content: content.replace('"process_noise"', '"noise"'),
+        (lambda content: "", "expected the JSON of a gain field, as `ehar train gain-field` writes it, got "),
+        (lambda content: "{", "expected the JSON of a gain field, as `ehar train gain-field` writes it, got "),
+        (lambda content: "[1, 2]", "expected the JSON object of a gain field, "),
+        (lambda content: "null", "expected the JSON object of a gain field, "),
+        (lambda content: content[: len(content) // 2], "expected the JSON of a gain field, "),
+        (lambda content: content.replace("recogniser_sha256", "sha256"), "missing recogniser_sha256, unknown sha256; "),
+        (lambda content: content.replace('"trunk"', '"tree"'), "missing trunk, unknown tree; expected "),
+        (lambda content: content.replace('"spread": 0', '"spread": "much 0'), "expected the JSON of a gain field, "),
+        (lambda content: content.replace('"parts"', '"part"'), "fields.full: missing parts, unknown part; expected "),
+        (lambda content: content.replace('"correlation": 0.4', '"correlation": 1.4'), "belief: correlation: expected "),
+        (
+            lambda content: content.replace('"correlation": 0.4', '"correlation": NaN'),
+            "belief.correlation: expected a finite number, got nan",
+        ),
+        (lambda content: content.replace('"process_noise"', '"noise"'), "belief: unknown noise; expected log_scale, "),
     ],
 )
-def test_a_malformed_description(path: Path, change: Callable[[str], str]) -> None:
+def test_a_malformed_description(path: Path, change: Callable[[str], str], message: str) -> None:
     description = path.with_suffix(".json")
     content = description.read_text()
     assert change(content) != content
     description.write_text(change(content))
-    assert refusal(path).startswith(f"{description}: expected the JSON that `ehar train gain-field` writes, got ")
+    assert refusal(path).startswith(f"{description}: {message}")
 
 
 @pytest.mark.parametrize(
@@ -122,12 +125,12 @@ def test_a_malformed_description(path: Path, change: Callable[[str], str]) -> No
 def test_a_trunk_that_is_not_made_of_pairs_of_joints(path: Path, trunk: Any) -> None:
     description = path.with_suffix(".json")
     description.write_text(json.dumps(json.loads(description.read_text()) | {"trunk": trunk}))
-    assert refusal(path).startswith(f"{description}: expected the JSON")
+    assert refusal(path).startswith(f"{description}: trunk")
 
 
 def test_a_description_that_is_not_text(path: Path) -> None:
     path.with_suffix(".json").write_bytes(b"\xff\xfe\x00{")
-    assert refusal(path).startswith(f"{path.with_suffix('.json')}: expected the JSON")
+    assert refusal(path).startswith(f"{path.with_suffix('.json')}: expected the JSON of a gain field, ")
 
 
 @pytest.mark.parametrize("kept", [0, 5, 100, 5000])
@@ -158,15 +161,17 @@ def test_tensors_that_are_no_field(path: Path, matrix: str, change: Callable[[np
     assert refusal(path).startswith(f"{path}: expected the gain fields full, no-facing, got ")
 
 
-@pytest.mark.parametrize("parts", [["mood"], "ratio"])
-def test_unknown_parts(path: Path, parts: Any) -> None:
+def test_unknown_parts(path: Path) -> None:
     description = path.with_suffix(".json")
     content = json.loads(description.read_text())
-    content["fields"][FULL]["parts"] = parts
+    content["fields"][FULL]["parts"] = ["mood"]
     description.write_text(json.dumps(content))
     message = refusal(path)
     assert message.startswith(f"{path}: expected the gain fields")
-    assert "expected parts among ratio, history, belief, embedding, facing, got " in message
+    assert "expected parts among ratio, history, belief, embedding, facing, got mood" in message
+    content["fields"][FULL]["parts"] = "ratio"
+    description.write_text(json.dumps(content))
+    assert refusal(path) == f"{description}: fields.full.parts: expected a list, got 'ratio'"
 
 
 @pytest.mark.parametrize("spread", [-1.0, float("nan"), float("inf"), 10**400])

@@ -1,15 +1,12 @@
-import pickle
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
-from safetensors.torch import save_file
+from safetensors.torch import load_file
 from torch import nn
 
 from ehar.data.skeleton import Skeleton
 from ehar.errors import ModelError
-from recognition.networks.ctrgcn import CTRGC, CTRGCN, SpatialUnit, TemporalUnit, load_published, relation_channels
+from recognition.networks.ctrgcn import CTRGC, CTRGCN, SpatialUnit, TemporalUnit, relation_channels
 from recognition.networks.graph import partition
 from tests.helpers.places import SHARED
 
@@ -59,7 +56,7 @@ def noise(*shape, seed=1):
 def test_published_logits():
     if not REFERENCE.exists():
         pytest.skip("shared/data/ctrgcn_reference.safetensors is absent")
-    tensors = load_published(REFERENCE)
+    tensors = load_file(REFERENCE)
     network = ntu_network()
     state = {name.removeprefix("state."): value for name, value in tensors.items() if name.startswith("state.")}
     network.load_state_dict(state, strict=True)
@@ -201,59 +198,3 @@ def test_relation_channels():
 def test_sizes_that_contradict_each_other(change, message):
     with pytest.raises(ModelError, match=message):
         small_network(**change)
-
-
-@pytest.mark.parametrize("prefix", ["", "module."])
-@pytest.mark.parametrize("suffix", [".pt", ".safetensors"])
-def test_weights_round_trip(tmp_path, prefix, suffix):
-    network = randomised(small_network())
-    path = tmp_path / f"weights{suffix}"
-    prefixed = {prefix + name: value for name, value in network.state_dict().items()}
-    (save_file if suffix == ".safetensors" else torch.save)(prefixed, path)
-    loaded = small_network()
-    loaded.load_state_dict(load_published(path), strict=True)
-    x = noise(2, 3, 8, 5, 2)
-    with torch.inference_mode():
-        assert torch.equal(loaded(x), network(x))
-
-
-class Payload:
-    """A pickle that leaves a file behind when it is loaded."""
-
-    def __init__(self, trace):
-        self.trace = trace
-
-    def __reduce__(self):
-        return Path.touch, (self.trace,)
-
-
-@pytest.mark.parametrize(
-    "save", [torch.save, lambda content, path: path.write_bytes(pickle.dumps(content, protocol=2))]
-)
-def test_a_pickle_that_executes_code_is_refused(tmp_path, save):
-    trace, path = tmp_path / "executed", tmp_path / "hostile.pt"
-    save({"fc.weight": torch.zeros(1), "extra": Payload(trace)}, path)
-    with pytest.raises(ModelError, match=r"hostile\.pt"):
-        load_published(path)
-    assert not trace.exists()
-    pickle.loads(pickle.dumps(Payload(trace)))
-    assert trace.exists(), "the payload must be one that works"
-
-
-@pytest.mark.parametrize("name", ["weights.pt", "weights.safetensors"])
-@pytest.mark.parametrize("content", [b"", b"not weights", bytes(range(256)) * 4])
-def test_a_malformed_file_is_named(tmp_path, name, content):
-    path = tmp_path / name
-    with pytest.raises(ModelError, match=name):
-        load_published(path)
-    path.write_bytes(content)
-    with pytest.raises(ModelError, match=name) as error:
-        load_published(path)
-    assert "\n" not in str(error.value)
-
-
-def test_other_content_is_refused(tmp_path):
-    for content in ([torch.zeros(1)], {"epoch": 3}):
-        torch.save(content, tmp_path / "weights.pt")
-        with pytest.raises(ModelError, match=r"weights\.pt.*state dict"):
-            load_published(tmp_path / "weights.pt")

@@ -9,7 +9,7 @@ import torch
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import split_parts
 from ehar.errors import DataError
-from ehar.sensors.estimator import make_sensor
+from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import PerfectSensor, Sensed, SensorNoise
 from recognition.networks.features import channel_count
 from recognition.training.clips import BODY_SCALE, Clips, ClipSource

@@ -3,68 +3,69 @@
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from ehar.data.scenario import TEST
 from eval.render.tables import (
     PRIVILEGED,
-    Rendered,
     Table,
     interval_text,
-    markdown,
     no_interval_footnotes,
     share_text,
 )
 from eval.scores.differences import Difference
 from eval.scores.metrics import ACC_AT
-from eval.scores.summary import NO_ACT, ORACLE, PlannerSummary, Summary
+from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
 
 _SPREAD = "±"
 _KEPT = ("kept % [95 %]",)
 _FLIGHT = ("peak [m/s]", "[m/s^2]", "[m/s^3]", "effort [m^2/s^3]", "at limit %")
 
 
-def render_summary(summary: Summary) -> Rendered:
-    """Return all tables of a summary for the terminal."""
-    return Rendered(*summary_tables(summary))
+def summary_tables(
+    title: str,
+    data: str,
+    planners: Sequence[PlannerSummary],
+    differences: Sequence[Difference],
+    no_intervals: str | None,
+) -> list[Table]:
+    """Return the table of a summary and, where they exist, that of differences and the paper's.
 
-
-def markdown_summary(summary: Summary) -> str:
-    """Return all tables of a summary in Markdown."""
-    return markdown(*summary_tables(summary))
-
-
-def summary_tables(summary: Summary) -> list[Table]:
-    """Return the table of a summary and, where they exist, that of differences and the paper's."""
-    tables = (benchmark_table(summary), differences_table(summary), paper_table(summary))
+    Args:
+        title: above the first table.
+        data: the title of the data.
+        planners: one row each.
+        differences: between them.
+        no_intervals: why intervals cannot be had; None where they can.
+    """
+    tables = (
+        benchmark_table(title, planners, no_intervals),
+        differences_table(planners, differences, no_intervals),
+        paper_table(data),
+    )
     return [table for table in tables if table is not None]
 
 
-def benchmark_table(summary: Summary) -> Table:
-    """Return the table of a summary: one row a planner, accuracies and gaps in percent; more columns for flights."""
+def benchmark_table(title: str, planners: Sequence[PlannerSummary], no_intervals: str | None) -> Table:
+    """Return one row a planner, accuracies and gaps in percent; more columns for flights."""
     header = ("planner", *(f"acc@{percent}" for percent in ACC_AT), "mean acc [95 %]", "gap closed % [95 %]")
-    flown = any(planner.flight is not None for planner in summary.planners)
-    compared = any(planner.accuracy_kept is not None for planner in summary.planners)
+    flown = any(planner.flight is not None for planner in planners)
+    compared = any(planner.accuracy_kept is not None for planner in planners)
     return Table(
-        title=(
-            f"{summary.data}: sensor {summary.sensor}, views {summary.views}, track {summary.track}, "
-            f"{'' if summary.form == 'causal' else f'recogniser {summary.form}, '}"
-            f"{'' if summary.readout == 'recogniser' else f'readout {summary.readout}, '}"
-            f"{'' if summary.part == TEST else f'{summary.part} part, '}"
-            f"{summary.episodes} episodes of {summary.length} frames from {summary.sequences} sequences"
-        ),
+        title=title,
         header=(*header, *(_KEPT * compared), "NLL", "ECE", "path [m]", *(_FLIGHT * flown), "ms/step"),
-        rows=tuple(_row(planner, compared) for planner in summary.planners),
-        footnotes=tuple(_footnotes(summary, flown=flown, compared=compared)),
+        rows=tuple(_row(planner, compared) for planner in planners),
+        footnotes=(
+            *no_interval_footnotes(no_intervals),
+            *_footnotes(planners, flown=flown, compared=compared),
+        ),
     )
 
 
-def _footnotes(summary: Summary, *, flown: bool, compared: bool) -> Iterator[str]:
+def _footnotes(planners: Sequence[PlannerSummary], *, flown: bool, compared: bool) -> Iterator[str]:
     """Yield what a reader of the table has to know."""
-    names = {planner.name for planner in summary.planners}
-    yield from no_interval_footnotes(summary.no_intervals)
-    yield from _training_footnotes(summary)
-    if any(planner.privileged for planner in summary.planners):
+    names = {planner.name for planner in planners}
+    yield from _training_footnotes(planners)
+    if any(planner.privileged for planner in planners):
         yield f"{PRIVILEGED} privileged: is handed the label and the future."
-    if any(planner.gap_closed is None for planner in summary.planners):
+    if any(planner.gap_closed is None for planner in planners):
         if {NO_ACT, ORACLE} <= names:
             yield "No gap to close: the oracle is no better than no-act here."
         else:
@@ -81,16 +82,16 @@ def _footnotes(summary: Summary, *, flown: bool, compared: bool) -> Iterator[str
         )
     if compared:
         yield "Kept: (accuracy in flight - that of no-act) / (accuracy on the ideal track - that of no-act)."
-    for planner in summary.planners:
+    for planner in planners:
         if planner.solves is not None and planner.solves.fallbacks:
             counts = ", ".join(f"{status} {count}" for status, count in planner.solves.counts.items())
             yield f"{planner.name}: {planner.solves.fallbacks} of {planner.solves.total} plans fell back ({counts})."
 
 
-def _training_footnotes(summary: Summary) -> Iterator[str]:
+def _training_footnotes(planners: Sequence[PlannerSummary]) -> Iterator[str]:
     """Yield what the numbers of planners that were trained with seeds are about."""
-    several = [planner for planner in summary.planners if len(planner.training_seeds) > 1]
-    one = [planner for planner in summary.planners if len(planner.training_seeds) == 1]
+    several = [planner for planner in planners if len(planner.training_seeds) > 1]
+    one = [planner for planner in planners if len(planner.training_seeds) == 1]
     if several:
         counts = ", ".join(f"{planner.name} {len(planner.training_seeds)}" for planner in several)
         yield (
@@ -123,13 +124,15 @@ def _row(planner: PlannerSummary, compared: bool) -> tuple[str, ...]:
     )
 
 
-def differences_table(summary: Summary) -> Table | None:
+def differences_table(
+    planners: Sequence[PlannerSummary], differences: Sequence[Difference], no_intervals: str | None
+) -> Table | None:
     """Return how much more accurate each planner of interest is (columns) than each other (rows); None without any."""
-    if not summary.differences:
+    if not differences:
         return None
-    found = {(of.other, of.planner): of for of in summary.differences}
-    columns = tuple(dict.fromkeys(of.planner for of in summary.differences))
-    rows = [planner.name for planner in summary.planners if any((planner.name, column) in found for column in columns)]
+    found = {(of.other, of.planner): of for of in differences}
+    columns = tuple(dict.fromkeys(of.planner for of in differences))
+    rows = [planner.name for planner in planners if any((planner.name, column) in found for column in columns)]
     cells = [[found.get((row, column)) for column in columns] for row in rows]
     return Table(
         title="Mean accuracy of the column's planner minus that of the row's, on the same episodes, in points [95 %]",
@@ -140,13 +143,13 @@ def differences_table(summary: Summary) -> Table | None:
         ),
         footnotes=(
             "Bold: the interval excludes zero.",
-            *no_interval_footnotes(summary.no_intervals),
-            *smallest_footnotes(summary.differences),
+            *no_interval_footnotes(no_intervals),
+            *smallest_footnotes(differences),
         ),
         bold=frozenset(
             (row, column)
-            for row, differences in enumerate(cells)
-            for column, of in enumerate(differences, 1)
+            for row, found_there in enumerate(cells)
+            for column, of in enumerate(found_there, 1)
             if of is not None and of.is_clear
         ),
     )
@@ -204,13 +207,13 @@ def paper_gap_closed(rows: tuple[PaperRow, ...], name: str) -> float:
     return (acc[name] - acc["no-act"]) / (acc["oracle"] - acc["no-act"])
 
 
-def paper_table(summary: Summary) -> Table | None:
+def paper_table(data: str) -> Table | None:
     """Return the paper's own rows where the data is one of its two sets."""
-    rows = PAPER_ROWS.get(summary.data)
+    rows = PAPER_ROWS.get(data)
     if rows is None:
         return None
     return Table(
-        title=f"The paper's rows on {summary.data}, with its recogniser and its scenarios",
+        title=f"The paper's rows on {data}, with its recogniser and its scenarios",
         header=("planner", *(f"acc@{percent}" for percent in ACC_AT), "mean acc", "gap closed %"),
         rows=tuple(_paper_row(row, rows) for row in rows),
         footnotes=(f"{PRIVILEGED} privileged.",),

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from eval.speed.planning import measure_solves
 from planners.search.solver import TOLERANCE, TrajectorySolver
-from planners.search.timing import measure_solves
 from tests.helpers.trajectory_tasks import FLIGHT
 
 

@@ -1,0 +1,84 @@
+"""The conditions of a run: which people are watched, through what, by what, and from where."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args, get_type_hints
+
+from ehar.data.motion_data import MotionData
+from ehar.data.scenario import PARTS, TEST
+from ehar.errors import UsageError
+from ehar.flight.vehicle import Vehicle
+from ehar.motion import Motion
+from ehar.recogniser import Recogniser
+from ehar.sensors.sensor import Sensor
+from ehar.track import IDEAL
+
+Form = Literal["causal", "ctrgcn"]
+FORMS: tuple[Form, ...] = get_args(Form)
+REGIMES = ("moving", "paper")  # of the views that a recogniser is trained on
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conditions:
+    """What every part of a run is told; it is passed whole.
+
+    Where a name stands, an object of your own may stand too.
+
+    Args:
+        data: duo, solo, or a prepared .npz.
+        models: folder of weights.
+        sensor: perfect (exact joints), estimator (noise, occlusion, dropout, swaps), or your own: file.py:Class.
+        track: ideal (grid moves), px4-auto, px4-max, tracking-drone, a vehicle file, or your own: file.py:Class.
+        starts: start viewpoints of each scenario.
+        length: frames of an episode.
+        fps: frame rate to resample to [Hz].
+        seed: of start viewpoints, noise and random planners.
+        part: of the data: test, validation, policy or recogniser.
+        views: cameras the recogniser was trained on: moving or paper.
+        form: causal (streams) or ctrgcn (as published, on each prefix).
+        recogniser: your own: file.py:Class.
+
+    Raises:
+        UsageError: a word is unknown, or a number too small.
+    """
+
+    data: str | Path | MotionData = "duo"
+    models: str | Path | None = None
+    sensor: str | Sensor = "perfect"
+    track: str | Path | Vehicle | Motion = IDEAL
+    starts: int = 1
+    length: int = 60
+    fps: float | None = None
+    seed: int = 0
+    part: str = TEST
+    views: str = "moving"
+    form: Form = "causal"
+    recogniser: str | Recogniser | None = None
+
+    def __post_init__(self) -> None:
+        """Check words and numbers."""
+        for name, known in (("part", PARTS), ("views", REGIMES), ("form", FORMS)):
+            value = getattr(self, name)
+            if value not in known:
+                raise UsageError(f"unknown {name} {value!r}; expected one of: {', '.join(known)}")
+        for name, least in (("starts", 1), ("length", 1), ("seed", 0)):
+            value = getattr(self, name)
+            if not isinstance(value, int) or value < least:
+                raise UsageError(f"{name}: expected a whole number of at least {least}, got {value!r}")
+        if self.recogniser is not None and self.form != "causal":
+            raise UsageError(f"form: expected none beside a recogniser of your own, got {self.form}")
+
+    @staticmethod
+    def named_types() -> dict[str, Any]:
+        """Return the type of each field where names stand in place of objects: what flags and files hold."""
+        types = {}
+        for name, kind in get_type_hints(Conditions).items():
+            choices = get_args(kind)
+            optional = type(None) in choices
+            types[name] = (str | None if optional else str) if str in choices else kind
+        return types
+
+    @property
+    def directory(self) -> Path | None:
+        """The folder of weights; None takes those that ship with ehar."""
+        return None if self.models is None else Path(self.models)

@@ -1,0 +1,84 @@
+"""The one place that sets up a rollout: what planners are told, the batch, the body, and the roll itself."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.data.motion_data import MotionData
+from ehar.data.scenario import Scenarios
+from ehar.motion import Motion
+from ehar.planner import Context, Planner
+from ehar.recogniser import Recogniser
+from ehar.rollout import Batch, Record, rollout
+from ehar.sensors.sensor import Sensor
+from ehar.track import Track
+from ehar.viewpoint import Workspace
+
+
+@dataclass(frozen=True, eq=False)
+class Runner:
+    """Rolls planners over episodes.
+
+    Args:
+        data: the motion that is watched.
+        recogniser: which all planners see with.
+        sensor: which all planners see through.
+        track: how cameras move.
+    """
+
+    data: MotionData
+    recogniser: Recogniser
+    sensor: Sensor
+    track: Track = field(default_factory=Track)
+
+    def batch(self, scenarios: Scenarios, chosen: IntArray, starts: FloatArray, rng: np.random.Generator) -> Batch:
+        """Return episodes that run together.
+
+        Args:
+            scenarios: the motions.
+            chosen: (B,) index into `scenarios`.
+            starts: (B, 3) start viewpoints.
+            rng: draws the sensor's noise.
+        """
+        return Batch.of(scenarios, chosen, starts, scenarios.draw_noise(rng, len(chosen)))
+
+    def context(
+        self, episodes: int, length: int, rng: np.random.Generator, workspace: Workspace | None = None
+    ) -> Context:
+        """Return what a planner is told before a batch begins.
+
+        Args:
+            episodes: B.
+            length: L, frames in an episode.
+            rng: the planner's own.
+            workspace: where the camera may be; None is the paper's.
+        """
+        return Context(
+            episodes=episodes,
+            length=length,
+            frame_time=1 / self.data.fps,
+            class_names=self.data.class_names,
+            skeleton=self.data.skeleton,
+            workspace=workspace or Workspace(),
+            track=self.track.name,
+            rng=rng,
+            vehicle=self.track.vehicle,
+        )
+
+    def roll(self, planner: Planner, batch: Batch, rng: np.random.Generator, motion: Motion | None = None) -> Record:
+        """Run a planner over a batch.
+
+        Args:
+            planner: decides where to look from.
+            batch: the episodes.
+            rng: the planner's own.
+            motion: carries the camera; None is a new body of the track.
+
+        Raises:
+            EpisodeError: as `ehar.rollout.rollout`.
+        """
+        body = self.track.new_motion() if motion is None else motion
+        episodes, length = batch.positions.shape[:2]
+        context = self.context(episodes, length, rng, body.workspace)
+        return rollout(planner, batch, self.recogniser, self.sensor, body, context)

@@ -1,0 +1,254 @@
+"""A run of the benchmark: its configuration, records and summary, as `benchmark` returns it or a folder holds it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from ehar.conditions import Conditions
+from ehar.errors import DataError, EharError, UsageError
+from ehar.files import json_text, write_text
+from ehar.track import IDEAL
+from eval.records.config import CONFIG, RunConfig, read_config
+from eval.records.episodes import EpisodeRecords, episode_lines, read_episodes
+from eval.records.run_files import EPISODES, SUMMARY, check_out
+from eval.scores.metrics import ACC_AT, mean_acc, path_length, right_at
+from eval.scores.seed_accuracy import pool_seeds
+from eval.scores.summary import Summary, read_summary
+from eval.scores.training_seeds import curves, first_trainings
+
+if TYPE_CHECKING:
+    import pandas
+
+Held = TypeVar("Held")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run:
+    """A run of the benchmark. It prints as its table, in a notebook as HTML.
+
+    Args:
+        config: what decided it.
+        records: of each planner, by the name that it ran under; arrays start with N, its episodes.
+        class_names: K.
+        made: the summary; None reads that of the folder.
+        directory: the folder that it was read from; None for one that has not been.
+    """
+
+    config: RunConfig
+    records: Mapping[str, EpisodeRecords]
+    class_names: tuple[str, ...] | None = None
+    made: Summary | None = None
+    directory: Path | None = None
+
+    @cached_property
+    def summary(self) -> Summary:
+        """How well each planner did.
+
+        Raises:
+            UsageError: the folder has no summary.json, as when the run was interrupted.
+            DataError: it is not that of the records.
+        """
+        if self.made is not None:
+            return self.made
+        return read_summary(self.folder / SUMMARY, self.config, self.records)
+
+    @property
+    def folder(self) -> Path:
+        """The folder that the run was read from.
+
+        Raises:
+            UsageError: it is in memory only.
+        """
+        if self.directory is None:
+            raise UsageError("expected a run in a folder, this one is in memory: save it, or give the benchmark `out`")
+        return self.directory
+
+    @property
+    def conditions(self) -> Conditions:
+        """What the run was told, with names in place of objects."""
+        return self.config.conditions
+
+    @property
+    def flown(self) -> bool:
+        """Whether a vehicle carried the cameras."""
+        return self.config.vehicle is not None or self.conditions.track != IDEAL
+
+    def episodes(self, name: str) -> EpisodeRecords:
+        """Return the records of a planner, those of all its training seeds together.
+
+        Raises:
+            UsageError: it is not among the run's planners.
+        """
+        return self._of({**pool_seeds(self.records), **self.records}, name)
+
+    def record_name(self, name: str) -> str:
+        """Return the name of a planner's record, that of the first training where several go by this name.
+
+        Raises:
+            UsageError: it is not among the run's planners.
+        """
+        return self._of({**first_trainings(self.records), **{record: record for record in self.records}}, name)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write config.json, episodes.jsonl, summary.json, table.md and the accuracy curve; return the folder.
+
+        Raises:
+            UsageError: the folder cannot be written to, or holds another run.
+        """
+        from eval.render.figures import draw_accuracy  # matplotlib takes a second to import
+        from eval.render.tables import markdown
+
+        out, classes = Path(folder), len(class_names(self, lambda _: None))
+        check_out(out, self.config.to_json())
+        write_records(out, self.config, self.records, self.summary)
+        write_text(out / "table.md", [markdown(*self.summary.tables())])
+        privileged = {planner.name for planner in self.summary.planners if planner.privileged}
+        draw_accuracy(curves(self.records), privileged, classes, self.config.title, out / "accuracy")
+        return out
+
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """Return one row an episode and planner: names, accuracy over the frames, and what was recorded once.
+
+        Raises:
+            UsageError: pandas is not installed.
+        """
+        try:
+            import pandas
+        except ImportError as error:
+            raise UsageError("expected pandas for a data frame, it is not installed: pip install pandas") from error
+        names = self.class_names
+        return pandas.concat(
+            [pandas.DataFrame(_columns(planner, episodes, names)) for planner, episodes in self.records.items()],
+            ignore_index=True,
+        )
+
+    def __repr__(self) -> str:
+        """Return a line: what ran, on what, how many episodes."""
+        episodes = len(next(iter(self.records.values()), ()))
+        return f"Run({self.config.title}: {len(self.records)} planners, {episodes} episodes each)"
+
+    def __str__(self) -> str:
+        """Return the summary's table."""
+        return str(self.summary)
+
+    def _repr_html_(self) -> str:
+        """Return the summary's table for a notebook."""
+        from eval.render.tables import html
+
+        return "".join(html(table) for table in self.summary.tables())
+
+    def _of(self, named: Mapping[str, Held], name: str) -> Held:
+        if name not in named:
+            raise UsageError(
+                f"{self.directory or 'this run'}: no planner {name!r}; expected one of: {', '.join(named)}"
+            )
+        return named[name]
+
+
+def write_records(out: Path, config: RunConfig, records: Mapping[str, EpisodeRecords], summary: Summary | None) -> None:
+    """Write a run; `records` may hold more than `summary` covers where the run was interrupted."""
+    write_text(out / CONFIG, [json_text(config.to_json())])
+    write_text(out / EPISODES, episode_lines(records))
+    if summary is None:
+        (out / SUMMARY).unlink(missing_ok=True)
+    else:
+        write_text(out / SUMMARY, [json_text(summary.to_json())])
+
+
+def _columns(planner: str, episodes: EpisodeRecords, class_names: tuple[str, ...] | None) -> dict[str, Any]:
+    """Return the columns of a data frame."""
+    named = np.array(class_names, dtype=object) if class_names is not None else None
+    last = episodes.predicted[:, -1]
+    return {
+        "planner": planner,
+        "sequence": list(episodes.sequence),
+        "first_frame": episodes.first,
+        "label": episodes.label if named is None else named[episodes.label],
+        "predicted": last if named is None else named[last],
+        "acc_mean": 100 * mean_acc(episodes.correct),
+        **{f"right_at_{percent}": right_at(episodes.correct, percent) for percent in ACC_AT},
+        "true_probability": episodes.true_probability[:, -1],
+        "path_length_m": path_length(episodes.viewpoint),
+        "start_distance_m": episodes.start[:, 0],
+        "start_azimuth_deg": np.degrees(episodes.start[:, 1]),
+        "start_polar_deg": np.degrees(episodes.start[:, 2]),
+        **({} if episodes.flight is None else vars(episodes.flight)),
+    }
+
+
+def read_run(directory: str | Path) -> Run:
+    """Read a run of `ehar benchmark`.
+
+    Raises:
+        UsageError: the folder holds no such run, or one of another schema.
+        DataError: its files cannot be read, it is incomplete, as one that was interrupted, or planners ran different
+            episodes.
+    """
+    directory = Path(directory)
+    config = read_config(directory)
+    records = read_episodes(directory / EPISODES)
+    reason = why_incomplete(directory, config, records)
+    if reason is not None:
+        raise DataError(f"{directory}: expected a finished run, this one is incomplete: {reason}")
+    names = list(records)
+    for name in names[1:]:
+        if not same_episodes(records[names[0]], records[name]):
+            raise DataError(
+                f"{directory}: expected the same episodes for every planner, those of {name} are not {names[0]}'s"
+            )
+    return Run(config, records, directory=directory)
+
+
+def why_incomplete(directory: Path, config: RunConfig, records: Mapping[str, EpisodeRecords]) -> str | None:
+    """Return what a run lacks, such as one that was interrupted; None where it was finished."""
+    absent = [planner.name for planner in config.planners if planner.name not in records]
+    if absent or not records:
+        return f"no episodes of {', '.join(absent) or 'any planner'}"
+    most = max(len(episodes) for episodes in records.values())
+    for name, episodes in records.items():
+        if len(episodes) < most:
+            return f"{name} has {len(episodes)} of {most} episodes"
+    return None if (directory / SUMMARY).is_file() else f"no {SUMMARY}"
+
+
+def same_episodes(one: EpisodeRecords, other: EpisodeRecords) -> bool:
+    """Return whether records are of the same windows of the same sequences, from the same starts, in one order."""
+    return (
+        one.sequence == other.sequence
+        and one.predicted.shape == other.predicted.shape
+        and all(np.array_equal(getattr(one, key), getattr(other, key)) for key in ("first", "start", "label"))
+    )
+
+
+def class_names(run: Run, note: Callable[[str], None], source: str | Path | None = None) -> tuple[str, ...]:
+    """Return the names of the run's classes; numbers, and a note why, where its data is not here any more.
+
+    Args:
+        run: the run.
+        note: told the reason.
+        source: where its data lie now; None is where they lay.
+
+    Raises:
+        EharError: what was asked for by `source` cannot be read.
+    """
+    from ehar.data.source import load_data
+
+    if run.class_names is not None:
+        return run.class_names
+    conditions = run.conditions
+    place = conditions.data if source is None else source
+    try:
+        data = load_data(str(place), fps=conditions.fps)
+        reason = None if data.sha256 == run.config.data_sha256 else f"{place}: not the data of the run"
+    except EharError as error:
+        if source is not None:
+            raise
+        reason = str(error)
+    if reason is None:
+        return data.class_names
+    note(f"classes are numbered, as their names cannot be read: {reason}")
+    return tuple(f"class {label}" for label in range(max(int(of.label.max()) for of in run.records.values()) + 1))

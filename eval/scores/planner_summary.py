@@ -1,0 +1,87 @@
+"""What a summary says of one planner."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from ehar.files import json_text, parse_json
+from eval.records.flights import KEYS, FlightSummary, flight_numbers
+from eval.records.solves import Solves
+from eval.scores.statistics import Interval
+
+NO_ACT, ORACLE = "no-act", "oracle"  # the two ends of the gap
+
+
+@dataclass(frozen=True)
+class PlannerSummary:
+    """How well one planner did; of one that was trained with several seeds every number is the mean over them.
+
+    Args:
+        name: the planner's, without seeds.
+        privileged: whether it was handed the truth.
+        training_seeds: which it was trained with, in ascending order; empty for a planner that names none.
+        acc: accuracy [%] after 10 to 100 % of the frames.
+        acc_mean: accuracy [%], the mean over all frames.
+        acc_mean_ci95: its 95 % interval, bootstrap over sequences and, where there are several, training seeds; None,
+            like all intervals, where they cannot be had.
+        acc_mean_seed_sd: standard deviation (ddof 1) of `acc_mean` over training seeds [percentage points]; None below
+            two seeds.
+        acc_iqm: accuracy [%], the interquartile mean over sequences and training seeds, each sequence counting once.
+        acc_iqm_ci95: its 95 % interval.
+        gap_closed: the share of the way from no-act to the oracle, that of the ideal track for flights which are
+            compared with it; None where one of them was not run, or the oracle was no better.
+        gap_closed_ci95: its 95 % interval.
+        nll: mean negative log-likelihood of the true class [nat].
+        ece: expected calibration error, 0 to 1; each training's own, so that their errors do not cancel.
+        path_length_m: mean distance travelled in an episode [m].
+        step_ms: planning time of one frame of one episode [ms]; like `solves` not in the records.
+        flight: what its flights demanded of the vehicle, those of all seeds; None on the ideal track.
+        accuracy_kept: the gap closed in flight over that on the ideal track, both of the ideal track's gap, so that
+            the oracle cancels: (acc in flight - acc of no-act) / (acc on the ideal track - acc of no-act), mean
+            accuracies over frames. None without a run of each of its seeds on the ideal track, or where the planner
+            gained nothing there.
+        accuracy_kept_ci95: its 95 % interval, over the resamples in which the planner gained on the ideal track.
+        solves: what became of its plans, those of all seeds; None for a planner that counts none.
+    """
+
+    name: str
+    privileged: bool
+    training_seeds: tuple[int, ...]
+    acc: dict[str, float]
+    acc_mean: float
+    acc_mean_ci95: Interval | None
+    acc_mean_seed_sd: float | None
+    acc_iqm: float
+    acc_iqm_ci95: Interval | None
+    gap_closed: float | None
+    gap_closed_ci95: Interval | None
+    nll: float
+    ece: float
+    path_length_m: float
+    step_ms: float
+    flight: FlightSummary | None = None
+    accuracy_kept: float | None = None
+    accuracy_kept_ci95: Interval | None = None
+    solves: Solves | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what summary.json holds: the same keys for every planner on every track, flat."""
+        values = {name: value for name, value in asdict(self).items() if name not in ("flight", "solves")}
+        return {
+            **values,
+            **flight_numbers(self.flight),
+            "solves": None if self.solves is None else self.solves.counts,
+            "fallback_share": None if self.solves is None else self.solves.fallback_share,
+        }
+
+
+def parse_planner(held: dict[str, Any], where: str) -> PlannerSummary:
+    """Return what is said of one planner; flights and plans lie flat beside the rest."""
+    flown = {key: held.get(key) for key in KEYS}
+    solves = held.get("solves")
+    nested: dict[str, Any] = {name: value for name, value in held.items() if name not in KEYS}
+    nested["flight"] = None if None in flown.values() else flown
+    if isinstance(solves, dict):  # the file has the share of plans that fell back, not their number
+        share = held.get("fallback_share")
+        plans = sum(count for count in solves.values() if isinstance(count, int))
+        nested["solves"] = {"counts": solves, "fallbacks": round(share * plans) if isinstance(share, float) else share}
+    return parse_json(json_text(nested), PlannerSummary, where, "a planner's summary", unknown=True, defaults=True)

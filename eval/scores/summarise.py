@@ -1,0 +1,175 @@
+"""Computes the summary of a run: each of its numbers is a pure function of the records."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.errors import DataError
+from eval.records.config import RunConfig
+from eval.records.episodes import EpisodeRecords
+from eval.records.flights import FlightSummary, join_flights, summarise_flights
+from eval.records.solves import Solves, join_solves
+from eval.scores.differences import differences
+from eval.scores.metrics import ACC_AT, acc_at, ece, gap_closed, mean_acc, nll, path_length
+from eval.scores.planner_accuracy import planner_accuracy, resample_sequences
+from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
+from eval.scores.sequence_scores import interquartile_mean, resampled_interquartile_means
+from eval.scores.statistics import interval, pair, resampled_means
+from eval.scores.summary import Summary
+from eval.scores.training_seeds import PlannerGroup, group_planners, mean_over_seeds, resample_seeds
+
+
+def summarise(
+    records: Mapping[str, EpisodeRecords],
+    config: RunConfig,
+    *,
+    privileged: Mapping[str, bool],
+    step_ms: Mapping[str, float],
+    solves: Mapping[str, Solves | None] | None = None,
+    on_ideal: Mapping[str, EpisodeRecords] | None = None,
+) -> Summary:
+    """Compute a summary from the records of planners that ran the same episodes.
+
+    Args:
+        records: by record name; trainings of one planner, `il-ppo/0`, `il-ppo/1`, ..., are summarised as one.
+        config: what decided them.
+        privileged: which planners were handed the truth, by record name.
+        step_ms: planning time of each, by record name.
+        solves: what became of the plans of those that count them, by record name.
+        on_ideal: records of the same episodes on the ideal track, no-act among them; flights are compared with them.
+
+    Raises:
+        DataError: there are no records, the planners' episodes differ, or one has records with and without a seed.
+    """
+    if not records:
+        raise DataError("expected the records of at least one planner, got none")
+    reference = next(iter(records.values()))
+    for name, episodes in records.items():
+        _check_same_episodes(name, episodes, reference)
+    for name, episodes in (on_ideal or {}).items():
+        _check_same_episodes(f"{name} on the ideal track", episodes, reference)
+    groups = group_planners(records)
+    trainings = [[records[name] for name in group.records] for group in groups]
+    resamples = resample_sequences(list(records.values()))
+    clusters, counts = resamples.clusters, resamples.counts
+    compared = [planner_accuracy(group, records, resamples) for group in groups]
+    accuracy = np.stack([mean_acc(episodes.correct) for episodes in records.values()])
+    acc_of_record = accuracy.mean(axis=1)
+    gaps, gap_ends = _gaps(groups, accuracy, clusters, counts, on_ideal)
+    kept, kept_ends = _kept(groups, accuracy, clusters, counts, on_ideal)
+    planners = tuple(
+        PlannerSummary(
+            name=group.name,
+            privileged=any(privileged[name] for name in group.records),
+            training_seeds=group.seeds,
+            acc={str(percent): 100 * _mean(acc_at(one.correct, percent) for one in trained) for percent in ACC_AT},
+            acc_mean=100 * of.mean,
+            acc_mean_ci95=pair(100 * interval(of.resampled)),
+            acc_mean_seed_sd=100 * float(acc_of_record[list(group.rows)].std(ddof=1)) if len(group.rows) > 1 else None,
+            acc_iqm=100 * interquartile_mean(of.by_sequence),
+            acc_iqm_ci95=pair(100 * interval(resampled_interquartile_means(of.by_sequence, counts, of.draws))),
+            gap_closed=float(gaps[row]) if np.isfinite(gaps[row]) else None,
+            gap_closed_ci95=pair(gap_ends[row]) if np.isfinite(gaps[row]) else None,
+            nll=_mean(nll(one.true_probability) for one in trained),
+            ece=_mean(ece(one.top_probability, one.correct) for one in trained),
+            path_length_m=_mean(path_length(one.viewpoint).mean() for one in trained),
+            step_ms=_mean(step_ms[name] for name in group.records),
+            flight=_flights(trained),
+            accuracy_kept=float(kept[row]) if np.isfinite(kept[row]) else None,
+            accuracy_kept_ci95=pair(kept_ends[row]) if np.isfinite(kept[row]) else None,
+            solves=None if solves is None else join_solves([solves[name] for name in group.records]),
+        )
+        for row, (group, trained, of) in enumerate(zip(groups, trainings, compared, strict=True))
+    )
+    return Summary(
+        config=config,
+        episodes=len(reference),
+        sequences=len(set(reference.sequence)),
+        no_intervals=resamples.why_none,
+        planners=planners,
+        differences=differences(compared, {planner.name: planner.privileged for planner in planners}, resamples),
+    )
+
+
+def _mean(values: Iterable[float]) -> float:
+    return float(np.mean(list(values)))
+
+
+def _flights(trainings: Sequence[EpisodeRecords]) -> FlightSummary | None:
+    """Return what all flights of a planner demanded; None where it did not fly."""
+    flights = [episodes.flight for episodes in trainings if episodes.flight is not None]
+    return summarise_flights(join_flights(flights)) if flights else None
+
+
+def _gaps(
+    groups: Sequence[PlannerGroup],
+    accuracy: FloatArray,
+    clusters: IntArray,
+    counts: IntArray,
+    on_ideal: Mapping[str, EpisodeRecords] | None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return gap closed (P,) and its intervals (P, 2); NaN without both ends of the gap.
+
+    A flight's gap reaches up to the oracle on the ideal track where that was run: one that flies is no upper bound.
+
+    Args:
+        groups: P planners.
+        accuracy: (M, N) of each episode, by record name.
+        clusters: (N,) sequence of each episode.
+        counts: of resamples.
+        on_ideal: records on the ideal track.
+    """
+    names = [group.name for group in groups]
+    above = ORACLE in names or (on_ideal is not None and ORACLE in on_ideal)
+    if NO_ACT not in names or not above:
+        return np.full(len(names), np.nan), np.full((len(names), 2), np.nan)
+    if on_ideal is not None and ORACLE in on_ideal:
+        oracle = mean_acc(on_ideal[ORACLE].correct)
+    else:
+        oracle = accuracy[groups[names.index(ORACLE)].rows[0]]
+    rows = np.concatenate([accuracy, oracle[None]])
+    ends = (*groups, PlannerGroup(name=ORACLE, seeds=(), records=(ORACLE,), rows=(len(accuracy),)))
+    means = mean_over_seeds(rows.mean(axis=1), ends)
+    resampled = resample_seeds(resampled_means(rows, clusters, counts), ends)
+    low = names.index(NO_ACT)
+    closed = gap_closed(means[:-1], means[low], means[-1])
+    return closed, interval(gap_closed(resampled[:-1], resampled[low], resampled[-1]))
+
+
+def _kept(
+    groups: Sequence[PlannerGroup],
+    accuracy: FloatArray,
+    clusters: IntArray,
+    counts: IntArray,
+    on_ideal: Mapping[str, EpisodeRecords] | None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return accuracy kept (P,) and its intervals (P, 2); NaN without a run on the ideal track.
+
+    The arguments are those of `_gaps`. A training is compared with itself: what is drawn in flight is also drawn on
+    the ideal track, and a planner is compared only where each of its trainings was run there.
+    """
+    kept, ends = np.full(len(groups), np.nan), np.full((len(groups), 2), np.nan)
+    rows = [row for row, group in enumerate(groups) if on_ideal is not None and on_ideal.keys() >= {*group.records}]
+    if on_ideal is None or not rows:
+        return kept, ends
+    records = [name for row in rows for name in groups[row].records]
+    flown = accuracy[[row for chosen in rows for row in groups[chosen].rows]]
+    low, high = (
+        np.stack([mean_acc(on_ideal[name].correct) for name in chosen]) for chosen in ([NO_ACT] * len(records), records)
+    )
+    compared = group_planners(records)
+    of_means = (mean_over_seeds(values.mean(axis=1), compared) for values in (flown, low, high))
+    resampled = (resample_seeds(resampled_means(values, clusters, counts), compared) for values in (flown, low, high))
+    kept[rows] = gap_closed(*of_means)
+    ends[rows] = interval(gap_closed(*resampled))
+    return kept, ends
+
+
+def _check_same_episodes(name: str, episodes: EpisodeRecords, reference: EpisodeRecords) -> None:
+    """Raise a DataError unless a planner ran the reference's episodes, in the same order."""
+    same = episodes.sequence == reference.sequence and all(
+        np.array_equal(getattr(episodes, field), getattr(reference, field)) for field in ("first", "start", "label")
+    )
+    if not same:
+        raise DataError(f"planner {name!r}: expected the same {len(reference)} episodes as the planner before it")

@@ -1,0 +1,82 @@
+"""Conditions, loaded: the motion, the recogniser and the sensor that they name, ready to be run."""
+
+from dataclasses import dataclass, replace
+
+from ehar.arrays import IntArray
+from ehar.conditions import Conditions
+from ehar.data.motion_data import MotionData
+from ehar.data.scenario import part_of
+from ehar.runner import Runner
+from ehar.track import load_track
+from recognition.own_recogniser import resolve_recogniser
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What planners are compared in.
+
+    Args:
+        conditions: that were asked for, with names in place of objects, as records have them.
+        runner: rolls planners in it.
+        recogniser_sha256: of the recogniser's weights; of your own, of its file and arguments.
+        form: of the recogniser; of your own, what tables call it.
+    """
+
+    conditions: Conditions
+    runner: Runner
+    recogniser_sha256: str
+    form: str
+
+    @property
+    def data(self) -> MotionData:
+        """The motion."""
+        return self.runner.data
+
+    @property
+    def sequences(self) -> IntArray:
+        """The sequences of the part that was asked for."""
+        return part_of(self.data, self.conditions.part)
+
+
+def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
+    """Load data, recogniser, sensor and track.
+
+    Args:
+        conditions: that name them, or hold them as objects.
+        device: a torch device for our recogniser.
+
+    Raises:
+        EharError: one of them is unknown, missing or malformed, or they do not fit each other.
+    """
+    # Here, as they bring torch, which `ehar --help` does not wait for.
+    from ehar.data.source import load_data
+    from ehar.sensors.registry import make_sensor
+    from recognition.storage import load_recogniser
+
+    track = load_track(conditions.track)
+    given = conditions.data
+    if isinstance(given, MotionData):
+        data, source = given if conditions.fps is None else given.resampled(conditions.fps), given.name
+    else:
+        data, source = load_data(given, fps=conditions.fps), str(given)
+    sensor = make_sensor(conditions.sensor, data.skeleton)
+    named = replace(
+        conditions,
+        data=source,
+        models=None if conditions.models is None else str(conditions.models),
+        sensor=sensor.name,
+        track=track.name,
+    )
+    if conditions.recogniser is not None:
+        own = resolve_recogniser(conditions.recogniser, data)
+        runner = Runner(data, own.recogniser, sensor, track)
+        return Setting(replace(named, recogniser=own.spec), runner, own.sha256, own.title)
+    trained = load_recogniser(
+        conditions.directory,
+        data,
+        sensor=sensor.name,
+        views=conditions.views,
+        form=conditions.form,
+        device=device,
+    )
+    return Setting(named, Runner(data, trained, sensor, track), trained.sha256, conditions.form)

@@ -1,0 +1,103 @@
+"""Trained weights on disk: a safetensors file, and beside it the JSON that says what they are for and how they came."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save
+from torch import Tensor, nn
+
+from ehar.errors import EharError, ModelError
+from ehar.files import read_json, write_bytes
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+
+def description_path(path: Path) -> Path:
+    """Return where the JSON of weights lies."""
+    return path.with_suffix(".json")
+
+
+def save_weights(path: Path, content: bytes, description: "DataclassInstance") -> None:
+    """Write weights and their description.
+
+    Args:
+        path: of the safetensors file.
+        content: of that file.
+        description: its fields are the keys of the JSON.
+    """
+    write_bytes(path, content)
+    write_bytes(description_path(path), (json.dumps(asdict(description), indent=1) + "\n").encode())
+
+
+def network_bytes(network: nn.Module) -> bytes:
+    """Return the safetensors file of a network's weights."""
+    return save({name: tensor.detach().cpu().contiguous() for name, tensor in network.state_dict().items()})
+
+
+def check_files(path: Path, expected: str) -> None:
+    """Raise a ModelError, which says what is expected, where the weights or their description are missing."""
+    for file in (path, description_path(path)):
+        if not file.is_file():
+            raise ModelError(f"{file}: no such file: expected {expected}")
+
+
+def files_sha256(path: Path) -> str:
+    """Return the hash of weights and their description."""
+    return hashlib.sha256(path.read_bytes() + description_path(path).read_bytes()).hexdigest()
+
+
+def load_tensors(path: Path, network: nn.Module, owner: str) -> dict[str, Tensor]:
+    """Read the weights of a network.
+
+    Args:
+        path: of the safetensors file.
+        network: that they are for; it is left as it is.
+        owner: what has such a network, as errors name it: "an agent".
+
+    Raises:
+        ModelError: the file is missing or malformed, its tensors are not those of the network, or are not finite.
+    """
+    try:
+        state: dict[str, Tensor] = load_file(path)
+    except (SafetensorError, OSError) as error:
+        reason = str(error).splitlines()[0]
+        raise ModelError(f"{path}: expected the weights of {owner}, got {reason}") from error
+    wanted = network.state_dict()
+    wrong = sorted(
+        name
+        for name in wanted.keys() | state.keys()
+        if name not in state
+        or name not in wanted
+        or (state[name].shape, state[name].dtype) != (wanted[name].shape, wanted[name].dtype)
+    )
+    if wrong:
+        raise ModelError(f"{path}: {len(wrong)} tensors do not fit {owner} as described, first {wrong[0]!r}")
+    for name, tensor in state.items():
+        if not tensor.isfinite().all():
+            raise ModelError(f"{path}: tensor {name!r} is not finite everywhere")
+    return state
+
+
+@dataclass(frozen=True)
+class _Training:
+    run: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class _Trained:
+    training: _Training
+
+
+def recorded_run(path: Path) -> dict[str, Any]:
+    """Return what decided the result of the training that weights are from; nothing where the JSON does not say it."""
+    try:
+        trained = read_json(description_path(path), _Trained, "the description of trained weights", unknown=True)
+    except EharError:
+        return {}
+    return dict(trained.training.run)

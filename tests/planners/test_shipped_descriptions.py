@@ -1,0 +1,30 @@
+"""What lies beside the shipped weights is read whole: written again, it is the same text, so that hashes stay."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ehar.files import read_json
+from planners.agents.storage import AgentDescription
+from planners.value.model import SHIPPED, GainDescription
+from recognition.storage import SHIPPED as RECOGNISERS
+from recognition.storage import RecogniserDescription
+
+
+@pytest.mark.parametrize(
+    ("folder", "pattern", "kind"),
+    [
+        (RECOGNISERS, "*/*.json", RecogniserDescription),
+        (SHIPPED, "*/gain-field-*.json", GainDescription),
+        (SHIPPED, "*/agent-*.json", AgentDescription),
+    ],
+)
+def test_what_is_read_is_written_as_it_was(folder: Path, pattern: str, kind: Any) -> None:
+    paths = sorted(folder.glob(pattern))
+    assert paths
+    for path in paths:
+        description = read_json(path, kind, "a description")
+        assert json.dumps(asdict(description), indent=1) + "\n" == path.read_text(encoding="utf-8"), path
