@@ -45,9 +45,7 @@ class Batch:
             labels=scenarios.labels[chosen],
             starts=starts,
             noise=noise,
-            names=tuple(
-                f"{name} from frame {first}" for name, first in zip(sequences, scenarios.first[chosen], strict=True)
-            ),
+            names=tuple(f"{name} from frame {first}" for name, first in begins),
         )
 
     @staticmethod

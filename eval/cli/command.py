@@ -166,10 +166,9 @@ def _arguments(function: Callable[..., Any]) -> str:
     return rest.partition("\n\n")[0].rstrip("\n") + "\n"
 
 
-def _parameters_of(function: Callable[..., Any]) -> dict[str, inspect.Parameter]:
-    """Return a function's parameters, their annotations as types."""
-    hints, parameters = get_type_hints(function), inspect.signature(function).parameters
-    return {name: parameter.replace(annotation=hints[name]) for name, parameter in parameters.items()}
+def _parameters_of(function: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
+    """Return a function's parameters; annotations that are text, as of what takes long to import, stay so."""
+    return inspect.signature(function).parameters
 
 
 def _without_none(kind: Any) -> Any:

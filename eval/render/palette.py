@@ -7,7 +7,7 @@ and symbols as well. A report has a light and a dark theme, everything else is d
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
-from eval.scores.planner_summary import NO_ACT
+from planners.heuristic import NoAct
 
 BLUE, VERMILION, GREEN, PURPLE, SKY, ORANGE = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00"
 YELLOW = "#f0e442"  # fades on white: only above dark fields
@@ -111,10 +111,10 @@ def looks(planners: Mapping[str, bool]) -> dict[str, Look]:
 
     Those handed the truth are in the colour of the text, dotted or dashed.
     """
-    rivals = [name for name, privileged in planners.items() if name != NO_ACT and not privileged]
+    rivals = [name for name, privileged in planners.items() if name != NoAct.name and not privileged]
     told = [name for name, privileged in planners.items() if privileged]
     colours = len(LIGHT.planners)
-    found = {NO_ACT: Look("@neutral", "solid", "circle-open")}
+    found = {NoAct.name: Look("@neutral", "solid", "circle-open")}
     for index, name in enumerate(rivals):
         dash = DASHES[index // colours % len(DASHES)]
         found[name] = Look(f"@{index % colours}", dash, SYMBOLS[index % len(SYMBOLS)])
