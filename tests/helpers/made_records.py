@@ -1,43 +1,41 @@
 """Records of episodes that never ran, and what is made of them."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ehar.conditions import Conditions
 from ehar.rollout import Record
+from eval.records.config import RunConfig
 from eval.records.episodes import DIGITS, EpisodeRecords, record_episodes
 from eval.records.flights import FlightRecords
-from eval.records.run_files import RunConfig, write_run
-from eval.scores.summary import Conditions, Summary, summarise
-
-CONDITIONS = Conditions(
-    data="tiny (synthetic)", sensor="perfect", views="moving", track="ideal", form="causal", readout="recogniser"
-)
-
+from eval.running.run import write_records
+from eval.scores.summarise import summarise
+from eval.scores.summary import Summary
 
 CONFIG_OF_RUN = RunConfig(
-    source="tiny",
+    conditions=Conditions(data="tiny", length=4),
     data="tiny (synthetic)",
     data_sha256="0",
-    models=None,
     recogniser_sha256="1",
-    sensor="perfect",
-    views="moving",
     form="causal",
-    track="ideal",
     vehicle=None,
     readout="recogniser",
-    part="test",
     gain_model_sha256=None,
-    starts=1,
-    seed=0,
-    length=4,
-    fps=None,
     planners=(),
     versions={},
 )
+TOLD = {field.name for field in fields(Conditions)} - {"data"}  # a configuration's data is its title
+
+
+def config_of_run(**options: Any) -> RunConfig:
+    """Return a configuration; options are its own fields, and those of the conditions but for the data."""
+    told = {name: options.pop(name) for name in list(options) if name in TOLD}
+    if "source" in options:
+        told["data"] = options.pop("source")
+    return replace(CONFIG_OF_RUN, conditions=replace(CONFIG_OF_RUN.conditions, **told), **options)
 
 
 def make_records(seed: int, *, skill: float = 0.0, episodes: int = 9, length: int = 4) -> EpisodeRecords:
@@ -60,10 +58,10 @@ def three_planners() -> dict[str, EpisodeRecords]:
     return {"no-act": make_records(1), "mine": make_records(2, skill=1.0), "oracle": make_records(3, skill=2.0)}
 
 
-def summary_of(records: dict[str, EpisodeRecords], **options: Any) -> Summary:
+def summary_of(records: dict[str, EpisodeRecords], config: RunConfig | None = None, **options: Any) -> Summary:
     return summarise(
         records,
-        CONDITIONS,
+        config_of_run(length=next(iter(records.values())).predicted.shape[1]) if config is None else config,
         privileged={name: name == "oracle" for name in records},
         step_ms=dict.fromkeys(records, 0.25),
         **options,
@@ -72,7 +70,8 @@ def summary_of(records: dict[str, EpisodeRecords], **options: Any) -> Summary:
 
 def write_finished(directory: Path, records: dict[str, EpisodeRecords], **options: Any) -> Path:
     """Write a run with a summary, under the conditions of `CONFIG_OF_RUN` but for the options."""
-    write_run(directory, replace(CONFIG_OF_RUN, **options), records, summary_of(records))
+    config = config_of_run(**options)
+    write_records(directory, config, records, summary_of(records, config))
     return directory
 
 

@@ -2,19 +2,17 @@
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ehar.data.motion_file import save_motion
 from ehar.planner import Planner
-from eval import benchmark
 from eval.records.episodes import EpisodeRecords
-from eval.records.run_files import write_run
 from eval.reports.page import make_report
 from tests.helpers.fakes import tiny_data
-from tests.helpers.made_records import CONFIG_OF_RUN, summary_of
+from tests.helpers.made_records import write_finished
 from tests.helpers.tiny_benchmarks import Log
+from tests.helpers.tiny_benchmarks import run as run_tiny
 
 PLANNERS: tuple[str | Planner, ...] = ("no-act", "v-rotate", "random", "oracle")
 
@@ -23,15 +21,14 @@ def tiny_run(directory: Path, planners: tuple[str | Planner, ...] = PLANNERS, **
     """Run planners on the tiny data, of which the weights are faked, and return the run's folder."""
     save_motion(directory / "tiny.npz", tiny_data(sequences=40))
     run = directory / "run"
-    benchmark(planners, **{"data": directory / "tiny.npz", "length": 10, "out": run, "reporter": Log(), **options})
+    run_tiny(planners, **{"data": directory / "tiny.npz", "starts": 1, "out": run, **options})
     return run
 
 
 def written_run(directory: Path, records: dict[str, EpisodeRecords], **config: Any) -> Path:
     """Write records as a finished run, of data that is not there."""
     length = next(iter(records.values())).predicted.shape[1]
-    write_run(directory, replace(CONFIG_OF_RUN, length=length, **config), records, summary_of(records))
-    return directory
+    return write_finished(directory, records, length=length, **config)
 
 
 def report_of(run: Path, log: Log | None = None) -> str:

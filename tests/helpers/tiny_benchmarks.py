@@ -3,19 +3,23 @@
 import hashlib
 import os
 import signal
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ehar.conditions import Conditions
 from eval import benchmark
+from eval.running.run import Run
 from eval.scores.summary import Summary
 from planners.value.belief import BeliefModel
 from planners.value.model import gain_model_path, save_gain_model
 from tests.helpers.agents import save_untrained
 from tests.helpers.fakes import FakeRecogniser, tiny_data
 from tests.helpers.gain_models import model_of, peak_weights
+
+TOLD = {field.name for field in fields(Conditions)}
 
 
 class HashedRecogniser(FakeRecogniser):
@@ -46,9 +50,11 @@ class Log:
         pass
 
 
-def run(planners: Any = ("no-act", "random", "oracle"), **options: Any) -> Any:
-    defaults: dict[str, Any] = {"data": tiny_data(sequences=40), "length": 10, "starts": 4, "reporter": Log()}
-    return benchmark(planners, **{**defaults, **options})
+def run(planners: Any = ("no-act", "random", "oracle"), **options: Any) -> Run:
+    """Run planners; options are fields of the conditions, and the benchmark's own."""
+    told = {"data": tiny_data(sequences=40), "length": 10, "starts": 4}
+    told |= {name: options.pop(name) for name in list(options) if name in TOLD}
+    return benchmark(planners, Conditions(**told), **{"reporter": Log(), **options})
 
 
 def file_hash(path: Path) -> str:
@@ -60,7 +66,7 @@ SLOW_TO_BELIEVE = BeliefModel(noise_weights=(3.0, 0.0, 0.0, 0.0, 0.0), process_n
 
 def save_models(directory: Path, *, recogniser_sha256: str) -> None:
     model = replace(model_of(peak_weights(np.array([8.0, 1.0, np.pi / 2]))), belief=SLOW_TO_BELIEVE)
-    path = gain_model_path(directory, sensor="perfect", views="moving")
+    path = gain_model_path(directory, Conditions())
     save_gain_model(path, model, recogniser_sha256=recogniser_sha256, history={})
 
 
