@@ -10,6 +10,7 @@ from eval.render.palette import LINE, STRONG, Look, looks
 from eval.reports.data import ReportData, finite
 from eval.reports.style import Figure, figure, plain
 from eval.scores.differences import Difference
+from eval.scores.planner_metrics import PATH_LENGTH
 from eval.scores.planner_summary import NO_ACT, ORACLE
 
 LEAST_MS = 1e-4  # planning times below are drawn here, as the axis is logarithmic
@@ -75,7 +76,7 @@ def cost_figures(data: ReportData) -> dict[str, Figure]:
     """Return accuracy against motion and against planning time, with the Pareto front of those without the truth."""
     planners = data.summary.planners
     value = np.array([planner.acc_mean for planner in planners])
-    motion = np.array([planner.path_length_m for planner in planners])
+    motion = np.array([planner.metrics[PATH_LENGTH.key] for planner in planners])
     seconds = np.maximum([planner.step_ms for planner in planners], LEAST_MS)
     return {
         "motion": _cost(data, motion, value, {"title": "path length of an episode [m]", "rangemode": "tozero"}, "m"),

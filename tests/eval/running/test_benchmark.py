@@ -93,7 +93,7 @@ def test_what_the_fake_rewards_is_what_the_table_says() -> None:
     summary = run(["no-act", "v-rotate", "oracle"])
     assert summary.planner("oracle").acc_mean > summary.planner("no-act").acc_mean
     assert summary.planner("v-rotate").acc_mean > summary.planner("no-act").acc_mean
-    assert summary.planner("no-act").path_length_m == 0
+    assert summary.planner("no-act").metrics["path_length_m"] == 0
     assert summary.planner("oracle").privileged
     assert not summary.planner("v-rotate").privileged
 
@@ -113,7 +113,7 @@ class Circling(Planner):
 def test_planners_of_ones_own_run_beside_the_named_ones() -> None:
     summary = run(["no-act", Circling()])
     assert [planner.name for planner in summary.planners] == ["no-act", "circling"]
-    assert summary.planner("circling").path_length_m > 0
+    assert summary.planner("circling").metrics["path_length_m"] > 0
 
 
 @pytest.mark.slow

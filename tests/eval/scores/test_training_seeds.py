@@ -200,9 +200,9 @@ def test_other_numbers_are_means_over_seeds() -> None:
         solves={"no-act": None, **dict(zip(agents, solves, strict=True))},
     )
     agent, pair = summary.planner("il-ppo"), list(agents.values())
-    assert agent.nll == pytest.approx(np.mean([nll(of.true_probability) for of in pair]))
-    assert agent.ece == pytest.approx(np.mean([ece(of.top_probability, of.correct) for of in pair]))
-    assert agent.path_length_m == pytest.approx(np.mean([path_length(of.viewpoint).mean() for of in pair]))
+    assert agent.metrics["nll"] == pytest.approx(np.mean([nll(of.true_probability) for of in pair]))
+    assert agent.metrics["ece"] == pytest.approx(np.mean([ece(of.top_probability, of.correct) for of in pair]))
+    assert agent.metrics["path_length_m"] == pytest.approx(np.mean([path_length(of.viewpoint).mean() for of in pair]))
     flights = [of.flight for of in pair if of.flight is not None]
     assert agent.flight is not None
     assert agent.flight.peak_speed == max(of.peak_speed.max() for of in flights)
