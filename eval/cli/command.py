@@ -48,18 +48,25 @@ class Command:
     """A command.
 
     Args:
-        text: its help: a line, which lists of commands show, and examples.
         place: of the function, `module:function`; imported when the command is named.
         show: prints what the function returned, and may return an exit code. Its further parameters are flags too.
+        text: its help: a line, which lists of commands show, and examples; empty where the function's docstring is it.
         conditions: which fields of `Conditions` are flags, where the function takes them.
         flags: parameters that look otherwise than in Python.
     """
 
-    text: str
     place: str
     show: Callable[..., int | None]
+    text: str = ""
     conditions: tuple[str, ...] = ()
     flags: Mapping[str, Flag] = field(default_factory=dict)
+
+    @property
+    def help(self) -> str:
+        """What its help begins with."""
+        if self.text:
+            return inspect.cleandoc(self.text)
+        return (inspect.getdoc(self.function) or "").partition("Args:\n")[0].rstrip()
 
     @property
     def function(self) -> Callable[..., Any]:
@@ -85,7 +92,8 @@ class Command:
             SystemExit: help was printed (code 0), or tyro refused a word (2).
         """
         parameters = self._parameters()
-        doc = f"{inspect.cleandoc(self.text)}\n\nArgs:\n{_arguments(self.function)}{_arguments(self.show)}"
+        told = _arguments(self.function) + _arguments(self.show)
+        doc = f"{self.help}\n\nArgs:\n{told}" if told else self.help
         collect = self._maker(dict, parameters, doc)
         given = tyro.cli(collect, prog=prog, args=words, config=(tyro.conf.DisallowNone,))
         to_show = {name: given.pop(name) for name in self._shown()}
@@ -163,7 +171,7 @@ class Command:
 def _arguments(function: Callable[..., Any]) -> str:
     """Return what a docstring says of arguments."""
     _, _, rest = (inspect.getdoc(function) or "").partition("Args:\n")
-    return rest.partition("\n\n")[0].rstrip("\n") + "\n"
+    return rest.partition("\n\n")[0].rstrip() + "\n" if rest else ""
 
 
 def _parameters_of(function: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
