@@ -1,8 +1,8 @@
 """ExPI, Extreme Pose Interaction: the original files of two couples, and the split of the paper's protocol.
 
 The 70 sequences of the protocol lie in `<source>/acro{1,2}/<activity><number>/mocap_cleaned.tsv`. A marker that is
-missing (an empty cell, or NaN) for at most `LONGEST_GAP` frames between two frames that have it is put on the straight line
-between them.
+missing (an empty cell, or NaN) for at most `LONGEST_GAP` frames between two frames that have it is put on the straight
+line between them.
 """
 
 from pathlib import Path
