@@ -26,11 +26,11 @@ class HasTables(Protocol):
         ...
 
 
-class Group(NamedTuple):
+class CommandGroup(NamedTuple):
     """Commands that share their first words. Its text is, as a command's, a line and then examples."""
 
     text: str
-    commands: Mapping[str, Union["Group", Command]]
+    commands: Mapping[str, Union["CommandGroup", Command]]
 
 
 RUN = Flag(kind=Path, positional=True, metavar="RUN")  # folder of a finished run
@@ -152,7 +152,7 @@ PREPARED = {
     "source": Flag(positional=True, metavar="SOURCE"),
     "out": Flag(positional=True, metavar="OUT.npz"),
 }
-PREPARE = Group(
+PREPARE = CommandGroup(
     """Read motion files, and write a prepared .npz.
 
     For example:
@@ -192,7 +192,7 @@ PREPARE = Group(
         ),
     },
 )
-DATA = Group(
+DATA = CommandGroup(
     """Prepare motion data of your own, and describe it.
 
     For example:
@@ -213,7 +213,7 @@ DATA = Group(
         ),
     },
 )
-TRAIN = Group(
+TRAIN = CommandGroup(
     """Train what planners need on data of your own.
 
     For example:
@@ -274,7 +274,7 @@ TRAIN = Group(
         ),
     },
 )
-CHECK = Group(
+CHECK = CommandGroup(
     """Check a planner or a recogniser of your own.
 
     For example:
@@ -313,7 +313,7 @@ CHECK = Group(
         ),
     },
 )
-STUDY = Group(
+STUDY = CommandGroup(
     """Ask what there is to win, what parts are worth, and what planners do.
 
     For example:
@@ -404,7 +404,7 @@ STUDY = Group(
         ),
     },
 )
-COMMANDS = Group(
+COMMANDS = CommandGroup(
     """Embodied human activity recognition: which planner of views recognises earliest?
 
     For example:

@@ -9,7 +9,7 @@ from string import Template
 from typing import Any
 
 from ehar.files import write_text
-from eval.records.config import package_version
+from ehar.version import __version__
 from eval.render.palette import DARK, LIGHT
 from eval.replays.choice import RULE, RULE_ALONE, choose_episodes, choose_planners
 from eval.replays.data import replay_data
@@ -88,9 +88,7 @@ def page(data: ReportData, replays: dict[str, Any], rule: str) -> str:
         differences=differences_part(data),
         moves=escape(_moves_text(data)),
         levels=levels_table(data),
-        footer=escape(
-            f"Made by ehar {package_version('ehar')}. Every number is in summary.json, or computed from episodes.jsonl."
-        ),
+        footer=escape(f"Made by ehar {__version__}. Every number is in summary.json, or computed from episodes.jsonl."),
         report_json=for_script(_figures(data)),
         replays_json=for_script(replays),
         plotly=get_plotlyjs(),
