@@ -28,11 +28,11 @@ class HasTables(Protocol):
         ...
 
 
-class Group(NamedTuple):
+class CommandGroup(NamedTuple):
     """Commands that share their first words. Its text is, as a command's, a line and then examples."""
 
     text: str
-    commands: Mapping[str, Union["Group", Command]]
+    commands: Mapping[str, Union["CommandGroup", Command]]
 
     @property
     def help(self) -> str:
@@ -159,7 +159,7 @@ PREPARED = {
     "source": Flag(kind=Path, positional=True, metavar="SOURCE"),
     "out": Flag(positional=True, metavar="OUT.npz"),
 }
-PREPARE = Group(
+PREPARE = CommandGroup(
     """Read motion files, and write a prepared .npz.
 
     For example:
@@ -167,7 +167,7 @@ PREPARE = Group(
     """,
     {name: Command(place, save_data, flags=PREPARED) for name, place in READERS.items()},
 )
-DATA = Group(
+DATA = CommandGroup(
     """Prepare motion data of your own, and describe it.
 
     For example:
@@ -188,7 +188,7 @@ DATA = Group(
         ),
     },
 )
-TRAIN = Group(
+TRAIN = CommandGroup(
     """Train what planners need on data of your own.
 
     For example:
@@ -249,7 +249,7 @@ TRAIN = Group(
         ),
     },
 )
-CHECK = Group(
+CHECK = CommandGroup(
     """Check a planner or a recogniser of your own.
 
     For example:
@@ -288,7 +288,7 @@ CHECK = Group(
         ),
     },
 )
-STUDY = Group(
+STUDY = CommandGroup(
     """Ask what there is to win, what parts are worth, and what planners do.
 
     For example:
@@ -379,7 +379,7 @@ STUDY = Group(
         ),
     },
 )
-COMMANDS = Group(
+COMMANDS = CommandGroup(
     """Embodied human activity recognition: which planner of views recognises earliest?
 
     For example:

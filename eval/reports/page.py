@@ -9,7 +9,7 @@ from string import Template
 from typing import Any
 
 from ehar.files import write_text
-from eval.records.config import package_version
+from ehar.version import __version__
 from eval.render.palette import DARK, LIGHT
 from eval.replays.choice import RULE, RULE_ALONE, choose_episodes, choose_planners
 from eval.replays.data import replay_data
@@ -83,9 +83,7 @@ def page(data: ReportData, replays: dict[str, Any], rule: str) -> str:
         focus=picker("focus", "Planner in focus, in all figures below", names, focus),
         links=links(SECTIONS),
         sections="\n\n".join(section_html(section, data) for section in SECTIONS),
-        footer=escape(
-            f"Made by ehar {package_version('ehar')}. Every number is in summary.json, or computed from episodes.jsonl."
-        ),
+        footer=escape(f"Made by ehar {__version__}. Every number is in summary.json, or computed from episodes.jsonl."),
         report_json=for_script(drawn(SECTIONS, data)),
         replays_json=for_script(replays),
         plotly=get_plotlyjs(),

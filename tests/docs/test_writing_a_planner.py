@@ -12,7 +12,7 @@ from ehar.data.scenario import part_of, windows
 from ehar.data.source import load_data
 from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeVectorEnv
-from ehar.envs.task import Episodes
+from ehar.envs.task import EpisodeTask
 from ehar.motion import GridMotion
 from ehar.planner import Context
 from ehar.rollout import rollout
@@ -103,7 +103,7 @@ def test_the_learned_policy_makes_the_moves_that_it_makes_in_its_environment(
     recogniser = load_recogniser(Path(world["models"]), data, sensor="perfect", views="moving")
     scenarios = windows(data, part_of(data, "policy"), LENGTH, 1)
     envs = EpisodeVectorEnv(
-        4, Episodes(scenarios=scenarios, recogniser=recogniser, sensor=PerfectSensor(), controls=GridControls())
+        4, EpisodeTask(scenarios=scenarios, recogniser=recogniser, sensor=PerfectSensor(), controls=GridControls())
     )
     seen, _ = envs.reset(seed=0)
     viewpoints = [envs.episodes.viewpoint]
