@@ -149,9 +149,7 @@ BENCHMARK = Command(
         "recogniser",
     ),
     flags={
-        "planners": Flag(
-            kind=tuple[str, ...], default=(), positional=True, metavar="[PLANNER ...]", hint="all of ours"
-        ),
+        "planners": Flag(kind=tuple[str, ...] | None, positional=True, metavar="[PLANNER ...]", hint="all of ours"),
         "ideal": Flag(hint="none"),
     },
 )

@@ -6,18 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from eval.render.summary_table import benchmark_table, markdown_summary
 
 from ehar.errors import DataError
 from eval.records.episodes import episode_lines, read_episodes
-from eval.records.run_files import EPISODES, SUMMARY, write_run
+from eval.records.run_files import EPISODES, SUMMARY
+from eval.render.tables import markdown
+from eval.running.run import write_records
 from tests.helpers.made_records import CONFIG_OF_RUN, flown, make_records, summary_of, three_planners
 
 
 def test_every_number_of_the_summary_can_be_recomputed_from_the_file(tmp_path: Path) -> None:
     records = three_planners()
     summary = summary_of(records)
-    write_run(tmp_path, CONFIG_OF_RUN, records, summary)
+    write_records(tmp_path, CONFIG_OF_RUN, records, summary)
     written = json.loads((tmp_path / SUMMARY).read_text())
     assert summary_of(read_episodes(tmp_path / EPISODES)).to_json() == summary.to_json()
     # And by hand, from the lines alone.
@@ -81,7 +82,7 @@ def test_without_an_oracle_no_gap_is_closed_and_the_table_says_why() -> None:
     del records["oracle"]
     summary = summary_of(records)
     assert summary.planner("mine").gap_closed is None
-    table = benchmark_table(summary)
+    table = summary.tables()[0]
     assert table.rows[1][8] == "-"
     assert table.footnotes == ("Gap closed needs both no-act and oracle among the planners.",)
 
@@ -96,7 +97,7 @@ def test_planners_that_ran_other_episodes_are_not_compared() -> None:
 def test_what_flights_demanded_is_written_and_summarised_on_flight_tracks_only(tmp_path: Path) -> None:
     records = {"no-act": flown(make_records(1)), "mine": flown(make_records(2), seed=5)}
     summary = summary_of(records)
-    write_run(tmp_path, CONFIG_OF_RUN, records, summary)
+    write_records(tmp_path, CONFIG_OF_RUN, records, summary)
     back = read_episodes(tmp_path / EPISODES)
     assert summary_of(back).to_json() == summary.to_json()
     rows = [json.loads(line) for line in (tmp_path / EPISODES).read_text().splitlines()]
@@ -106,9 +107,9 @@ def test_what_flights_demanded_is_written_and_summarised_on_flight_tracks_only(t
     }
     assert mine["peak_speed"] == max(of["peak_speed"])
     assert (mine["effort"], mine["limit_share"]) == pytest.approx((np.mean(of["effort"]), np.mean(of["limit_share"])))
-    assert "peak [m/s]" in benchmark_table(summary).header
+    assert "peak [m/s]" in summary.tables()[0].header
     on_grid = summary_of(three_planners())
-    assert not {"peak [m/s]", "kept % [95 %]"} & set(benchmark_table(on_grid).header)
+    assert not {"peak [m/s]", "kept % [95 %]"} & set(on_grid.tables()[0].header)
     assert "peak_speed" not in next(iter(episode_lines(three_planners())))
 
 
@@ -137,7 +138,7 @@ def test_accuracy_kept_is_the_gain_in_flight_over_that_on_the_ideal_track() -> N
     # No-act gains nothing to keep, and the third was not run on the ideal track.
     assert summary.planner("no-act").accuracy_kept is None
     assert summary.planner("other").accuracy_kept is None
-    assert "kept % [95 %]" in benchmark_table(summary).header
+    assert "kept % [95 %]" in summary.tables()[0].header
     # A planner that does as well in flight keeps all, in every resample.
     whole = summary_of({**records, "mine": on_ideal["mine"]}, on_ideal=on_ideal).planner("mine")
     assert (whole.accuracy_kept, whole.accuracy_kept_ci95) == (1, (1, 1))
@@ -163,5 +164,5 @@ def test_nbv_is_compared_in_pairs_with_every_planner_that_is_not_privileged() ->
     assert to_no_act.acc_mean == pytest.approx(summary.planner("nbv").acc_mean - summary.planner("no-act").acc_mean)
     assert to_no_act.ci95[0] < to_no_act.acc_mean < to_no_act.ci95[1]
     assert (to_twin.acc_mean, to_twin.ci95) == (0, (0, 0)), "a pair shares its resamples"
-    assert "| twin | +0.0 [0.0, 0.0] |" in markdown_summary(summary)
+    assert "| twin | +0.0 [0.0, 0.0] |" in markdown(*summary.tables())
     assert summary.to_json()["differences"][0]["other"] == "no-act"
