@@ -1,11 +1,15 @@
 """What a summary says of one planner."""
 
+import json
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from ehar.files import json_text, parse_json
+from ehar.errors import DataError
+from ehar.files import parse_json
 from eval.records.flights import KEYS, FlightSummary, flight_numbers
 from eval.records.solves import Solves
+from eval.scores.metrics import ACC_AT
 from eval.scores.planner_metrics import METRICS
 from eval.scores.statistics import Interval
 
@@ -77,15 +81,25 @@ class PlannerSummary:
 
 
 def parse_planner(held: dict[str, Any], where: str) -> PlannerSummary:
-    """Return what is said of one planner; flights and plans lie flat beside the rest."""
+    """Return what is said of one planner; flights and plans lie flat beside the rest.
+
+    Raises:
+        DataError: it is not what `PlannerSummary.to_json` gives; `where` and the field are named.
+    """
     metrics = {metric.key: held[metric.key] for metric in METRICS if metric.key in held}
     flown = {key: held.get(key) for key in KEYS}
     solves = held.get("solves")
     nested: dict[str, Any] = {name: value for name, value in held.items() if name not in (*KEYS, *metrics)}
     nested["metrics"] = metrics
-    nested["flight"] = None if None in flown.values() else flown
+    nested["flight"] = None if all(value is None for value in flown.values()) else flown
     if isinstance(solves, dict):  # the file has the share of plans that fell back, not their number
         share = held.get("fallback_share")
         plans = sum(count for count in solves.values() if isinstance(count, int))
-        nested["solves"] = {"counts": solves, "fallbacks": round(share * plans) if isinstance(share, float) else share}
-    return parse_json(json_text(nested), PlannerSummary, where, "a planner's summary", unknown=True, defaults=True)
+        fallbacks = round(share * plans) if isinstance(share, float) and math.isfinite(share) else share
+        nested["solves"] = {"counts": solves, "fallbacks": fallbacks}
+    text = json.dumps(nested)  # what is no finite number is refused below
+    planner = parse_json(text, PlannerSummary, where, "a planner's summary", unknown=True, defaults=True)
+    missing = [str(percent) for percent in ACC_AT if str(percent) not in planner.acc]
+    if missing:
+        raise DataError(f"{where}: acc: missing {', '.join(missing)}; expected {', '.join(map(str, ACC_AT))}")
+    return planner

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
 from eval import benchmark
 from tests.helpers.fakes import tiny_data
@@ -60,7 +61,7 @@ def test_train_then_benchmark_twice(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["duo", "solo"])
 def test_the_synthetic_sets_are_hard_enough_and_not_too_hard(name: str) -> None:
-    summary = benchmark(["no-act", "oracle"], data=name, workers=1)
+    summary = benchmark(["no-act", "oracle"], Conditions(data=name), workers=1).summary
     no_act, oracle = summary.planner("no-act").acc_mean, summary.planner("oracle").acc_mean
     assert 35 <= no_act <= 65
     assert oracle >= no_act + 15

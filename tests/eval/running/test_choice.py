@@ -112,6 +112,20 @@ def test_the_published_recogniser_has_no_agents(tmp_path: Path) -> None:
         chosen(["no-act", "il"], place)
 
 
+def test_a_recogniser_of_your_own_has_neither_a_gain_field_nor_agents(tmp_path: Path) -> None:
+    save_field(tmp_path)
+    save_agents(tmp_path, "il/0")
+    place = place_of(tmp_path, form="mine.py:Mine(gain=2)", recogniser_sha256="mine")
+    names, model, (field, agents) = chosen(None, place)
+    assert not [name for name in names if name.startswith(("nbv", "il", "ppo", "dagger"))]
+    assert model is None
+    assert field.endswith("gain fields are trained for the causal recogniser, and this is mine.py:Mine(gain=2)")
+    assert agents.endswith("agents are trained for the causal recogniser, and this is mine.py:Mine(gain=2)")
+    for planners in (["il"], ["nbv"]):
+        with pytest.raises(ModelError, match=r"trained for the causal recogniser, and this is mine\.py:Mine"):
+            chosen(planners, place)
+
+
 def test_who_is_named_has_to_be_trained(tmp_path: Path) -> None:
     save_agents(tmp_path, "il/0")
     for planners in (["il", "ppo"], ["il/1"], ["il-no-vision"]):

@@ -3,15 +3,20 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from ehar.errors import DataError
-from eval.records.episodes import episode_lines, read_episodes
+from ehar.errors import DataError, UsageError
+from ehar.files import json_text
+from eval.records.config import RunConfig
+from eval.records.episodes import EpisodeRecords, episode_lines, read_episodes
 from eval.records.run_files import EPISODES, SUMMARY
+from eval.records.solves import Solves
 from eval.render.tables import markdown
 from eval.running.run import write_records
+from eval.scores.summary import Summary, read_summary
 from tests.helpers.made_records import CONFIG_OF_RUN, flown, make_records, summary_of, three_planners
 
 
@@ -166,3 +171,103 @@ def test_nbv_is_compared_in_pairs_with_every_planner_that_is_not_privileged() ->
     assert (to_twin.acc_mean, to_twin.ci95) == (0, (0, 0)), "a pair shares its resamples"
     assert "| twin | +0.0 [0.0, 0.0] |" in markdown(*summary.tables())
     assert summary.to_json()["differences"][0]["other"] == "no-act"
+
+
+def full_summary() -> tuple[dict[str, EpisodeRecords], Summary]:
+    """Return records, and a summary in which every field has a value: flights, kept accuracy, plans, differences."""
+    records = {name: flown(episodes) for name, episodes in three_planners().items()}
+    records |= {"nbv/0": flown(make_records(4, skill=2.0)), "nbv/1": flown(make_records(5, skill=2.0))}
+    solves = dict.fromkeys(records) | {"nbv/0": Solves({"optimal": 3}, 0), "nbv/1": Solves({"infeasible": 1}, 1)}
+    return records, summary_of(records, on_ideal=three_planners(), solves=solves)
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_summary_read_back_is_the_one_written(tmp_path: Path, whole: bool) -> None:
+    records, summary = full_summary() if whole else (three_planners(), summary_of(three_planners()))
+    write_records(tmp_path, summary.config, records, summary)
+    back = read_summary(tmp_path / SUMMARY, summary.config, records)
+    assert back == summary
+    assert str(back) == str(summary)
+    assert json_text(back.to_json()) == (tmp_path / SUMMARY).read_text()
+
+
+PLANNERS = "no-act, mine, oracle, nbv"
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "expected the JSON of a finished run of ehar benchmark"),
+        ("{", "expected the JSON of a finished run of ehar benchmark"),
+        ("[]", "expected the JSON object of a finished run of ehar benchmark, got []"),
+        (b"\xff", "expected the JSON of a finished run of ehar benchmark"),
+        ({"planners": None}, "planners: expected a list, got null"),
+        ({"planners": [1]}, "planners[0]: expected an object, got 1"),
+        ({"planners": []}, f"expected the planners of the records, {PLANNERS}, got none"),
+        ({"episodes": "nine"}, "episodes: expected a whole number, got 'nine'"),
+        ({"differences": [{}]}, "differences[0]: missing planner"),
+        ({"no_intervals": 3}, "no_intervals: expected text, got 3"),
+    ],
+)
+def test_a_damaged_summary_is_named_in_one_line(tmp_path: Path, content: Any, message: str) -> None:
+    records, summary = full_summary()
+    held = json_text({**summary.to_json(), **content}) if isinstance(content, dict) else content
+    assert message in refused(tmp_path / SUMMARY, held, records, summary.config)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"name": "other"}, f"expected the planners of the records, {PLANNERS}, got no-act, mine, oracle, other"),
+        ({"name": None}, "planners[3]: name: expected text, got null"),
+        ({"acc": {"10": 1.0}}, "planners[3]: acc: missing 30, 50, 70, 90, 100; expected 10, 30, 50, 70, 90, 100"),
+        ({"acc_mean": "high"}, "planners[3]: acc_mean: expected a number, got 'high'"),
+        ({"acc_mean": float("nan")}, "planners[3]: acc_mean: expected a finite number, got nan"),
+        ({"acc_mean_ci95": [1.0]}, "planners[3]: acc_mean_ci95: expected 2 items, got"),
+        ({"training_seeds": [0.5]}, "planners[3]: training_seeds[0]: expected a whole number, got 0.5"),
+        ({"peak_speed": None}, "planners[3]: flight.peak_speed: expected a number, got null"),
+        ({"solves": {"optimal": "all"}}, "planners[3]: solves.counts.optimal: expected a whole number, got 'all'"),
+        ({"fallback_share": None}, "planners[3]: solves.fallbacks: expected a whole number, got null"),
+        ({"fallback_share": float("nan")}, "planners[3]: solves.fallbacks: expected a whole number, got nan"),
+        ({"fallback_share": float("inf")}, "planners[3]: solves.fallbacks: expected a whole number, got inf"),
+    ],
+)
+def test_a_damaged_planner_of_a_summary_is_named_in_one_line(
+    tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
+    records, summary = full_summary()
+    held = summary.to_json()
+    held["planners"][3] |= changes
+    assert message in refused(tmp_path / SUMMARY, json.dumps(held), records, summary.config)
+
+
+def refused(path: Path, content: str | bytes, records: dict[str, EpisodeRecords], config: RunConfig) -> str:
+    """Return the one line with which such a file is refused."""
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    with pytest.raises(DataError) as error:
+        read_summary(path, config, records)
+    assert str(error.value).startswith(f"{path}: ")
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def test_a_summary_that_is_missing_or_a_folder_is_named(tmp_path: Path) -> None:
+    records, summary = full_summary()
+    with pytest.raises(
+        UsageError, match=r"summary\.json: expected a finished run of ehar benchmark, got: No such file"
+    ):
+        read_summary(tmp_path / SUMMARY, summary.config, records)
+    with pytest.raises(UsageError, match="expected a finished run of ehar benchmark, got: Is a directory"):
+        read_summary(tmp_path, summary.config, records)
+
+
+def test_a_planner_that_did_not_run_is_named_with_those_that_did() -> None:
+    with pytest.raises(UsageError, match=r"no planner 'nope' in this run; expected one of: no-act, mine, oracle$"):
+        summary_of(three_planners()).planner("nope")
+
+
+def test_the_lead_is_the_most_accurate_planner_without_the_truth() -> None:
+    _, summary = full_summary()
+    rivals = {name: summary.planner(name).acc_mean for name in ("mine", "nbv")}
+    assert summary.lead == max(rivals, key=lambda name: rivals[name])
+    assert summary_of({"no-act": make_records(1)}).lead is None
