@@ -14,7 +14,8 @@ from eval.render.palette import DARK, LIGHT
 from eval.replays.choice import RULE, RULE_ALONE, choose_episodes, choose_planners
 from eval.replays.data import replay_data
 from eval.reports.data import ReportData, report_data
-from eval.reports.sections import SECTIONS, drawn, links, section_html
+from eval.reports.section import drawn, links, section_html
+from eval.reports.sections import SECTIONS
 from eval.reports.tables import (
     lead_sentence,
     options,

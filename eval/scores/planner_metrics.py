@@ -1,30 +1,6 @@
 """The numbers of a planner that are columns of every table: one line in `METRICS` each."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
-from eval.records.episodes import EpisodeRecords
-from eval.scores.metrics import ece, nll, path_length
-
-
-@dataclass(frozen=True)
-class Metric:
-    """A number of one training of a planner; of several trainings tables show the mean.
-
-    Args:
-        key: in summary.json.
-        header: of its column, with the unit.
-        of_records: computes it.
-        digits: behind the decimal point.
-        lower_is_better: for sorting.
-    """
-
-    key: str
-    header: str
-    of_records: Callable[[EpisodeRecords], float]
-    digits: int
-    lower_is_better: bool = True
-
+from eval.scores.metrics import Metric, ece, nll, path_length
 
 NLL = Metric(
     key="nll",  # mean negative log-likelihood of the true class [nat]

@@ -12,8 +12,8 @@ from eval.render.tables import (
     share_text,
 )
 from eval.scores.differences import Difference
-from eval.scores.metrics import ACC_AT
-from eval.scores.planner_metrics import METRICS, Metric
+from eval.scores.metrics import ACC_AT, Metric
+from eval.scores.planner_metrics import METRICS
 from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
 
 _SPREAD = "±"

@@ -1,9 +1,10 @@
 """AIST++: dancers' 3D keypoints, and a seeded selection of the size that the paper uses, split by dancer.
 
-The reader takes `<source>/keypoints3d/*.pkl`, without what `ignore_list.txt` names, and at most 14 + 7 sequences a genre.
-It holds out a third of each genre's dancers, and no dancer is on both sides. It draws the dancers, and their sequences,
-from `SELECTION_SEED`; the names and the split are in the result. If one dancer alone performs a genre, that genre would
-have no training or no test sequence: then the result has no split (`is_test` is None) and at most 21 sequences a genre.
+The reader takes `<source>/keypoints3d/*.pkl`, without what `ignore_list.txt` names, and at most 14 + 7 sequences a
+genre. It holds out a third of each genre's dancers, and no dancer is on both sides. It draws the dancers, and their
+sequences, from `SELECTION_SEED`; the names and the split are in the result. If one dancer alone performs a genre, that
+genre would have no training or no test sequence. Then the result has no split (`is_test` is None) and at most 21
+sequences a genre.
 
 The floor stays where the files have it, which is not at a height of 0.
 """
