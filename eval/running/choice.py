@@ -112,8 +112,8 @@ class ModelPlace:
         if self.seeds(name):
             return None
         return (
-            f"no agent was trained for this recogniser: expected those of `ehar train agent --data {self.data.name} "
-            f"--models {self.models or 'DIR'} {self.conditions.options}`"
+            f"no agent was trained for this recogniser: expected those of "
+            f"`ehar train agent {self.conditions.options} {self.conditions.models_option}`"
         )
 
 
