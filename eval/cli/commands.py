@@ -34,10 +34,25 @@ class Group(NamedTuple):
 
 
 RUN = Flag(kind=Path, positional=True, metavar="RUN")  # folder of a finished run
-AS_RECORDED = {"data": Flag(hint="as recorded"), "models": Flag(hint="as recorded")}  # of a finished run
+AS_RECORDED = {  # of a finished run
+    "data": Flag("where the run's data lie now.", kind=str | None, hint="as recorded"),
+    "models": Flag("where its weights lie now.", hint="as recorded"),
+}
 SEEN = ("data", "models", "sensor", "views", "seed", "length", "fps", "recogniser")  # conditions of any run
 TRAINED = ("data", "sensor", "views", "length", "fps")  # conditions of any training
-ON_DATA = {"data": Flag(default=REQUIRED), "out": Flag(hint="that of --models")}
+SENSED = {"sensor": Flag("perfect, estimator (noisy), or your own: file.py:Class.")}
+TRAINED_FROM = {  # a recogniser
+    **SENSED,
+    "data": Flag(default=REQUIRED),
+    "models": Flag("folder of the recogniser, and to write to.", metavar="PATH", hint="ours"),
+    "out": Flag("folder to write to instead.", hint="that of --models"),
+    "recogniser": Flag("your own: file.py:Class.", hint="ours"),
+}
+TRAINED_ANEW = {  # with its recogniser
+    **SENSED,
+    "data": Flag(default=REQUIRED),
+    "views": Flag("cameras to train on: moving, or paper (32 static ones)."),
+}
 
 
 def show_run(run: "Run", *, report: bool = True) -> None:
@@ -143,14 +158,26 @@ BENCHMARK = Command(
     ),
     flags={
         "planners": Flag(
-            kind=tuple[str, ...], default=(), positional=True, metavar="[PLANNER ...]", hint="all of ours"
+            "names, or your own: file.py:Class or module:Class, then --argument value.",
+            kind=tuple[str, ...],
+            default=(),
+            positional=True,
+            metavar="[PLANNER ...]",
+            hint="all of ours",
         ),
+        "out": Flag("folder for records, tables and report.", hint="none"),
         "ideal": Flag(hint="none"),
     },
 )
 PREPARED = {
-    "source": Flag(positional=True, metavar="SOURCE"),
+    "source": Flag("folder of the files.", positional=True, metavar="SOURCE"),
     "out": Flag(positional=True, metavar="OUT.npz"),
+}
+OF_BVH = {
+    "pattern": Flag("of the files' names: {label} is the class, other words in braces are free."),
+    "label_from": Flag("where the class stands: in the name, or as the folder that a file lies in."),
+    "unit": Flag("of length in the files [m]."),
+    "up": Flag("axis that points up in the files."),
 }
 PREPARE = Group(
     """Read motion files, and write a prepared .npz.
@@ -168,7 +195,7 @@ PREPARE = Group(
             """,
             "ehar.data.readers.bvh:prepare_bvh",
             save_data,
-            flags=PREPARED,
+            flags={**PREPARED, **OF_BVH},
         ),
         "expi": Command(
             """Read the original ExPI files.
@@ -178,7 +205,7 @@ PREPARE = Group(
             """,
             "ehar.data.readers.expi:prepare_expi",
             save_data,
-            flags=PREPARED,
+            flags={**PREPARED, "source": Flag("folder that holds acro1 and acro2.", positional=True, metavar="SOURCE")},
         ),
         "aistpp": Command(
             """Read the original AIST++ files.
@@ -188,7 +215,10 @@ PREPARE = Group(
             """,
             "ehar.data.readers.aistpp:prepare_aistpp",
             save_data,
-            flags=PREPARED,
+            flags={
+                **PREPARED,
+                "source": Flag("folder that holds keypoints3d and the lists.", positional=True, metavar="SOURCE"),
+            },
         ),
     },
 )
@@ -231,7 +261,7 @@ TRAIN = Group(
             "eval.running.training:train_all",
             show_trained,
             conditions=TRAINED,
-            flags=ON_DATA,
+            flags=TRAINED_ANEW,
         ),
         "recogniser": Command(
             """Train a recogniser, on the recogniser part of data.
@@ -244,7 +274,13 @@ TRAIN = Group(
             "eval.running.training:train_recogniser",
             show_trained,
             conditions=(*TRAINED, "form", "seed"),
-            flags={**ON_DATA, "init": Flag(hint="none")},
+            flags={
+                **TRAINED_ANEW,
+                "form": Flag("causal streams; ctrgcn, as published, is trained on prefixes of random length."),
+                "length": Flag("frames of a clip."),
+                "seed": Flag("of initial weights, clips and dropout."),
+                "init": Flag(hint="none"),
+            },
         ),
         "gain-field": Command(
             """Train gain fields and belief, on the policy part of data.
@@ -257,7 +293,7 @@ TRAIN = Group(
             "eval.running.training:train_gain_field",
             show_trained,
             conditions=(*TRAINED, "models", "recogniser", "seed"),
-            flags=ON_DATA,
+            flags={**TRAINED_FROM, "seed": Flag("of episodes, forks and noise.")},
         ),
         "agent": Command(
             """Train agents: il, ppo, il-ppo and dagger.
@@ -270,7 +306,7 @@ TRAIN = Group(
             "eval.running.training:train_agents",
             show_trained,
             conditions=(*TRAINED, "models", "recogniser"),
-            flags={**ON_DATA, "tensorboard": Flag(hint="none")},
+            flags={**TRAINED_FROM, "tensorboard": Flag(hint="none")},
         ),
     },
 )
@@ -294,7 +330,15 @@ CHECK = Group(
             "eval.conformance.planner:check_planner",
             show_conformance,
             conditions=("data", "models"),
-            flags={"planner": Flag(kind=str, positional=True, metavar="PLANNER")},
+            flags={
+                "planner": Flag(
+                    "a name, or your own: file.py:Class or module:Class, then --argument value.",
+                    kind=str,
+                    positional=True,
+                    metavar="PLANNER",
+                ),
+                "data": Flag("in whose test episodes it acts: duo, solo, or a prepared .npz."),
+            },
         ),
         "recogniser": Command(
             """Check that a recogniser keeps its contract.
@@ -309,12 +353,20 @@ CHECK = Group(
             "eval.conformance.recogniser:check_recogniser",
             show_conformance,
             conditions=("data",),
-            flags={"recogniser": Flag(kind=str, default=REQUIRED, positional=True, metavar="RECOGNISER")},
+            flags={
+                "recogniser": Flag(
+                    "your own: file.py:Class or module:Class, then --argument value.",
+                    kind=str,
+                    positional=True,
+                    metavar="RECOGNISER",
+                ),
+                "data": Flag("whose test episodes it sees: duo, solo, or a prepared .npz."),
+            },
         ),
     },
 )
 STUDY = Group(
-    """Ask what there is to win, what parts are worth, and what planners do.
+    """Study what there is to win, and what each part is worth.
 
     For example:
         ehar study headroom --data duo
@@ -332,6 +384,7 @@ STUDY = Group(
             "eval.studies.headroom:headroom",
             show_result,
             conditions=SEEN,
+            flags={**SENSED, "seed": Flag("of start viewpoints and noise.")},
         ),
         "ablation": Command(
             """Say what each part and setting of nbv is worth.
@@ -345,8 +398,16 @@ STUDY = Group(
             show_result,
             conditions=(*SEEN[:4], "starts", *SEEN[4:]),
             flags={
+                **SENSED,
+                "seed": Flag("of start viewpoints and noise."),
                 "groups": Flag(kind=tuple[str, ...], default=(), metavar="GROUP ...", hint="all"),
-                "tracks": Flag(kind=tuple[str, ...], default=(), metavar="TRACK ...", hint="none"),
+                "tracks": Flag(
+                    "that nbv flies as well: px4-auto, px4-max, tracking-drone, or vehicle files.",
+                    kind=tuple[str, ...],
+                    default=(),
+                    metavar="TRACK ...",
+                    hint="none",
+                ),
             },
         ),
         "belief": Command(
@@ -358,6 +419,10 @@ STUDY = Group(
             "eval.studies.belief:belief_report",
             show_result,
             conditions=(*SEEN[:4], "starts", *SEEN[4:]),
+            flags={
+                **SENSED,
+                "seed": Flag("of start viewpoints, noise, random, and the halves that parts are fitted on."),
+            },
         ),
         "explain": Command(
             """Draw one episode: what views were worth, and where it went.
@@ -368,7 +433,13 @@ STUDY = Group(
             "eval.studies.explain:explain",
             show_result,
             conditions=SEEN,
-            flags={"out": Flag(default=Path("explain.png"))},
+            flags={
+                **SENSED,
+                "seed": Flag("of the start viewpoint and noise."),
+                "planner": Flag("nbv, nbv-search or nbv-greedy."),
+                "episode": Flag("which of the test episodes, counted from 0."),
+                "out": Flag(default=Path("explain.png")),
+            },
         ),
         "analyse": Command(
             """Analyse a finished run as the paper does.
@@ -382,9 +453,19 @@ STUDY = Group(
             show_result,
             flags={
                 "run": RUN,
-                "planners": Flag(kind=tuple[str, ...], default=(), metavar="PLANNER ...", hint="il-ppo, or else nbv"),
-                "states": Flag(metavar="AGENT", hint="none"),
-                "out": Flag(hint="RUN/analysis"),
+                "planners": Flag(
+                    "whose behaviour is shown beside no-act's.",
+                    kind=tuple[str, ...],
+                    default=(),
+                    metavar="PLANNER ...",
+                    hint="il-ppo, or else nbv",
+                ),
+                "states": Flag(
+                    "agent whose states are mapped, such as il-ppo/0; it runs its episodes once more.",
+                    metavar="AGENT",
+                    hint="none",
+                ),
+                "out": Flag("folder for analysis.json, analysis.md and figures.", hint="RUN/analysis"),
             },
         ),
         "overview": Command(
@@ -398,7 +479,7 @@ STUDY = Group(
             "eval.studies.overview:overview",
             show_tables,
             flags={
-                "runs": Flag(kind=tuple[Path, ...], positional=True, metavar="RUN ..."),
+                "runs": Flag(kind=tuple[Path, ...], positional=True, metavar="RUN ...", hint="at least one"),
                 "planner": Flag(metavar="PLANNER", hint="none"),
             },
         ),
@@ -425,7 +506,7 @@ COMMANDS = Group(
             """,
             "eval.reports.page:make_report",
             show_path,
-            flags={"run": RUN, "out": Flag(hint="RUN/report.html"), **AS_RECORDED},
+            flags={"run": RUN, "out": Flag("file to write.", hint="RUN/report.html"), **AS_RECORDED},
         ),
         "replay": Command(
             """Show one episode of a finished run as a film.
@@ -442,11 +523,22 @@ COMMANDS = Group(
             show_replay,
             flags={
                 "run": RUN,
-                "episode": Flag(kind=str, positional=True, metavar="EPISODE"),
-                "planners": Flag(
-                    kind=tuple[str, ...], default=(), metavar="PLANNER ...", hint="the most accurate, and no-act"
+                "episode": Flag(
+                    "its number, from 0; or gain, loss or typical: of the first planner against the second.",
+                    kind=str,
+                    positional=True,
+                    metavar="EPISODE",
                 ),
-                "out": Flag(hint="RUN/replay-EPISODE.mp4"),
+                "planners": Flag(
+                    "one or two; il-ppo/3 is one of several trainings.",
+                    kind=tuple[str, ...],
+                    default=(),
+                    metavar="PLANNER ...",
+                    hint="the most accurate, and no-act",
+                ),
+                "out": Flag("film to write, .mp4 or .gif, or recording, .rrd.", hint="RUN/replay-EPISODE.mp4"),
+                "slower": Flag("than life, so many times; 1 is life."),
+                "rerun": Flag("write a recording for Rerun's viewer instead; needs rerun-sdk."),
                 **AS_RECORDED,
             },
         ),
@@ -463,10 +555,19 @@ COMMANDS = Group(
             "eval.studies.compare:compare",
             show_comparison,
             flags={
-                "run_a": Flag(kind=Path, positional=True, metavar="A"),
-                "run_b": Flag(kind=Path, positional=True, metavar="B"),
+                "run_a": Flag("folder of a finished run.", kind=Path, positional=True, metavar="A"),
+                "run_b": Flag(
+                    "folder of another, of the same data, starts, seed, length and sensor.",
+                    kind=Path,
+                    positional=True,
+                    metavar="B",
+                ),
                 "planners": Flag(
-                    kind=tuple[str, ...], default=(), metavar="PLANNER-A PLANNER-B", hint="each with itself"
+                    "one of A and one of B.",
+                    kind=tuple[str, ...],
+                    default=(),
+                    metavar="PLANNER-A PLANNER-B",
+                    hint="each with itself",
                 ),
             },
         ),
@@ -483,7 +584,11 @@ COMMANDS = Group(
             """,
             "eval.verification.verify:verify",
             show_verification,
-            flags={"run": RUN, "ideal": Flag(hint="as recorded"), **AS_RECORDED},
+            flags={
+                "run": RUN,
+                **AS_RECORDED,
+                "ideal": Flag("where the run on the ideal track lies now, for a run in flight.", hint="as recorded"),
+            },
         ),
         "study": STUDY,
         "bench": Command(
@@ -494,7 +599,10 @@ COMMANDS = Group(
             """,
             "eval.speed.bench:bench",
             show_speed,
-            flags={"out": Flag(default=REQUIRED), "report": Flag(hint="none")},
+            flags={
+                "out": Flag(".json to write.", default=REQUIRED),
+                "report": Flag("report.html to open too; takes chromium, and playwright from ehar[dev].", hint="none"),
+            },
         ),
     },
 )

@@ -11,6 +11,7 @@ from math import ceil
 
 import pytest
 
+from eval.cli.command import Command
 from eval.cli.main import COMMANDS, Group, main, parse
 
 HEAVY = (
@@ -22,8 +23,10 @@ HEAVY = (
     "scipy",
     "stable_baselines3",
     "rich",
-    "eval.running.benchmark",
+    "pydantic",
+    "pandas",
 )
+TOP = ("benchmark", "report", "replay", "data", "train", "check", "compare", "verify", "study", "bench")
 LINES = {100: 40, 80: 50}  # of a screen, by its columns
 LINES_OF_ALL = 30  # for `ehar --help`
 
@@ -62,6 +65,22 @@ def test_the_tree_is_walked_to_its_leaves() -> None:
     assert len(words) == len(set(words))
 
 
+def test_what_a_newcomer_needs_first_stands_first() -> None:
+    assert tuple(COMMANDS.commands) == TOP
+    rows = [line.split("•")[1].split()[0] for line in printed(()) if "•" in line]
+    assert tuple(rows) == TOP
+
+
+@EVERY
+def test_every_flag_is_explained(words: tuple[str, ...]) -> None:
+    found: Group | Command = COMMANDS
+    for word in words:
+        assert isinstance(found, Group)
+        found = found.commands[word]
+    if isinstance(found, Command):
+        assert [name for name, leaf in found.leaves().items() if not found.text_of(leaf)] == []
+
+
 @EVERY
 @pytest.mark.parametrize("columns", [100, 80])
 def test_it_fits_a_screen(words: tuple[str, ...], columns: int) -> None:
@@ -90,10 +109,11 @@ def test_the_first_example_is_the_benchmark() -> None:
 
 @pytest.mark.parametrize("words", [words for words in helps() if words], ids=" ".join)
 def test_its_group_lists_it_in_one_line(words: tuple[str, ...]) -> None:
-    found = COMMANDS
+    found: Group | Command = COMMANDS
     for word in words:
+        assert isinstance(found, Group)
         found = found.commands[word]
-    text = found.text if isinstance(found, Group) else inspect.getdoc(found)
+    text = inspect.cleandoc(found.text)
     rows = [line.strip("│ ").split(maxsplit=2) for line in printed(words[:-1], 80) if "•" in line]
     assert ["•", words[-1], text.splitlines()[0]] in rows
 
