@@ -41,10 +41,25 @@ class CommandGroup(NamedTuple):
 
 
 RUN = Flag(kind=Path, positional=True, metavar="RUN")  # folder of a finished run
-AS_RECORDED = {"data": Flag(hint="as recorded"), "models": Flag(hint="as recorded")}  # of a finished run
+AS_RECORDED = {  # of a finished run
+    "data": Flag("where the run's data lie now.", kind=str | None, hint="as recorded"),
+    "models": Flag("where its weights lie now.", hint="as recorded"),
+}
 SEEN = ("data", "models", "sensor", "views", "seed", "length", "fps", "recogniser")  # conditions of any run
 TRAINED = ("data", "sensor", "views", "length", "fps")  # conditions of any training
-ON_DATA = {"data": Flag(default=REQUIRED), "out": Flag(hint="that of --models")}
+SENSED = {"sensor": Flag("perfect, estimator (noisy), or your own: file.py:Class.")}
+TRAINED_FROM = {  # a recogniser
+    **SENSED,
+    "data": Flag(default=REQUIRED),
+    "models": Flag("folder of the recogniser, and to write to.", metavar="PATH", hint="ours"),
+    "out": Flag("folder to write to instead.", hint="that of --models"),
+    "recogniser": Flag("your own: file.py:Class.", hint="ours"),
+}
+TRAINED_ANEW = {  # with its recogniser
+    **SENSED,
+    "data": Flag(default=REQUIRED),
+    "views": Flag("cameras to train on: moving, or paper (32 static ones)."),
+}
 
 
 def show_run(run: "Run", *, report: bool = True) -> None:
@@ -149,7 +164,15 @@ BENCHMARK = Command(
         "recogniser",
     ),
     flags={
-        "planners": Flag(kind=tuple[str, ...] | None, positional=True, metavar="[PLANNER ...]", hint="all of ours"),
+        "planners": Flag(
+            "names, or your own: file.py:Class or module:Class, then --argument value.",
+            kind=tuple[str, ...],
+            default=(),
+            positional=True,
+            metavar="[PLANNER ...]",
+            hint="all of ours",
+        ),
+        "out": Flag("folder for records, tables and report.", hint="none"),
         "ideal": Flag(hint="none"),
     },
 )
@@ -204,7 +227,7 @@ TRAIN = CommandGroup(
                 ehar train all --data mine.npz --out models/mine
             """,
             conditions=TRAINED,
-            flags=ON_DATA,
+            flags=TRAINED_ANEW,
         ),
         "recogniser": Command(
             "eval.running.training:train_recogniser",
@@ -217,7 +240,13 @@ TRAIN = CommandGroup(
                 ehar train recogniser --data mine.npz --out models/mine
             """,
             conditions=(*TRAINED, "form", "seed"),
-            flags={**ON_DATA, "init": Flag(hint="none")},
+            flags={
+                **TRAINED_ANEW,
+                "form": Flag("causal streams; ctrgcn, as published, is trained on prefixes of random length."),
+                "length": Flag("frames of a clip."),
+                "seed": Flag("of initial weights, clips and dropout."),
+                "init": Flag(hint="none"),
+            },
         ),
         "gain-field": Command(
             "eval.running.training:train_gain_field",
@@ -230,7 +259,7 @@ TRAIN = CommandGroup(
                 ehar train gain-field --data mine.npz --models models/mine
             """,
             conditions=(*TRAINED, "models", "recogniser", "seed"),
-            flags=ON_DATA,
+            flags={**TRAINED_FROM, "seed": Flag("of episodes, forks and noise.")},
         ),
         "agent": Command(
             "eval.running.training:train_agents",
@@ -243,7 +272,7 @@ TRAIN = CommandGroup(
                 ehar train agent --data mine.npz --models models/mine --stages il,il-ppo
             """,
             conditions=(*TRAINED, "models", "recogniser"),
-            flags={**ON_DATA, "tensorboard": Flag(hint="none")},
+            flags={**TRAINED_FROM, "tensorboard": Flag(hint="none")},
         ),
     },
 )
@@ -267,7 +296,15 @@ CHECK = CommandGroup(
                 ehar check planner ./spiral.py:Spiral --distance 6
             """,
             conditions=("data", "models"),
-            flags={"planner": Flag(kind=str, positional=True, metavar="PLANNER")},
+            flags={
+                "planner": Flag(
+                    "a name, or your own: file.py:Class or module:Class, then --argument value.",
+                    kind=str,
+                    positional=True,
+                    metavar="PLANNER",
+                ),
+                "data": Flag("in whose test episodes it acts: duo, solo, or a prepared .npz."),
+            },
         ),
         "recogniser": Command(
             "eval.conformance.recogniser:check_recogniser",
@@ -282,12 +319,20 @@ CHECK = CommandGroup(
                 ehar check recogniser ./mine.py:Mine --weights mine.safetensors
             """,
             conditions=("data",),
-            flags={"recogniser": Flag(kind=str, default=REQUIRED, positional=True, metavar="RECOGNISER")},
+            flags={
+                "recogniser": Flag(
+                    "your own: file.py:Class or module:Class, then --argument value.",
+                    kind=str,
+                    positional=True,
+                    metavar="RECOGNISER",
+                ),
+                "data": Flag("whose test episodes it sees: duo, solo, or a prepared .npz."),
+            },
         ),
     },
 )
 STUDY = CommandGroup(
-    """Ask what there is to win, what parts are worth, and what planners do.
+    """Study what there is to win, and what each part is worth.
 
     For example:
         ehar study headroom --data duo
@@ -305,6 +350,7 @@ STUDY = CommandGroup(
                 ehar study headroom --data duo --out runs/headroom
             """,
             conditions=SEEN,
+            flags={**SENSED, "seed": Flag("of start viewpoints and noise.")},
         ),
         "ablation": Command(
             "eval.studies.ablation:ablation",
@@ -318,8 +364,16 @@ STUDY = CommandGroup(
             """,
             conditions=(*SEEN[:4], "starts", *SEEN[4:]),
             flags={
+                **SENSED,
+                "seed": Flag("of start viewpoints and noise."),
                 "groups": Flag(kind=tuple[str, ...], default=(), metavar="GROUP ...", hint="all"),
-                "tracks": Flag(kind=tuple[str, ...], default=(), metavar="TRACK ...", hint="none"),
+                "tracks": Flag(
+                    "that nbv flies as well: px4-auto, px4-max, tracking-drone, or vehicle files.",
+                    kind=tuple[str, ...],
+                    default=(),
+                    metavar="TRACK ...",
+                    hint="none",
+                ),
             },
         ),
         "belief": Command(
@@ -331,6 +385,10 @@ STUDY = CommandGroup(
                 ehar study belief --data duo --sensor estimator
             """,
             conditions=(*SEEN[:4], "starts", *SEEN[4:]),
+            flags={
+                **SENSED,
+                "seed": Flag("of start viewpoints, noise, random, and the halves that parts are fitted on."),
+            },
         ),
         "explain": Command(
             "eval.studies.explain:explain",
@@ -341,7 +399,13 @@ STUDY = CommandGroup(
                 ehar study explain --data duo --episode 3 --out explain.png
             """,
             conditions=SEEN,
-            flags={"out": Flag(default=Path("explain.png"))},
+            flags={
+                **SENSED,
+                "seed": Flag("of the start viewpoint and noise."),
+                "planner": Flag("nbv, nbv-search or nbv-greedy."),
+                "episode": Flag("which of the test episodes, counted from 0."),
+                "out": Flag(default=Path("explain.png")),
+            },
         ),
         "analyse": Command(
             "eval.studies.analyse:analyse",
@@ -355,9 +419,19 @@ STUDY = CommandGroup(
             """,
             flags={
                 "run": RUN,
-                "planners": Flag(kind=tuple[str, ...], default=(), metavar="PLANNER ...", hint="il-ppo, or else nbv"),
-                "states": Flag(metavar="AGENT", hint="none"),
-                "out": Flag(hint="RUN/analysis"),
+                "planners": Flag(
+                    "whose behaviour is shown beside no-act's.",
+                    kind=tuple[str, ...],
+                    default=(),
+                    metavar="PLANNER ...",
+                    hint="il-ppo, or else nbv",
+                ),
+                "states": Flag(
+                    "agent whose states are mapped, such as il-ppo/0; it runs its episodes once more.",
+                    metavar="AGENT",
+                    hint="none",
+                ),
+                "out": Flag("folder for analysis.json, analysis.md and figures.", hint="RUN/analysis"),
             },
         ),
         "overview": Command(
@@ -371,7 +445,7 @@ STUDY = CommandGroup(
                 ehar study overview runs/duo runs/solo --planner nbv
             """,
             flags={
-                "runs": Flag(kind=tuple[Path, ...], positional=True, metavar="RUN ..."),
+                "runs": Flag(kind=tuple[Path, ...], positional=True, metavar="RUN ...", hint="at least one"),
                 "planner": Flag(metavar="PLANNER", hint="none"),
             },
         ),
@@ -398,7 +472,7 @@ COMMANDS = CommandGroup(
             For example:
                 ehar report runs/duo-perfect-moving
             """,
-            flags={"run": RUN, "out": Flag(hint="RUN/report.html"), **AS_RECORDED},
+            flags={"run": RUN, "out": Flag("file to write.", hint="RUN/report.html"), **AS_RECORDED},
         ),
         "replay": Command(
             "eval.replays.replay:make_replay",
@@ -415,11 +489,22 @@ COMMANDS = CommandGroup(
             """,
             flags={
                 "run": RUN,
-                "episode": Flag(kind=str, positional=True, metavar="EPISODE"),
-                "planners": Flag(
-                    kind=tuple[str, ...], default=(), metavar="PLANNER ...", hint="the most accurate, and no-act"
+                "episode": Flag(
+                    "its number, from 0; or gain, loss or typical: of the first planner against the second.",
+                    kind=str,
+                    positional=True,
+                    metavar="EPISODE",
                 ),
-                "out": Flag(hint="RUN/replay-EPISODE.mp4"),
+                "planners": Flag(
+                    "one or two; il-ppo/3 is one of several trainings.",
+                    kind=tuple[str, ...],
+                    default=(),
+                    metavar="PLANNER ...",
+                    hint="the most accurate, and no-act",
+                ),
+                "out": Flag("film to write, .mp4 or .gif, or recording, .rrd.", hint="RUN/replay-EPISODE.mp4"),
+                "slower": Flag("than life, so many times; 1 is life."),
+                "rerun": Flag("write a recording for Rerun's viewer instead; needs rerun-sdk."),
                 **AS_RECORDED,
             },
         ),
@@ -436,10 +521,19 @@ COMMANDS = CommandGroup(
                 ehar compare runs/before runs/after --planners nbv il-ppo
             """,
             flags={
-                "run_a": Flag(kind=Path, positional=True, metavar="A"),
-                "run_b": Flag(kind=Path, positional=True, metavar="B"),
+                "run_a": Flag("folder of a finished run.", kind=Path, positional=True, metavar="A"),
+                "run_b": Flag(
+                    "folder of another, of the same data, starts, seed, length and sensor.",
+                    kind=Path,
+                    positional=True,
+                    metavar="B",
+                ),
                 "planners": Flag(
-                    kind=tuple[str, ...], default=(), metavar="PLANNER-A PLANNER-B", hint="each with itself"
+                    "one of A and one of B.",
+                    kind=tuple[str, ...],
+                    default=(),
+                    metavar="PLANNER-A PLANNER-B",
+                    hint="each with itself",
                 ),
             },
         ),
@@ -456,7 +550,11 @@ COMMANDS = CommandGroup(
                 ehar verify runs/mine
                 ehar verify runs/mine --rerun-episodes 20  # runs files that the run names
             """,
-            flags={"run": RUN, "ideal": Flag(hint="as recorded"), **AS_RECORDED},
+            flags={
+                "run": RUN,
+                **AS_RECORDED,
+                "ideal": Flag("where the run on the ideal track lies now, for a run in flight.", hint="as recorded"),
+            },
         ),
         "study": STUDY,
         "bench": Command(
@@ -467,7 +565,10 @@ COMMANDS = CommandGroup(
             For example:
                 ehar bench --out bench.json --report runs/duo-perfect-moving/report.html
             """,
-            flags={"out": Flag(default=REQUIRED), "report": Flag(hint="none")},
+            flags={
+                "out": Flag(".json to write.", default=REQUIRED),
+                "report": Flag("report.html to open too; takes chromium, and playwright from ehar[dev].", hint="none"),
+            },
         ),
     },
 )
