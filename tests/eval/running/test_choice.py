@@ -226,13 +226,15 @@ def test_names_are_checked_before_anything_is_loaded() -> None:
     assert listed(None) is None
     several = ["no-act", "nbv", "il", "il-ppo/3", "il-no-position", "own.py:Mine", Mine()]
     assert listed(several) == several
+    assert listed("nbv") == ["nbv"]
+    assert listed(several[-1]) == several[-1:], "one alone needs no list"
     for bad in ("il/x", "il-no-sound", "nbv/0"):
         with pytest.raises(UsageError, match=f"unknown planner '{bad}'"):
             listed(["no-act", bad])
     with pytest.raises(
         UsageError, match=r"expected what ehar.planner.Planner has, missing: name, privileged, reset, act"
     ):
-        listed([object()])  # type: ignore[list-item]
+        listed([object()])  # type: ignore[arg-type]
     with pytest.raises(UsageError, match=r"expected a planner, got the class Mine; make one: Mine\(\)$"):
         listed([Mine])  # type: ignore[list-item]
     with pytest.raises(UsageError, match=r"expected arguments as \(radius=5, turn='left'\)"):
