@@ -6,11 +6,13 @@ from typing import Any
 
 import pytest
 
+from ehar.conditions import Conditions
 from ehar.errors import EharError
 from planners.agents.config import DAGGER, AgentTrainingConfig, ImitationSetting, PPOSetting, Stage
 from planners.agents.storage import agent_path
 from planners.agents.training import train_agents
 from tests.helpers.random_networks import save_random_world
+from tests.helpers.settings import changed, tiny_conditions
 
 LENGTH = 8
 PPO = PPOSetting(frames=7 * 7 * 8, num_envs=8, hold=2, copies=4)  # 7 rollouts, a checkpoint after the fifth
@@ -39,10 +41,8 @@ def tiny_config(tmp_path: Path) -> AgentTrainingConfig:
     """Return the tiny data, with a recogniser that has learned nothing."""
     save_random_world(tmp_path, LENGTH)
     return AgentTrainingConfig(
-        data=str(tmp_path / "tiny.npz"),
-        models=tmp_path / "models",
+        conditions=tiny_conditions(tmp_path, length=LENGTH),
         out=tmp_path / "out",
-        length=LENGTH,
         stages="il,ppo,il-ppo",
         teacher=IMITATION.teacher,
         labels=IMITATION.labels,
@@ -61,16 +61,16 @@ def train(config: AgentTrainingConfig) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for path in paths for file in (path, path.with_suffix(".json"))}
 
 
-def refusal(error: type[EharError], config: AgentTrainingConfig) -> str:
-    """Return the one line that training ends in."""
+def refusal(error: type[EharError], config: AgentTrainingConfig, **changes: Any) -> str:
+    """Return the one line that training with other options ends in."""
     with pytest.raises(error) as caught:
-        train_agents(config, silent, silent)
+        train_agents(changed(config, **changes), silent, silent)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
 
 def agent_file(config: AgentTrainingConfig, name: str, seed: int = 0) -> Path:
-    return agent_path(config.directory, name, sensor="perfect", views="moving", seed=seed)
+    return agent_path(config.directory, name, Conditions(), seed)
 
 
 def quick(config: AgentTrainingConfig, **changes: Any) -> AgentTrainingConfig:
