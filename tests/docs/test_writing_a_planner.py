@@ -16,7 +16,7 @@ from ehar.envs.task import EpisodeTask
 from ehar.motion import GridMotion
 from ehar.planner import Context
 from ehar.rollout import rollout
-from ehar.sensors.sensor import PerfectSensor
+from ehar.sensors.perfect import PerfectSensor
 from eval import benchmark, check_planner, check_recogniser
 from eval.cli.main import parse
 from planners.registry import resolve_planner

@@ -13,7 +13,7 @@ from ehar.data.scenario import split_parts
 from ehar.errors import ModelError
 from ehar.motion import GridMotion
 from ehar.rollout import rollout
-from ehar.sensors.sensor import PerfectSensor
+from ehar.sensors.perfect import PerfectSensor
 from eval.records.episodes import read_episodes
 from eval.records.run_files import EPISODES
 from eval.running.episodes import CHUNK, cut_scenarios, random_starts
