@@ -4,6 +4,7 @@ import atexit
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 from tempfile import TemporaryDirectory
 
 import pytest
