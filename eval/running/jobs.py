@@ -165,7 +165,7 @@ def _run_in_workers(
     # cloudpickle, so that planners and recognisers defined in a notebook or a script arrive too.
     payloads = [cloudpickle.dumps(planner) for planner in planners]
     futures: dict[Future[_Done], _Job] = {}
-    with worker_pool(min(workers, len(jobs)), _start_worker, (cloudpickle.dumps(workload),)) as pool:
+    with worker_pool(min(workers, len(jobs)), _start_worker, sent=(cloudpickle.dumps(workload),)) as pool:
         for job in jobs:
             futures[pool.submit(_run_in_worker, payloads[job.planner], job.chunk)] = job
         for future in as_completed(futures):

@@ -99,7 +99,7 @@ def _imitate(
             run.imitate(world, demonstrations)
             report(run.stage, done, len(runs))
         return
-    with worker_pool(min(workers, len(runs)), _start_imitating, (runs[0].config, demonstrations)) as pool:
+    with worker_pool(min(workers, len(runs)), _start_imitating, sent=(runs[0].config, demonstrations)) as pool:
         futures = [pool.submit(_imitate_here, run) for run in runs]
         for done, future in enumerate(as_completed(futures), 1):
             future.result()
