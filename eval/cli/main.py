@@ -5,7 +5,6 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from inspect import cleandoc
 from typing import Annotated, Any, NoReturn
 
 import tyro
@@ -44,9 +43,9 @@ class _Listed:
 
 def _end_at(group: CommandGroup, prog: str, words: list[str]) -> NoReturn:
     """Print the help of a group, or tyro's error where the words are no `--help`, and exit."""
-    lines = {name: cleandoc(command.text).partition("\n")[0] for name, command in group.commands.items()}
+    lines = {name: command.help.partition("\n")[0] for name, command in group.commands.items()}
     listed: Any = [Annotated[_Listed, subcommand(name, description=line)] for name, line in lines.items()]
-    tyro.cli(reduce(operator.or_, listed), prog=prog, description=cleandoc(group.text), args=words)
+    tyro.cli(reduce(operator.or_, listed), prog=prog, description=group.help, args=words)
     raise AssertionError(words)
 
 

@@ -129,7 +129,8 @@ class Run:
     def __repr__(self) -> str:
         """Return a line: what ran, on what, how many episodes."""
         episodes = len(next(iter(self.records.values()), ()))
-        return f"Run({self.config.title}: {len(self.records)} planners, {episodes} episodes each)"
+        planners = f"{len(self.records)} planner{'s' * (len(self.records) != 1)}"
+        return f"Run({self.config.title}: {planners}, {episodes} episodes each)"
 
     def __str__(self) -> str:
         """Return the summary's table."""

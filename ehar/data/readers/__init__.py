@@ -1,19 +1,11 @@
-"""Readers of original files: one file a format."""
+"""Readers of original files: one file a format.
 
-from typing import TYPE_CHECKING
+A reader is a function from where the files lie, and options, to motion data. Its docstring is the help of
+`ehar data prepare NAME`: a line, an example, and its arguments.
+"""
 
-from ehar.lazy import lazy_exports
-
-if TYPE_CHECKING:
-    from ehar.data.readers.aistpp import prepare_aistpp as prepare_aistpp
-    from ehar.data.readers.bvh import prepare_bvh as prepare_bvh
-    from ehar.data.readers.expi import prepare_expi as prepare_expi
-else:
-    __getattr__, __dir__, __all__ = lazy_exports(
-        __name__,
-        {
-            "prepare_aistpp": "ehar.data.readers.aistpp",
-            "prepare_bvh": "ehar.data.readers.bvh",
-            "prepare_expi": "ehar.data.readers.expi",
-        },
-    )
+READERS = {  # by name: module:function, imported when it is asked for
+    "bvh": "ehar.data.readers.bvh:prepare_bvh",
+    "expi": "ehar.data.readers.expi:prepare_expi",
+    "aistpp": "ehar.data.readers.aistpp:prepare_aistpp",
+}

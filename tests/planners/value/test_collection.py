@@ -42,7 +42,7 @@ def task(sensor: str = "estimator", **changes: object) -> CollectionTask:
         sequences=np.arange(6),
         length=LENGTH,
         recogniser=FakeRecogniser(),
-        sensor=make_sensor(sensor, data.skeleton),
+        sensor=make_sensor(sensor, data),
         pairs=PAIRS,
         seed=3,
     )
