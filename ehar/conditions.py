@@ -100,9 +100,12 @@ class Conditions:
     @property
     def options(self) -> str:
         """What weights are trained for, as options of the commands that train them; errors suggest these."""
-        usual = [f"{self.data_option} --sensor {quote(self.sensor_name)} --views {self.views}"]
-        length = [f"--length {self.length}"] if self.length != Conditions.length else []
-        return " ".join(usual + length + ([] if self.fps is None else [f"--fps {self.fps:g}"]))
+        sensor = self.sensor if isinstance(self.sensor, str) else self.sensor.name
+        own = self.recogniser if isinstance(self.recogniser, str) else type(self.recogniser).__name__
+        parts = [self.data_option, f"--sensor {quote(sensor)} --views {self.views}"]
+        parts += [f"--length {self.length}"] if self.length != Conditions.length else []
+        parts += [f"--fps {self.fps:g}"] if self.fps is not None else []
+        return " ".join(parts + ([f"--recogniser {quote(own)}"] if self.recogniser is not None else []))
 
     @property
     def models_option(self) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ehar.arrays import FloatArray, IntArray
+from ehar.arrays import FloatArray, IntArray, in_brief
 from ehar.data.scenario import Scenarios
 from ehar.errors import EpisodeError
 from ehar.motion import Motion
@@ -18,7 +18,7 @@ from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Batch:
     """B episodes that are run together.
 
@@ -35,6 +35,8 @@ class Batch:
     starts: FloatArray
     noise: SensorNoise
     names: tuple[str, ...]
+
+    __repr__ = in_brief
 
     @staticmethod
     def of(scenarios: Scenarios, chosen: IntArray, starts: FloatArray, noise: SensorNoise) -> "Batch":

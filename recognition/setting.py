@@ -1,6 +1,6 @@
 """Conditions, loaded: the motion, the recogniser and the sensor that they name, ready to be run."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from ehar.arrays import IntArray
 from ehar.conditions import Conditions
@@ -23,7 +23,7 @@ class Setting:
     """
 
     conditions: Conditions
-    runner: Runner
+    runner: Runner = field(repr=False)
     recogniser_sha256: str
     form: str
 
