@@ -1,5 +1,8 @@
 """The conditions of a run: which people are watched, through what, by what, and from where."""
 
+import hashlib
+import re
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args, get_type_hints
@@ -9,6 +12,7 @@ from ehar.data.scenario import PARTS, TEST
 from ehar.errors import UsageError
 from ehar.flight.vehicle import Vehicle
 from ehar.motion import Motion
+from ehar.plugins.class_spec import arguments_text, parse_spec
 from ehar.recogniser import Recogniser
 from ehar.sensors.sensor import Sensor
 from ehar.track import IDEAL
@@ -80,8 +84,12 @@ class Conditions:
 
     @property
     def sensor_name(self) -> str:
-        """The sensor, as files and tables call it."""
-        return self.sensor if isinstance(self.sensor, str) else self.sensor.name
+        """The sensor, as files of weights are called after it; your own is called after its class and arguments."""
+        spec = parse_spec(self.sensor) if isinstance(self.sensor, str) else None
+        if spec is None or not spec.place:
+            return re.sub(r"[^\w.+-]", "-", self.sensor if isinstance(self.sensor, str) else self.sensor.name)
+        arguments = arguments_text(dict(sorted(spec.arguments.items())))
+        return spec.name + (f"-{hashlib.sha256(arguments.encode()).hexdigest()[:8]}" if arguments else "")
 
     @property
     def seen(self) -> str:
@@ -91,9 +99,16 @@ class Conditions:
     @property
     def options(self) -> str:
         """The same as options of the command line."""
-        return f"--sensor {self.sensor} --views {self.views}"
+        sensor = self.sensor if isinstance(self.sensor, str) else self.sensor.name
+        own = () if self.recogniser is None else ("--recogniser", _named(self.recogniser))
+        return shlex.join(("--sensor", sensor, "--views", self.views, *own))
 
     @property
     def directory(self) -> Path | None:
         """The folder of weights; None takes those that ship with ehar."""
         return None if self.models is None else Path(self.models)
+
+
+def _named(brought: object) -> str:
+    """Return how your own is named; of an object, its class."""
+    return brought if isinstance(brought, str) else f"{type(brought).__module__}.{type(brought).__qualname__}"

@@ -1,5 +1,6 @@
 """Trainings with their progress: each alone, or all that planners need on your own data, in order."""
 
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -77,7 +78,8 @@ class TrainAllConfig:
         """The options with which a benchmark runs under these conditions; its own defaults are left out."""
         usual, told = Conditions(), self.with_models
         options = {name: getattr(told, name) for name in ("data", "models", "sensor", "views", "length", "fps")}
-        return " ".join(f"--{name} {value}" for name, value in options.items() if value != getattr(usual, name))
+        differing = {name: str(value) for name, value in options.items() if value != getattr(usual, name)}
+        return " ".join(f"--{name} {shlex.quote(value)}" for name, value in differing.items())
 
     @property
     def recogniser(self) -> TrainingConfig:
