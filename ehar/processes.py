@@ -86,6 +86,36 @@ def worker_pool(
         folder.cleanup()
 
 
+def payload(what: Any, name: str) -> bytes:
+    """Return something as bytes for a worker process; classes of a user's own file, or of a notebook, arrive too.
+
+    Args:
+        what: to send.
+        name: of it, for errors.
+
+    Raises:
+        UsageError: it holds what cannot be sent.
+    """
+    import cloudpickle  # here, as `ehar --help` does not wait for it
+
+    try:
+        return bytes(cloudpickle.dumps(what))
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise UsageError(
+            f"{name} cannot be sent to a worker process: {reason}; expected no open files, locks or generators in it, "
+            "or --workers 1"
+        ) from error
+
+
+def call(sent: bytes, *arguments: Any) -> Any:
+    """Call, in a worker process, a function that was sent as bytes of (function, its first argument)."""
+    import cloudpickle  # here, as `ehar --help` does not wait for it
+
+    function, first = cloudpickle.loads(sent)
+    return function(first, *arguments)
+
+
 def _start_worker(
     started: Event, initializer: Callable[..., None] | None, initargs: tuple[Any, ...], file: Path
 ) -> None:
