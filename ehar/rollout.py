@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from ehar.arrays import FloatArray, IntArray
+from ehar.arrays import FloatArray, IntArray, in_brief
 from ehar.data.scenario import Scenarios
 from ehar.errors import EpisodeError
 from ehar.motion import Motion
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.plugins.blame import blamed
-from ehar.recogniser import Recogniser
+from ehar.recogniser import Recogniser, Recognition
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Batch:
     """B episodes that are run together.
 
@@ -35,6 +35,8 @@ class Batch:
     starts: FloatArray
     noise: SensorNoise
     names: tuple[str, ...]
+
+    __repr__ = in_brief
 
     @staticmethod
     def of(scenarios: Scenarios, chosen: IntArray, starts: FloatArray, noise: SensorNoise) -> "Batch":
@@ -124,7 +126,8 @@ def rollout(
         with blamed(recogniser, f"{seeing}, frame {frame}"):
             recognition, state = recogniser.step(state, sensed, viewpoint)
         viewpoints[:, frame] = viewpoint
-        log_probs[:, frame] = _checked_log_probs(recognition.log_probs, log_probs.shape[::2], seeing, frame)
+        check_recognition(recognition, recogniser, episodes, f"frame {frame}")
+        log_probs[:, frame] = recognition.log_probs
         if frame == length - 1:
             break
         observation = Observation(
@@ -150,14 +153,25 @@ def rollout(
     return Record(viewpoints, log_probs, plan_seconds)
 
 
-def _checked_log_probs(log_probs: FloatArray, expected: tuple[int, ...], seeing: str, frame: int) -> FloatArray:
-    """Return log-probabilities (B, K), or raise an error that names recogniser and frame."""
-    if np.shape(log_probs) != expected or not np.isfinite(log_probs).all():
-        raise EpisodeError(
-            f"{seeing}, frame {frame}: expected finite log-probabilities of shape {expected}, "
-            f"got {'NaN or infinity' if np.shape(log_probs) == expected else np.shape(log_probs)}"
-        )
-    return log_probs
+def check_recognition(recognition: Recognition, recogniser: Recogniser, episodes: int, frame: str) -> None:
+    """Raise an EpisodeError, which names recogniser and frame, unless arrays are finite and of the contract's shapes.
+
+    Args:
+        recognition: of unforked episodes.
+        recogniser: whose it is.
+        episodes: B.
+        frame: which it is.
+    """
+    where = f"recogniser {type(recogniser).__name__}, {frame}"
+    parts: tuple[tuple[str, Any, int], ...] = (
+        ("log-probabilities", getattr(recognition, "log_probs", None), len(recogniser.class_names)),
+        ("embedding", getattr(recognition, "embedding", None), recogniser.embedding_size),
+    )
+    for name, array, size in parts:
+        expected = (episodes, size)
+        if np.shape(array) != expected or not np.isfinite(array).all():
+            got = np.shape(array) if np.shape(array) != expected else "NaN or infinity"
+            raise EpisodeError(f"{where}: expected finite {name} of shape {expected}, got {got}")
 
 
 def _rates(motion: Motion, name: str, episodes: int, frame: int) -> FloatArray:

@@ -34,6 +34,11 @@ def make_vector_env(num_envs: int = 1, *, conditions: Conditions = TRAINED_ON, t
 
 def _load(conditions: Conditions, track: str) -> EpisodeTask:
     setting = load_setting(replace(conditions, track=track) if conditions.track == IDEAL else conditions)
+    if setting.runner.track.own is not None:
+        raise UsageError(
+            f"track {setting.runner.track.named}: expected {IDEAL} or a vehicle: what actions mean to a motion of your "
+            "own is not known"
+        )
     vehicle = setting.runner.track.vehicle
     if setting.runner.track.own is not None:
         raise UsageError(f"track {setting.runner.track.name}: expected ideal or a vehicle, which actions are known for")

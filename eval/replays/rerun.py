@@ -22,7 +22,6 @@ from eval.running.episodes import cut_scenarios, random_starts
 from eval.running.jobs import Workload
 from eval.running.recorder import Recorder
 from eval.running.run import Run
-from eval.verification.checks import FAILED, OK
 from eval.verification.followed_way import FollowedWay
 from eval.verification.inputs import Inputs
 from eval.verification.rerun import first_difference, make_again
@@ -98,8 +97,9 @@ def replay_run(
         EharError: something that the run needed cannot be read.
     """
     conditions = run.conditions
-    if inputs.setting is None or inputs.place is None or any(check.result == FAILED for check in inputs.checks[:2]):
-        raise DataError(next(check.what for check in inputs.checks if check.result != OK))
+    reason = inputs.reason_against
+    if reason is not None or inputs.setting is None or inputs.place is None:
+        raise DataError(str(reason))
     data = inputs.setting.data
     scenarios = cut_scenarios(data, part_of(data, conditions.part), conditions.length, lambda line: None)
     episodes = random_starts(scenarios, conditions.starts, conditions.seed)
