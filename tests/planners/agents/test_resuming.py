@@ -107,9 +107,9 @@ def test_a_checkpoint_without_what_belongs_in_it(config: AgentTrainingConfig) ->
     checkpoint = agent_file(config, "ppo").with_suffix(".checkpoint")
     checkpoint.parent.mkdir()
     save_checkpoint(checkpoint, Checkpoint({}, None, {"run": [1]}))
-    assert "expected a training checkpoint" in refusal(ModelError, replace(config, stages="ppo"))
+    assert "expected a training checkpoint" in refusal(ModelError, config, stages="ppo")
     save_file({"network": torch.zeros(3)}, checkpoint)
-    assert "expected a training checkpoint" in refusal(ModelError, replace(config, stages="ppo"))
+    assert "expected a training checkpoint" in refusal(ModelError, config, stages="ppo")
 
 
 @pytest.mark.parametrize(
@@ -133,12 +133,12 @@ def test_a_run_with_other_options_takes_over_nothing(
     chosen = replace(config, stages="ppo")
     stop(chosen, "ppo", 6)
     checkpoint = agent_file(config, "ppo").with_suffix(".checkpoint")
-    assert refusal(UsageError, replace(chosen, **changes)).startswith(
+    assert refusal(UsageError, chosen, **changes).startswith(
         f"{checkpoint}: a checkpoint of another training, which differs in {named}: "
     )
     expected = train(chosen)
     description = agent_file(config, "ppo").with_suffix(".json")
-    message = refusal(UsageError, replace(chosen, **changes))
+    message = refusal(UsageError, chosen, **changes)
     assert (
         message
         == f"{description}: holds another training, which differs in {named}: remove it, or choose another --out"
@@ -151,7 +151,7 @@ def test_cloning_otherwise_is_another_training(config: AgentTrainingConfig, chan
     chosen = replace(config, stages="il")
     train(chosen)
     (name,) = changes
-    assert f"differs in imitation.{name}: " in refusal(UsageError, replace(chosen, **changes))
+    assert f"differs in imitation.{name}: " in refusal(UsageError, chosen, **changes)
 
 
 def test_a_result_whose_description_is_no_longer_one(config: AgentTrainingConfig) -> None:
@@ -170,7 +170,7 @@ def test_a_fine_tuning_of_another_clone_is_another_training(config: AgentTrainin
     train(config)
     for suffix in (".safetensors", ".json"):
         agent_file(config, "il").with_suffix(suffix).unlink()
-    message = refusal(UsageError, replace(config, labels="best"))
+    message = refusal(UsageError, config, labels="best")
     assert "il-ppo" in message
     assert "start_sha256" in message
 
@@ -178,10 +178,10 @@ def test_a_fine_tuning_of_another_clone_is_another_training(config: AgentTrainin
 def command(config: AgentTrainingConfig) -> "subprocess.Popen[bytes]":
     """Start `ehar train agent` in a process of its own."""
     options = {
-        "data": config.data,
-        "models": config.models,
+        "data": config.conditions.data,
+        "models": config.conditions.models,
         "out": config.out,
-        "length": config.length,
+        "length": config.conditions.length,
         "stages": config.stages,
         "teacher": config.teacher,
         "labels": config.labels,

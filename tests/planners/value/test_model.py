@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
 
+from ehar.conditions import Conditions
 from ehar.errors import ModelError
 from planners.value.belief import BeliefModel
 from planners.value.model import FULL, GainModel, gain_model_path, load_gain_model, save_gain_model
@@ -28,14 +29,14 @@ MODEL = GainModel(
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    path = gain_model_path(tmp_path, sensor="perfect", views="moving")
+    path = gain_model_path(tmp_path, Conditions())
     save_gain_model(path, MODEL, recogniser_sha256=HASH, history={"seed": 0})
     return path
 
 
 def load(path: Path, **changes: Any) -> GainModel:
-    options = {"sensor": "perfect", "views": "moving", "recogniser_sha256": HASH, **changes}
-    return load_gain_model(path.parent, tiny_data(), **options)
+    recogniser_sha256 = changes.pop("recogniser_sha256", HASH)
+    return load_gain_model(Conditions(models=path.parent, **changes), tiny_data(), recogniser_sha256)
 
 
 def refusal(path: Path, **changes: Any) -> str:
