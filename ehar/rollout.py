@@ -1,20 +1,21 @@
 """The only loop: every frame of a batch of episodes is sensed, recognised, planned upon and moved, in lockstep."""
 
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.data.scenario import Scenarios
-from ehar.errors import EharError, EpisodeError
+from ehar.errors import EpisodeError
 from ehar.motion import Motion
 from ehar.planner import Context, Observation, Planner, Truth
-from ehar.plugins.loading import failure
+from ehar.plugins.blame import blamed
 from ehar.recogniser import Recogniser
-from ehar.sensors.sensor import Sensed, Sensor, SensorNoise
+from ehar.sensors.sensing import sense
+from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +73,12 @@ class Batch:
         )
 
 
+def noise_of(scenarios: Scenarios, episodes: int, rng: np.random.Generator) -> SensorNoise:
+    """Draw a sensor's noise for so many episodes of some scenarios, (B, L, ...)."""
+    data = scenarios.data
+    return draw_noise(rng, (episodes, scenarios.length), data.persons, len(data.skeleton.joint_names))
+
+
 @dataclass(frozen=True, eq=False)
 class Record:
     """What happened in each frame of B episodes."""
@@ -89,8 +96,8 @@ def rollout(
     Frame 0 is seen from the start viewpoint; after each frame but the last the planner moves the camera.
 
     Raises:
-        EpisodeError: a start lies outside of the workspace, or the planner returned something else than finite
-            targets (B, 3), or it or the recogniser raised something, or the recogniser's arrays have other shapes.
+        EpisodeError: a start lies outside of the workspace; planner, recogniser, sensor or motion raised something, or
+            returned arrays of other shapes, or such that are not finite.
     """
     _check_starts(batch, context)
     episodes, length = batch.positions.shape[:2]
@@ -100,16 +107,20 @@ def rollout(
     plan_seconds = 0.0
 
     def imagine(frame: int, candidates: FloatArray) -> Sensed:
-        return sensor.sense(batch.positions[:, None, frame], candidates, batch.noise.frame(frame).forked())
+        noise = batch.noise.frame(frame).forked()
+        return sense(sensor, batch.positions[:, None, frame], candidates, noise, f"frame {frame}, as imagined")
 
-    motion.reset(viewpoint, context.frame_time)
+    moving = f"motion {type(motion).__name__}"
+    with blamed(motion, f"{moving}, reset"):
+        motion.reset(viewpoint.copy(), context.frame_time)  # a copy, as other planners begin at these viewpoints too
     with blamed(planner, f"planner {planner.name!r}, reset"):
         planner.reset(context)
     seeing = f"recogniser {type(recogniser).__name__}"
     with blamed(recogniser, f"{seeing}, start"):
         state = recogniser.start(episodes)
     for frame in range(length):
-        sensed = sensor.sense(batch.positions[:, frame], viewpoint, batch.noise.frame(frame))
+        noise = batch.noise.frame(frame)
+        sensed = sense(sensor, batch.positions[:, frame], viewpoint, noise, f"frame {frame}")
         with blamed(recogniser, f"{seeing}, frame {frame}"):
             recognition, state = recogniser.step(state, sensed, viewpoint)
         viewpoints[:, frame] = viewpoint
@@ -124,31 +135,19 @@ def rollout(
             viewpoint=viewpoint,
             log_probs=recognition.log_probs,
             embedding=recognition.embedding,
-            velocity=motion.velocity,
-            acceleration=motion.acceleration,
+            velocity=_rates(motion, "velocity", episodes, frame),
+            acceleration=_rates(motion, "acceleration", episodes, frame),
             truth=Truth(batch.labels, recogniser, state, imagine) if planner.privileged else None,
         )
         begin = time.perf_counter()
         with blamed(planner, f"planner {planner.name!r}, frame {frame}"):
             target = planner.act(observation)
         plan_seconds += time.perf_counter() - begin
-        viewpoint = motion.advance(_checked(target, planner, batch, frame))
+        targets = _checked(target, planner, batch, frame)
+        with blamed(motion, f"{moving}, frame {frame}"):
+            reached = motion.advance(targets)
+        viewpoint = _finite(reached, (episodes, 3), f"{moving}, frame {frame}: viewpoints")
     return Record(viewpoints, log_probs, plan_seconds)
-
-
-@contextmanager
-def blamed(actor: object, where: str) -> Iterator[None]:
-    """Turn what the code of a planner or a recogniser raises into one line that names its file and line.
-
-    Raises:
-        EpisodeError: something was raised; an error of ours goes on as it is.
-    """
-    try:
-        yield
-    except EharError:
-        raise
-    except Exception as error:
-        raise EpisodeError(f"{where}: {failure(error, type(actor))}") from error
 
 
 def _checked_log_probs(log_probs: FloatArray, expected: tuple[int, ...], seeing: str, frame: int) -> FloatArray:
@@ -159,6 +158,28 @@ def _checked_log_probs(log_probs: FloatArray, expected: tuple[int, ...], seeing:
             f"got {'NaN or infinity' if np.shape(log_probs) == expected else np.shape(log_probs)}"
         )
     return log_probs
+
+
+def _rates(motion: Motion, name: str, episodes: int, frame: int) -> FloatArray:
+    """Return the velocity or the acceleration of a motion (B, 3), which may give one number for all."""
+    where = f"motion {type(motion).__name__}, frame {frame}"
+    with blamed(motion, where):
+        rates: Any = getattr(motion, name)
+    if isinstance(rates, int | float):
+        rates = np.full((episodes, 3), float(rates))
+    return _finite(rates, (episodes, 3), f"{where}: {name}")
+
+
+def _finite(array: Any, expected: tuple[int, ...], what: str) -> FloatArray:
+    """Return what a motion says as finite float64 of some shape, or raise an error that says what it is."""
+    try:
+        found = np.array(array, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise EpisodeError(f"{what}: expected an array of shape {expected}, got {type(array).__name__}") from error
+    if found.shape != expected or not np.isfinite(found).all():
+        got = str(found.shape) if found.shape != expected else "NaN or infinity"
+        raise EpisodeError(f"{what}: expected finite numbers of shape {expected}, got {got}")
+    return found
 
 
 def _check_starts(batch: Batch, context: Context) -> None:

@@ -1,6 +1,7 @@
 """A labelled motion data set in memory: what an .npz of the schema holds."""
 
 import hashlib
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -8,11 +9,12 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.skeleton import Skeleton
+from ehar.errors import UsageError
 
 UNKNOWN_SUBJECT = -1
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MotionData:
     """Labelled sequences of joint positions, in metres, z up, right-handed.
 
@@ -43,6 +45,14 @@ class MotionData:
     subjects: IntArray
     license: str = ""
     synthetic: bool = False
+
+    def __repr__(self) -> str:
+        """Return a line: how much motion there is, and of whom."""
+        of_whom = f"{self.persons} person{'s' * (self.persons != 1)} of {len(self.skeleton.joint_names)} joints"
+        return (
+            f"MotionData({self.title}: {len(self.labels)} sequences, {len(self.positions)} frames at {self.fps:g} fps, "
+            f"{of_whom}, {len(self.class_names)} classes)"
+        )
 
     @property
     def lengths(self) -> IntArray:
@@ -80,7 +90,12 @@ class MotionData:
         """Return the data at another frame rate: linear interpolation in time, each sequence by itself.
 
         Motion slower than half the new rate is kept; nothing filters what is faster, as no camera would.
+
+        Raises:
+            UsageError: the rate is not above 0.
         """
+        if not (math.isfinite(fps) and fps > 0):
+            raise UsageError(f"fps: got {fps}, expected frames per second above 0")
         if fps == self.fps:
             return self
         pieces = []

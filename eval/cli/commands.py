@@ -1,9 +1,11 @@
 """The commands of `ehar`: which function each runs, and what is printed of what that returns."""
 
 from collections.abc import Mapping
+from inspect import cleandoc
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol, Union
 
+from ehar.data.readers import READERS
 from eval.cli.command import REQUIRED, Command, Flag
 from eval.render.console import output_console, print_tables
 
@@ -26,18 +28,38 @@ class HasTables(Protocol):
         ...
 
 
-class Group(NamedTuple):
+class CommandGroup(NamedTuple):
     """Commands that share their first words. Its text is, as a command's, a line and then examples."""
 
     text: str
-    commands: Mapping[str, Union["Group", Command]]
+    commands: Mapping[str, Union["CommandGroup", Command]]
+
+    @property
+    def help(self) -> str:
+        """What its help begins with."""
+        return cleandoc(self.text)
 
 
 RUN = Flag(kind=Path, positional=True, metavar="RUN")  # folder of a finished run
-AS_RECORDED = {"data": Flag(hint="as recorded"), "models": Flag(hint="as recorded")}  # of a finished run
+AS_RECORDED = {  # of a finished run
+    "data": Flag("where the run's data lie now.", kind=str | None, hint="as recorded"),
+    "models": Flag("where its weights lie now.", hint="as recorded"),
+}
 SEEN = ("data", "models", "sensor", "views", "seed", "length", "fps", "recogniser")  # conditions of any run
 TRAINED = ("data", "sensor", "views", "length", "fps")  # conditions of any training
-ON_DATA = {"data": Flag(default=REQUIRED), "out": Flag(hint="that of --models")}
+SENSED = {"sensor": Flag("perfect, estimator (noisy), or your own: file.py:Class.")}
+TRAINED_FROM = {  # a recogniser
+    **SENSED,
+    "data": Flag(default=REQUIRED),
+    "models": Flag("folder of the recogniser, and to write to.", metavar="PATH", hint="ours"),
+    "out": Flag("folder to write to instead.", hint="that of --models"),
+    "recogniser": Flag("your own: file.py:Class.", hint="ours"),
+}
+TRAINED_ANEW = {  # with its recogniser
+    **SENSED,
+    "data": Flag(default=REQUIRED),
+    "views": Flag("cameras to train on: moving, or paper (32 static ones)."),
+}
 
 
 def show_run(run: "Run", *, report: bool = True) -> None:
@@ -128,71 +150,45 @@ def show_verification(found: "Verification") -> int:
 
 
 BENCHMARK = Command(
-    """Run planners on test episodes, and say how well each did.
+    "eval.running.benchmark:benchmark",
+    show_run,
+    text="""Run planners on test episodes, and say how well each did.
 
     For example:
         ehar benchmark --data duo
         ehar benchmark --data mine.npz --models models/mine --out runs/mine
         ehar benchmark ./spiral.py:Spiral --distance 6 no-act oracle
     """,
-    "eval.running.benchmark:benchmark",
-    show_run,
     conditions=(
         *("data", "models", "sensor", "track", "starts", "length", "fps", "seed", "part", "views", "form"),
         "recogniser",
     ),
     flags={
         "planners": Flag(
-            kind=tuple[str, ...], default=(), positional=True, metavar="[PLANNER ...]", hint="all of ours"
+            "names, or your own: file.py:Class or module:Class, then --argument value.",
+            kind=tuple[str, ...],
+            default=(),
+            positional=True,
+            metavar="[PLANNER ...]",
+            hint="all of ours",
         ),
+        "out": Flag("folder for records, tables and report.", hint="none"),
         "ideal": Flag(hint="none"),
     },
 )
 PREPARED = {
-    "source": Flag(positional=True, metavar="SOURCE"),
+    "source": Flag(kind=Path, positional=True, metavar="SOURCE"),
     "out": Flag(positional=True, metavar="OUT.npz"),
 }
-PREPARE = Group(
+PREPARE = CommandGroup(
     """Read motion files, and write a prepared .npz.
 
     For example:
         ehar data prepare aistpp AIST++ aistpp.npz
     """,
-    {
-        "bvh": Command(
-            """Read a folder of BVH files.
-
-            For example:
-                ehar data prepare bvh recordings mine.npz --pattern '{label}_{number}.bvh'
-                ehar data prepare bvh recordings mine.npz --label-from folder --unit 1
-            """,
-            "ehar.data.readers.bvh:prepare_bvh",
-            save_data,
-            flags=PREPARED,
-        ),
-        "expi": Command(
-            """Read the original ExPI files.
-
-            For example:
-                ehar data prepare expi ExPI expi.npz
-            """,
-            "ehar.data.readers.expi:prepare_expi",
-            save_data,
-            flags=PREPARED,
-        ),
-        "aistpp": Command(
-            """Read the original AIST++ files.
-
-            For example:
-                ehar data prepare aistpp AIST++ aistpp.npz
-            """,
-            "ehar.data.readers.aistpp:prepare_aistpp",
-            save_data,
-            flags=PREPARED,
-        ),
-    },
+    {name: Command(place, save_data, flags=PREPARED) for name, place in READERS.items()},
 )
-DATA = Group(
+DATA = CommandGroup(
     """Prepare motion data of your own, and describe it.
 
     For example:
@@ -202,18 +198,18 @@ DATA = Group(
     {
         "prepare": PREPARE,
         "describe": Command(
-            """Print what some data hold, class by class.
+            "eval.studies.describe:describe",
+            show_tables,
+            text="""Print what some data hold, class by class.
 
             For example:
                 ehar data describe mine.npz --figure mine.png
             """,
-            "eval.studies.describe:describe",
-            show_tables,
             flags={"data": Flag(kind=str, positional=True, metavar="DATA"), "figure": Flag(hint="none")},
         ),
     },
 )
-TRAIN = Group(
+TRAIN = CommandGroup(
     """Train what planners need on data of your own.
 
     For example:
@@ -221,60 +217,66 @@ TRAIN = Group(
     """,
     {
         "all": Command(
-            """Train recogniser, gain field and agents, in this order.
+            "eval.running.training:train_all",
+            show_trained,
+            text="""Train recogniser, gain field and agents, in this order.
 
             What is done is kept; stopped and started again, it goes on.
 
             For example:
                 ehar train all --data mine.npz --out models/mine
             """,
-            "eval.running.training:train_all",
-            show_trained,
             conditions=TRAINED,
-            flags=ON_DATA,
+            flags=TRAINED_ANEW,
         ),
         "recogniser": Command(
-            """Train a recogniser, on the recogniser part of data.
+            "eval.running.training:train_recogniser",
+            show_trained,
+            text="""Train a recogniser, on the recogniser part of data.
 
             Stopped and started again, it goes on where it was.
 
             For example:
                 ehar train recogniser --data mine.npz --out models/mine
             """,
-            "eval.running.training:train_recogniser",
-            show_trained,
             conditions=(*TRAINED, "form", "seed"),
-            flags={**ON_DATA, "init": Flag(hint="none")},
+            flags={
+                **TRAINED_ANEW,
+                "form": Flag("causal streams; ctrgcn, as published, is trained on prefixes of random length."),
+                "length": Flag("frames of a clip."),
+                "seed": Flag("of initial weights, clips and dropout."),
+                "init": Flag(hint="none"),
+            },
         ),
         "gain-field": Command(
-            """Train gain fields and belief, on the policy part of data.
+            "eval.running.training:train_gain_field",
+            show_trained,
+            text="""Train gain fields and belief, on the policy part of data.
 
             For the recogniser in --models, or the one that ships; what is done is kept.
 
             For example:
                 ehar train gain-field --data mine.npz --models models/mine
             """,
-            "eval.running.training:train_gain_field",
-            show_trained,
             conditions=(*TRAINED, "models", "recogniser", "seed"),
-            flags=ON_DATA,
+            flags={**TRAINED_FROM, "seed": Flag("of episodes, forks and noise.")},
         ),
         "agent": Command(
-            """Train agents: il, ppo, il-ppo and dagger.
+            "eval.running.training:train_agents",
+            show_trained,
+            text="""Train agents: il, ppo, il-ppo and dagger.
 
             For the recogniser in --models, or the one that ships; what is done is kept.
 
             For example:
                 ehar train agent --data mine.npz --models models/mine --stages il,il-ppo
             """,
-            "eval.running.training:train_agents",
-            show_trained,
             conditions=(*TRAINED, "models", "recogniser"),
-            flags={**ON_DATA, "tensorboard": Flag(hint="none")},
+            flags={**TRAINED_FROM, "tensorboard": Flag(hint="none")},
         ),
     },
 )
-CHECK = Group(
+CHECK = CommandGroup(
     """Check a planner or a recogniser of your own.
 
     For example:
@@ -282,7 +284,9 @@ CHECK = Group(
     """,
     {
         "planner": Command(
-            """Check that a planner keeps its contract.
+            "eval.conformance.planner:check_planner",
+            show_conformance,
+            text="""Check that a planner keeps its contract.
 
             Shapes, independent rows, seed, reset, no peeking, time a step.
 
@@ -291,13 +295,21 @@ CHECK = Group(
             For example:
                 ehar check planner ./spiral.py:Spiral --distance 6
             """,
-            "eval.conformance.planner:check_planner",
-            show_conformance,
             conditions=("data", "models"),
-            flags={"planner": Flag(kind=str, positional=True, metavar="PLANNER")},
+            flags={
+                "planner": Flag(
+                    "a name, or your own: file.py:Class or module:Class, then --argument value.",
+                    kind=str,
+                    positional=True,
+                    metavar="PLANNER",
+                ),
+                "data": Flag("in whose test episodes it acts: duo, solo, or a prepared .npz."),
+            },
         ),
         "recogniser": Command(
-            """Check that a recogniser keeps its contract.
+            "eval.conformance.recogniser:check_recogniser",
+            show_conformance,
+            text="""Check that a recogniser keeps its contract.
 
             Shapes, probabilities, independent rows, states that are forked and reset.
 
@@ -306,15 +318,21 @@ CHECK = Group(
             For example:
                 ehar check recogniser ./mine.py:Mine --weights mine.safetensors
             """,
-            "eval.conformance.recogniser:check_recogniser",
-            show_conformance,
             conditions=("data",),
-            flags={"recogniser": Flag(kind=str, default=REQUIRED, positional=True, metavar="RECOGNISER")},
+            flags={
+                "recogniser": Flag(
+                    "your own: file.py:Class or module:Class, then --argument value.",
+                    kind=str,
+                    positional=True,
+                    metavar="RECOGNISER",
+                ),
+                "data": Flag("whose test episodes it sees: duo, solo, or a prepared .npz."),
+            },
         ),
     },
 )
-STUDY = Group(
-    """Ask what there is to win, what parts are worth, and what planners do.
+STUDY = CommandGroup(
+    """Study what there is to win, and what each part is worth.
 
     For example:
         ehar study headroom --data duo
@@ -322,89 +340,118 @@ STUDY = Group(
     """,
     {
         "headroom": Command(
-            """Say what there is to win: accuracy of fixed cameras.
+            "eval.studies.headroom:headroom",
+            show_result,
+            text="""Say what there is to win: accuracy of fixed cameras.
 
             A map of viewpoints and the best of them, beside no-act and the oracles.
 
             For example:
                 ehar study headroom --data duo --out runs/headroom
             """,
-            "eval.studies.headroom:headroom",
-            show_result,
             conditions=SEEN,
+            flags={**SENSED, "seed": Flag("of start viewpoints and noise.")},
         ),
         "ablation": Command(
-            """Say what each part and setting of nbv is worth.
+            "eval.studies.ablation:ablation",
+            show_result,
+            text="""Say what each part and setting of nbv is worth.
 
             Its variants run side by side on the same test episodes.
 
             For example:
                 ehar study ablation --data duo --groups horizon effort
             """,
-            "eval.studies.ablation:ablation",
-            show_result,
             conditions=(*SEEN[:4], "starts", *SEEN[4:]),
             flags={
+                **SENSED,
+                "seed": Flag("of start viewpoints and noise."),
                 "groups": Flag(kind=tuple[str, ...], default=(), metavar="GROUP ...", hint="all"),
-                "tracks": Flag(kind=tuple[str, ...], default=(), metavar="TRACK ...", hint="none"),
+                "tracks": Flag(
+                    "that nbv flies as well: px4-auto, px4-max, tracking-drone, or vehicle files.",
+                    kind=tuple[str, ...],
+                    default=(),
+                    metavar="TRACK ...",
+                    hint="none",
+                ),
             },
         ),
         "belief": Command(
-            """Score the belief against the recogniser, part by part.
+            "eval.studies.belief:belief_report",
+            show_result,
+            text="""Score the belief against the recogniser, part by part.
 
             For example:
                 ehar study belief --data duo --sensor estimator
             """,
-            "eval.studies.belief:belief_report",
-            show_result,
             conditions=(*SEEN[:4], "starts", *SEEN[4:]),
+            flags={
+                **SENSED,
+                "seed": Flag("of start viewpoints, noise, random, and the halves that parts are fitted on."),
+            },
         ),
         "explain": Command(
-            """Draw one episode: what views were worth, and where it went.
+            "eval.studies.explain:explain",
+            show_result,
+            text="""Draw one episode: what views were worth, and where it went.
 
             For example:
                 ehar study explain --data duo --episode 3 --out explain.png
             """,
-            "eval.studies.explain:explain",
-            show_result,
             conditions=SEEN,
-            flags={"out": Flag(default=Path("explain.png"))},
+            flags={
+                **SENSED,
+                "seed": Flag("of the start viewpoint and noise."),
+                "planner": Flag("nbv, nbv-search or nbv-greedy."),
+                "episode": Flag("which of the test episodes, counted from 0."),
+                "out": Flag(default=Path("explain.png")),
+            },
         ),
         "analyse": Command(
-            """Analyse a finished run as the paper does.
+            "eval.studies.analyse:analyse",
+            show_result,
+            text="""Analyse a finished run as the paper does.
 
             Tables of encoders and predictability; figures of views, moves and states.
 
             For example:
                 ehar study analyse runs/mine --states il-ppo/0
             """,
-            "eval.studies.analyse:analyse",
-            show_result,
             flags={
                 "run": RUN,
-                "planners": Flag(kind=tuple[str, ...], default=(), metavar="PLANNER ...", hint="il-ppo, or else nbv"),
-                "states": Flag(metavar="AGENT", hint="none"),
-                "out": Flag(hint="RUN/analysis"),
+                "planners": Flag(
+                    "whose behaviour is shown beside no-act's.",
+                    kind=tuple[str, ...],
+                    default=(),
+                    metavar="PLANNER ...",
+                    hint="il-ppo, or else nbv",
+                ),
+                "states": Flag(
+                    "agent whose states are mapped, such as il-ppo/0; it runs its episodes once more.",
+                    metavar="AGENT",
+                    hint="none",
+                ),
+                "out": Flag("folder for analysis.json, analysis.md and figures.", hint="RUN/analysis"),
             },
         ),
         "overview": Command(
-            """Show several finished runs side by side.
+            "eval.studies.overview:overview",
+            show_tables,
+            text="""Show several finished runs side by side.
 
             One row a planner, one column a run: the share of the gap that it closes.
 
             For example:
                 ehar study overview runs/duo runs/solo --planner nbv
             """,
-            "eval.studies.overview:overview",
-            show_tables,
             flags={
-                "runs": Flag(kind=tuple[Path, ...], positional=True, metavar="RUN ..."),
+                "runs": Flag(kind=tuple[Path, ...], positional=True, metavar="RUN ...", hint="at least one"),
                 "planner": Flag(metavar="PLANNER", hint="none"),
             },
         ),
     },
 )
-COMMANDS = Group(
+COMMANDS = CommandGroup(
     """Embodied human activity recognition: which planner of views recognises earliest?
 
     For example:
@@ -414,7 +461,9 @@ COMMANDS = Group(
     {  # what a newcomer needs first stands first
         "benchmark": BENCHMARK,
         "report": Command(
-            """Write a finished run as one HTML file, for any browser.
+            "eval.reports.page:make_report",
+            show_path,
+            text="""Write a finished run as one HTML file, for any browser.
 
             Tables, figures and replays; it needs neither a server nor a network.
 
@@ -423,12 +472,12 @@ COMMANDS = Group(
             For example:
                 ehar report runs/duo-perfect-moving
             """,
-            "eval.reports.page:make_report",
-            show_path,
-            flags={"run": RUN, "out": Flag(hint="RUN/report.html"), **AS_RECORDED},
+            flags={"run": RUN, "out": Flag("file to write.", hint="RUN/report.html"), **AS_RECORDED},
         ),
         "replay": Command(
-            """Show one episode of a finished run as a film.
+            "eval.replays.replay:make_replay",
+            show_replay,
+            text="""Show one episode of a finished run as a film.
 
             The people, the cameras, what these see, and what is believed.
 
@@ -438,15 +487,24 @@ COMMANDS = Group(
                 ehar replay runs/mine gain
                 ehar replay runs/mine 12 --planners nbv il-ppo --out nbv.gif
             """,
-            "eval.replays.replay:make_replay",
-            show_replay,
             flags={
                 "run": RUN,
-                "episode": Flag(kind=str, positional=True, metavar="EPISODE"),
-                "planners": Flag(
-                    kind=tuple[str, ...], default=(), metavar="PLANNER ...", hint="the most accurate, and no-act"
+                "episode": Flag(
+                    "its number, from 0; or gain, loss or typical: of the first planner against the second.",
+                    kind=str,
+                    positional=True,
+                    metavar="EPISODE",
                 ),
-                "out": Flag(hint="RUN/replay-EPISODE.mp4"),
+                "planners": Flag(
+                    "one or two; il-ppo/3 is one of several trainings.",
+                    kind=tuple[str, ...],
+                    default=(),
+                    metavar="PLANNER ...",
+                    hint="the most accurate, and no-act",
+                ),
+                "out": Flag("film to write, .mp4 or .gif, or recording, .rrd.", hint="RUN/replay-EPISODE.mp4"),
+                "slower": Flag("than life, so many times; 1 is life."),
+                "rerun": Flag("write a recording for Rerun's viewer instead; needs rerun-sdk."),
                 **AS_RECORDED,
             },
         ),
@@ -454,24 +512,35 @@ COMMANDS = Group(
         "train": TRAIN,
         "check": CHECK,
         "compare": Command(
-            """Compare two finished runs on the same episodes: A minus B.
+            "eval.studies.compare:compare",
+            show_comparison,
+            text="""Compare two finished runs on the same episodes: A minus B.
 
             For example:
                 ehar compare runs/before runs/after
                 ehar compare runs/before runs/after --planners nbv il-ppo
             """,
-            "eval.studies.compare:compare",
-            show_comparison,
             flags={
-                "run_a": Flag(kind=Path, positional=True, metavar="A"),
-                "run_b": Flag(kind=Path, positional=True, metavar="B"),
+                "run_a": Flag("folder of a finished run.", kind=Path, positional=True, metavar="A"),
+                "run_b": Flag(
+                    "folder of another, of the same data, starts, seed, length and sensor.",
+                    kind=Path,
+                    positional=True,
+                    metavar="B",
+                ),
                 "planners": Flag(
-                    kind=tuple[str, ...], default=(), metavar="PLANNER-A PLANNER-B", hint="each with itself"
+                    "one of A and one of B.",
+                    kind=tuple[str, ...],
+                    default=(),
+                    metavar="PLANNER-A PLANNER-B",
+                    hint="each with itself",
                 ),
             },
         ),
         "verify": Command(
-            """Check that a finished run's figures follow from its records.
+            "eval.verification.verify:verify",
+            show_verification,
+            text="""Check that a finished run's figures follow from its records.
 
             And that data and weights are those that it names, by their hashes.
 
@@ -481,20 +550,25 @@ COMMANDS = Group(
                 ehar verify runs/mine
                 ehar verify runs/mine --rerun-episodes 20  # runs files that the run names
             """,
-            "eval.verification.verify:verify",
-            show_verification,
-            flags={"run": RUN, "ideal": Flag(hint="as recorded"), **AS_RECORDED},
+            flags={
+                "run": RUN,
+                **AS_RECORDED,
+                "ideal": Flag("where the run on the ideal track lies now, for a run in flight.", hint="as recorded"),
+            },
         ),
         "study": STUDY,
         "bench": Command(
-            """Measure how fast recognition, planning and training are.
+            "eval.speed.bench:bench",
+            show_speed,
+            text="""Measure how fast recognition, planning and training are.
 
             For example:
                 ehar bench --out bench.json --report runs/duo-perfect-moving/report.html
             """,
-            "eval.speed.bench:bench",
-            show_speed,
-            flags={"out": Flag(default=REQUIRED), "report": Flag(hint="none")},
+            flags={
+                "out": Flag(".json to write.", default=REQUIRED),
+                "report": Flag("report.html to open too; takes chromium, and playwright from ehar[dev].", hint="none"),
+            },
         ),
     },
 )

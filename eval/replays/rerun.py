@@ -17,6 +17,7 @@ from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import Batch
+from ehar.sensors.sensing import sense
 from eval.running.episodes import cut_scenarios, random_starts
 from eval.running.jobs import Workload
 from eval.running.recorder import Recorder
@@ -159,7 +160,7 @@ def _replay(
     if difference is not None:
         raise DataError(difference)
     frames = [
-        sensor.sense(batch.positions[:, frame], record.viewpoints[:, frame], batch.noise.frame(frame))
+        sense(sensor, batch.positions[:, frame], record.viewpoints[:, frame], batch.noise.frame(frame))
         for frame in range(way.shape[1])
     ]
     astray: BoolArray = np.asarray(motion.elsewhere.any(axis=1))

@@ -2,18 +2,10 @@
 
 from typing import TYPE_CHECKING, Protocol
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-
 if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress, TaskID
+
     from recognition.training.trainer import Evaluation
 
 
@@ -33,18 +25,23 @@ class Reporter(Protocol):
         """Hear that no more jobs follow."""
 
 
-def _bar(console: Console) -> Progress:
-    """Return a bar that is drawn on a terminal only, and leaves nothing behind."""
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
+def _bar() -> "tuple[Console, Progress]":
+    """Return standard error, and a bar that is drawn there if it is a terminal, and leaves nothing behind."""
+    from rich import progress  # here, as the help of commands does not wait for rich
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    bar = progress.Progress(
+        progress.TextColumn("{task.description}"),
+        progress.BarColumn(),
+        progress.MofNCompleteColumn(),
+        progress.TimeElapsedColumn(),
+        progress.TimeRemainingColumn(),
         console=console,
         transient=True,
         disable=not console.is_terminal,
     )
+    return console, bar
 
 
 class ConsoleReporter:
@@ -52,8 +49,7 @@ class ConsoleReporter:
 
     def __init__(self) -> None:
         """Create the reporter; it draws nothing yet."""
-        self._console = Console(stderr=True)
-        self._bar = _bar(self._console)
+        self._console, self._bar = _bar()
 
     def note(self, line: str) -> None:
         """Print a line."""
@@ -81,8 +77,7 @@ class TrainingProgress:
 
     def __init__(self) -> None:
         """Create the bar; it is drawn on standard error, and only on a terminal."""
-        self._console = Console(stderr=True)
-        self._bar = _bar(self._console)
+        self._console, self._bar = _bar()
 
     def __enter__(self) -> "TrainingProgress":
         """Draw the bar."""
@@ -111,8 +106,7 @@ class StageProgress:
 
     def __init__(self) -> None:
         """Create the bars; they are drawn on standard error."""
-        self._console = Console(stderr=True)
-        self._bar = _bar(self._console)
+        self._console, self._bar = _bar()
         self._tasks: dict[str, TaskID] = {}
 
     def __enter__(self) -> "StageProgress":

@@ -13,17 +13,18 @@ from ehar.data.scenario import windows
 from ehar.errors import ModelError
 from ehar.motion import GridMotion
 from ehar.recogniser import Recogniser
-from ehar.sensors.sensor import PerfectSensor, Sensed, SensorNoise, draw_noise
+from ehar.sensors.perfect import PerfectSensor
+from ehar.sensors.sensor import Sensed, SensorNoise, draw_noise
 from ehar.viewpoint import sample_starts
 from eval.speed.effort import Effort
 from eval.speed.flops import count_flops
 from recognition.calibration import Temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.layers import refreshes
+from recognition.networks.sizes import Size
 from recognition.networks.spec import NetworkSpec
 from recognition.storage import load_recogniser
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
-from recognition.training.config import Size
 
 EARLY = 5  # the frame, counted from 1, that the last one is compared with
 

@@ -94,7 +94,7 @@ class _Run:
         self.config = config
         data = load_motion_of(config.conditions)
         parts = split_parts(data)
-        sensor = make_sensor(config.conditions.sensor, data.skeleton)
+        sensor = make_sensor(config.conditions.sensor, data)
 
         def source(sequences: Any, augment: bool) -> ClipSource:
             return ClipSource(

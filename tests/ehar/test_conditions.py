@@ -81,7 +81,7 @@ def test_weights_are_named_after_what_was_seen(sensor: Any) -> None:
     conditions = Conditions(sensor=sensor, views="paper")
     assert conditions.sensor_name == "estimator"
     assert conditions.seen == "estimator-paper"
-    assert conditions.options == "--sensor estimator --views paper"
+    assert conditions.options == "--data duo --sensor estimator --views paper"
 
 
 def test_the_folder_of_weights_is_a_path_or_none() -> None:

@@ -11,7 +11,8 @@ from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import Batch, Record, rollout
 from ehar.sensors.estimator import EstimatorSensor
-from ehar.sensors.sensor import PerfectSensor, Sensor, SensorNoise
+from ehar.sensors.perfect import PerfectSensor
+from ehar.sensors.sensor import Sensor, SensorNoise
 from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context, tiny_scenarios
 
 EPISODES, LENGTH = 5, 6

@@ -14,7 +14,7 @@ from ehar.errors import DataError, EharError, ModelError, UsageError
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
 from ehar.sensors.estimator import EstimatorSensor
-from ehar.sensors.sensor import PerfectSensor
+from ehar.sensors.perfect import PerfectSensor
 from recognition.own_recogniser import resolve_recogniser
 from recognition.setting import Setting, load_motion_of, load_setting
 from recognition.streaming import StreamingRecogniser

@@ -248,7 +248,7 @@ def test_shipped_weights(built_in: MotionData, sensor: str, views: str) -> None:
         data=built_in,
         sequences=split_parts(built_in).test,
         length=recogniser.spec.length,
-        sensor=make_sensor(sensor, built_in.skeleton),
+        sensor=make_sensor(sensor, built_in),
         views=views,
         augment=False,
     ).draw(np.random.default_rng(0), 64)

@@ -1,6 +1,5 @@
 """Every command's help fits a screen and shows an example that parses."""
 
-import inspect
 import io
 import shlex
 import subprocess
@@ -11,7 +10,8 @@ from math import ceil
 
 import pytest
 
-from eval.cli.main import COMMANDS, Group, main, parse
+from eval.cli.command import Command
+from eval.cli.main import COMMANDS, CommandGroup, main, parse
 
 HEAVY = (
     "torch",
@@ -22,17 +22,19 @@ HEAVY = (
     "scipy",
     "stable_baselines3",
     "rich",
-    "eval.running.benchmark",
+    "pydantic",
+    "pandas",
 )
+TOP = ("benchmark", "report", "replay", "data", "train", "check", "compare", "verify", "study", "bench")
 LINES = {100: 40, 80: 50}  # of a screen, by its columns
 LINES_OF_ALL = 30  # for `ehar --help`
 
 
-def helps(group: Group = COMMANDS, words: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+def helps(group: CommandGroup = COMMANDS, words: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
     """Yield the words of each group and each command."""
     yield words
     for name, found in group.commands.items():
-        yield from helps(found, (*words, name)) if isinstance(found, Group) else [(*words, name)]
+        yield from helps(found, (*words, name)) if isinstance(found, CommandGroup) else [(*words, name)]
 
 
 EVERY = pytest.mark.parametrize("words", list(helps()), ids=lambda words: " ".join(("ehar", *words)))
@@ -60,6 +62,22 @@ def test_the_tree_is_walked_to_its_leaves() -> None:
     words = list(helps())
     assert {(), ("benchmark",), ("train", "agent"), ("data", "prepare"), ("data", "prepare", "bvh")} <= set(words)
     assert len(words) == len(set(words))
+
+
+def test_what_a_newcomer_needs_first_stands_first() -> None:
+    assert tuple(COMMANDS.commands) == TOP
+    rows = [line.split("•")[1].split()[0] for line in printed(()) if "•" in line]
+    assert tuple(rows) == TOP
+
+
+@EVERY
+def test_every_flag_is_explained(words: tuple[str, ...]) -> None:
+    found: CommandGroup | Command = COMMANDS
+    for word in words:
+        assert isinstance(found, CommandGroup)
+        found = found.commands[word]
+    if isinstance(found, Command):
+        assert [name for name, leaf in found.leaves().items() if not found.text_of(leaf)] == []
 
 
 @EVERY
@@ -90,10 +108,11 @@ def test_the_first_example_is_the_benchmark() -> None:
 
 @pytest.mark.parametrize("words", [words for words in helps() if words], ids=" ".join)
 def test_its_group_lists_it_in_one_line(words: tuple[str, ...]) -> None:
-    found = COMMANDS
+    found: CommandGroup | Command = COMMANDS
     for word in words:
+        assert isinstance(found, CommandGroup)
         found = found.commands[word]
-    text = found.text if isinstance(found, Group) else inspect.getdoc(found)
+    text = found.help
     rows = [line.strip("│ ").split(maxsplit=2) for line in printed(words[:-1], 80) if "•" in line]
     assert ["•", words[-1], text.splitlines()[0]] in rows
 

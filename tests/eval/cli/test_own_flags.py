@@ -1,35 +1,25 @@
 """Flags after a class of one's own."""
 
-from dataclasses import dataclass
-
 import pytest
 
 from ehar.errors import UsageError
 from ehar.plugins.class_spec import parse_spec
-from eval.cli.commands import Benchmark
-from eval.cli.own_flags import fold_flags, options_of
+from eval.cli.commands import BENCHMARK
+from eval.cli.own_flags import fold_flags
 
-
-@dataclass
-class Options:
-    planners: tuple[str, ...] = ()
-    recogniser: str | None = None
-    length: int = 60
-    frame_rate: float = 1.0
-    report: bool = True
-
-
-OPTIONS = options_of(Options)
+WITH_VALUES = ("--planners", "--recogniser", "--sensor", "--track", "--length", "--frame-rate")
+OPTIONS = {**dict.fromkeys(WITH_VALUES, True), **dict.fromkeys(("--help", "--report", "--no-report"), False)}
 
 
 def folded(line: str) -> str:
     return " ".join(fold_flags(line.split(), OPTIONS))
 
 
-def test_which_options_a_command_has() -> None:
-    values = {"--planners": True, "--recogniser": True, "--length": True, "--frame-rate": True}
-    assert OPTIONS == {"--help": False, **values, "--report": False, "--no-report": False}
-    assert options_of(Benchmark)["--workers"]
+def test_the_benchmarks_options_are_no_arguments_of_a_class() -> None:
+    known = BENCHMARK.options()
+    assert known["--workers"] and known["--length"] and not known["--no-report"]
+    words = ["a.py:A", "--length", "5", "--radius", "6", "--no-report"]
+    assert fold_flags(words, known) == ["a.py:A(radius='6')", "--length", "5", "--no-report"]
 
 
 @pytest.mark.parametrize(
@@ -47,6 +37,8 @@ def test_which_options_a_command_has() -> None:
         ("--report a.py:A --radius 6", "--report a.py:A(radius='6')"),
         ("--recogniser m.py:M --depth 3 no-act", "--recogniser m.py:M(depth='3') no-act"),
         ("--recogniser=m.py:M --depth 3 a.py:A --r 1", "--recogniser m.py:M(depth='3') a.py:A(r='1')"),
+        ("--sensor s.py:S --noise 3 no-act", "--sensor s.py:S(noise='3') no-act"),
+        ("--track=t.py:T --lag 2 a.py:A --r 1", "--track t.py:T(lag='2') a.py:A(r='1')"),
         ("no-act --radius 5", "no-act --radius 5"),
         ("a.py:A no-act --radius 5", "a.py:A no-act --radius 5"),
         ("a.py:A --help", "a.py:A --help"),

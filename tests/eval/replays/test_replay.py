@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from eval.running.finished_run import read_run
 from PIL import Image
 
 from ehar.camera import Camera, project
@@ -14,7 +15,6 @@ from eval.records.run_files import SUMMARY
 from eval.replays.choice import choose_episodes
 from eval.replays.episode import MAP_AZIMUTHS, MAP_POLARS, replay_episode
 from eval.replays.replay import TELLING, make_replay
-from eval.running.finished_run import read_run
 from eval.verification.inputs import check_inputs
 from planners.heuristic import HRotate
 from planners.value.model import gain_model_path, save_gain_model

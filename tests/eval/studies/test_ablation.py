@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
 from ehar.errors import UsageError
 from eval.cli.main import main
@@ -34,8 +35,8 @@ def known_weights(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def ablated(**options: Any) -> Ablation:
-    defaults: dict[str, Any] = {"data": tiny_data(sequences=20), "length": 10, "reporter": Log(), "groups": ["search"]}
-    return ablation(**{**defaults, **options})
+    conditions = Conditions(data=tiny_data(sequences=20), length=10, seed=options.pop("seed", 0))
+    return ablation(conditions, **{"reporter": Log(), "groups": ["search"], **options})
 
 
 def test_every_group_has_variants_that_differ_from_nbv_in_one_thing() -> None:
@@ -115,7 +116,7 @@ def test_bad_input_is_named(options: dict[str, Any], message: str) -> None:
 def test_the_command_prints_its_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "tiny.npz"
     save_motion(path, tiny_data(sequences=20))
-    main(["ablation", "--data", str(path), "--length", "10", "--groups", "horizon", "--workers", "1"])
+    main(["study", "ablation", "--data", str(path), "--length", "10", "--groups", "horizon", "--workers", "1"])
     printed = capsys.readouterr().out
     assert "horizon 30" in printed
     assert "minus nbv" in printed

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from eval.running.finished_run import read_run
 
 from ehar.arrays import FloatArray
 from ehar.data.motion_file import save_motion
@@ -11,7 +12,6 @@ from ehar.errors import DataError, ModelError, UsageError
 from ehar.planner import Observation
 from eval import benchmark
 from eval.records.run_files import CONFIG
-from eval.running.finished_run import read_run
 from eval.studies.agent_states import AgentStates, agent_states, load_agent, map_states, neighbour_purity
 from planners.agents.network import STATE
 from tests.helpers.agents import save_untrained

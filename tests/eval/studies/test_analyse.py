@@ -6,15 +6,15 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 import pytest
+from eval.cli.analyse_commands import AnalyseCommand
+from eval.running.finished_run import read_run
 
 from ehar.data.motion_file import save_motion
 from ehar.errors import DataError, UsageError
 from ehar.files import write_text
 from eval import benchmark
-from eval.cli.analyse_commands import AnalyseCommand
 from eval.records.episodes import EpisodeRecords, episode_lines
 from eval.records.run_files import CONFIG, EPISODES, SUMMARY, PlannerConfig
-from eval.running.finished_run import read_run
 from eval.studies.agent_states import Purity
 from eval.studies.analyse import analyse
 from eval.studies.analyse_figure import draw_states

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
 from ehar.errors import UsageError
-from eval import benchmark
 from eval.cli.main import main
 from eval.records.episodes import read_episodes
 from eval.studies.belief import NLL_AT, BeliefReport, belief_report, belief_row, belief_tables
@@ -16,17 +16,19 @@ from planners.value.view_basis import BASIS_SIZE
 from tests.helpers.fakes import tiny_data
 from tests.helpers.gain_models import model_of
 from tests.helpers.tiny_benchmarks import HashedRecogniser, Log
+from tests.helpers.tiny_benchmarks import run as run_tiny
 
 
 @pytest.fixture(autouse=True)
 def known_weights(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
-    monkeypatch.setattr("eval.studies.belief.load_gain_model", lambda *_, **__: model_of(np.zeros(BASIS_SIZE)))
+    monkeypatch.setattr("eval.running.choice.ModelPlace.load_gain_model", lambda _: model_of(np.zeros(BASIS_SIZE)))
 
 
 def report_of(**options: Any) -> BeliefReport:
-    defaults: dict[str, Any] = {"data": tiny_data(sequences=40), "length": 10, "reporter": Log()}
-    return belief_report(**{**defaults, **options})
+    told = {name: options.pop(name) for name in ("data", "seed") if name in options}
+    conditions = Conditions(**{"data": tiny_data(sequences=40), "length": 10, **told})
+    return belief_report(conditions, **{"reporter": Log(), **options})
 
 
 def test_a_row_by_hand() -> None:
@@ -53,7 +55,7 @@ def test_the_default_belief_says_what_the_recogniser_says() -> None:
 
 def test_its_episodes_are_the_benchmarks(tmp_path: Path) -> None:
     data = tiny_data(sequences=40)
-    benchmark(["no-act", "random"], data=data, length=10, out=tmp_path / "run", reporter=Log())
+    run_tiny(["no-act", "random"], data=data, starts=1, out=tmp_path / "run")
     recorded = read_episodes(tmp_path / "run" / "episodes.jsonl")
     for row in report_of(data=data).test:
         if row.reader == "recogniser":
@@ -78,7 +80,7 @@ def test_every_part_is_scored_on_the_same_held_out_episodes(tmp_path: Path) -> N
 def test_the_command_prints_both_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "tiny.npz"
     save_motion(path, tiny_data(sequences=40))
-    main(["belief", "--data", str(path), "--length", "10"])
+    main(["study", "belief", "--data", str(path), "--length", "10"])
     printed = capsys.readouterr().out
     assert "What each part of the belief is worth" in printed
     assert "+ whitening" in printed

@@ -4,12 +4,10 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 import pytest
-from eval.running.picked_episodes import pick_episodes
 
 from ehar.data.motion_file import save_motion
 from ehar.data.scenario import split_parts
 from ehar.errors import UsageError
-from eval import benchmark
 from eval.cli.main import main
 from eval.records.episodes import read_episodes
 from eval.running.episodes import cut_scenarios, random_starts
@@ -27,12 +25,12 @@ PEAK = np.array([8.0, np.radians(200), np.radians(60)])
 @pytest.fixture(autouse=True)
 def known_weights(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
-    monkeypatch.setattr("eval.studies.explain.load_gain_model", lambda *_, **__: model_of(peak_weights(PEAK)))
+    monkeypatch.setattr("eval.running.choice.ModelPlace.load_gain_model", lambda _: model_of(peak_weights(PEAK)))
 
 
 def explained(**options: Any) -> Explanation:
-    defaults: dict[str, Any] = {"data": tiny_data(sequences=20), "length": 10, "reporter": Log()}
-    return explain(**{**defaults, **options})
+    conditions = Conditions(data=options.pop("data", tiny_data(sequences=20)), length=10)
+    return explain(conditions, **{"reporter": Log(), **options})
 
 
 def test_moments_lie_between_a_tenth_and_nine_tenths() -> None:
@@ -64,11 +62,11 @@ def test_the_map_is_best_where_the_field_peaks(planner: str) -> None:
 
 def test_it_explains_the_benchmarks_own_episode(tmp_path: Path) -> None:
     data = tiny_data(sequences=20)
-    benchmark(["no-act"], data=data, length=10, out=tmp_path / "run", reporter=Log())
+    run_tiny(["no-act"], data=data, starts=1, out=tmp_path / "run")
     recorded = read_episodes(tmp_path / "run" / "episodes.jsonl")["no-act"]
     episodes = random_starts(cut_scenarios(data, split_parts(data).test, 10, lambda _: None), 1, 0)
     for index in (0, 7):
-        alone, together = pick_episodes(episodes, [index]), episodes.batch(0)
+        alone, together = episodes.pick([index]), episodes.batch(0)
         np.testing.assert_array_equal(alone.positions[0], together.positions[index])
         for draws, all_draws in zip(alone.noise, together.noise, strict=True):
             np.testing.assert_array_equal(draws[0], all_draws[index])
@@ -133,7 +131,7 @@ def test_bad_input_is_named(options: dict[str, Any], message: str) -> None:
 def test_the_command_draws_and_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, picture = tmp_path / "tiny.npz", tmp_path / "picture.png"
     save_motion(path, tiny_data(sequences=20))
-    options = ["explain", "--data", str(path), "--length", "10", "--planner", "nbv-greedy", "--frames", "2"]
+    options = ["study", "explain", "--data", str(path), "--length", "10", "--planner", "nbv-greedy", "--frames", "2"]
     main([*options, "--out", str(picture)])
     assert picture.is_file()
     assert "nbv-greedy" in capsys.readouterr().out

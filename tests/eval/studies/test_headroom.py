@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ehar.arrays import FloatArray
+from ehar.conditions import Conditions
 from ehar.errors import UsageError
 from ehar.viewpoint import AZIMUTH, POLAR
 from eval import headroom
@@ -34,8 +35,8 @@ def result(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Headroom:
     module = types.ModuleType("recognition.storage")
     module.load_recogniser = lambda *_, **__: SidedRecogniser()  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "recognition.storage", module)
-    options: dict[str, Any] = {"length": 10, "azimuths": 4, "polars": 3, "out": tmp_path / "out", "reporter": Log()}
-    return headroom(data=tiny_data(sequences=42), **options)
+    options: dict[str, Any] = {"azimuths": 4, "polars": 3, "out": tmp_path / "out", "reporter": Log()}
+    return headroom(Conditions(data=tiny_data(sequences=42), length=10), **options)
 
 
 def test_the_map_lies_on_the_grid_from_the_top_to_the_horizon() -> None:
@@ -95,4 +96,4 @@ def test_who_keeps_nothing_when_interrupted_says_so(monkeypatch: pytest.MonkeyPa
     monkeypatch.setitem(sys.modules, "recognition.storage", module)
     monkeypatch.setattr("eval.studies.headroom.run_planners", interrupted)
     with pytest.raises(KeyboardInterrupt, match="nothing was written"):
-        headroom(data=tiny_data(sequences=42), length=10, reporter=Log())
+        headroom(Conditions(data=tiny_data(sequences=42), length=10), reporter=Log())

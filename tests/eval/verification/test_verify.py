@@ -264,6 +264,7 @@ def test_what_only_a_replay_finds(
 def rewrite_summary(run: Path) -> None:
     """Make the figures those of the edited records, as who edits records might."""
     from eval.running.finished_run import read_run
+
     from eval.verification.figures import recompute
 
     read = read_run(run)

@@ -14,7 +14,7 @@ from ehar.motion import GridMotion
 from ehar.planner import Planner
 from ehar.rollout import Batch, Record, rollout
 from ehar.runner import Runner
-from ehar.sensors.sensor import PerfectSensor
+from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import Workspace, apply_moves, to_cells
 from planners.agents import demonstrations
 from planners.agents.agent import Agent

@@ -40,7 +40,7 @@ def few_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
 def task(sensor: str = "estimator", data: MotionData | None = None, **changes: object) -> CollectionTask:
     data = data or tiny_data()
     whole = CollectionTask(
-        runner=Runner(data, FakeRecogniser(), make_sensor(sensor, data.skeleton)),
+        runner=Runner(data, FakeRecogniser(), make_sensor(sensor, data)),
         sequences=np.arange(6),
         length=LENGTH,
         pairs=PAIRS,
