@@ -68,7 +68,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
 
     track = load_track(conditions.track)
     data = load_motion_of(conditions)
-    sensor = make_sensor(conditions.sensor, data.skeleton)
+    sensor = make_sensor(conditions.sensor, data)
     named = replace(
         conditions,
         data=data.name if isinstance(conditions.data, MotionData) else str(conditions.data),
@@ -78,7 +78,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     )
     if conditions.recogniser is not None:
         own = resolve_recogniser(conditions.recogniser, data)
-        runner = Runner(data, own.recogniser, sensor, track)
+        runner = Runner(data, own.made, sensor, track)
         return Setting(replace(named, recogniser=own.spec), runner, own.sha256, own.title)
     trained = load_recogniser(conditions, data, device=device)
     return Setting(named, Runner(data, trained, sensor, track), trained.sha256, conditions.form)

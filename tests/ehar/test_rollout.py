@@ -9,7 +9,7 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.errors import EpisodeError
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner
-from ehar.rollout import Batch, Record, rollout
+from ehar.rollout import Batch, Record, noise_of, rollout
 from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import Sensor, SensorNoise
@@ -137,7 +137,7 @@ def assert_same(first: Batch, second: Batch) -> None:
 
 def test_a_batch_of_scenarios_names_each_by_its_sequence_and_first_frame() -> None:
     scenarios, chosen = tiny_scenarios(length=LENGTH), np.array([16, 0, 2])  # each sequence has 15 windows
-    starts, noise = np.ones((3, 3)), scenarios.draw_noise(np.random.default_rng(0), 3)
+    starts, noise = np.ones((3, 3)), noise_of(scenarios, 3, np.random.default_rng(0))
     batch = Batch.of(scenarios, chosen, starts, noise)
     assert batch.names == ("sequence-1 from frame 1", "sequence-0 from frame 0", "sequence-0 from frame 2")
     np.testing.assert_array_equal(batch.positions, scenarios.positions(chosen))

@@ -36,7 +36,8 @@ def path(tmp_path: Path) -> Path:
 
 def load(path: Path, **changes: Any) -> GainModel:
     recogniser_sha256 = changes.pop("recogniser_sha256", HASH)
-    return load_gain_model(Conditions(models=path.parent, **changes), tiny_data(), recogniser_sha256)
+    data = tiny_data()
+    return load_gain_model(Conditions(data=data, models=path.parent, **changes), data, recogniser_sha256)
 
 
 def refusal(path: Path, **changes: Any) -> str:
@@ -85,7 +86,7 @@ def test_a_missing_file_is_named_with_the_command_that_makes_it(path: Path, suff
     path.with_suffix(suffix).unlink()
     message = refusal(path)
     assert message.startswith(f"{path.with_suffix(suffix)}: no such file")
-    assert f"`ehar train gain-field --data tiny --models {path.parent} --sensor perfect --views moving`" in message
+    assert f"`ehar train gain-field --data X.npz --sensor perfect --views moving --models {path.parent}`" in message
 
 
 def test_a_sensor_without_a_model(path: Path) -> None:
