@@ -4,12 +4,11 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 import pytest
-from eval.running.picked_episodes import pick_episodes
 
+from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
 from ehar.data.scenario import split_parts
 from ehar.errors import UsageError
-from eval import benchmark
 from eval.cli.main import main
 from eval.records.episodes import read_episodes
 from eval.running.episodes import cut_scenarios, random_starts
@@ -20,6 +19,7 @@ from planners.value.view_basis import field_value
 from tests.helpers.fakes import CLASS_NAMES, tiny_data
 from tests.helpers.gain_models import model_of, peak_weights
 from tests.helpers.tiny_benchmarks import HashedRecogniser, Log
+from tests.helpers.tiny_benchmarks import run as run_tiny
 
 PEAK = np.array([8.0, np.radians(200), np.radians(60)])
 
