@@ -20,12 +20,12 @@ benchmark: setup
 	$(RUN)ehar benchmark --data duo --out runs/duo-perfect-moving
 
 test: setup
-	$(RUN)pytest -n 2
+	$(RUN)pytest -n 2 --dist worksteal
 
 # A long random search for examples that break a property. `make test` tries the same few examples every time, so what
 # is found here is pinned: write it above its test as `@example(...)`, with the arguments that hypothesis prints.
 fuzz: setup
-	$(RUN)pytest -n 2 -m hypothesis --hypothesis-profile fuzz
+	$(RUN)pytest -n 2 --dist worksteal -m hypothesis --hypothesis-profile fuzz
 
 lint: setup
 	$(RUN)ruff check .

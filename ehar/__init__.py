@@ -1,1 +1,56 @@
 """The world of embodied human activity recognition, and the contracts of those who act in it."""
+
+from typing import TYPE_CHECKING
+
+from ehar.lazy import lazy_exports
+
+# At once, unlike the rest: `rollout` is also the module's name. It is imported here first, and then the name is the
+# function's for good; `from ehar.rollout import Batch` finds the module all the same.
+from ehar.rollout import rollout as rollout
+
+if TYPE_CHECKING:
+    from ehar.camera import Camera as Camera
+    from ehar.conditions import Conditions as Conditions
+    from ehar.data.motion_data import MotionData as MotionData
+    from ehar.data.motion_file import save_motion as save_motion
+    from ehar.data.skeleton import Skeleton as Skeleton
+    from ehar.data.source import load_data as load_data
+    from ehar.errors import EharError as EharError
+    from ehar.flight.motion import FlightMotion as FlightMotion
+    from ehar.flight.vehicle import Vehicle as Vehicle
+    from ehar.motion import GridMotion as GridMotion
+    from ehar.planner import Context as Context
+    from ehar.planner import Observation as Observation
+    from ehar.planner import Planner as Planner
+    from ehar.recogniser import Recogniser as Recogniser
+    from ehar.recogniser import Recognition as Recognition
+    from ehar.sensors.estimator import EstimatorSensor as EstimatorSensor
+    from ehar.sensors.sensor import PerfectSensor as PerfectSensor
+    from ehar.version import __version__ as __version__
+    from ehar.viewpoint import Workspace as Workspace
+else:
+    __getattr__, __dir__, __all__ = lazy_exports(
+        __name__,
+        {
+            "Camera": "ehar.camera",
+            "Conditions": "ehar.conditions",
+            "Context": "ehar.planner",
+            "EharError": "ehar.errors",
+            "EstimatorSensor": "ehar.sensors.estimator",
+            "FlightMotion": "ehar.flight.motion",
+            "GridMotion": "ehar.motion",
+            "MotionData": "ehar.data.motion_data",
+            "Observation": "ehar.planner",
+            "PerfectSensor": "ehar.sensors.sensor",
+            "Planner": "ehar.planner",
+            "Recogniser": "ehar.recogniser",
+            "Recognition": "ehar.recogniser",
+            "Skeleton": "ehar.data.skeleton",
+            "Vehicle": "ehar.flight.vehicle",
+            "Workspace": "ehar.viewpoint",
+            "__version__": "ehar.version",
+            "load_data": "ehar.data.source",
+            "rollout": "ehar.rollout",
+            "save_motion": "ehar.data.motion_file",
+        },
+    )

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import Any, Literal, get_args, get_type_hints
 
 from ehar.data.motion_data import MotionData
@@ -89,9 +90,24 @@ class Conditions:
         return f"{self.sensor_name}-{self.views}"
 
     @property
+    def data_option(self) -> str:
+        """The data as an option of a command; motion that is no file, but an object, has to become one."""
+        from ehar.data.source import BUILT_IN  # here, as it brings scipy, which `ehar --help` does not wait for
+
+        text = "" if isinstance(self.data, MotionData) else str(self.data)
+        return f"--data {quote(text)}" if text in BUILT_IN or Path(text).is_file() else "--data X.npz"
+
+    @property
     def options(self) -> str:
-        """The same as options of the command line."""
-        return f"--sensor {self.sensor} --views {self.views}"
+        """What weights are trained for, as options of the commands that train them; errors suggest these."""
+        usual = [f"{self.data_option} --sensor {quote(self.sensor_name)} --views {self.views}"]
+        length = [f"--length {self.length}"] if self.length != Conditions.length else []
+        return " ".join(usual + length + ([] if self.fps is None else [f"--fps {self.fps:g}"]))
+
+    @property
+    def models_option(self) -> str:
+        """The folder of weights as an option of a command."""
+        return f"--models {'DIR' if self.models is None else quote(str(self.models))}"
 
     @property
     def directory(self) -> Path | None:

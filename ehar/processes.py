@@ -9,6 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing.connection import wait
+from multiprocessing.synchronize import Event
 from typing import Any
 
 from ehar.errors import ModelError, UsageError
@@ -21,8 +22,19 @@ def cores() -> int:
 
 def check_workers(workers: int) -> None:
     """Raise a UsageError unless there is a worker."""
+    leave_if_imported_again()
     if workers < 1:
         raise UsageError(f"workers: expected at least 1, got {workers}")
+
+
+def leave_if_imported_again() -> None:
+    """End this process if it is a worker that is only about to start, and imports the script for that.
+
+    Without `if __name__ == "__main__":` the script would start all of its work again in each worker, these would start
+    workers too, and none would ever answer. `worker_pool` says what to do about it, in the process that began it all.
+    """
+    if getattr(multiprocessing.current_process(), "_inheriting", False):  # what multiprocessing itself goes by
+        raise SystemExit(1)
 
 
 @contextmanager
@@ -37,19 +49,25 @@ def worker_pool(
         initargs: what with.
 
     Raises:
+        UsageError: no process could start, as when a script lacks `if __name__ == "__main__":`.
         ModelError: a process has ended by itself.
     """
+    leave_if_imported_again()
     others = set(multiprocessing.active_children())
+    context = multiprocessing.get_context("spawn")
+    started = context.Event()
     pool = ProcessPoolExecutor(
-        count,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_start_worker,
-        initargs=(initializer, initargs),
+        count, mp_context=context, initializer=_start_worker, initargs=(started, initializer, initargs)
     )
     try:
         yield pool
         pool.shutdown()
     except BrokenProcessPool as error:
+        if not started.is_set():
+            raise UsageError(
+                "workers: no worker process could start; in a script, each one imports the script first, "
+                'so put what it runs under `if __name__ == "__main__":`, or set workers to 1'
+            ) from error
         raise ModelError("a worker process has ended: expected it to finish; was there too little memory?") from error
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
@@ -57,7 +75,8 @@ def worker_pool(
             process.terminate()
 
 
-def _start_worker(initializer: Callable[..., None] | None, initargs: tuple[Any, ...]) -> None:
+def _start_worker(started: Event, initializer: Callable[..., None] | None, initargs: tuple[Any, ...]) -> None:
+    started.set()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears Ctrl-C too, and ends its workers
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if initializer is not None:

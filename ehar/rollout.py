@@ -14,7 +14,7 @@ from ehar.motion import Motion
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.plugins.loading import failure
 from ehar.recogniser import Recogniser
-from ehar.sensors.sensor import Sensed, Sensor, SensorNoise
+from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +70,12 @@ class Batch:
             noise=SensorNoise(*(draws[rows, :frames] for draws in self.noise)),
             names=tuple(np.array(self.names, dtype=object)[rows]),
         )
+
+
+def noise_of(scenarios: Scenarios, episodes: int, rng: np.random.Generator) -> SensorNoise:
+    """Draw a sensor's noise for so many episodes of some scenarios, (B, L, ...)."""
+    data = scenarios.data
+    return draw_noise(rng, (episodes, scenarios.length), data.persons, len(data.skeleton.joint_names))
 
 
 @dataclass(frozen=True, eq=False)

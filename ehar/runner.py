@@ -10,7 +10,7 @@ from ehar.data.scenario import Scenarios
 from ehar.motion import Motion
 from ehar.planner import Context, Planner
 from ehar.recogniser import Recogniser
-from ehar.rollout import Batch, Record, rollout
+from ehar.rollout import Batch, Record, noise_of, rollout
 from ehar.sensors.sensor import Sensor
 from ehar.track import Track
 from ehar.viewpoint import Workspace
@@ -41,7 +41,7 @@ class Runner:
             starts: (B, 3) start viewpoints.
             rng: draws the sensor's noise.
         """
-        return Batch.of(scenarios, chosen, starts, scenarios.draw_noise(rng, len(chosen)))
+        return Batch.of(scenarios, chosen, starts, noise_of(scenarios, len(chosen), rng))
 
     def context(
         self, episodes: int, length: int, rng: np.random.Generator, workspace: Workspace | None = None

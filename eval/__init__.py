@@ -1,24 +1,29 @@
 """How well it went: the benchmark, its metrics, statistics and figures, and the command line."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from ehar.lazy import lazy_exports
 
 if TYPE_CHECKING:
     from eval.conformance.planner import check_planner as check_planner
     from eval.conformance.recogniser import check_recogniser as check_recogniser
+    from eval.reports.page import make_report as make_report
     from eval.running.benchmark import benchmark as benchmark
+    from eval.running.run import read_run as read_run
+    from eval.studies.compare import compare as compare
     from eval.studies.headroom import headroom as headroom
-
-_MODULES = {
-    "benchmark": "eval.running.benchmark",
-    "check_planner": "eval.conformance.planner",
-    "check_recogniser": "eval.conformance.recogniser",
-    "headroom": "eval.studies.headroom",
-}
-
-
-def __getattr__(name: str) -> object:
-    """Import a function when it is asked for, as `ehar --help` imports this folder too and would wait for them all."""
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_MODULES[name]), name)
+    from eval.verification.verify import verify as verify
+else:
+    __getattr__, __dir__, __all__ = lazy_exports(
+        __name__,
+        {
+            "benchmark": "eval.running.benchmark",
+            "check_planner": "eval.conformance.planner",
+            "check_recogniser": "eval.conformance.recogniser",
+            "compare": "eval.studies.compare",
+            "headroom": "eval.studies.headroom",
+            "make_report": "eval.reports.page",
+            "read_run": "eval.running.run",
+            "verify": "eval.verification.verify",
+        },
+    )

@@ -6,7 +6,7 @@ from ehar.conditions import Conditions
 from ehar.data.scenario import windows
 from ehar.envs.controls import FlightControls, GridControls
 from ehar.envs.environment import EpisodeEnv, EpisodeVectorEnv
-from ehar.envs.task import Episodes
+from ehar.envs.task import EpisodeTask
 from ehar.track import IDEAL
 from recognition.setting import load_setting
 
@@ -31,10 +31,10 @@ def make_vector_env(num_envs: int = 1, *, conditions: Conditions = TRAINED_ON, t
     return EpisodeVectorEnv(num_envs, _load(conditions, track))
 
 
-def _load(conditions: Conditions, track: str) -> Episodes:
+def _load(conditions: Conditions, track: str) -> EpisodeTask:
     setting = load_setting(replace(conditions, track=track) if conditions.track == IDEAL else conditions)
     vehicle = setting.runner.track.vehicle
-    return Episodes(
+    return EpisodeTask(
         scenarios=windows(setting.data, setting.sequences, conditions.length, 1),
         recogniser=setting.runner.recogniser,
         sensor=setting.runner.sensor,

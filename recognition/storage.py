@@ -3,6 +3,7 @@
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from ehar.conditions import Conditions
@@ -82,10 +83,12 @@ def load_recogniser(
     if directory is None and not (data.synthetic and (SHIPPED / data.name).is_dir()):
         raise ModelError(
             f"no weights are shipped for {data.name!r}: expected --models DIR, as made by "
-            f"`ehar train recogniser --data X.npz --out DIR`"
+            f"`ehar train recogniser {conditions.options} --out DIR`"
         )
     path = recogniser_path(directory or SHIPPED / data.name, conditions)
-    check_files(path, f"a recogniser trained with {conditions.options} --form {form}")
+    folder = "DIR" if directory is None else quote(str(directory))
+    made = f"ehar train recogniser {conditions.options} --form {form} --out {folder}"
+    check_files(path, f"a recogniser, as made by `{made}`" + ("" if directory else ", and --models DIR"))
     file, what = description_path(path), "a recogniser, as `ehar train recogniser` writes it"
     description = read_json(file, RecogniserDescription, what, wrong=ModelError)
     spec, temperature = description.spec, description.temperature

@@ -46,23 +46,23 @@ class _Recogniser:
 
 
 @dataclass(frozen=True)
-class RecogniserState:
+class StreamingRecogniserState:
     """The streaming network's state behind arrays; see `ehar.recogniser.RecogniserState`."""
 
     network: StreamingState
 
-    def fork(self, forks: int) -> "RecogniserState":
+    def fork(self, forks: int) -> "StreamingRecogniserState":
         """Return a state of F alternatives an episode; nothing is copied."""
-        return RecogniserState(self.network.fork(forks))
+        return StreamingRecogniserState(self.network.fork(forks))
 
-    def select(self, choice: IntArray) -> "RecogniserState":
+    def select(self, choice: IntArray) -> "StreamingRecogniserState":
         """Return the unforked state of alternative `choice` (B,) of each episode."""
-        return RecogniserState(self.network.select(torch.from_numpy(np.asarray(choice, dtype=np.int64))))
+        return StreamingRecogniserState(self.network.select(torch.from_numpy(np.asarray(choice, dtype=np.int64))))
 
-    def reset(self, mask: BoolArray) -> "RecogniserState":
+    def reset(self, mask: BoolArray) -> "StreamingRecogniserState":
         """Return a state in which the episodes of `mask` (B,) have seen nothing yet."""
         rows = torch.from_numpy(np.asarray(mask, dtype=bool)).to(self.network.count.device)
-        return RecogniserState(self.network.reset(rows))
+        return StreamingRecogniserState(self.network.reset(rows))
 
 
 class StreamingRecogniser(_Recogniser):
@@ -84,14 +84,14 @@ class StreamingRecogniser(_Recogniser):
         self._network = network.to(self.device).eval()
         self.embedding_size = network.embedding_size
 
-    def start(self, episodes: int) -> RecogniserState:
+    def start(self, episodes: int) -> StreamingRecogniserState:
         """Return the state of B episodes that have seen nothing."""
         with torch.inference_mode():
-            return RecogniserState(self._network.start(episodes, self.spec.persons))
+            return StreamingRecogniserState(self._network.start(episodes, self.spec.persons))
 
     def step(
-        self, state: RecogniserState, sensed: Sensed, viewpoint: FloatArray
-    ) -> tuple[Recognition, RecogniserState]:
+        self, state: StreamingRecogniserState, sensed: Sensed, viewpoint: FloatArray
+    ) -> tuple[Recognition, StreamingRecogniserState]:
         """See one more frame; shapes as in `ehar.recogniser.Recogniser.step`."""
         with torch.inference_mode():
             forked = state.network.forks > 1
@@ -100,7 +100,7 @@ class StreamingRecogniser(_Recogniser):
             recognition = self._recognition(logits, embedding, after.count.cpu().numpy())
         if not forked:
             recognition = Recognition(*(array[:, 0] for array in recognition))
-        return recognition, RecogniserState(after)
+        return recognition, StreamingRecogniserState(after)
 
 
 @dataclass(frozen=True)

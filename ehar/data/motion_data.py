@@ -12,7 +12,7 @@ from ehar.data.skeleton import Skeleton
 UNKNOWN_SUBJECT = -1
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MotionData:
     """Labelled sequences of joint positions, in metres, z up, right-handed.
 
@@ -43,6 +43,14 @@ class MotionData:
     subjects: IntArray
     license: str = ""
     synthetic: bool = False
+
+    def __repr__(self) -> str:
+        """Return a line: how much motion there is, and of whom."""
+        of_whom = f"{self.persons} person{'s' * (self.persons != 1)} of {len(self.skeleton.joint_names)} joints"
+        return (
+            f"MotionData({self.title}: {len(self.labels)} sequences, {len(self.positions)} frames at {self.fps:g} fps, "
+            f"{of_whom}, {len(self.class_names)} classes)"
+        )
 
     @property
     def lengths(self) -> IntArray:

@@ -7,7 +7,6 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.motion_data import UNKNOWN_SUBJECT, MotionData
 from ehar.errors import DataError, UsageError
-from ehar.sensors.sensor import SensorNoise, draw_noise
 
 VALIDATION_SHARE = 0.15  # Sec. 5.1: train : validation = 0.85 : 0.15
 RECOGNISER_SHARE = 0.4  # Sec. 5.1: recogniser training : policy training = 0.4 : 0.6
@@ -52,11 +51,6 @@ class Scenarios:
         motion = self.data.positions[begin[:, None] + np.arange(self.length)]
         centred: FloatArray = motion - motion.mean(axis=(1, 2, 3), keepdims=True)
         return centred.astype(np.float32, copy=False)
-
-    def draw_noise(self, rng: np.random.Generator, episodes: int) -> SensorNoise:
-        """Draw a sensor's noise for so many episodes, (B, L, ...)."""
-        persons, joints = self.data.persons, len(self.data.skeleton.joint_names)
-        return draw_noise(rng, (episodes, self.length), persons, joints)
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from ehar.arrays import BoolArray, FloatArray
-from ehar.envs.task import Episodes, Observations
+from ehar.envs.task import EpisodeTask, Observations
 from ehar.envs.task import reward as reward
 
 
 class EpisodeEnv(gym.Env[dict[str, Any], Any]):
-    """One episode at a time of the task that `Episodes` describes.
+    """One episode at a time of the task that `EpisodeTask` describes.
 
     The last frame terminates an episode, it does not truncate it: the task ends there by its definition, and
     `ratio` tells the agent when, so there is no value beyond to bootstrap from.
@@ -25,7 +25,7 @@ class EpisodeEnv(gym.Env[dict[str, Any], Any]):
 
     metadata = {"render_modes": []}  # noqa: RUF012  as gym.Env declares it
 
-    def __init__(self, episodes: Episodes) -> None:
+    def __init__(self, episodes: EpisodeTask) -> None:
         """Create the environment."""
         self.episodes = episodes
         self.observation_space = episodes.observation_space
@@ -58,7 +58,7 @@ class EpisodeVectorEnv(gym.vector.VectorEnv[Observations, npt.NDArray[Any], npt.
 
     metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012  as VectorEnv's
 
-    def __init__(self, num_envs: int, episodes: Episodes) -> None:
+    def __init__(self, num_envs: int, episodes: EpisodeTask) -> None:
         """Create the environments."""
         self.num_envs = num_envs
         self.episodes = episodes

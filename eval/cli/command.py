@@ -59,18 +59,25 @@ class Command:
     """A command.
 
     Args:
-        text: its help: a line, which lists of commands show, and examples.
         place: of the function, `module:function`; imported when the command is named.
         show: prints what the function returned, and may return an exit code. Its further parameters are flags too.
+        text: its help: a line, which lists of commands show, and examples; empty where the function's docstring is it.
         conditions: which fields of `Conditions` are flags, where the function takes them.
         flags: parameters that look otherwise than in Python.
     """
 
-    text: str
     place: str
     show: Callable[..., int | None]
+    text: str = ""
     conditions: tuple[str, ...] = ()
     flags: Mapping[str, Flag] = field(default_factory=dict)
+
+    @property
+    def help(self) -> str:
+        """What its help begins with."""
+        if self.text:
+            return inspect.cleandoc(self.text)
+        return re.split(r"^(?:Args|Returns|Raises):$", inspect.getdoc(self.function) or "", flags=re.MULTILINE)[0].rstrip()
 
     @property
     def function(self) -> Callable[..., Any]:
@@ -103,8 +110,8 @@ class Command:
         flags = [self._flag(leaf) for leaf in sorted(self.leaves().values(), key=self._rank)]
         collect.__signature__ = inspect.Signature(flags)  # type: ignore[attr-defined]  # which tyro reads
         collect.__annotations__ = {flag.name: flag.annotation for flag in flags}
-        text, config = inspect.cleandoc(self.text), (tyro.conf.DisallowNone,)
-        given = tyro.cli(collect, prog=prog, description=text, args=words, config=config)
+        config = (tyro.conf.DisallowNone,)
+        given = tyro.cli(collect, prog=prog, description=self.help, args=words, config=config)
         arguments = {name: self._value(parameter, given) for name, parameter in _parameters_of(self.function).items()}
         to_show = {name: given[name] for name in self._shown()}
         return lambda: self.show(self.function(**arguments), **to_show)

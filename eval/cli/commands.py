@@ -1,9 +1,11 @@
 """The commands of `ehar`: which function each runs, and what is printed of what that returns."""
 
 from collections.abc import Mapping
+from inspect import cleandoc
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol, Union
 
+from ehar.data.readers import READERS
 from eval.cli.command import REQUIRED, Command, Flag
 from eval.render.console import output_console, print_tables
 
@@ -26,11 +28,16 @@ class HasTables(Protocol):
         ...
 
 
-class Group(NamedTuple):
+class CommandGroup(NamedTuple):
     """Commands that share their first words. Its text is, as a command's, a line and then examples."""
 
     text: str
-    commands: Mapping[str, Union["Group", Command]]
+    commands: Mapping[str, Union["CommandGroup", Command]]
+
+    @property
+    def help(self) -> str:
+        """What its help begins with."""
+        return cleandoc(self.text)
 
 
 RUN = Flag(kind=Path, positional=True, metavar="RUN")  # folder of a finished run
@@ -143,15 +150,15 @@ def show_verification(found: "Verification") -> int:
 
 
 BENCHMARK = Command(
-    """Run planners on test episodes, and say how well each did.
+    "eval.running.benchmark:benchmark",
+    show_run,
+    text="""Run planners on test episodes, and say how well each did.
 
     For example:
         ehar benchmark --data duo
         ehar benchmark --data mine.npz --models models/mine --out runs/mine
         ehar benchmark ./spiral.py:Spiral --distance 6 no-act oracle
     """,
-    "eval.running.benchmark:benchmark",
-    show_run,
     conditions=(
         *("data", "models", "sensor", "track", "starts", "length", "fps", "seed", "part", "views", "form"),
         "recogniser",
@@ -159,8 +166,7 @@ BENCHMARK = Command(
     flags={
         "planners": Flag(
             "names, or your own: file.py:Class or module:Class, then --argument value.",
-            kind=tuple[str, ...],
-            default=(),
+            kind=tuple[str, ...] | None,
             positional=True,
             metavar="[PLANNER ...]",
             hint="all of ours",
@@ -170,59 +176,18 @@ BENCHMARK = Command(
     },
 )
 PREPARED = {
-    "source": Flag("folder of the files.", positional=True, metavar="SOURCE"),
+    "source": Flag(kind=Path, positional=True, metavar="SOURCE"),
     "out": Flag(positional=True, metavar="OUT.npz"),
 }
-OF_BVH = {
-    "pattern": Flag("of the files' names: {label} is the class, other words in braces are free."),
-    "label_from": Flag("where the class stands: in the name, or as the folder that a file lies in."),
-    "unit": Flag("of length in the files [m]."),
-    "up": Flag("axis that points up in the files."),
-}
-PREPARE = Group(
+PREPARE = CommandGroup(
     """Read motion files, and write a prepared .npz.
 
     For example:
         ehar data prepare aistpp AIST++ aistpp.npz
     """,
-    {
-        "bvh": Command(
-            """Read a folder of BVH files.
-
-            For example:
-                ehar data prepare bvh recordings mine.npz --pattern '{label}_{number}.bvh'
-                ehar data prepare bvh recordings mine.npz --label-from folder --unit 1
-            """,
-            "ehar.data.readers.bvh:prepare_bvh",
-            save_data,
-            flags={**PREPARED, **OF_BVH},
-        ),
-        "expi": Command(
-            """Read the original ExPI files.
-
-            For example:
-                ehar data prepare expi ExPI expi.npz
-            """,
-            "ehar.data.readers.expi:prepare_expi",
-            save_data,
-            flags={**PREPARED, "source": Flag("folder that holds acro1 and acro2.", positional=True, metavar="SOURCE")},
-        ),
-        "aistpp": Command(
-            """Read the original AIST++ files.
-
-            For example:
-                ehar data prepare aistpp AIST++ aistpp.npz
-            """,
-            "ehar.data.readers.aistpp:prepare_aistpp",
-            save_data,
-            flags={
-                **PREPARED,
-                "source": Flag("folder that holds keypoints3d and the lists.", positional=True, metavar="SOURCE"),
-            },
-        ),
-    },
+    {name: Command(place, save_data, flags=PREPARED) for name, place in READERS.items()},
 )
-DATA = Group(
+DATA = CommandGroup(
     """Prepare motion data of your own, and describe it.
 
     For example:
@@ -232,18 +197,18 @@ DATA = Group(
     {
         "prepare": PREPARE,
         "describe": Command(
-            """Print what some data hold, class by class.
+            "eval.studies.describe:describe",
+            show_tables,
+            text="""Print what some data hold, class by class.
 
             For example:
                 ehar data describe mine.npz --figure mine.png
             """,
-            "eval.studies.describe:describe",
-            show_tables,
             flags={"data": Flag(kind=str, positional=True, metavar="DATA"), "figure": Flag(hint="none")},
         ),
     },
 )
-TRAIN = Group(
+TRAIN = CommandGroup(
     """Train what planners need on data of your own.
 
     For example:
@@ -251,28 +216,28 @@ TRAIN = Group(
     """,
     {
         "all": Command(
-            """Train recogniser, gain field and agents, in this order.
+            "eval.running.training:train_all",
+            show_trained,
+            text="""Train recogniser, gain field and agents, in this order.
 
             What is done is kept; stopped and started again, it goes on.
 
             For example:
                 ehar train all --data mine.npz --out models/mine
             """,
-            "eval.running.training:train_all",
-            show_trained,
             conditions=TRAINED,
             flags=TRAINED_ANEW,
         ),
         "recogniser": Command(
-            """Train a recogniser, on the recogniser part of data.
+            "eval.running.training:train_recogniser",
+            show_trained,
+            text="""Train a recogniser, on the recogniser part of data.
 
             Stopped and started again, it goes on where it was.
 
             For example:
                 ehar train recogniser --data mine.npz --out models/mine
             """,
-            "eval.running.training:train_recogniser",
-            show_trained,
             conditions=(*TRAINED, "form", "seed"),
             flags={
                 **TRAINED_ANEW,
@@ -283,34 +248,34 @@ TRAIN = Group(
             },
         ),
         "gain-field": Command(
-            """Train gain fields and belief, on the policy part of data.
+            "eval.running.training:train_gain_field",
+            show_trained,
+            text="""Train gain fields and belief, on the policy part of data.
 
             For the recogniser in --models, or the one that ships; what is done is kept.
 
             For example:
                 ehar train gain-field --data mine.npz --models models/mine
             """,
-            "eval.running.training:train_gain_field",
-            show_trained,
             conditions=(*TRAINED, "models", "recogniser", "seed"),
             flags={**TRAINED_FROM, "seed": Flag("of episodes, forks and noise.")},
         ),
         "agent": Command(
-            """Train agents: il, ppo, il-ppo and dagger.
+            "eval.running.training:train_agents",
+            show_trained,
+            text="""Train agents: il, ppo, il-ppo and dagger.
 
             For the recogniser in --models, or the one that ships; what is done is kept.
 
             For example:
                 ehar train agent --data mine.npz --models models/mine --stages il,il-ppo
             """,
-            "eval.running.training:train_agents",
-            show_trained,
             conditions=(*TRAINED, "models", "recogniser"),
             flags={**TRAINED_FROM, "tensorboard": Flag(hint="none")},
         ),
     },
 )
-CHECK = Group(
+CHECK = CommandGroup(
     """Check a planner or a recogniser of your own.
 
     For example:
@@ -318,7 +283,9 @@ CHECK = Group(
     """,
     {
         "planner": Command(
-            """Check that a planner keeps its contract.
+            "eval.conformance.planner:check_planner",
+            show_conformance,
+            text="""Check that a planner keeps its contract.
 
             Shapes, independent rows, seed, reset, no peeking, time a step.
 
@@ -327,8 +294,6 @@ CHECK = Group(
             For example:
                 ehar check planner ./spiral.py:Spiral --distance 6
             """,
-            "eval.conformance.planner:check_planner",
-            show_conformance,
             conditions=("data", "models"),
             flags={
                 "planner": Flag(
@@ -341,7 +306,9 @@ CHECK = Group(
             },
         ),
         "recogniser": Command(
-            """Check that a recogniser keeps its contract.
+            "eval.conformance.recogniser:check_recogniser",
+            show_conformance,
+            text="""Check that a recogniser keeps its contract.
 
             Shapes, probabilities, independent rows, states that are forked and reset.
 
@@ -350,8 +317,6 @@ CHECK = Group(
             For example:
                 ehar check recogniser ./mine.py:Mine --weights mine.safetensors
             """,
-            "eval.conformance.recogniser:check_recogniser",
-            show_conformance,
             conditions=("data",),
             flags={
                 "recogniser": Flag(
@@ -365,7 +330,7 @@ CHECK = Group(
         ),
     },
 )
-STUDY = Group(
+STUDY = CommandGroup(
     """Study what there is to win, and what each part is worth.
 
     For example:
@@ -374,28 +339,28 @@ STUDY = Group(
     """,
     {
         "headroom": Command(
-            """Say what there is to win: accuracy of fixed cameras.
+            "eval.studies.headroom:headroom",
+            show_result,
+            text="""Say what there is to win: accuracy of fixed cameras.
 
             A map of viewpoints and the best of them, beside no-act and the oracles.
 
             For example:
                 ehar study headroom --data duo --out runs/headroom
             """,
-            "eval.studies.headroom:headroom",
-            show_result,
             conditions=SEEN,
             flags={**SENSED, "seed": Flag("of start viewpoints and noise.")},
         ),
         "ablation": Command(
-            """Say what each part and setting of nbv is worth.
+            "eval.studies.ablation:ablation",
+            show_result,
+            text="""Say what each part and setting of nbv is worth.
 
             Its variants run side by side on the same test episodes.
 
             For example:
                 ehar study ablation --data duo --groups horizon effort
             """,
-            "eval.studies.ablation:ablation",
-            show_result,
             conditions=(*SEEN[:4], "starts", *SEEN[4:]),
             flags={
                 **SENSED,
@@ -411,13 +376,13 @@ STUDY = Group(
             },
         ),
         "belief": Command(
-            """Score the belief against the recogniser, part by part.
+            "eval.studies.belief:belief_report",
+            show_result,
+            text="""Score the belief against the recogniser, part by part.
 
             For example:
                 ehar study belief --data duo --sensor estimator
             """,
-            "eval.studies.belief:belief_report",
-            show_result,
             conditions=(*SEEN[:4], "starts", *SEEN[4:]),
             flags={
                 **SENSED,
@@ -425,13 +390,13 @@ STUDY = Group(
             },
         ),
         "explain": Command(
-            """Draw one episode: what views were worth, and where it went.
+            "eval.studies.explain:explain",
+            show_result,
+            text="""Draw one episode: what views were worth, and where it went.
 
             For example:
                 ehar study explain --data duo --episode 3 --out explain.png
             """,
-            "eval.studies.explain:explain",
-            show_result,
             conditions=SEEN,
             flags={
                 **SENSED,
@@ -442,15 +407,15 @@ STUDY = Group(
             },
         ),
         "analyse": Command(
-            """Analyse a finished run as the paper does.
+            "eval.studies.analyse:analyse",
+            show_result,
+            text="""Analyse a finished run as the paper does.
 
             Tables of encoders and predictability; figures of views, moves and states.
 
             For example:
                 ehar study analyse runs/mine --states il-ppo/0
             """,
-            "eval.studies.analyse:analyse",
-            show_result,
             flags={
                 "run": RUN,
                 "planners": Flag(
@@ -469,15 +434,15 @@ STUDY = Group(
             },
         ),
         "overview": Command(
-            """Show several finished runs side by side.
+            "eval.studies.overview:overview",
+            show_tables,
+            text="""Show several finished runs side by side.
 
             One row a planner, one column a run: the share of the gap that it closes.
 
             For example:
                 ehar study overview runs/duo runs/solo --planner nbv
             """,
-            "eval.studies.overview:overview",
-            show_tables,
             flags={
                 "runs": Flag(kind=tuple[Path, ...], positional=True, metavar="RUN ...", hint="at least one"),
                 "planner": Flag(metavar="PLANNER", hint="none"),
@@ -485,7 +450,7 @@ STUDY = Group(
         ),
     },
 )
-COMMANDS = Group(
+COMMANDS = CommandGroup(
     """Embodied human activity recognition: which planner of views recognises earliest?
 
     For example:
@@ -495,7 +460,9 @@ COMMANDS = Group(
     {  # what a newcomer needs first stands first
         "benchmark": BENCHMARK,
         "report": Command(
-            """Write a finished run as one HTML file, for any browser.
+            "eval.reports.page:make_report",
+            show_path,
+            text="""Write a finished run as one HTML file, for any browser.
 
             Tables, figures and replays; it needs neither a server nor a network.
 
@@ -504,12 +471,12 @@ COMMANDS = Group(
             For example:
                 ehar report runs/duo-perfect-moving
             """,
-            "eval.reports.page:make_report",
-            show_path,
             flags={"run": RUN, "out": Flag("file to write.", hint="RUN/report.html"), **AS_RECORDED},
         ),
         "replay": Command(
-            """Show one episode of a finished run as a film.
+            "eval.replays.replay:make_replay",
+            show_replay,
+            text="""Show one episode of a finished run as a film.
 
             The people, the cameras, what these see, and what is believed.
 
@@ -519,8 +486,6 @@ COMMANDS = Group(
                 ehar replay runs/mine gain
                 ehar replay runs/mine 12 --planners nbv il-ppo --out nbv.gif
             """,
-            "eval.replays.replay:make_replay",
-            show_replay,
             flags={
                 "run": RUN,
                 "episode": Flag(
@@ -546,14 +511,14 @@ COMMANDS = Group(
         "train": TRAIN,
         "check": CHECK,
         "compare": Command(
-            """Compare two finished runs on the same episodes: A minus B.
+            "eval.studies.compare:compare",
+            show_comparison,
+            text="""Compare two finished runs on the same episodes: A minus B.
 
             For example:
                 ehar compare runs/before runs/after
                 ehar compare runs/before runs/after --planners nbv il-ppo
             """,
-            "eval.studies.compare:compare",
-            show_comparison,
             flags={
                 "run_a": Flag("folder of a finished run.", kind=Path, positional=True, metavar="A"),
                 "run_b": Flag(
@@ -572,7 +537,9 @@ COMMANDS = Group(
             },
         ),
         "verify": Command(
-            """Check that a finished run's figures follow from its records.
+            "eval.verification.verify:verify",
+            show_verification,
+            text="""Check that a finished run's figures follow from its records.
 
             And that data and weights are those that it names, by their hashes.
 
@@ -582,8 +549,6 @@ COMMANDS = Group(
                 ehar verify runs/mine
                 ehar verify runs/mine --rerun-episodes 20  # runs files that the run names
             """,
-            "eval.verification.verify:verify",
-            show_verification,
             flags={
                 "run": RUN,
                 **AS_RECORDED,
@@ -592,13 +557,13 @@ COMMANDS = Group(
         ),
         "study": STUDY,
         "bench": Command(
-            """Measure how fast recognition, planning and training are.
+            "eval.speed.bench:bench",
+            show_speed,
+            text="""Measure how fast recognition, planning and training are.
 
             For example:
                 ehar bench --out bench.json --report runs/duo-perfect-moving/report.html
             """,
-            "eval.speed.bench:bench",
-            show_speed,
             flags={
                 "out": Flag(".json to write.", default=REQUIRED),
                 "report": Flag("report.html to open too; takes chromium, and playwright from ehar[dev].", hint="none"),

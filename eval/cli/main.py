@@ -5,7 +5,6 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from inspect import cleandoc
 from typing import Annotated, Any, NoReturn
 
 import tyro
@@ -13,7 +12,7 @@ from tyro.conf import subcommand
 
 from ehar.errors import EharError, UsageError
 from eval.cli.command import Command
-from eval.cli.commands import COMMANDS, Group
+from eval.cli.commands import COMMANDS, CommandGroup
 from eval.cli.own_flags import fold_flags
 
 
@@ -27,8 +26,8 @@ def parse(arguments: Sequence[str]) -> Callable[[], int | None]:
         SystemExit: help was printed (code 0), or tyro refused an option (2).
     """
     prog, words = "ehar", list(arguments)
-    found: Group | Command = COMMANDS
-    while isinstance(found, Group):
+    found: CommandGroup | Command = COMMANDS
+    while isinstance(found, CommandGroup):
         if not words or words[0].startswith("-"):
             _end_at(found, prog, words)
         if words[0] not in found.commands:
@@ -42,11 +41,11 @@ class _Listed:
     """Stands for each command of a group: none is parsed, as its line says all that a list shows."""
 
 
-def _end_at(group: Group, prog: str, words: list[str]) -> NoReturn:
+def _end_at(group: CommandGroup, prog: str, words: list[str]) -> NoReturn:
     """Print the help of a group, or tyro's error where the words are no `--help`, and exit."""
-    lines = {name: cleandoc(command.text).partition("\n")[0] for name, command in group.commands.items()}
+    lines = {name: command.help.partition("\n")[0] for name, command in group.commands.items()}
     listed: Any = [Annotated[_Listed, subcommand(name, description=line)] for name, line in lines.items()]
-    tyro.cli(reduce(operator.or_, listed), prog=prog, description=cleandoc(group.text), args=words)
+    tyro.cli(reduce(operator.or_, listed), prog=prog, description=group.help, args=words)
     raise AssertionError(words)
 
 
@@ -55,9 +54,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     try:
         if arguments == ["--version"]:
-            from eval.records.config import package_version  # here, as `ehar --help` does not wait for it
+            from ehar.version import __version__  # here, as `ehar --help` does not wait for it
 
-            print(f"ehar {package_version('ehar')}")
+            print(f"ehar {__version__}")
         else:
             code = parse(arguments)()
             if code:

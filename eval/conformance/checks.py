@@ -10,7 +10,7 @@ from ehar.errors import EharError
 
 
 @dataclass(frozen=True)
-class Check:
+class ContractCheck:
     """One check.
 
     Args:
@@ -47,7 +47,7 @@ class Conformance:
     """
 
     subject: str
-    checks: tuple[Check, ...]
+    checks: tuple[ContractCheck, ...]
 
     @property
     def passed(self) -> bool:
@@ -55,7 +55,7 @@ class Conformance:
         return not self.failed
 
     @property
-    def failed(self) -> tuple[Check, ...]:
+    def failed(self) -> tuple[ContractCheck, ...]:
         """The checks that failed."""
         return tuple(check for check in self.checks if check.passed is False)
 
@@ -68,21 +68,21 @@ class Conformance:
         return "\n".join([f"{self.subject}: {count}", *(line for check in self.checks for line in check.lines())])
 
 
-def attempt(name: str, check: Callable[[], str | None], *, expected: str, mend: str) -> Check:
+def attempt(name: str, check: Callable[[], str | None], *, expected: str, mend: str) -> ContractCheck:
     """Make a check; what it raises is a failure too.
 
     Args:
         name: of the check.
         check: returns what was got in place of what was expected; None where all was well.
-        expected: as in `Check`.
-        mend: as in `Check`.
+        expected: as in `ContractCheck`.
+        mend: as in `ContractCheck`.
     """
     try:
         got = check()
     except EharError as error:
         got = str(error)
         mend = mend if error.__cause__ is None else f"that line of your code raised it; {mend}"
-    return Check(name, True) if got is None else Check(name, False, got, expected, mend)
+    return ContractCheck(name, True) if got is None else ContractCheck(name, False, got, expected, mend)
 
 
 def first_difference(

@@ -11,7 +11,7 @@ from ehar.conditions import Conditions
 from ehar.planner import Planner
 from ehar.rollout import Batch
 from ehar.sensors.sensor import Sensed
-from eval.conformance.checks import Check, Conformance, attempt, first_difference
+from eval.conformance.checks import Conformance, ContractCheck, attempt, first_difference
 from eval.conformance.runs import PlannerRun, PlannerWorld, joined, replay, run_planner
 from eval.conformance.world import BATCH, ReplayedSensor, small_batch
 from eval.running.choice import ModelPlace, choose_planners, listed
@@ -45,14 +45,14 @@ def check_planner(planner: str | Planner, conditions: Conditions | None = None) 
         return Conformance(f"planner {chosen.name}", tuple(_checks(chosen, world)))
 
 
-def _checks(planner: Planner, world: PlannerWorld) -> list[Check]:
+def _checks(planner: Planner, world: PlannerWorld) -> list[ContractCheck]:
     """Return all checks, the first of which the others need."""
     batch = world.batch.select(FIRST)
     try:
         copy_of = _copier(planner)
     except Exception as error:
         return [
-            Check(
+            ContractCheck(
                 "can be sent to a worker process",
                 False,
                 f"{type(error).__name__}: {error}",
@@ -73,7 +73,7 @@ def _checks(planner: Planner, world: PlannerWorld) -> list[Check]:
         mend="return one row an episode, as `observation.viewpoint` has them",
     )
     if not runs:
-        return [first, Check("all else", None, "as it does not run")]
+        return [first, ContractCheck("all else", None, "as it does not run")]
     run = runs[0]
 
     def shorter(rows: IntArray, *lengths: int | None) -> str | None:
@@ -114,7 +114,7 @@ def _checks(planner: Planner, world: PlannerWorld) -> list[Check]:
     if not steady.passed:
         reason = "as it does not do the same twice"
         names = ("forgets all in reset", "each row stands alone", "the hidden truth changes nothing")
-        return [*checks, *(Check(name, None, reason) for name in names), _time(run)]
+        return [*checks, *(ContractCheck(name, None, reason) for name in names), _time(run)]
     checks += [
         attempt(
             "forgets all in reset",
@@ -142,7 +142,7 @@ def _second_time(planner: Planner, world: PlannerWorld, batch: Batch, expected: 
     return first_difference(expected, again, ("when new", "after it ran other episodes"), tolerance=0)
 
 
-def _rows_alone(copy_of: Callable[[], Planner], world: PlannerWorld, run: PlannerRun) -> list[Check]:
+def _rows_alone(copy_of: Callable[[], Planner], world: PlannerWorld, run: PlannerRun) -> list[ContractCheck]:
     """Check that what a row is told depends on that row only.
 
     The planner is shown again what it was shown, so that a difference is its own. What draws from its generator
@@ -181,15 +181,17 @@ def _rows_alone(copy_of: Callable[[], Planner], world: PlannerWorld, run: Planne
     checks = [attempt("no row looks at another", beside_others, expected=expected, mend=_ROWS + _DRAWS)]
     name = "rows alone, and in another order, are told the same"
     if run.drew:
-        return [*checks, Check(name, None, "it draws from its generator, row by row")]
+        return [*checks, ContractCheck(name, None, "it draws from its generator, row by row")]
     return [*checks, attempt(name, alone, expected=expected, mend=_ROWS)]
 
 
-def _hidden_truth(planner: Planner, world: PlannerWorld, batch: Batch, run: PlannerRun) -> Check:
+def _hidden_truth(planner: Planner, world: PlannerWorld, batch: Batch, run: PlannerRun) -> ContractCheck:
     """Check that other labels and other people, who look the same to the camera, change nothing."""
     name = "the hidden truth changes nothing"
     if planner.privileged:
-        return Check(name, None, "it declares privileged = True: it is handed the truth, and every table marks it")
+        return ContractCheck(
+            name, None, "it declares privileged = True: it is handed the truth, and every table marks it"
+        )
     seen = [Sensed(observation.joints_2d, observation.confidence) for observation in run.recorder.observations]
     sensor = ReplayedSensor([*seen, seen[-1]], world.runner.sensor.camera)
     hidden = replace(
@@ -208,9 +210,9 @@ def _hidden_truth(planner: Planner, world: PlannerWorld, batch: Batch, run: Plan
     )
 
 
-def _time(run: PlannerRun) -> Check:
+def _time(run: PlannerRun) -> ContractCheck:
     steps = max(run.targets.shape[0] * run.targets.shape[1], 1)
-    return Check(
+    return ContractCheck(
         f"takes {1000 * run.recorder.seconds / steps:.3g} ms for one frame of one episode, {BATCH} at a time", True
     )
 

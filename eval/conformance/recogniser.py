@@ -12,7 +12,7 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.conditions import Conditions
 from ehar.recogniser import Recogniser
 from ehar.rollout import blamed
-from eval.conformance.checks import Check, Conformance, attempt
+from eval.conformance.checks import Conformance, ContractCheck, attempt
 from eval.conformance.streams import (
     TOLERANCE,
     Frame,
@@ -54,7 +54,7 @@ def check_recogniser(recogniser: str | Recogniser, conditions: Conditions | None
         return Conformance(f"recogniser {setting.form}", tuple(_checks(setting.runner.recogniser, frames)))
 
 
-def _checks(recogniser: Recogniser, frames: Sequence[Frame]) -> list[Check]:
+def _checks(recogniser: Recogniser, frames: Sequence[Frame]) -> list[ContractCheck]:
     """Return all checks, the first of which the others need."""
     streamer, seven = Streamer(recogniser), episodes_of(frames, ALL)
     streams: list[Stream] = []
@@ -71,7 +71,7 @@ def _checks(recogniser: Recogniser, frames: Sequence[Frame]) -> list[Check]:
         mend="return a Recognition(log_probs, embedding) of numpy arrays, one row an episode",
     )
     if not streams:
-        return [first, Check("all else", None, "as it does not run")]
+        return [first, ContractCheck("all else", None, "as it does not run")]
     stream = streams[0]
     return [
         first,
@@ -167,7 +167,7 @@ def _twice_from_one_state(streamer: Streamer, frames: Sequence[Frame], stream: S
     return difference_of(cut(stream, ALL, slice(half, None)), late, ("at first", "from that state again"))
 
 
-def _forks(streamer: Streamer, frames: Sequence[Frame], stream: Stream) -> list[Check]:
+def _forks(streamer: Streamer, frames: Sequence[Frame], stream: Stream) -> list[ContractCheck]:
     """Check fork and select: alternatives of two frames, each against what it is without a fork."""
     half, rows = len(frames) // 2, episodes_of(frames, ALL)
     _, state = streamer.stream(rows[:half])
@@ -214,7 +214,7 @@ def _forks(streamer: Streamer, frames: Sequence[Frame], stream: Stream) -> list[
     ]
     name = "select(choice) goes on with one alternative"
     if not forked:
-        return [*checks, Check(name, None, "as it does not fork")]
+        return [*checks, ContractCheck(name, None, "as it does not fork")]
     mend = "select(choice) returns the unforked state of alternative choice[b] of every episode b"
     return [*checks, attempt(name, select, expected=expected, mend=mend)]
 
@@ -236,10 +236,10 @@ def _reset(streamer: Streamer, frames: Sequence[Frame], stream: Stream) -> str |
     )
 
 
-def _whole_clip(recogniser: Any, frames: Sequence[Frame], stream: Stream) -> Check:
+def _whole_clip(recogniser: Any, frames: Sequence[Frame], stream: Stream) -> ContractCheck:
     name = "frame by frame is the same as the whole clip at once"
     if not hasattr(recogniser, "recognise_clip"):
-        return Check(name, None, "it has no method recognise_clip(sensed, viewpoint), (B, T, ...) in and out")
+        return ContractCheck(name, None, "it has no method recognise_clip(sensed, viewpoint), (B, T, ...) in and out")
 
     def whole() -> str | None:
         clip = side_by_side(frames)  # (B, T, ...)
@@ -260,7 +260,7 @@ def _pickled(recogniser: Recogniser, frames: Sequence[Frame], stream: Stream) ->
     return difference_of(stream, Streamer(copy).stream(frames)[0], ("here", "from the copy"))
 
 
-def _time(streamer: Streamer, frames: Sequence[Frame]) -> Check:
+def _time(streamer: Streamer, frames: Sequence[Frame]) -> ContractCheck:
     state, milliseconds = streamer.start(BATCH), []
     for frame in frames:
         begin = time.perf_counter()
@@ -269,4 +269,6 @@ def _time(streamer: Streamer, frames: Sequence[Frame]) -> Check:
     third = max(len(frames) // 3, 1)
     early, late = np.median(milliseconds[:third]), np.median(milliseconds[-third:])
     last = f"{late:.3g} in the last third of {len(frames)}"
-    return Check(f"takes {early:.3g} ms for one frame of one episode in the first third of its frames, {last}", True)
+    return ContractCheck(
+        f"takes {early:.3g} ms for one frame of one episode in the first third of its frames, {last}", True
+    )

@@ -4,7 +4,6 @@ import platform
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields, make_dataclass
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -14,6 +13,7 @@ from ehar.files import read_json
 from ehar.flight.vehicle import Vehicle
 from ehar.planner import Planner
 from ehar.plugins.class_spec import json_arguments
+from ehar.version import package_version
 from planners.own_planner import Origin, planner_source_sha256
 from recognition.setting import Setting
 
@@ -133,14 +133,6 @@ def planner_config(planner: Planner, origin: Origin | None = None) -> PlannerCon
 def installed_versions() -> dict[str, str]:
     """Return the versions that decide numbers."""
     return {"python": platform.python_version(), **{name: package_version(name) for name in PACKAGES}}
-
-
-def package_version(name: str) -> str:
-    """Return the version of an installed package; a source tree that is not installed has none."""
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "not installed"
 
 
 def read_config(directory: Path) -> RunConfig:

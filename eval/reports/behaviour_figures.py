@@ -1,12 +1,13 @@
 """The figures of a report about what one planner does: where its camera goes, and which moves it makes."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from ehar.viewpoint import MOVE_NAMES
 from eval.render.palette import looks
-from eval.reports.data import PlannerData, ReportData, finite
+from eval.reports.data import ReportData, finite
 from eval.reports.style import Figure, beside_no_act, colour_scale, figure, pattern, plain
 from eval.scores.behaviour import STAGES
 
@@ -14,16 +15,22 @@ STAGE_PATTERNS = ("", "/", "x")
 FULL_COLOUR = 0.99  # the share of cells that the colours tell apart
 
 
-def behaviour_figures(data: ReportData, name: str) -> dict[str, Figure]:
-    """Return the figures of one planner by their kind; those that cannot be had are left out."""
-    of = data.planners[name]
-    figures = {
-        "sphere": _sphere(of),
-        **{histogram.axis.name.split()[0]: _positions(data, name, row) for row, histogram in enumerate(of.positions)},
-    }
-    if of.moves is not None:
-        figures["moves"] = _moves(of)
-    return figures
+def position(row: int) -> Callable[[ReportData, str], Figure]:
+    """Return what draws the histogram of distance (0), azimuth (1) or polar angle (2) of a planner."""
+
+    def draw(data: ReportData, name: str) -> Figure:
+        return _positions(data, name, row)
+
+    return draw
+
+
+def moves_text(data: ReportData) -> str:
+    """Return what the figure of moves shows, or why there is none."""
+    if data.run.flown:
+        return "Cameras flew, and flights make no moves."
+    if all(planner.moves is None for planner in data.planners.values()):
+        return "Episodes are too short for three stages."
+    return "Which of the grid's seven moves the camera made in each third of an episode."
 
 
 def _positions(data: ReportData, name: str, row: int) -> Figure:
@@ -50,7 +57,9 @@ def _positions(data: ReportData, name: str, row: int) -> Figure:
     )
 
 
-def _sphere(of: PlannerData) -> Figure:
+def sphere(data: ReportData, name: str) -> Figure:
+    """Return the density of a planner's directions, seen from above."""
+    of = data.planners[name]
     middles = (of.sphere.edges[:-1] + of.sphere.edges[1:]) / 2
     turn = np.radians(np.arange(0, 361, 5))
     rings: list[dict[str, Any]] = []
@@ -92,8 +101,11 @@ def _sphere(of: PlannerData) -> Figure:
     )
 
 
-def _moves(of: PlannerData) -> Figure:
-    assert of.moves is not None
+def moves(data: ReportData, name: str) -> Figure | None:
+    """Return which moves a planner made in each third of the episode; None for flights and very short episodes."""
+    of = data.planners[name]
+    if of.moves is None:
+        return None
     traces = [
         {
             "type": "bar",

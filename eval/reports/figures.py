@@ -10,6 +10,7 @@ from eval.render.palette import LINE, STRONG, Look, looks
 from eval.reports.data import ReportData, finite
 from eval.reports.style import Figure, figure, plain
 from eval.scores.differences import Difference
+from eval.scores.planner_metrics import PATH_LENGTH
 from eval.scores.planner_summary import NO_ACT, ORACLE
 
 LEAST_MS = 1e-4  # planning times below are drawn here, as the axis is logarithmic
@@ -71,22 +72,17 @@ def accuracy_figure(data: ReportData, focus: str) -> Figure:
     )
 
 
-def cost_figures(data: ReportData) -> dict[str, Figure]:
-    """Return accuracy against motion and against planning time, with the Pareto front of those without the truth."""
-    planners = data.summary.planners
-    value = np.array([planner.acc_mean for planner in planners])
-    motion = np.array([planner.path_length_m for planner in planners])
-    seconds = np.maximum([planner.step_ms for planner in planners], LEAST_MS)
-    return {
-        "motion": _cost(data, motion, value, {"title": "path length of an episode [m]", "rangemode": "tozero"}, "m"),
-        "time": _cost(
-            data,
-            seconds,
-            value,
-            {"title": "planning time a frame [ms], log scale", "type": "log", "tickformat": "~g"},
-            "ms",
-        ),
-    }
+def cost_against_motion(data: ReportData, _: str) -> Figure:
+    """Return accuracy against the distance that cameras travelled, with the Pareto front of those without the truth."""
+    metres = np.array([planner.metrics[PATH_LENGTH.key] for planner in data.summary.planners])
+    return _cost(data, metres, {"title": "path length of an episode [m]", "rangemode": "tozero"}, "m")
+
+
+def cost_against_time(data: ReportData, _: str) -> Figure:
+    """Return accuracy against planning time, with the Pareto front of those without the truth."""
+    milliseconds = np.maximum([planner.step_ms for planner in data.summary.planners], LEAST_MS)
+    axis = {"title": "planning time a frame [ms], log scale", "type": "log", "tickformat": "~g"}
+    return _cost(data, milliseconds, axis, "ms")
 
 
 def pareto_front(cost: FloatArray, value: FloatArray) -> BoolArray:
@@ -102,8 +98,9 @@ def pareto_front(cost: FloatArray, value: FloatArray) -> BoolArray:
     return ~beaten
 
 
-def _cost(data: ReportData, cost: FloatArray, value: FloatArray, axis: Mapping[str, Any], unit: str) -> Figure:
+def _cost(data: ReportData, cost: FloatArray, axis: Mapping[str, Any], unit: str) -> Figure:
     planners = data.summary.planners
+    value = np.array([planner.acc_mean for planner in planners])
     styles = looks(data.privileged)
     able = np.flatnonzero([not planner.privileged for planner in planners])
     front = able[pareto_front(cost[able], value[able])]

@@ -9,18 +9,15 @@ from string import Template
 from typing import Any
 
 from ehar.files import write_text
-from eval.records.config import package_version
+from ehar.version import __version__
 from eval.render.palette import DARK, LIGHT
 from eval.replays.choice import RULE, RULE_ALONE, choose_episodes, choose_planners
 from eval.replays.data import replay_data
-from eval.reports.behaviour_figures import behaviour_figures
 from eval.reports.data import ReportData, report_data
-from eval.reports.figures import accuracy_figure, cost_figures, difference_figures
-from eval.reports.recognition_figures import predictability_figure, recognition_figures
+from eval.reports.section import drawn, links, section_html
+from eval.reports.sections import SECTIONS
 from eval.reports.tables import (
-    differences_part,
     lead_sentence,
-    levels_table,
     options,
     picker,
     planner_table,
@@ -85,13 +82,10 @@ def page(data: ReportData, replays: dict[str, Any], rule: str) -> str:
         table=planner_table(data),
         replay=_replay_part(data, replays, rule),
         focus=picker("focus", "Planner in focus, in all figures below", names, focus),
-        differences=differences_part(data),
-        moves=escape(_moves_text(data)),
-        levels=levels_table(data),
-        footer=escape(
-            f"Made by ehar {package_version('ehar')}. Every number is in summary.json, or computed from episodes.jsonl."
-        ),
-        report_json=for_script(_figures(data)),
+        links=links(SECTIONS),
+        sections="\n\n".join(section_html(section, data) for section in SECTIONS),
+        footer=escape(f"Made by ehar {__version__}. Every number is in summary.json, or computed from episodes.jsonl."),
+        report_json=for_script(drawn(SECTIONS, data)),
         replays_json=for_script(replays),
         plotly=get_plotlyjs(),
         script="\n".join(_read(name) for name in SCRIPTS),
@@ -102,35 +96,6 @@ def for_script(value: Any) -> str:
     """Return JSON that may stand in a script element, whatever its strings hold: they cannot end it."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-
-
-def _figures(data: ReportData) -> dict[str, Any]:
-    """Return all figures: those of their own, and those of a planner that the reader picks."""
-    focused = {
-        name: {
-            **recognition_figures(data, name),
-            **behaviour_figures(data, name),
-            "accuracy": accuracy_figure(data, name),
-        }
-        for name in data.planners
-    }
-    pairs = {name: {"pairs": of} for name, of in difference_figures(data).items()}
-    return {
-        "figures": {**cost_figures(data), "predictability": predictability_figure(data)},
-        "grouped": {"focus": focused, "pairs": pairs},
-        "missing": {
-            "gains": f"Needs {NO_ACT} in the run, and another planner in focus.",
-            "moves": _moves_text(data),
-        },
-    }
-
-
-def _moves_text(data: ReportData) -> str:
-    if data.run.flown:
-        return "Cameras flew, and flights make no moves."
-    if all(of.moves is None for of in data.planners.values()):
-        return "Episodes are too short for three stages."
-    return "Which of the grid's seven moves the camera made in each third of an episode."
 
 
 def _replays(

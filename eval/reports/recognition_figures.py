@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from eval.render.palette import looks
-from eval.reports.data import PlannerData, ReportData, finite
+from eval.reports.data import ReportData, finite
 from eval.reports.style import Figure, beside_no_act, colour_scale, figure, pattern, plain, shortened
 from eval.scores.predictability import LEVELS, RATIOS
 
@@ -13,20 +13,8 @@ LEVEL_COLOURS = ("@2", "@4", "@5", "@neutral")
 LEVEL_PATTERNS = ("", "/", ".", "x")
 
 
-def recognition_figures(data: ReportData, name: str) -> dict[str, Figure]:
-    """Return the figures of one planner by their kind; those that cannot be had are left out."""
-    of = data.planners[name]
-    figures = {
-        "calibration": _calibration(data, name),
-        "confusion": _confusion(of, data.class_names),
-        "classes": _classes(of, data.class_names),
-    }
-    if of.gains is not None:
-        figures["gains"] = _gains(of, data.class_names)
-    return figures
-
-
-def _calibration(data: ReportData, name: str) -> Figure:
+def calibration(data: ReportData, name: str) -> Figure:
+    """Return the reliability diagram of a planner, beside that of no-act."""
     styles = looks(data.privileged)
     bins = data.planners[name].reliability
     traces: list[dict[str, Any]] = [
@@ -70,7 +58,9 @@ def _calibration(data: ReportData, name: str) -> Figure:
     )
 
 
-def _confusion(of: PlannerData, names: tuple[str, ...]) -> Figure:
+def confused(data: ReportData, name: str) -> Figure:
+    """Return what each class is taken for under a planner."""
+    of, names = data.planners[name], data.class_names
     ticks = [plain(name) for name in names]
     few, short = len(names) <= 12, shortened(names)
     trace: dict[str, Any] = {
@@ -97,8 +87,11 @@ def _confusion(of: PlannerData, names: tuple[str, ...]) -> Figure:
     )
 
 
-def _gains(of: PlannerData, names: tuple[str, ...]) -> Figure:
-    assert of.gains is not None
+def gains(data: ReportData, name: str) -> Figure | None:
+    """Return how much more accurate a planner is than no-act in each class; None where there is nothing to compare."""
+    of, names = data.planners[name], data.class_names
+    if of.gains is None:
+        return None
     gain, ends = 100 * of.gains.gain, 100 * of.gains.ci95
     order = [row for row in np.argsort(gain, kind="stable") if np.isfinite(gain[row])]
     traces = []
@@ -147,7 +140,9 @@ def _gains(of: PlannerData, names: tuple[str, ...]) -> Figure:
     )
 
 
-def _classes(of: PlannerData, names: tuple[str, ...]) -> Figure:
+def classes(data: ReportData, name: str) -> Figure:
+    """Return after how much each class is recognised under a planner."""
+    of, names = data.planners[name], data.class_names
     held = [row for row in range(len(names)) if np.isfinite(of.predictability.accuracy[row]).all()]
     order = sorted(held, key=lambda row: tuple(of.predictability.accuracy[row]))
     traces = [
@@ -179,7 +174,7 @@ def _classes(of: PlannerData, names: tuple[str, ...]) -> Figure:
     )
 
 
-def predictability_figure(data: ReportData) -> Figure:
+def predictability_figure(data: ReportData, _: str) -> Figure:
     """Return the share of episodes at each level of predictability, one bar a planner."""
     names = list(data.planners)[::-1]
     traces = [

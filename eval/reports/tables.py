@@ -7,6 +7,7 @@ from typing import Any
 from eval.render.tables import Cell, Table, html, interval_text
 from eval.reports.data import ReportData
 from eval.scores.metrics import ACC_AT
+from eval.scores.planner_metrics import METRICS
 from eval.scores.planner_summary import NO_ACT, ORACLE
 from eval.scores.predictability import LEVELS
 
@@ -83,9 +84,7 @@ def planner_table(data: ReportData) -> str:
         *["kept %"] * kept,
         *(f"acc@{percent}" for percent in ACC_AT),
         "IQM %",
-        "NLL",
-        "ECE",
-        "path m",
+        *(metric.header for metric in METRICS),
         *["peak m/s", "effort m²/s³", "at limit %"] * flown,
         "ms/step",
     ]
@@ -98,7 +97,7 @@ def planner_table(data: ReportData) -> str:
         cells += [_share(planner.accuracy_kept, planner.accuracy_kept_ci95)] if kept else []
         cells += [_cell(planner.acc.get(str(percent)), 1) for percent in ACC_AT]
         cells += [_cell(planner.acc_iqm, 1, planner.acc_iqm_ci95)]
-        cells += [_cell(planner.nll, 2), _cell(planner.ece, 3), _cell(planner.path_length_m, 1)]
+        cells += [_cell(planner.metrics.get(metric.key), metric.digits) for metric in METRICS]
         if planner.flight is not None:
             cells += [
                 _cell(planner.flight.peak_speed, 2),
@@ -113,7 +112,12 @@ def planner_table(data: ReportData) -> str:
         rows=tuple(rows),
         footnotes=tuple(_table_notes(data)),
         slanted=frozenset(row for row, planner in enumerate(planners) if planner.privileged),
-        lower_is_better=frozenset(range(header.index("NLL"), len(header))),
+        lower_is_better=frozenset(
+            {
+                *(header.index(metric.header) for metric in METRICS if metric.lower_is_better),
+                *range(header.index(METRICS[-1].header) + 1, len(header)),
+            }
+        ),
     )
     return html(table, sortable=True)
 

@@ -58,7 +58,7 @@ class ModelPlace:
         """
         from planners.value.model import load_gain_model  # brings torch
 
-        if self.conditions.form != "causal":
+        if self.form != "causal":
             raise ModelError(f"{_CAUSAL_FIELDS}, and this is {self.form}")
         return load_gain_model(self.conditions, self.data, self.recogniser_sha256)
 
@@ -70,7 +70,7 @@ class ModelPlace:
         """
         from planners.agents.storage import load_agent  # brings torch
 
-        if self.conditions.form != "causal":
+        if self.form != "causal":
             raise ModelError(f"planner {spec!r}: {_CAUSAL_AGENTS}, and this is {self.form}")
         name, seed = split_record_name(spec)
         if seed is None:
@@ -94,7 +94,7 @@ class ModelPlace:
         """Return why there can be no gain model here, and what to do about it; None where there is one."""
         from planners.value.model import SHIPPED, gain_model_path
 
-        if self.conditions.form != "causal":
+        if self.form != "causal":
             return f"{_CAUSAL_FIELDS}, and this is {self.form}"
         path = gain_model_path(self.models or SHIPPED / self.data.name, self.conditions)
         if path.is_file():
@@ -107,23 +107,23 @@ class ModelPlace:
 
     def reason_for_no_agent(self, name: str) -> str | None:
         """Return why a learned planner cannot run here, and what to do about it; None where it can."""
-        if self.conditions.form != "causal":
+        if self.form != "causal":
             return f"{_CAUSAL_AGENTS}, and this is {self.form}"
         if self.seeds(name):
             return None
         return (
-            f"no agent was trained for this recogniser: expected those of `ehar train agent --data {self.data.name} "
-            f"--models {self.models or 'DIR'} {self.conditions.options}`"
+            f"no agent was trained for this recogniser: expected those of "
+            f"`ehar train agent {self.conditions.options} {self.conditions.models_option}`"
         )
 
 
 def listed(planners: str | Planner | Sequence[str | Planner] | None) -> Sequence[str | Planner] | None:
-    """Return planners as a list: one alone may be given without one; None, or an empty list, is all of ours.
+    """Return planners as a list: one alone may be given without one; None is all of ours.
 
     Raises:
         UsageError: a name is unknown, or an instance is no planner; nothing is loaded for that.
     """
-    if planners is None or (isinstance(planners, Sequence) and not planners):
+    if planners is None:
         return None
     several = planners if isinstance(planners, Sequence) and not isinstance(planners, str) else [planners]
     for planner in several:

@@ -10,7 +10,7 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios, windows
 from ehar.errors import DataError
-from ehar.rollout import Batch
+from ehar.rollout import Batch, noise_of
 from ehar.viewpoint import sample_starts
 
 # Episodes that run in lockstep; fixed, so that results do not depend on the number of workers. 128 are no faster,
@@ -70,7 +70,7 @@ class Episodes:
     def batch(self, index: int) -> Batch:
         """Return one chunk, ready to run; its noise depends on the seed and the chunk only."""
         part = self.chunk(index)
-        noise = self.scenarios.draw_noise(np.random.default_rng([self.seed, _NOISE, index]), len(part))
+        noise = noise_of(self.scenarios, len(part), np.random.default_rng([self.seed, _NOISE, index]))
         return Batch.of(self.scenarios, part.scenario, part.starts, noise)
 
     def pick(self, indices: Sequence[int]) -> Batch:

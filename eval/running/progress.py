@@ -107,7 +107,7 @@ class StageProgress:
     def __init__(self) -> None:
         """Create the bars; they are drawn on standard error."""
         self._console, self._bar = _bar()
-        self._tasks: "dict[str, TaskID]" = {}
+        self._tasks: dict[str, TaskID] = {}
 
     def __enter__(self) -> "StageProgress":
         """Draw the bars."""

@@ -119,7 +119,7 @@ class Run:
         try:
             import pandas
         except ImportError as error:
-            raise UsageError("expected pandas for a data frame, it is not installed: pip install pandas") from error
+            raise UsageError("a data frame needs pandas, which is not installed: pip install ehar[notebook]") from error
         names = self.class_names
         return pandas.concat(
             [pandas.DataFrame(_columns(planner, episodes, names)) for planner, episodes in self.records.items()],
@@ -129,7 +129,8 @@ class Run:
     def __repr__(self) -> str:
         """Return a line: what ran, on what, how many episodes."""
         episodes = len(next(iter(self.records.values()), ()))
-        return f"Run({self.config.title}: {len(self.records)} planners, {episodes} episodes each)"
+        planners = f"{len(self.records)} planner{'s' * (len(self.records) != 1)}"
+        return f"Run({self.config.title}: {planners}, {episodes} episodes each)"
 
     def __str__(self) -> str:
         """Return the summary's table."""

@@ -77,7 +77,8 @@ class TrainAllConfig:
         """The options with which a benchmark runs under these conditions; its own defaults are left out."""
         usual, told = Conditions(), self.with_models
         options = {name: getattr(told, name) for name in ("data", "models", "sensor", "views", "length", "fps")}
-        return " ".join(f"--{name} {value}" for name, value in options.items() if value != getattr(usual, name))
+        said = (name for name in options if name in ("data", "models") or options[name] != getattr(usual, name))
+        return " ".join(f"--{name} {options[name]}" for name in said)
 
     @property
     def recogniser(self) -> TrainingConfig:
@@ -204,8 +205,8 @@ def has_gain_field(config: TrainAllConfig) -> bool:
     """Return whether a gain field for the recogniser is there; one for another recogniser is trained anew."""
     from planners.value.model import load_gain_model
 
+    setting = load_setting(config.with_models)
     try:
-        setting = load_setting(config.with_models)
         load_gain_model(setting.conditions, setting.data, setting.recogniser_sha256)
     except ModelError:
         return False

@@ -1,16 +1,38 @@
 """How well a batch of episodes went: pure functions of arrays. Axes: N episodes, L frames."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.viewpoint import cartesian
+from eval.records.episodes import EpisodeRecords
 
 ACC_AT = (10, 30, 50, 70, 90, 100)  # Sec. 5.1: the observation ratios that the paper reports [%]
 PROBABILITY_FLOOR = 1e-6  # what records resolve; a smaller probability of the true class counts as this
 ROUNDING = 1e-9  # accuracies that are nearer to each other are the same; one frame of an episode weighs far more
 CALIBRATION_BINS = 15  # as in Guo et al., On Calibration of Modern Neural Networks, ICML 2017
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A number of one training of a planner; of several trainings tables show the mean.
+
+    Args:
+        key: in summary.json.
+        header: of its column, with the unit.
+        of_records: computes it.
+        digits: behind the decimal point.
+        lower_is_better: for sorting.
+    """
+
+    key: str
+    header: str
+    of_records: Callable[[EpisodeRecords], float]
+    digits: int
+    lower_is_better: bool = True
 
 
 class Reliability(NamedTuple):

@@ -1,11 +1,16 @@
 """What a summary says of one planner."""
 
+import json
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from ehar.files import json_text, parse_json
+from ehar.errors import DataError
+from ehar.files import parse_json
 from eval.records.flights import KEYS, FlightSummary, flight_numbers
 from eval.records.solves import Solves
+from eval.scores.metrics import ACC_AT
+from eval.scores.planner_metrics import METRICS
 from eval.scores.statistics import Interval
 
 NO_ACT, ORACLE = "no-act", "oracle"  # the two ends of the gap
@@ -30,9 +35,7 @@ class PlannerSummary:
         gap_closed: the share of the way from no-act to the oracle, that of the ideal track for flights which are
             compared with it; None where one of them was not run, or the oracle was no better.
         gap_closed_ci95: its 95 % interval.
-        nll: mean negative log-likelihood of the true class [nat].
-        ece: expected calibration error, 0 to 1; each training's own, so that their errors do not cancel.
-        path_length_m: mean distance travelled in an episode [m].
+        metrics: by the keys of `METRICS`, means over trainings.
         step_ms: planning time of one frame of one episode [ms]; like `solves` not in the records.
         flight: what its flights demanded of the vehicle, those of all seeds; None on the ideal track.
         accuracy_kept: the gap closed in flight over that on the ideal track, both of the ideal track's gap, so that
@@ -54,9 +57,7 @@ class PlannerSummary:
     acc_iqm_ci95: Interval | None
     gap_closed: float | None
     gap_closed_ci95: Interval | None
-    nll: float
-    ece: float
-    path_length_m: float
+    metrics: dict[str, float]
     step_ms: float
     flight: FlightSummary | None = None
     accuracy_kept: float | None = None
@@ -65,7 +66,12 @@ class PlannerSummary:
 
     def to_json(self) -> dict[str, Any]:
         """Return what summary.json holds: the same keys for every planner on every track, flat."""
-        values = {name: value for name, value in asdict(self).items() if name not in ("flight", "solves")}
+        values: dict[str, Any] = {}
+        for name, value in asdict(self).items():
+            if name == "metrics":
+                values |= value
+            elif name not in ("flight", "solves"):
+                values[name] = value
         return {
             **values,
             **flight_numbers(self.flight),
@@ -75,13 +81,25 @@ class PlannerSummary:
 
 
 def parse_planner(held: dict[str, Any], where: str) -> PlannerSummary:
-    """Return what is said of one planner; flights and plans lie flat beside the rest."""
+    """Return what is said of one planner; flights and plans lie flat beside the rest.
+
+    Raises:
+        DataError: it is not what `PlannerSummary.to_json` gives; `where` and the field are named.
+    """
+    metrics = {metric.key: held[metric.key] for metric in METRICS if metric.key in held}
     flown = {key: held.get(key) for key in KEYS}
     solves = held.get("solves")
-    nested: dict[str, Any] = {name: value for name, value in held.items() if name not in KEYS}
-    nested["flight"] = None if None in flown.values() else flown
+    nested: dict[str, Any] = {name: value for name, value in held.items() if name not in (*KEYS, *metrics)}
+    nested["metrics"] = metrics
+    nested["flight"] = None if all(value is None for value in flown.values()) else flown
     if isinstance(solves, dict):  # the file has the share of plans that fell back, not their number
         share = held.get("fallback_share")
         plans = sum(count for count in solves.values() if isinstance(count, int))
-        nested["solves"] = {"counts": solves, "fallbacks": round(share * plans) if isinstance(share, float) else share}
-    return parse_json(json_text(nested), PlannerSummary, where, "a planner's summary", unknown=True, defaults=True)
+        fallbacks = round(share * plans) if isinstance(share, float) and math.isfinite(share) else share
+        nested["solves"] = {"counts": solves, "fallbacks": fallbacks}
+    text = json.dumps(nested)  # what is no finite number is refused below
+    planner = parse_json(text, PlannerSummary, where, "a planner's summary", unknown=True, defaults=True)
+    missing = [str(percent) for percent in ACC_AT if str(percent) not in planner.acc]
+    if missing:
+        raise DataError(f"{where}: acc: missing {', '.join(missing)}; expected {', '.join(map(str, ACC_AT))}")
+    return planner

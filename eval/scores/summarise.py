@@ -11,8 +11,9 @@ from eval.records.episodes import EpisodeRecords
 from eval.records.flights import FlightSummary, join_flights, summarise_flights
 from eval.records.solves import Solves, join_solves
 from eval.scores.differences import differences
-from eval.scores.metrics import ACC_AT, acc_at, ece, gap_closed, mean_acc, nll, path_length
+from eval.scores.metrics import ACC_AT, acc_at, gap_closed, mean_acc
 from eval.scores.planner_accuracy import planner_accuracy, resample_sequences
+from eval.scores.planner_metrics import METRICS
 from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
 from eval.scores.sequence_scores import interquartile_mean, resampled_interquartile_means
 from eval.scores.statistics import interval, pair, resampled_means
@@ -71,9 +72,7 @@ def summarise(
             acc_iqm_ci95=pair(100 * interval(resampled_interquartile_means(of.by_sequence, counts, of.draws))),
             gap_closed=float(gaps[row]) if np.isfinite(gaps[row]) else None,
             gap_closed_ci95=pair(gap_ends[row]) if np.isfinite(gaps[row]) else None,
-            nll=_mean(nll(one.true_probability) for one in trained),
-            ece=_mean(ece(one.top_probability, one.correct) for one in trained),
-            path_length_m=_mean(path_length(one.viewpoint).mean() for one in trained),
+            metrics={metric.key: _mean(map(metric.of_records, trained)) for metric in METRICS},
             step_ms=_mean(step_ms[name] for name in group.records),
             flight=_flights(trained),
             accuracy_kept=float(kept[row]) if np.isfinite(kept[row]) else None,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from eval.render.tables import Table
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Summary:
     """How well each planner did on the same episodes. It prints as a table, in a notebook as HTML.
 
@@ -77,6 +77,14 @@ class Summary:
         from eval.scores.summary_table import summary_tables  # here, as it brings rich
 
         return summary_tables(self.title, self.config.data, self.planners, self.differences, self.no_intervals)
+
+    def __repr__(self) -> str:
+        """Return a line: who was compared, on what, over how many episodes."""
+        count = f"{len(self.planners)} planner{'s' * (len(self.planners) != 1)}"
+        return (
+            f"Summary({self.config.title}: {count}, {self.episodes} episodes of {self.length} "
+            f"frames from {self.sequences} sequences)"
+        )
 
     def __str__(self) -> str:
         """Return the tables as text."""

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from eval.render.tables import (
+    NONE,
     PRIVILEGED,
     Table,
     interval_text,
@@ -11,7 +12,8 @@ from eval.render.tables import (
     share_text,
 )
 from eval.scores.differences import Difference
-from eval.scores.metrics import ACC_AT
+from eval.scores.metrics import ACC_AT, Metric
+from eval.scores.planner_metrics import METRICS
 from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
 
 _SPREAD = "±"
@@ -50,7 +52,7 @@ def benchmark_table(title: str, planners: Sequence[PlannerSummary], no_intervals
     compared = any(planner.accuracy_kept is not None for planner in planners)
     return Table(
         title=title,
-        header=(*header, *(_KEPT * compared), "NLL", "ECE", "path [m]", *(_FLIGHT * flown), "ms/step"),
+        header=(*header, *(_KEPT * compared), *(metric.header for metric in METRICS), *(_FLIGHT * flown), "ms/step"),
         rows=tuple(_row(planner, compared) for planner in planners),
         footnotes=(
             *no_interval_footnotes(no_intervals),
@@ -116,12 +118,16 @@ def _row(planner: PlannerSummary, compared: bool) -> tuple[str, ...]:
         f"{planner.acc_mean:.1f}{spread} {interval_text(planner.acc_mean_ci95)}",
         share_text(planner.gap_closed, planner.gap_closed_ci95),
         *((share_text(planner.accuracy_kept, planner.accuracy_kept_ci95),) * compared),
-        f"{planner.nll:.2f}",
-        f"{planner.ece:.3f}",
-        f"{planner.path_length_m:.1f}",
+        *(_metric(planner, metric) for metric in METRICS),
         *flight,
         f"{planner.step_ms:.3f}",
     )
+
+
+def _metric(planner: PlannerSummary, metric: Metric) -> str:
+    """Return a metric as text; a run from before it was there has none."""
+    value = planner.metrics.get(metric.key)
+    return NONE if value is None else f"{value:.{metric.digits}f}"
 
 
 def differences_table(

@@ -10,7 +10,7 @@ from ehar.data.motion_data import MotionData
 from ehar.data.scenario import split_parts, windows
 from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeVectorEnv
-from ehar.envs.task import Episodes
+from ehar.envs.task import EpisodeTask
 from ehar.flight.kinematics import SphericalState
 from ehar.flight.proposals import limits_to_target
 from ehar.flight.time_optimal import TimeOptimal
@@ -142,7 +142,7 @@ def time_ppo(data: MotionData, effort: Effort) -> float:
         num_envs=ENVIRONMENTS,
         minibatches=max(1, PPOSetting.minibatches * ENVIRONMENTS // PPOSetting.num_envs),  # as large as in training
     )
-    task = Episodes(
+    task = EpisodeTask(
         scenarios=scenarios,
         recogniser=recogniser,
         sensor=PerfectSensor(),

@@ -20,10 +20,10 @@ from eval.speed.flops import count_flops
 from recognition.calibration import Temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.layers import refreshes
+from recognition.networks.sizes import Size
 from recognition.networks.spec import NetworkSpec
 from recognition.storage import load_recogniser
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
-from recognition.training.config import Size
 
 EARLY = 5  # the frame, counted from 1, that the last one is compared with
 

@@ -1,1 +1,25 @@
 """Studies: questions that are asked of data, of a belief, or of finished runs."""
+
+from typing import TYPE_CHECKING
+
+from ehar.lazy import lazy_exports
+
+if TYPE_CHECKING:
+    from eval.studies.analysis import Analysis as Analysis
+    from eval.studies.belief import BeliefReport as BeliefReport
+    from eval.studies.compare import Comparison as Comparison
+    from eval.studies.explanation import Explanation as Explanation
+    from eval.studies.headroom import Headroom as Headroom
+    from eval.studies.overview import RunOverview as RunOverview
+else:
+    __getattr__, __dir__, __all__ = lazy_exports(
+        __name__,
+        {
+            "Headroom": "eval.studies.headroom",
+            "BeliefReport": "eval.studies.belief",
+            "Explanation": "eval.studies.explanation",
+            "Analysis": "eval.studies.analysis",
+            "Comparison": "eval.studies.compare",
+            "RunOverview": "eval.studies.overview",
+        },
+    )

@@ -21,6 +21,7 @@ from eval.running.episodes import cut_scenarios, random_starts
 from eval.running.jobs import PlannerRun, Workload, run_planners
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.scores.differences import NBV, Difference
+from eval.scores.planner_metrics import PATH_LENGTH
 from eval.scores.planner_summary import NO_ACT, PlannerSummary
 from eval.scores.summary import Summary
 from planners.heuristic import NoAct
@@ -198,7 +199,7 @@ def _row(planner: PlannerSummary, difference: Difference | None) -> tuple[str, .
         f"{planner.acc_mean:.1f} {interval_text(planner.acc_mean_ci95)}",
         share_text(planner.gap_closed, planner.gap_closed_ci95),
         minus,
-        f"{planner.path_length_m:.1f}",
+        f"{planner.metrics[PATH_LENGTH.key]:.1f}",
         f"{planner.step_ms:.3f}",
         "-" if solves is None else f"{solves.fallbacks} of {solves.total}",
     )

@@ -152,10 +152,11 @@ def make_again(config: RunConfig, models: ModelPlace) -> tuple[dict[str, Planner
         except EharError as error:
             left[held.name] = str(error)
         else:
-            again = asdict(planner_config(planner, origin))
-            other = [
-                f"{field} {again[field]}, ran: {ran}" for field, ran in asdict(held).items() if again[field] != ran
-            ]
+            again, ran = (asdict(config) for config in (planner_config(planner, origin), held))
+            if origin is None:  # a class of ours may have moved to another module since
+                for told in (again, ran):
+                    told["implementation"] = told["implementation"].rpartition(".")[2]
+            other = [f"{field} {again[field]}, ran: {value}" for field, value in ran.items() if again[field] != value]
             if other:
                 left[held.name] = f"not replayable, as another is made: {'; '.join(other)}"
             else:

@@ -13,6 +13,7 @@ import torch
 
 from ehar.arrays import IntArray
 from ehar.errors import EpisodeError
+from ehar.processes import leave_if_imported_again
 from planners.agents.episode_groups import Group, GroupSetting, MakeEnv
 
 
@@ -44,6 +45,7 @@ class GroupsThere:
 
     def __init__(self, make_env: MakeEnv, groups: Iterable[GroupSetting]) -> None:
         """Start the process."""
+        leave_if_imported_again()
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, cloudpickle.dumps((make_env, list(groups)))))

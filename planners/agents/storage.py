@@ -103,8 +103,7 @@ def load_agent(conditions: Conditions, data: MotionData, name: str, *, recognise
     path = agent_path(conditions.directory or SHIPPED / data.name, name, conditions, seed)
     check_files(
         path,
-        f"an agent, as made by `ehar train agent --data {data.name} --models {conditions.directory or 'DIR'} "
-        f"{conditions.options}`",
+        f"an agent, as made by `ehar train agent {conditions.options} {conditions.models_option}`",
     )
     what = "an agent, as `ehar train agent` writes it"
     held = read_json(description_path(path), AgentDescription, what, wrong=ModelError)

@@ -8,7 +8,7 @@ from ehar.data.scenario import Scenarios, split_parts, windows
 from ehar.data.variations import with_variations
 from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeVectorEnv
-from ehar.envs.task import Episodes
+from ehar.envs.task import EpisodeTask
 from ehar.errors import DataError
 from planners.agents.config import AgentTrainingConfig
 from planners.agents.inputs import InputSizes
@@ -40,7 +40,7 @@ class TrainingWorld:
 
     def make_env(self, episodes: int, *, copies: int = 1) -> EpisodeVectorEnv:
         """Return a natively batched environment on the grid."""
-        task = Episodes(
+        task = EpisodeTask(
             scenarios=self.scenarios,
             recogniser=self.setting.runner.recogniser,
             sensor=self.setting.runner.sensor,

@@ -50,7 +50,7 @@ KNOT_STEP = 0.2  # standard deviation of the change from one knot to the next
 
 
 @dataclass(frozen=True)
-class Parts:
+class BeliefParts:
     """Which parts of the belief are fitted; a part that is not is as in a filter that does not know of it.
 
     Args:
@@ -67,16 +67,16 @@ class Parts:
 
 
 ABLATIONS = {
-    "accumulated": Parts("accumulated", whitening=False, process_noise=False, viewpoint=False),
-    "difference": Parts(whitening=False, process_noise=False, viewpoint=False),
-    "+ whitening": Parts(process_noise=False, viewpoint=False),
-    "+ process noise": Parts(whitening=False, viewpoint=False),
-    "+ R(viewpoint, ratio)": Parts(whitening=False, process_noise=False),
-    "full": Parts(),
+    "accumulated": BeliefParts("accumulated", whitening=False, process_noise=False, viewpoint=False),
+    "difference": BeliefParts(whitening=False, process_noise=False, viewpoint=False),
+    "+ whitening": BeliefParts(process_noise=False, viewpoint=False),
+    "+ process noise": BeliefParts(whitening=False, viewpoint=False),
+    "+ R(viewpoint, ratio)": BeliefParts(whitening=False, process_noise=False),
+    "full": BeliefParts(),
 }
 
 
-class Ablation(NamedTuple):
+class BeliefAblation(NamedTuple):
     """What is believed on sequences that the belief was not fitted to, with and without each of its parts."""
 
     labels: IntArray  # (n,)
@@ -95,7 +95,7 @@ class _Parameters(NamedTuple):
 
 
 def fit_belief(
-    log_probs: FloatArray, viewpoints: FloatArray, labels: IntArray, groups: IntArray, parts: Parts | None = None
+    log_probs: FloatArray, viewpoints: FloatArray, labels: IntArray, groups: IntArray, parts: BeliefParts | None = None
 ) -> BeliefModel:
     """Return the belief that is most probable given rollouts: the mean NLL over all frames, and a weak prior.
 
@@ -115,7 +115,7 @@ def fit_belief(
     if not len(log_probs) or any(len(array) != len(log_probs) for array in (viewpoints, labels, groups)):
         counts = ", ".join(str(len(array)) for array in (log_probs, viewpoints, labels, groups))
         raise DataError(f"belief: expected as many log_probs, viewpoints, labels and groups, at least 1, got {counts}")
-    parts = parts or Parts()
+    parts = parts or BeliefParts()
     length = log_probs.shape[1]
     ratio = np.arange(1, length + 1) / length
     centred = log_probs.astype(np.float64) - log_probs.mean(axis=-1, keepdims=True, dtype=np.float64)
@@ -156,7 +156,7 @@ def fit_belief(
 
 def ablate_belief(
     log_probs: FloatArray, viewpoints: FloatArray, labels: IntArray, groups: IntArray, rng: np.random.Generator
-) -> Ablation:
+) -> BeliefAblation:
     """Fit the belief without some of its parts to the rollouts of one half of the sequences; read it out on the other.
 
     Each "+" adds one part to "difference" alone. Scores are computed as for any other planner.
@@ -181,7 +181,7 @@ def ablate_belief(
     for name, parts in ABLATIONS.items():
         model = fit_belief(log_probs[~held], viewpoints[~held], labels[~held], groups[~held], parts)
         believed[name] = readout(model, log_probs[held], viewpoints[held])
-    return Ablation(labels[held], believed)
+    return BeliefAblation(labels[held], believed)
 
 
 class _Rollouts(NamedTuple):
@@ -193,7 +193,7 @@ class _Rollouts(NamedTuple):
     labels: Tensor  # (N,)
 
 
-def _parameters(deviations: Tensor, parts: Parts) -> _Parameters:
+def _parameters(deviations: Tensor, parts: BeliefParts) -> _Parameters:
     """Return the parameters that lie so many standard deviations from their prior means."""
     blocks = torch.split(deviations, [size for size, _ in PRIORS])
     scale, gain, noise, slopes, process, correlation, variance = (

@@ -1,7 +1,6 @@
 """Where people stand and which way they face, tracked from 2D joints and the known motion of the camera."""
 
 import numpy as np
-from filterpy.common import Q_continuous_white_noise
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.camera import Camera, look_at_rotation
@@ -104,6 +103,9 @@ class BodyFilter:
         swap_probability: float = SWAP_PROBABILITY,
     ) -> None:
         """Create the filter; `start` it before the first frame."""
+        # Here, as filterpy takes half a second to import, which every process would wait for.
+        from filterpy.common import Q_continuous_white_noise
+
         self.pairs = pairs
         self.camera = camera or Camera()
         self.joint_noise = joint_noise

@@ -108,8 +108,7 @@ def load_gain_model(conditions: Conditions, data: MotionData, recogniser_sha256:
     path = gain_model_path(conditions.directory or SHIPPED / data.name, conditions)
     check_files(
         path,
-        f"a gain field, as made by `ehar train gain-field --data {data.name} --models {conditions.directory or 'DIR'} "
-        f"{conditions.options}`",
+        f"a gain field, as made by `ehar train gain-field {conditions.options} {conditions.models_option}`",
     )
     file, what = description_path(path), "a gain field, as `ehar train gain-field` writes it"
     description = read_json(file, GainDescription, what, wrong=ModelError)

@@ -14,9 +14,8 @@ from torch import Tensor, nn
 
 from ehar.arrays import FloatArray
 from ehar.errors import ModelError
+from recognition.networks.sizes import PUBLISHED_STRIDES, PUBLISHED_WIDTHS
 
-PUBLISHED_WIDTHS = (64, 64, 64, 64, 128, 128, 128, 256, 256, 256)  # Sec. 3.4: ten blocks
-PUBLISHED_STRIDES = (1, 1, 1, 1, 2, 1, 1, 2, 1, 1)  # Sec. 3.4: time is halved at the 5th and the 8th block
 BRANCHES = 4
 
 

@@ -10,14 +10,13 @@ from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
 from ehar.data.skeleton import Skeleton
 from recognition.networks.causal import CausalCTRGCN
-from recognition.networks.ctrgcn import CTRGCN, PUBLISHED_STRIDES, PUBLISHED_WIDTHS
+from recognition.networks.ctrgcn import CTRGCN
 from recognition.networks.features import channel_count
 from recognition.networks.graph import partition
-from recognition.training.config import Size
+from recognition.networks.sizes import PUBLISHED_STRIDES, PUBLISHED_WIDTHS, SMALL_WIDTHS, Size
 
 Network = CausalCTRGCN | CTRGCN
 
-SMALL_WIDTHS = (32, 32, 48, 64)
 DROPOUT = 0.3
 
 

@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from ehar.conditions import Conditions
-
-Size = Literal["small", "published"]
+from recognition.networks.sizes import Size
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,4 +31,4 @@ def test_the_planner_runs_in_the_benchmark(tmp_path: Path) -> None:
     summary = benchmark([f"{source}:Spiral", "no-act"], data="duo")
     spiral = summary.planner("spiral")
     assert not spiral.privileged
-    assert spiral.path_length_m > summary.planner("no-act").path_length_m == 0
+    assert spiral.metrics["path_length_m"] > summary.planner("no-act").metrics["path_length_m"] == 0

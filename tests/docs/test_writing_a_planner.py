@@ -12,7 +12,7 @@ from ehar.data.scenario import part_of, windows
 from ehar.data.source import load_data
 from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeVectorEnv
-from ehar.envs.task import Episodes
+from ehar.envs.task import EpisodeTask
 from ehar.motion import GridMotion
 from ehar.planner import Context
 from ehar.rollout import rollout
@@ -45,7 +45,7 @@ def test_the_spiral_conforms_and_does_what_it_says() -> None:
     found = check_planner(spec, data=tiny_data())
     assert found.passed, str(found)
     summary = benchmark([spec, "no-act"], data=tiny_data(sequences=20), length=10, reporter=Log())
-    assert summary.planner("spiral(distance=6)").path_length_m > 0.5
+    assert summary.planner("spiral(distance=6)").metrics["path_length_m"] > 0.5
 
 
 def made_rays(steps: int, peak: list[float]) -> Any:
@@ -93,7 +93,7 @@ def test_the_learned_policy_conforms_and_runs(world: dict[str, Any], learned: An
     found = check_planner(learned, data=world["data"], models=Path(world["models"]))
     assert found.passed, str(found)
     options = {**world, "models": Path(world["models"]), "reporter": Log()}
-    assert benchmark([learned, "no-act"], **options).planner("learned").path_length_m >= 0
+    assert benchmark([learned, "no-act"], **options).planner("learned").metrics["path_length_m"] >= 0
 
 
 def test_the_learned_policy_makes_the_moves_that_it_makes_in_its_environment(
@@ -103,7 +103,7 @@ def test_the_learned_policy_makes_the_moves_that_it_makes_in_its_environment(
     recogniser = load_recogniser(Path(world["models"]), data, sensor="perfect", views="moving")
     scenarios = windows(data, part_of(data, "policy"), LENGTH, 1)
     envs = EpisodeVectorEnv(
-        4, Episodes(scenarios=scenarios, recogniser=recogniser, sensor=PerfectSensor(), controls=GridControls())
+        4, EpisodeTask(scenarios=scenarios, recogniser=recogniser, sensor=PerfectSensor(), controls=GridControls())
     )
     seen, _ = envs.reset(seed=0)
     viewpoints = [envs.episodes.viewpoint]

@@ -1,8 +1,10 @@
 """Trainings of agents that take a second: on tiny data, with few steps of everything."""
 
-from dataclasses import replace
+import atexit
+from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -17,31 +19,40 @@ PPO = PPOSetting(frames=7 * 7 * 8, num_envs=8, hold=2, copies=4)  # 7 rollouts, 
 IMITATION = replace(DAGGER, episodes=96, epochs=2, batch=32)  # 2 rounds of 2 batches
 
 
-def train_little(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let trainings in this process take a second."""
+@dataclass(frozen=True, kw_only=True)
+class TinyTraining(AgentTrainingConfig):
+    """A training that takes a second, in whatever process it runs."""
 
-    def chosen(config: AgentTrainingConfig) -> PPOSetting:
-        paper = config.setting == "paper"
+    @property
+    def ppo(self) -> PPOSetting:
+        """Few rollouts of few environments; like the paper's in what that setting differs in."""
+        paper = self.setting == "paper"
         setting = replace(PPO, hindsight=False, hold=1, copies=1, critic_rollouts=1) if paper else PPO
-        return setting if config.frames is None else replace(setting, frames=config.frames)
+        return setting if self.frames is None else replace(setting, frames=self.frames)
 
-    def imitated(config: AgentTrainingConfig, stage: Stage) -> ImitationSetting:
+    def imitation(self, stage: Stage) -> ImitationSetting:
+        """Few demonstrations and steps."""
         if stage == "dagger":
             return replace(DAGGER, episodes=96, epochs=2, batch=32)
-        named = {"teacher": config.teacher, "labels": config.labels, "rounds": config.rounds}
-        return replace(IMITATION, episodes=config.episodes or IMITATION.episodes, **named)
-
-    monkeypatch.setattr(AgentTrainingConfig, "ppo", property(chosen))
-    monkeypatch.setattr(AgentTrainingConfig, "imitation", imitated)
+        named = {"teacher": self.teacher, "labels": self.labels, "rounds": self.rounds}
+        return replace(IMITATION, episodes=self.episodes or IMITATION.episodes, **named)
 
 
-def tiny_config(tmp_path: Path) -> AgentTrainingConfig:
-    """Return the tiny data, with a recogniser that has learned nothing."""
-    save_random_world(tmp_path, LENGTH)
-    return AgentTrainingConfig(
-        data=str(tmp_path / "tiny.npz"),
-        models=tmp_path / "models",
-        out=tmp_path / "out",
+@cache
+def world() -> Path:
+    """Return a folder of tiny data, with a recogniser that has learned nothing; made once a process."""
+    folder = TemporaryDirectory(prefix="tiny-world-")
+    atexit.register(folder.cleanup)
+    save_random_world(Path(folder.name), LENGTH)
+    return Path(folder.name)
+
+
+def tiny_training(out: Path) -> TinyTraining:
+    """Return the training of all stages that tests begin with."""
+    return TinyTraining(
+        data=str(world() / "tiny.npz"),
+        models=world() / "models",
+        out=out,
         length=LENGTH,
         stages="il,ppo,il-ppo",
         teacher=IMITATION.teacher,
@@ -71,8 +82,3 @@ def refusal(error: type[EharError], config: AgentTrainingConfig) -> str:
 
 def agent_file(config: AgentTrainingConfig, name: str, seed: int = 0) -> Path:
     return agent_path(config.directory, name, sensor="perfect", views="moving", seed=seed)
-
-
-def quick(config: AgentTrainingConfig, **changes: Any) -> AgentTrainingConfig:
-    """Return what takes seconds with the settings as they are; other processes know of no others."""
-    return replace(config, episodes=64, rounds=1, frames=7 * 7 * PPOSetting.num_envs, **changes)

@@ -9,7 +9,7 @@ import torch
 from ehar.arrays import FloatArray, IntArray
 from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeVectorEnv
-from ehar.envs.task import Episodes
+from ehar.envs.task import EpisodeTask
 from ehar.sensors.registry import make_sensor
 from ehar.viewpoint import POLAR
 from planners.agents.episode_groups import MakeEnv
@@ -32,7 +32,7 @@ def tiny_env(
 ) -> EpisodeVectorEnv:
     """Return the environment; one that is broken does not survive its first recognised frame."""
     scenarios = tiny_scenarios(length=length)
-    task = Episodes(
+    task = EpisodeTask(
         scenarios=scenarios,
         recogniser=FakeRecogniser(quality=_fail if broken else steep_quality),
         sensor=make_sensor(sensor, scenarios.data.skeleton),

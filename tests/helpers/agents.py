@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.planner import Observation
 from ehar.viewpoint import HOVER
@@ -44,7 +45,7 @@ def save_untrained(
     directory: Path, data: MotionData, name: str, *, seed: int = 0, recogniser: str = "fake", like: str = ""
 ) -> Path:
     """Save such an agent, or one with the weights of another name, where it belongs; return the weights' path."""
-    path = agent_path(directory, name, sensor="perfect", views="moving", seed=seed)
+    path = agent_path(directory, name, Conditions(), seed)
     save_agent(path, untrained_agent(like or f"{name}/{seed}").network, data, recogniser_sha256=recogniser, history={})
     return path
 

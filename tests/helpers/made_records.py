@@ -33,6 +33,8 @@ TOLD = {field.name for field in fields(Conditions)} - {"data"}  # a configuratio
 def config_of_run(**options: Any) -> RunConfig:
     """Return a configuration; options are its own fields, and those of the conditions but for the data."""
     told = {name: options.pop(name) for name in list(options) if name in TOLD}
+    if "form" in told:
+        options["form"] = told["form"]
     if "source" in options:
         told["data"] = options.pop("source")
     return replace(CONFIG_OF_RUN, conditions=replace(CONFIG_OF_RUN.conditions, **told), **options)

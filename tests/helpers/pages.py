@@ -8,8 +8,8 @@ import shlex
 from pathlib import Path
 
 import pytest
-
 from eval.cli.check_commands import CheckPlanner, CheckRecogniser
+
 from eval.cli.commands import Benchmark
 from eval.cli.main import main
 from eval.cli.own_flags import fold_flags, options_of

@@ -1,4 +1,13 @@
-"""AIST++: dancers' 3D keypoints, and a seeded selection of the size that the paper uses, split by dancer."""
+"""AIST++: dancers' 3D keypoints, and a seeded selection of the size that the paper uses, split by dancer.
+
+The reader takes `<source>/keypoints3d/*.pkl`, without what `ignore_list.txt` names, and at most 14 + 7 sequences a
+genre. It holds out a third of each genre's dancers, and no dancer is on both sides. It draws the dancers, and their
+sequences, from `SELECTION_SEED`; the names and the split are in the result. If one dancer alone performs a genre, that
+genre would have no training or no test sequence. Then the result has no split (`is_test` is None) and at most 21
+sequences a genre.
+
+The floor stays where the files have it, which is not at a height of 0.
+"""
 
 import pickle
 import re
@@ -46,15 +55,14 @@ SELECTION_SEED = 0  # the paper does not say which 21
 _NAME = re.compile(r"(?P<genre>g[A-Z]{2})_s[A-Z]{2}_c[^_]+_d(?P<dancer>\d+)_m[^_]+_ch\d+")
 
 
-def prepare_aistpp(source: Path) -> MotionData:
-    """Read `<source>/keypoints3d/*.pkl` without what `ignore_list.txt` names: at most 14 + 7 sequences a genre.
+def prepare_aistpp(source: str | Path) -> MotionData:
+    """Read the original AIST++ files.
 
-    A third of each genre's dancers is held out, and no dancer is on both sides. Which dancers and which of their
-    sequences is drawn from `SELECTION_SEED`; the names and the split are in the result. Where that leaves a genre
-    without a training or a test sequence, because one dancer alone performs it, the result has no split (`is_test`
-    is None) and at most 21 sequences of each genre.
+    For example:
+        ehar data prepare aistpp AIST++ aistpp.npz
 
-    The floor stays where the files have it, which is not at a height of 0.
+    Args:
+        source: folder that holds keypoints3d and the lists.
 
     Raises:
         DataError: the folder or the ignore list is missing, a name is not of AIST++, or a file is not as expected.

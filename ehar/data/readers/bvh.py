@@ -1,4 +1,9 @@
-"""BVH: motion capture as a hierarchy of joints and their channels, turned into joint positions."""
+"""BVH: motion capture as a hierarchy of joints and their channels, turned into joint positions.
+
+All files of a folder, and of the folders in it, share one skeleton and one frame time. End sites have no name and no
+motion of their own: they are left out. So is a root that is not part of the body but a frame of reference, that is,
+whose only child is not at a constant distance.
+"""
 
 import math
 import re
@@ -20,25 +25,25 @@ RIGID = 1e-3  # [m] a bone whose length changes by more than this is none
 
 
 def prepare_bvh(
-    source: Path,
+    source: str | Path,
     *,
     pattern: str = "{label}_{style}_{number}.bvh",
     label_from: Literal["name", "folder"] = "name",
     unit: float = 0.01,
     up: Literal["y", "z"] = "y",
 ) -> MotionData:
-    """Read every BVH file in a folder and below it; they share one skeleton and one frame time.
+    """Read a folder of BVH files.
 
-    End sites have no name and no motion of their own: they are left out. So is a root that is not part of the body
-    but a frame of reference, that is, whose only child is not at a constant distance.
+    For example:
+        ehar data prepare bvh recordings mine.npz --pattern '{label}_{number}.bvh'
+        ehar data prepare bvh recordings mine.npz --label-from folder --unit 1
 
     Args:
-        source: the folder.
-        pattern: of the files' names, with `{label}` for the class and any other fields in braces. `{label}` takes as
-            much of the name as it can, the others as little.
-        label_from: `name` takes the class from the pattern, `folder` from the name of the folder a file lies in.
-        unit: metres in one unit of the files.
-        up: the axis of the files that points up.
+        source: folder of the files.
+        pattern: of the files' names: {label} is the class, other words in braces are free.
+        label_from: where the class stands: in the name, or as the folder that a file lies in.
+        unit: of length in the files [m].
+        up: axis that points up in the files.
 
     Raises:
         UsageError: an option is not as described.

@@ -1,4 +1,9 @@
-"""ExPI, Extreme Pose Interaction: the original files of two couples, and the split of the paper's protocol."""
+"""ExPI, Extreme Pose Interaction: the original files of two couples, and the split of the paper's protocol.
+
+The 70 sequences of the protocol lie in `<source>/acro{1,2}/<activity><number>/mocap_cleaned.tsv`. A marker that is
+missing (an empty cell, or NaN) for at most `LONGEST_GAP` frames between two frames that have it is put on the straight
+line between them.
+"""
 
 from pathlib import Path
 
@@ -49,11 +54,14 @@ TEST = {
 SUBJECTS = {"acro1": (0, 1), "acro2": (2, 3)}
 
 
-def prepare_expi(source: Path) -> MotionData:
-    """Read the 70 sequences of the protocol from `<source>/acro{1,2}/<activity><number>/mocap_cleaned.tsv`.
+def prepare_expi(source: str | Path) -> MotionData:
+    """Read the original ExPI files.
 
-    A marker that is missing (an empty cell, or NaN) for at most `LONGEST_GAP` frames between two frames that have it
-    is put on the straight line between them.
+    For example:
+        ehar data prepare expi ExPI expi.npz
+
+    Args:
+        source: folder that holds acro1 and acro2.
 
     Raises:
         DataError: a sequence is missing, a row does not hold 108 numbers, or a marker is missing for longer.

@@ -13,7 +13,7 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 from ehar.data.scenario import Scenarios, windows
 from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeEnv, EpisodeVectorEnv, reward
-from ehar.envs.task import Episodes
+from ehar.envs.task import EpisodeTask
 from ehar.errors import EpisodeError, UsageError
 from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import PerfectSensor
@@ -32,8 +32,8 @@ def parts(sensor: str = "perfect", *, persons: int = 1) -> dict[str, Any]:
     }
 
 
-def task(sensor: str = "perfect", *, persons: int = 1, copies: int = 1) -> Episodes:
-    return Episodes(**parts(sensor, persons=persons), controls=GridControls(), copies=copies)
+def task(sensor: str = "perfect", *, persons: int = 1, copies: int = 1) -> EpisodeTask:
+    return EpisodeTask(**parts(sensor, persons=persons), controls=GridControls(), copies=copies)
 
 
 @pytest.fixture
@@ -182,7 +182,7 @@ def test_by_name_single_and_batched(registered: str) -> None:
 
 def test_a_batch_costs_one_call_of_the_recogniser_a_step() -> None:
     chosen = parts()
-    env = EpisodeVectorEnv(16, Episodes(**chosen, controls=GridControls()))
+    env = EpisodeVectorEnv(16, EpisodeTask(**chosen, controls=GridControls()))
     env.reset(seed=0)
     for _ in range(2 * LENGTH - 1):
         env.step(env.action_space.sample())
@@ -191,7 +191,7 @@ def test_a_batch_costs_one_call_of_the_recogniser_a_step() -> None:
 
 def test_a_small_workspace_bounds_starts_and_moves() -> None:
     workspace = Workspace(distance_max=7.0, polar_min=14 * ANGLE_STEP, polar_max=14 * ANGLE_STEP)
-    env = EpisodeEnv(Episodes(**parts(), controls=GridControls(workspace=workspace)))
+    env = EpisodeEnv(EpisodeTask(**parts(), controls=GridControls(workspace=workspace)))
     for seed in range(5):
         env.reset(seed=seed)
         for _ in range(LENGTH - 1):
@@ -204,9 +204,9 @@ def test_scenarios_that_make_no_episode() -> None:
     data = tiny_data()
     rest = {"recogniser": FakeRecogniser(), "sensor": PerfectSensor()}
     with pytest.raises(UsageError, match="tiny: expected at least one scenario of 50 frames, got none"):
-        EpisodeEnv(Episodes(scenarios=windows(data, np.arange(3), 50, 1), **rest, controls=GridControls()))
+        EpisodeEnv(EpisodeTask(scenarios=windows(data, np.arange(3), 50, 1), **rest, controls=GridControls()))
     with pytest.raises(UsageError, match="tiny: expected episodes of at least 2 frames, got 1"):
-        EpisodeEnv(Episodes(scenarios=windows(data, np.arange(3), 1, 1), **rest, controls=GridControls()))
+        EpisodeEnv(EpisodeTask(scenarios=windows(data, np.arange(3), 1, 1), **rest, controls=GridControls()))
 
 
 def test_a_recogniser_of_other_classes() -> None:
@@ -215,7 +215,7 @@ def test_a_recogniser_of_other_classes() -> None:
     scenarios: Scenarios = tiny_scenarios()
     with pytest.raises(UsageError, match="tiny: expected a recogniser of its 3 classes"):
         EpisodeEnv(
-            Episodes(scenarios=scenarios, recogniser=recogniser, sensor=PerfectSensor(), controls=GridControls())
+            EpisodeTask(scenarios=scenarios, recogniser=recogniser, sensor=PerfectSensor(), controls=GridControls())
         )
 
 

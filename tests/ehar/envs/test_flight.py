@@ -11,7 +11,7 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 from ehar.arrays import FloatArray
 from ehar.envs.controls import FlightControls
 from ehar.envs.environment import EpisodeEnv, EpisodeVectorEnv
-from ehar.envs.task import Episodes
+from ehar.envs.task import EpisodeTask
 from ehar.errors import EpisodeError
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
@@ -43,8 +43,8 @@ def action_to(target: FloatArray) -> FloatArray:
 def test_gymnasium_s_and_stable_baselines_checkers(sensor: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of embeddings without bounds
-        check_env(EpisodeEnv(Episodes(**parts(sensor, length=10))))
-        check_env_sb3(EpisodeEnv(Episodes(**parts(sensor, length=10))))
+        check_env(EpisodeEnv(EpisodeTask(**parts(sensor, length=10))))
+        check_env_sb3(EpisodeEnv(EpisodeTask(**parts(sensor, length=10))))
 
 
 def test_an_action_is_a_target() -> None:
@@ -64,7 +64,7 @@ def test_the_length_of_the_direction_does_not_matter_but_none_keeps_the_azimuth(
 
 
 def test_a_camera_flies_to_the_target_at_the_frame_rate_of_the_data() -> None:
-    env = EpisodeVectorEnv(4, Episodes(**parts()))
+    env = EpisodeVectorEnv(4, EpisodeTask(**parts()))
     env.reset(seed=0)
     alone = FlightMotion(vehicle=VEHICLE)
     alone.reset(env.episodes.viewpoint, 1 / 25)
@@ -79,7 +79,7 @@ def test_a_camera_flies_to_the_target_at_the_frame_rate_of_the_data() -> None:
 
 
 def test_velocity_is_observed_and_begins_at_rest() -> None:
-    env = EpisodeEnv(Episodes(**parts()))
+    env = EpisodeEnv(EpisodeTask(**parts()))
     observation, _ = env.reset(seed=0)
     assert not observation["velocity"].any()
     distance = env.episodes.viewpoint[0, 0]
@@ -91,7 +91,10 @@ def test_velocity_is_observed_and_begins_at_rest() -> None:
 
 
 def test_a_batch_of_one_is_the_single_environment() -> None:
-    single, batched = EpisodeEnv(Episodes(**parts("estimator"))), EpisodeVectorEnv(1, Episodes(**parts("estimator")))
+    single, batched = (
+        EpisodeEnv(EpisodeTask(**parts("estimator"))),
+        EpisodeVectorEnv(1, EpisodeTask(**parts("estimator"))),
+    )
     (observation, _), (observations, _) = single.reset(seed=5), batched.reset(seed=5)
     rng = np.random.default_rng(0)
     for _ in range(LENGTH - 1):
@@ -104,7 +107,7 @@ def test_a_batch_of_one_is_the_single_environment() -> None:
 
 
 def test_the_batch_begins_anew_and_at_rest_with_the_step_after_the_last() -> None:
-    env = EpisodeVectorEnv(3, Episodes(**parts(length=10)))
+    env = EpisodeVectorEnv(3, EpisodeTask(**parts(length=10)))
     env.reset(seed=0)
     for _ in range(9):
         _, _, terminated, _, _ = env.step(env.action_space.sample())
@@ -115,7 +118,7 @@ def test_the_batch_begins_anew_and_at_rest_with_the_step_after_the_last() -> Non
 
 @pytest.mark.parametrize("action", [[0, 0, 0], [0, 0, 0, np.nan], [0, np.inf, 0, 0]])
 def test_an_action_that_is_none(action: list[float]) -> None:
-    env = EpisodeEnv(Episodes(**parts()))
+    env = EpisodeEnv(EpisodeTask(**parts()))
     env.reset(seed=0)
     with pytest.raises(EpisodeError, match="frame 1: expected 1 times 4 finite numbers, got "):
         env.step(np.array(action, dtype=np.float32))

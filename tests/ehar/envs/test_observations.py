@@ -7,7 +7,7 @@ from ehar.camera import Camera
 from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeVectorEnv
 from ehar.envs.observations import scaled_viewpoint, shown
-from ehar.envs.task import Episodes
+from ehar.envs.task import EpisodeTask
 from ehar.sensors.sensor import PerfectSensor
 from ehar.viewpoint import Workspace
 from tests.helpers.fakes import FakeRecogniser, tiny_scenarios
@@ -73,7 +73,7 @@ def test_the_environment_scales_by_its_own_camera() -> None:
     for camera in (Camera(), half):
         sensor = PerfectSensor(camera=camera)
         env = EpisodeVectorEnv(
-            4, Episodes(scenarios=scenarios, recogniser=FakeRecogniser(), sensor=sensor, controls=GridControls())
+            4, EpisodeTask(scenarios=scenarios, recogniser=FakeRecogniser(), sensor=sensor, controls=GridControls())
         )
         seen.append(env.reset(seed=0)[0]["joints"])
     np.testing.assert_allclose(seen[0], seen[1], atol=1e-5)  # the same angle of view, so the same to an agent

@@ -13,7 +13,7 @@ from ehar.errors import UsageError
 from ehar.processes import cores
 from ehar.recogniser import Recogniser
 from eval.cli.command import REQUIRED, Command, Flag
-from eval.cli.commands import COMMANDS, RUN, Group
+from eval.cli.commands import COMMANDS, RUN, CommandGroup
 from eval.running.progress import Reporter
 
 
@@ -62,7 +62,17 @@ def run(
 
 
 def train(config: Setting) -> dict[str, Any]:
-    """Train."""
+    """Train it.
+
+    For example:
+        ehar train --data duo
+
+    Args:
+        config: how.
+
+    Raises:
+        EharError: in one line.
+    """
     return {"config": config}
 
 
@@ -85,18 +95,17 @@ def show_all(found: dict[str, Any]) -> None:
 
 
 RUNS = Command(
-    """Run it.
+    f"{__name__}:run",
+    show,
+    text="""Run it.
 
     For example:
         ehar run --length 5
     """,
-    f"{__name__}:run",
-    show,
     conditions=("models", "data", "length", "fps"),
     flags={"names": Flag("who runs.", kind=tuple[str, ...], default=(), positional=True, metavar="NAME ...")},
 )
 TRAINS = Command(
-    "Train it.",
     f"{__name__}:train",
     show_all,
     conditions=("data", "length"),
@@ -227,6 +236,9 @@ def test_help_says_what_docstrings_and_flags_say(
     for text in ("Args:", "hears of progress", "from Python", "--no-quick"):
         assert text not in shown
     shown = help_of(TRAINS, capsys, monkeypatch)
+    assert "Train it. For example: ehar train --data duo " in shown  # its docstring, up to the arguments
+    for text in ("Args:", "config: how", "Raises:"):
+        assert text not in shown
     assert "--data STR duo, solo, or a prepared .npz. (required)" in shown
     assert "--length INT of a clip. (default: 60)" in shown
 
@@ -253,10 +265,10 @@ def test_a_hint_stands_for_what_is_required(
     assert called(command, "a", "b")[1]["names"] == (Path("a"), Path("b"))
 
 
-def commands(group: Group = COMMANDS, words: tuple[str, ...] = ()) -> dict[str, Command]:
+def commands(group: CommandGroup = COMMANDS, words: tuple[str, ...] = ()) -> dict[str, Command]:
     found = {}
     for name, of in group.commands.items():
-        found |= commands(of, (*words, name)) if isinstance(of, Group) else {" ".join((*words, name)): of}
+        found |= commands(of, (*words, name)) if isinstance(of, CommandGroup) else {" ".join((*words, name)): of}
     return found
 
 
@@ -301,7 +313,7 @@ def _recorded(command: Command, made: list[Any]) -> Command:
         def function(self) -> Callable[..., Any]:
             return record
 
-    return Recorded(command.text, command.place, lambda _: None, command.conditions, command.flags)
+    return Recorded(command.place, lambda _: None, command.text, command.conditions, command.flags)
 
 
 @pytest.mark.parametrize("name", ["report", "replay", "verify", "study analyse"])

@@ -1,6 +1,5 @@
 """Every command's help fits a screen and shows an example that parses."""
 
-import inspect
 import io
 import shlex
 import subprocess
@@ -12,7 +11,8 @@ from math import ceil
 import pytest
 
 from eval.cli.command import Command
-from eval.cli.main import COMMANDS, Group, main, parse
+from eval.cli.commands import COMMANDS, CommandGroup
+from eval.cli.main import main, parse
 
 HEAVY = (
     "torch",
@@ -31,11 +31,11 @@ LINES = {100: 40, 80: 50}  # of a screen, by its columns
 LINES_OF_ALL = 30  # for `ehar --help`
 
 
-def helps(group: Group = COMMANDS, words: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+def helps(group: CommandGroup = COMMANDS, words: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
     """Yield the words of each group and each command."""
     yield words
     for name, found in group.commands.items():
-        yield from helps(found, (*words, name)) if isinstance(found, Group) else [(*words, name)]
+        yield from helps(found, (*words, name)) if isinstance(found, CommandGroup) else [(*words, name)]
 
 
 EVERY = pytest.mark.parametrize("words", list(helps()), ids=lambda words: " ".join(("ehar", *words)))
@@ -73,9 +73,9 @@ def test_what_a_newcomer_needs_first_stands_first() -> None:
 
 @EVERY
 def test_every_flag_is_explained(words: tuple[str, ...]) -> None:
-    found: Group | Command = COMMANDS
+    found: CommandGroup | Command = COMMANDS
     for word in words:
-        assert isinstance(found, Group)
+        assert isinstance(found, CommandGroup)
         found = found.commands[word]
     if isinstance(found, Command):
         assert [name for name, leaf in found.leaves().items() if not found.text_of(leaf)] == []
@@ -109,11 +109,11 @@ def test_the_first_example_is_the_benchmark() -> None:
 
 @pytest.mark.parametrize("words", [words for words in helps() if words], ids=" ".join)
 def test_its_group_lists_it_in_one_line(words: tuple[str, ...]) -> None:
-    found: Group | Command = COMMANDS
+    found: CommandGroup | Command = COMMANDS
     for word in words:
-        assert isinstance(found, Group)
+        assert isinstance(found, CommandGroup)
         found = found.commands[word]
-    text = inspect.cleandoc(found.text)
+    text = found.help
     rows = [line.strip("│ ").split(maxsplit=2) for line in printed(words[:-1], 80) if "•" in line]
     assert ["•", words[-1], text.splitlines()[0]] in rows
 

@@ -1,7 +1,7 @@
 """A run's configuration is read back as it was written, or refused with its schema."""
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +10,12 @@ import pytest
 from ehar.errors import DataError, UsageError
 from ehar.files import json_text
 from ehar.flight.vehicle import VEHICLES
-from eval.records.config import read_config
-from eval.records.run_files import CONFIG, PlannerConfig, check_out
-from tests.helpers.made_records import CONFIG_OF_RUN
+from eval.records.config import CONFIG, PlannerConfig, RunConfig, read_config
+from eval.records.run_files import check_out
+from tests.helpers.made_records import CONFIG_OF_RUN, config_of_run
 
 OWN = PlannerConfig("mine(at=(1 2))", False, "mine.py:Mine", None, {"at": [1, 2], "on": None, "up": True}, "3")
-FULL = replace(
-    CONFIG_OF_RUN,
+FULL = config_of_run(
     track="px4-max",
     vehicle=VEHICLES["px4-max"],
     fps=30.0,
@@ -27,6 +26,11 @@ FULL = replace(
 )
 
 
+def with_told(config: RunConfig, **changes: Any) -> RunConfig:
+    """Return a configuration under other conditions."""
+    return replace(config, conditions=replace(config.conditions, **changes))
+
+
 def write(directory: Path, content: Any) -> Path:
     (directory / CONFIG).write_text(json.dumps(content))
     return directory
@@ -34,23 +38,23 @@ def write(directory: Path, content: Any) -> Path:
 
 def test_a_configuration_read_back_is_the_one_written(tmp_path: Path) -> None:
     for config in (CONFIG_OF_RUN, FULL):
-        (tmp_path / CONFIG).write_text(json_text(asdict(config)))
+        (tmp_path / CONFIG).write_text(json_text(config.to_json()))
         assert read_config(tmp_path) == config
-    assert read_config(write(tmp_path, {**asdict(FULL), "fps": 30})).fps == 30
-    assert read_config(write(tmp_path, {**asdict(FULL), "of tomorrow": 1})) == FULL
+    assert read_config(write(tmp_path, {**FULL.to_json(), "fps": 30})).conditions.fps == 30
+    assert read_config(write(tmp_path, {**FULL.to_json(), "of tomorrow": 1})) == FULL
 
 
 def test_a_run_from_before_schemas_is_read_where_it_has_all_fields(tmp_path: Path) -> None:
-    config = replace(FULL, ideal=None, recogniser=None, planners=FULL.planners[:2])
-    held = asdict(config)
+    config = with_told(replace(FULL, ideal=None, planners=FULL.planners[:2]), recogniser=None)
+    held = config.to_json()
     for name in ("schema", "ideal", "recogniser"):
         del held[name]
     for planner in held["planners"]:
         del planner["arguments"], planner["source_sha256"]
     assert read_config(write(tmp_path, held)) == config
-    check_out(tmp_path, asdict(config))  # it may be written anew
+    check_out(tmp_path, config.to_json())  # it may be written anew
     with pytest.raises(UsageError, match=r"holds another run, which differs in seed, planners \("):
-        check_out(tmp_path, asdict(replace(config, seed=1, planners=FULL.planners)))
+        check_out(tmp_path, with_told(replace(config, planners=FULL.planners), seed=1).to_json())
     del held["part"], held["readout"]
     message = (
         f"{tmp_path / CONFIG}: got no schema number and no readout, part, expected a run of ehar benchmark of "
@@ -62,37 +66,40 @@ def test_a_run_from_before_schemas_is_read_where_it_has_all_fields(tmp_path: Pat
 
 
 def test_another_schema_is_refused(tmp_path: Path) -> None:
-    write(tmp_path, {**asdict(CONFIG_OF_RUN), "schema": 2})
+    write(tmp_path, {**CONFIG_OF_RUN.to_json(), "schema": 2})
     with pytest.raises(UsageError, match=r"config\.json: got schema 2, expected a run of ehar benchmark of schema 1"):
         read_config(tmp_path)
     with pytest.raises(UsageError, match="holds a run of schema 2, expected 1; choose another --out"):
-        check_out(tmp_path, asdict(CONFIG_OF_RUN))
+        check_out(tmp_path, CONFIG_OF_RUN.to_json())
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"seed": "none"}, "seed: expected int, got 'none'"),
-        ({"seed": True}, "seed: expected int, got True"),
-        ({"fps": "fast"}, "fps: expected float, got 'fast'"),
-        ({"models": 3}, "models: expected str, got 3"),
-        ({"source": None}, "source: expected str, got None"),
-        ({"versions": {"numpy": 2}}, "versions: numpy: expected str, got 2"),
-        ({"planners": {}}, "planners: expected tuple"),
-        ({"planners": [{"name": "il"}]}, r"planners\[0\]: expected an object with name, privileged, implementation"),
-        ({"vehicle": {"name": "drone"}}, "vehicle: expected an object with name, speed"),
-        ({"vehicle": [1]}, "vehicle: expected an object with name, speed"),
+        ({"seed": "none"}, "seed: expected a whole number, got 'none'"),
+        ({"seed": True}, "seed: expected a whole number, got true"),
+        ({"fps": "fast"}, "fps: expected a number, got 'fast'"),
+        ({"models": 3}, "models: expected text, got 3"),
+        ({"source": None}, "source: expected text, got null"),
+        ({"versions": {"numpy": 2}}, r"versions\.numpy: expected text, got 2"),
+        ({"planners": {}}, "planners: expected a list, got {}"),
+        (
+            {"planners": [{"name": "il"}]},
+            r"planners\[0\]: missing privileged, implementation; expected name, privileged, implementation",
+        ),
+        ({"vehicle": {"name": "drone"}}, "vehicle: missing speed, .*; expected name, speed"),
+        ({"vehicle": [1]}, r"vehicle: expected an object, got \[1\]"),
     ],
 )
 def test_a_field_of_another_type_is_named(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
     with pytest.raises(DataError, match=message):
-        read_config(write(tmp_path, {**asdict(FULL), **changes}))
+        read_config(write(tmp_path, {**FULL.to_json(), **changes}))
 
 
 def test_what_is_no_configuration_is_named(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"config\.json: expected a run of ehar benchmark, got: No such file"):
         read_config(tmp_path)
-    with pytest.raises(DataError, match="expected the JSON object of a run of ehar benchmark, got list"):
+    with pytest.raises(DataError, match=r"expected the JSON object of a run of ehar benchmark, got \[\]"):
         read_config(write(tmp_path, []))
     (tmp_path / CONFIG).write_bytes(b"\xff")
     with pytest.raises(DataError, match="expected the JSON of a run of ehar benchmark"):

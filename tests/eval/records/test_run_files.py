@@ -1,17 +1,18 @@
 """The files of a run: what they say, and when they are not written."""
 
-from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
 
 from ehar.errors import UsageError
 from ehar.files import write_text
-from eval.records.run_files import CONFIG, PlannerConfig, check_out, planner_config, write_run
+from eval.records.config import CONFIG, PlannerConfig, planner_config
+from eval.records.run_files import check_out
+from eval.running.run import write_records
 from planners.heuristic import NoAct
 from planners.oracle import Oracle
 from tests.helpers.agents import untrained_agent
-from tests.helpers.made_records import CONFIG_OF_RUN, three_planners
+from tests.helpers.made_records import CONFIG_OF_RUN, config_of_run, three_planners
 
 
 def test_config_says_which_weights_a_planner_had() -> None:
@@ -23,23 +24,23 @@ def test_config_says_which_weights_a_planner_had() -> None:
 
 def test_a_folder_that_holds_another_run_is_refused(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    check_out(out, asdict(CONFIG_OF_RUN))
-    write_run(out, CONFIG_OF_RUN, three_planners(), None)
-    check_out(out, asdict(CONFIG_OF_RUN))
+    check_out(out, CONFIG_OF_RUN.to_json())
+    write_records(out, CONFIG_OF_RUN, three_planners(), None)
+    check_out(out, CONFIG_OF_RUN.to_json())
     with pytest.raises(UsageError, match=r"another run, which differs in seed \(seed was 0, now 1\)"):
-        check_out(out, asdict(replace(CONFIG_OF_RUN, seed=1)))
+        check_out(out, config_of_run(seed=1).to_json())
     (out / CONFIG).write_text("{")
     with pytest.raises(UsageError, match="expected the JSON of a run"):
-        check_out(out, asdict(CONFIG_OF_RUN))
+        check_out(out, CONFIG_OF_RUN.to_json())
     (out / CONFIG).unlink()
     with pytest.raises(UsageError, match=r"without config\.json"):
-        check_out(out, asdict(CONFIG_OF_RUN))
+        check_out(out, CONFIG_OF_RUN.to_json())
 
 
 def test_a_file_where_a_folder_is_expected_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(UsageError, match="expected a folder"):
-        check_out(tmp_path / "file" / "run", asdict(CONFIG_OF_RUN))
+        check_out(tmp_path / "file" / "run", CONFIG_OF_RUN.to_json())
 
 
 def test_a_file_that_fails_halfway_leaves_the_old_one(tmp_path: Path) -> None:

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from eval.render.figures import _spread, draw_accuracy
-from tests.helpers.made_records import summary_of, three_planners
+from tests.helpers.made_records import CONFIG_OF_RUN, three_planners
 
 
 def draw(stem: Path) -> None:
     records = three_planners()
     curves = {name: episodes.correct.mean(axis=0) for name, episodes in records.items()}
-    draw_accuracy(curves, summary_of(records), 3, stem)
+    draw_accuracy(curves, {"oracle"}, 3, CONFIG_OF_RUN.title, stem)
 
 
 def test_the_figure_names_planners_data_and_chance(tmp_path: Path) -> None:

@@ -21,10 +21,10 @@ pytestmark = pytest.mark.usefixtures("fake_weights")
 
 
 def test_a_vehicle_flies_within_its_limits_and_the_records_say_so(tmp_path: Path) -> None:
-    summary = run(["no-act", "oracle"], track="px4-max", starts=1, out=tmp_path)
+    summary = run(["no-act", "oracle"], track="px4-max", starts=1, out=tmp_path).summary
     vehicle = VEHICLES["px4-max"]
     config = json.loads((tmp_path / "config.json").read_text())
-    assert config["track"] == summary.track == "px4-max"
+    assert config["track"] == summary.config.conditions.track == "px4-max"
     assert config["vehicle"] == asdict(vehicle)
     still, oracle = (planner.flight for planner in summary.planners)
     assert still == FlightSummary(0, 0, 0, 0, 0)
@@ -42,14 +42,16 @@ def test_a_vehicle_flies_within_its_limits_and_the_records_say_so(tmp_path: Path
 def test_a_vehicle_of_one_s_own_is_recorded_with_its_limits(tmp_path: Path) -> None:
     path = tmp_path / "snail.json"
     path.write_text(json.dumps(dict.fromkeys(FILE_KEYS, 0.5)))
-    summary = run(["no-act", "oracle"], track=str(path), starts=1, out=tmp_path / "run")
-    assert summary.track == "snail"
+    summary = run(["no-act", "oracle"], track=str(path), starts=1, out=tmp_path / "run").summary
+    assert summary.config.conditions.track == summary.to_json()["track"] == "snail"
     assert json.loads((tmp_path / "run" / "config.json").read_text())["vehicle"]["speed"] == 0.5
 
 
 def test_flights_are_compared_with_a_run_on_the_ideal_track(tmp_path: Path) -> None:
-    ideal = run(["no-act", "oracle"], out=tmp_path / "ideal")
-    flight = run(["no-act", "oracle"], track="tracking-drone", ideal=tmp_path / "ideal", out=tmp_path / "flight")
+    ideal = run(["no-act", "oracle"], out=tmp_path / "ideal").summary
+    flight = run(
+        ["no-act", "oracle"], track="tracking-drone", ideal=tmp_path / "ideal", out=tmp_path / "flight"
+    ).summary
     assert flight.planner("no-act").acc_mean == ideal.planner("no-act").acc_mean
     gains = [of.planner("oracle").acc_mean - of.planner("no-act").acc_mean for of in (flight, ideal)]
     assert flight.planner("oracle").accuracy_kept == pytest.approx(gains[0] / gains[1])
@@ -62,7 +64,7 @@ def test_the_flight_of_an_agent_is_compared_with_the_same_agent(tmp_path: Path) 
     with_agents(models)
     options: dict[str, Any] = {"planners": ["no-act", "oracle", "il-ppo"], "models": models, "starts": 1}
     run(**options, out=tmp_path / "ideal")
-    flight = run(**options, track="tracking-drone", ideal=tmp_path / "ideal")
+    flight = run(**options, track="tracking-drone", ideal=tmp_path / "ideal").summary
     assert flight.planner("il-ppo").accuracy_kept is not None
     save_untrained(models, tiny_data(sequences=40), "il-ppo", seed=1, like="another")
     with pytest.raises(UsageError, match="the weights of il-ppo/1 differ"):

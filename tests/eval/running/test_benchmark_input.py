@@ -30,7 +30,7 @@ def with_lengths(lengths: list[int], labels: list[int]) -> MotionData:
 
 def test_shorter_sequences_are_left_out_and_counted_aloud() -> None:
     log = Log()
-    summary = run(["no-act"], data=with_lengths([20, 9, 12, 8], [0, 1, 2, 0]), starts=1, reporter=log)
+    summary = run(["no-act"], data=with_lengths([20, 9, 12, 8], [0, 1, 2, 0]), starts=1, reporter=log).summary
     assert summary.episodes == 3
     assert log.notes == [
         "tiny: 2 of 4 test sequences are shorter than 10 frames and left out",
@@ -68,10 +68,10 @@ def test_a_class_without_test_sequence() -> None:
         ({"sensor": "lidar"}, "unknown sensor 'lidar'"),
         ({"views": "birds"}, "unknown views 'birds'"),
         ({"form": "square"}, "unknown form 'square'"),
-        ({"starts": 0}, "starts: expected at least 1, got 0"),
+        ({"starts": 0}, "starts: expected a whole number of at least 1, got 0"),
         ({"workers": 0}, "workers: expected at least 1, got 0"),
-        ({"seed": -1}, "seed: expected at least 0, got -1"),
-        ({"length": 0}, "episode length of at least 1 frame, got 0"),
+        ({"seed": -1}, "seed: expected a whole number of at least 0, got -1"),
+        ({"length": 0}, "length: expected a whole number of at least 1, got 0"),
     ],
 )
 def test_bad_options_end_in_one_line_and_leave_nothing(tmp_path: Path, options: dict[str, Any], message: str) -> None:

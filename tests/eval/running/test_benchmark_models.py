@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ehar.conditions import Conditions
 from ehar.data.scenario import split_parts
 from ehar.errors import ModelError
 from ehar.motion import GridMotion
@@ -30,7 +31,7 @@ pytestmark = pytest.mark.usefixtures("fake_weights")
 
 def test_without_names_every_planner_runs_each_training_of_a_learned_one(models: Path, tmp_path: Path) -> None:
     log, hashes = Log(), with_agents(models)
-    summary = run(None, starts=1, models=models, out=tmp_path / "run", reporter=log)
+    summary = run(None, starts=1, models=models, out=tmp_path / "run", reporter=log).summary
     ran = {*log.done}
     trainings = {"il/0", "ppo/3", "il-ppo/0", "il-ppo/1", "dagger/0"}
     assert ran == {*planner_names()} - {"il", "ppo", "il-ppo", "dagger"} | trainings
@@ -40,7 +41,7 @@ def test_without_names_every_planner_runs_each_training_of_a_learned_one(models:
         assert planner["weights_sha256"] == hashes.get(planner["name"])
         assert not planner["privileged"] or planner["name"].startswith("oracle")
     config = json.loads((tmp_path / "run" / "config.json").read_text())
-    weights = gain_model_path(models, sensor="perfect", views="moving")
+    weights = gain_model_path(models, Conditions())
     content = weights.read_bytes() + weights.with_suffix(".json").read_bytes()
     assert config["gain_model_sha256"] == hashlib.sha256(content).hexdigest()
     assert {"casadi", "filterpy", "ruckig"} <= config["versions"].keys()
@@ -48,7 +49,7 @@ def test_without_names_every_planner_runs_each_training_of_a_learned_one(models:
 
 def test_those_for_whom_nothing_was_trained_are_left_out_aloud(tmp_path: Path) -> None:
     log = Log()
-    summary = run(None, starts=1, models=tmp_path / "none", reporter=log)
+    summary = run(None, starts=1, models=tmp_path / "none", reporter=log).summary
     trained = ("nbv", "il", "ppo", "dagger")
     assert names(summary) == tuple(name for name in planner_names() if not name.startswith(trained))
     valuing, learned = log.notes
@@ -78,7 +79,7 @@ def test_a_gain_field_of_another_recogniser_is_never_passed_over(models: Path, p
 
 
 def test_a_gain_field_that_is_right_is_worth_following(models: Path) -> None:
-    summary = run(["no-act", "nbv-greedy", "nbv-search", "nbv"], models=models, starts=1)
+    summary = run(["no-act", "nbv-greedy", "nbv-search", "nbv"], models=models, starts=1).summary
     no_act, *valuing = (planner.acc_mean for planner in summary.planners)
     assert min(valuing) > no_act
     assert [(of.planner, of.other) for of in summary.differences] == [
@@ -90,7 +91,7 @@ def test_a_gain_field_that_is_right_is_worth_following(models: Path) -> None:
 
 def test_plans_are_counted_over_all_chunks(models: Path) -> None:
     # 80 episodes of 10 frames: a plan for each of them at every frame that is a multiple of `replan`, but the last.
-    summary = run(["no-act", "nbv"], models=models, starts=2)
+    summary = run(["no-act", "nbv"], models=models, starts=2).summary
     assert summary.episodes == 80 > CHUNK
     assert summary.planner("no-act").solves is None
     solves = summary.planner("nbv").solves
@@ -101,12 +102,12 @@ def test_plans_are_counted_over_all_chunks(models: Path) -> None:
 
 def test_the_belief_is_scored_and_planners_act_the_same(models: Path, tmp_path: Path) -> None:
     run(["no-act", "oracle"], models=models, out=tmp_path / "recogniser", starts=1)
-    summary = run(["no-act", "oracle"], models=models, readout="belief", out=tmp_path / "belief", starts=1)
+    summary = run(["no-act", "oracle"], models=models, readout="belief", out=tmp_path / "belief", starts=1).summary
     seen, believed = (read_episodes(tmp_path / name / EPISODES) for name in ("recogniser", "belief"))
     for name in seen:
         np.testing.assert_array_equal(seen[name].viewpoint, believed[name].viewpoint)
         assert not np.array_equal(seen[name].true_probability, believed[name].true_probability)
-    assert summary.readout == summary.to_json()["readout"] == "belief"
+    assert summary.config.readout == summary.to_json()["readout"] == "belief"
     assert json.loads((tmp_path / "belief" / "config.json").read_text())["readout"] == "belief"
     assert "readout belief" in (tmp_path / "belief" / "table.md").read_text()
     # By hand: the belief of the fake recogniser's words from where no-act stands.

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ehar.conditions import Conditions
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.planner import Planner
-from eval.running.choice import ModelPlace, check_planners, choose_planners, make_planners
+from eval.running.choice import ModelPlace, choose_planners, listed, make_planners
 from planners.agents.agent import Agent
 from planners.heuristic import NoAct
 from planners.own_planner import Origin
@@ -22,12 +23,15 @@ DATA = tiny_data()
 
 
 def place_of(models: Path | None, **options: Any) -> ModelPlace:
-    fixed: dict[str, Any] = {"sensor": "perfect", "views": "moving", "form": "causal", "recogniser_sha256": "fake"}
-    return ModelPlace(models=models, data=DATA, **{**fixed, **options})
+    own: dict[str, Any] = {name: options.pop(name) for name in ("form", "recogniser_sha256") if name in options}
+    conditions = Conditions(
+        data="tiny", models=models, form="ctrgcn" if own.get("form") == "ctrgcn" else "causal", **options
+    )
+    return ModelPlace(conditions, DATA, **{"form": "causal", "recogniser_sha256": "fake", **own})
 
 
 def save_field(models: Path, *, recogniser: str = "fake") -> None:
-    path = gain_model_path(models, sensor="perfect", views="moving")
+    path = gain_model_path(models, Conditions())
     save_gain_model(path, model_of(peak_weights(np.array([8.0, 1.0, 1.0]))), recogniser_sha256=recogniser, history={})
 
 
@@ -106,6 +110,20 @@ def test_the_published_recogniser_has_no_agents(tmp_path: Path) -> None:
     assert notes[-1].startswith("left out: il, ppo, il-ppo, dagger: agents are trained for the causal recogniser, and ")
     with pytest.raises(ModelError, match="planner 'il/0': agents are trained for the causal recogniser"):
         chosen(["no-act", "il"], place)
+
+
+def test_a_recogniser_of_your_own_has_neither_a_gain_field_nor_agents(tmp_path: Path) -> None:
+    save_field(tmp_path)
+    save_agents(tmp_path, "il/0")
+    place = place_of(tmp_path, form="mine.py:Mine(gain=2)", recogniser_sha256="mine")
+    names, model, (field, agents) = chosen(None, place)
+    assert not [name for name in names if name.startswith(("nbv", "il", "ppo", "dagger"))]
+    assert model is None
+    assert field.endswith("gain fields are trained for the causal recogniser, and this is mine.py:Mine(gain=2)")
+    assert agents.endswith("agents are trained for the causal recogniser, and this is mine.py:Mine(gain=2)")
+    for planners in (["il"], ["nbv"]):
+        with pytest.raises(ModelError, match=r"trained for the causal recogniser, and this is mine\.py:Mine"):
+            chosen(planners, place)
 
 
 def test_who_is_named_has_to_be_trained(tmp_path: Path) -> None:
@@ -205,16 +223,17 @@ def test_learned_planners_without_a_place_are_refused() -> None:
 
 
 def test_names_are_checked_before_anything_is_loaded() -> None:
-    check_planners(None)
-    check_planners(["no-act", "nbv", "il", "il-ppo/3", "il-no-position", "own.py:Mine", Mine()])
+    assert listed(None) is None
+    several = ["no-act", "nbv", "il", "il-ppo/3", "il-no-position", "own.py:Mine", Mine()]
+    assert listed(several) == several
     for bad in ("il/x", "il-no-sound", "nbv/0"):
         with pytest.raises(UsageError, match=f"unknown planner '{bad}'"):
-            check_planners(["no-act", bad])
+            listed(["no-act", bad])
     with pytest.raises(
         UsageError, match=r"expected what ehar.planner.Planner has, missing: name, privileged, reset, act"
     ):
-        check_planners([object()])  # type: ignore[list-item]
+        listed([object()])  # type: ignore[list-item]
     with pytest.raises(UsageError, match=r"expected a planner, got the class Mine; make one: Mine\(\)$"):
-        check_planners([Mine])  # type: ignore[list-item]
+        listed([Mine])  # type: ignore[list-item]
     with pytest.raises(UsageError, match=r"expected arguments as \(radius=5, turn='left'\)"):
-        check_planners(["own.py:Mine(5)"])
+        listed(["own.py:Mine(5)"])

@@ -2,16 +2,32 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from eval.running.train_all import TrainAllConfig, has_gain_field, has_recogniser, train_all
 
+from ehar.conditions import Conditions
 from ehar.errors import EharError, ModelError, UsageError
+from eval.running.training import (
+    TrainAllConfig,
+    has_gain_field,
+    has_recogniser,
+    train_agents,
+    train_all,
+    train_gain_field,
+    train_recogniser,
+)
+from planners.agents.config import AgentTrainingConfig
+from planners.value.config import GainTrainingConfig
 from planners.value.model import SHIPPED as GAIN_FIELDS
+from planners.value.training import GainTraining
 from recognition.storage import SHIPPED as RECOGNISERS
+from recognition.training.config import TrainingConfig
+from recognition.training.trainer import Evaluation
 
+DUO = Conditions(data="duo")
 RECOGNISER, GAIN_FIELD = "causal-perfect-moving", "gain-field-perfect-moving"
 
 
@@ -26,26 +42,51 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Replace the trainings by notes of their names; the recogniser's leaves the shipped one behind."""
     heard: list[str] = []
 
-    def recogniser(config, report):
+    def recogniser(config: TrainingConfig, report: object) -> Evaluation:
         heard.append("recogniser")
         copy(RECOGNISERS / "duo", RECOGNISER, config.out)
+        return Evaluation(step=3, train_loss=0.5, nll=0.25, accuracy=0.8)
+
+    def gain_field(config: GainTrainingConfig, report: object) -> GainTraining:
+        heard.append("gain field")
+        assert config.conditions.directory is not None
+        return GainTraining(config.conditions.directory / f"{GAIN_FIELD}.safetensors", {})
+
+    def agents(config: AgentTrainingConfig, report: object, note: object) -> list[Path]:
+        heard.append("agents")
+        return [config.directory / f"{name}.safetensors" for name in ("il", "ppo")]
 
     monkeypatch.setattr("recognition.training.trainer.train_recogniser", recogniser)
-    monkeypatch.setattr("planners.value.training.train_gain_field", lambda config, report: heard.append("gain field"))
-    monkeypatch.setattr("planners.agents.training.train_agents", lambda config, report, note: heard.append("agents"))
+    monkeypatch.setattr("planners.value.training.train_gain_field", gain_field)
+    monkeypatch.setattr("planners.agents.training.train_agents", agents)
     return heard
 
 
 def test_everything_is_trained_in_order(tmp_path: Path, calls: list[str]) -> None:
-    train_all(TrainAllConfig(data="duo", out=tmp_path), lambda line: None)
+    trained = train_all(TrainAllConfig(conditions=DUO, out=tmp_path))
+    assert calls == ["recogniser", "gain field", "agents"]
+    assert [path.stem for path in trained.paths] == [RECOGNISER, GAIN_FIELD, "il", "ppo"]
+    assert {path.parent for path in trained.paths} == {tmp_path}
+    assert trained.lines == (f"next: ehar benchmark --data duo --models {tmp_path}",)
+
+
+def test_a_training_alone_says_what_it_gave(tmp_path: Path, calls: list[str]) -> None:
+    config = TrainAllConfig(conditions=DUO, out=tmp_path)
+    assert train_recogniser(config.recogniser).lines == (
+        f"best at step 3: validation accuracy 80.0 % (mean over frames), NLL 0.250; written to {tmp_path}",
+    )
+    assert train_gain_field(config.gain_field).lines == (
+        f"in cross-validation over sequences; written to {tmp_path / GAIN_FIELD}.safetensors",
+    )
+    assert train_agents(config.agents).lines == (f"2 agents are in {tmp_path}: il, ppo",)
     assert calls == ["recogniser", "gain field", "agents"]
 
 
-def test_what_is_there_is_kept_and_said(tmp_path: Path, calls: list[str]) -> None:
+def test_what_is_there_is_kept_and_said(tmp_path: Path, calls: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     copy(RECOGNISERS / "duo", RECOGNISER, tmp_path)
     copy(GAIN_FIELDS / "duo", GAIN_FIELD, tmp_path)
-    lines: list[str] = []
-    train_all(TrainAllConfig(data="duo", out=tmp_path), lines.append)
+    train_all(TrainAllConfig(conditions=DUO, out=tmp_path))
+    lines = capsys.readouterr().out.splitlines()
     assert calls == ["agents"]
     assert "recogniser" in lines[0] and "kept" in lines[0]
     assert "gain field" in lines[1] and "kept" in lines[1]
@@ -54,20 +95,20 @@ def test_what_is_there_is_kept_and_said(tmp_path: Path, calls: list[str]) -> Non
 def test_a_gain_field_for_another_recogniser_is_trained_anew(tmp_path: Path) -> None:
     copy(RECOGNISERS / "duo", RECOGNISER, tmp_path)
     copy(GAIN_FIELDS / "solo", GAIN_FIELD, tmp_path)
-    assert not has_gain_field(TrainAllConfig(data="duo", out=tmp_path))
+    assert not has_gain_field(TrainAllConfig(conditions=DUO, out=tmp_path))
 
 
 def test_a_recogniser_of_other_data_is_named_not_overwritten(tmp_path: Path, calls: list[str]) -> None:
     copy(RECOGNISERS / "solo", RECOGNISER, tmp_path)
     with pytest.raises(ModelError, match="class_names do not fit duo"):
-        train_all(TrainAllConfig(data="duo", out=tmp_path), lambda line: None)
+        train_all(TrainAllConfig(conditions=DUO, out=tmp_path))
     assert calls == []
 
 
 def test_a_small_recogniser_is_not_taken_for_the_published_one(tmp_path: Path, calls: list[str]) -> None:
     copy(RECOGNISERS / "duo", RECOGNISER, tmp_path)
     with pytest.raises(ModelError, match="got a recogniser of size small, expected published, as --setting paper"):
-        train_all(TrainAllConfig(data="duo", out=tmp_path, setting="paper"), lambda line: None)
+        train_all(TrainAllConfig(conditions=DUO, out=tmp_path, setting="paper"))
     assert calls == []
 
 
@@ -80,7 +121,7 @@ def test_a_recogniser_of_other_recordings_of_the_same_classes_is_named(tmp_path:
     with pytest.raises(
         ModelError, match=r"another data set: its sha256 was 0123456789ab\.\.\., that of duo is [0-9a-f]{12}"
     ):
-        train_all(TrainAllConfig(data="duo", out=tmp_path), lambda line: None)
+        train_all(TrainAllConfig(conditions=DUO, out=tmp_path))
     assert calls == []
 
 
@@ -96,8 +137,9 @@ def test_a_recogniser_of_other_recordings_of_the_same_classes_is_named(tmp_path:
 def test_what_makes_no_sense_is_refused_before_anything_is_trained(
     tmp_path: Path, calls: list[str], changes: dict[str, Any], message: str
 ) -> None:
+    length = changes.pop("length", DUO.length)
     with pytest.raises(UsageError) as caught:
-        train_all(TrainAllConfig(data="duo", out=tmp_path, **changes), lambda line: None)
+        train_all(TrainAllConfig(conditions=replace(DUO, length=length), out=tmp_path, **changes))
     assert str(caught.value) == message
     assert calls == []
 
@@ -105,27 +147,27 @@ def test_what_makes_no_sense_is_refused_before_anything_is_trained(
 def test_weights_without_their_description_are_no_recogniser(tmp_path: Path) -> None:
     copy(RECOGNISERS / "duo", RECOGNISER, tmp_path)
     (tmp_path / f"{RECOGNISER}.json").unlink()
-    assert not has_recogniser(TrainAllConfig(data="duo", out=tmp_path))
+    assert not has_recogniser(TrainAllConfig(conditions=DUO, out=tmp_path))
 
 
 def test_the_same_data_and_conditions_go_into_every_training(tmp_path: Path) -> None:
-    config = TrainAllConfig(
-        data="x.npz", out=tmp_path, sensor="estimator", views="paper", length=30, fps=30.0, seeds=3, setting="paper"
-    )
+    told = Conditions(data="x.npz", sensor="estimator", views="paper", length=30, fps=30.0)
+    config = TrainAllConfig(conditions=told, out=tmp_path, seeds=3, setting="paper")
     for part in (config.recogniser, config.gain_field, config.agents):
-        assert (part.data, part.sensor, part.views, part.length, part.fps) == ("x.npz", "estimator", "paper", 30, 30.0)
+        assert replace(part.conditions, models=None) == told
     assert config.recogniser.size == "published"
     assert config.agents.seeds == 3 and config.agents.imitation("il").episodes == 10_000
-    assert config.agents.directory == config.gain_field.models == config.recogniser.out == tmp_path
+    assert config.agents.directory == config.gain_field.conditions.models == config.recogniser.out == tmp_path
 
 
 def test_the_benchmark_that_follows_runs_under_the_same_conditions(tmp_path: Path) -> None:
-    config = TrainAllConfig(data="x.npz", out=Path("m"))
+    config = TrainAllConfig(conditions=Conditions(data="x.npz"), out=Path("m"))
     assert config.benchmark_options == "--data x.npz --models m"
-    short = TrainAllConfig(data="x.npz", out=Path("m"), sensor="estimator", length=30, fps=30.0)
+    told = Conditions(data="x.npz", sensor="estimator", length=30, fps=30.0)
+    short = TrainAllConfig(conditions=told, out=Path("m"))
     assert short.benchmark_options == "--data x.npz --models m --sensor estimator --length 30 --fps 30.0"
 
 
 def test_missing_data_are_an_error_of_ours(tmp_path: Path) -> None:
     with pytest.raises(EharError, match=r"missing\.npz"):
-        train_all(TrainAllConfig(data=str(tmp_path / "missing.npz"), out=tmp_path), lambda line: None)
+        train_all(TrainAllConfig(conditions=Conditions(data=tmp_path / "missing.npz"), out=tmp_path))

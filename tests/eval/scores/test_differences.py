@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from eval.render.summary_table import benchmark_table, differences_table, markdown_summary, render_summary
 from rich.console import Console
 from scipy.stats import binomtest, mannwhitneyu, trim_mean
 
 from eval.records.episodes import EpisodeRecords
-from eval.records.run_files import SUMMARY, write_run
+from eval.records.run_files import SUMMARY
 from eval.render.figures import draw_accuracy
+from eval.render.tables import Rendered, markdown
+from eval.running.run import write_records
 from eval.scores.metrics import right_at
 from eval.scores.statistics import BOOTSTRAP_SEED, resample_counts
 from eval.scores.summary import Summary
@@ -86,7 +87,7 @@ def test_the_interquartile_mean_counts_each_sequence_and_training_once() -> None
 @pytest.mark.parametrize(("records", "reason"), [(of_one_sequence(), "one sequence"), (of_one_class(), "one class")])
 def test_intervals_that_cannot_be_had_say_so(records: dict[str, EpisodeRecords], reason: str, tmp_path: Path) -> None:
     summary = summary_of(records)
-    write_run(tmp_path, CONFIG_OF_RUN, records, summary)
+    write_records(tmp_path, CONFIG_OF_RUN, records, summary)
     written = json.loads((tmp_path / SUMMARY).read_text())
     assert reason in written["no_intervals"]
     for of in (*written["planners"], *written["differences"]):
@@ -94,16 +95,15 @@ def test_intervals_that_cannot_be_had_say_so(records: dict[str, EpisodeRecords],
     assert written["planners"][1]["acc_mean"] == pytest.approx(100 * records["nbv"].correct.mean())
     assert not any(of.is_clear for of in summary.differences)
     note = f"[-] No intervals: {summary.no_intervals}."
-    assert note in benchmark_table(summary).footnotes
-    table = differences_table(summary)
-    assert table is not None
+    of_planners, table = summary.tables()
+    assert note in of_planners.footnotes
     assert note in table.footnotes and not table.bold
     assert table.rows[0][1].endswith(" [-]") and not [line for line in table.footnotes if "Smallest" in line]
-    text = markdown_summary(summary)
+    text = markdown(*summary.tables())
     assert f"{summary.planner('nbv').acc_mean:.1f} [-] |" in text
     assert "nan" not in text and "None" not in text
-    Console(width=100, file=io.StringIO()).print(render_summary(summary))
-    draw_accuracy(curves(records), summary, 3, tmp_path / "accuracy")
+    Console(width=100, file=io.StringIO()).print(Rendered(*summary.tables()))
+    draw_accuracy(curves(records), {"oracle"}, 3, CONFIG_OF_RUN.title, tmp_path / "accuracy")
 
     run = read_overview([tmp_path])
     assert any(reason in line for line in gap_table(run).footnotes)
@@ -128,6 +128,5 @@ def test_the_table_says_how_small_a_difference_would_show() -> None:
 
 
 def last_footnote(summary: Summary) -> str:
-    table = differences_table(summary)
-    assert table is not None
+    _, table = summary.tables()
     return table.footnotes[-1]

@@ -3,21 +3,27 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from eval.render.summary_table import benchmark_table, markdown_summary
 
-from ehar.errors import DataError
-from eval.records.episodes import episode_lines, read_episodes
-from eval.records.run_files import EPISODES, SUMMARY, write_run
+from ehar.errors import DataError, UsageError
+from ehar.files import json_text
+from eval.records.config import RunConfig
+from eval.records.episodes import EpisodeRecords, episode_lines, read_episodes
+from eval.records.run_files import EPISODES, SUMMARY
+from eval.records.solves import Solves
+from eval.render.tables import markdown
+from eval.running.run import write_records
+from eval.scores.summary import Summary, read_summary
 from tests.helpers.made_records import CONFIG_OF_RUN, flown, make_records, summary_of, three_planners
 
 
 def test_every_number_of_the_summary_can_be_recomputed_from_the_file(tmp_path: Path) -> None:
     records = three_planners()
     summary = summary_of(records)
-    write_run(tmp_path, CONFIG_OF_RUN, records, summary)
+    write_records(tmp_path, CONFIG_OF_RUN, records, summary)
     written = json.loads((tmp_path / SUMMARY).read_text())
     assert summary_of(read_episodes(tmp_path / EPISODES)).to_json() == summary.to_json()
     # And by hand, from the lines alone.
@@ -81,7 +87,7 @@ def test_without_an_oracle_no_gap_is_closed_and_the_table_says_why() -> None:
     del records["oracle"]
     summary = summary_of(records)
     assert summary.planner("mine").gap_closed is None
-    table = benchmark_table(summary)
+    table = summary.tables()[0]
     assert table.rows[1][8] == "-"
     assert table.footnotes == ("Gap closed needs both no-act and oracle among the planners.",)
 
@@ -96,7 +102,7 @@ def test_planners_that_ran_other_episodes_are_not_compared() -> None:
 def test_what_flights_demanded_is_written_and_summarised_on_flight_tracks_only(tmp_path: Path) -> None:
     records = {"no-act": flown(make_records(1)), "mine": flown(make_records(2), seed=5)}
     summary = summary_of(records)
-    write_run(tmp_path, CONFIG_OF_RUN, records, summary)
+    write_records(tmp_path, CONFIG_OF_RUN, records, summary)
     back = read_episodes(tmp_path / EPISODES)
     assert summary_of(back).to_json() == summary.to_json()
     rows = [json.loads(line) for line in (tmp_path / EPISODES).read_text().splitlines()]
@@ -106,9 +112,9 @@ def test_what_flights_demanded_is_written_and_summarised_on_flight_tracks_only(t
     }
     assert mine["peak_speed"] == max(of["peak_speed"])
     assert (mine["effort"], mine["limit_share"]) == pytest.approx((np.mean(of["effort"]), np.mean(of["limit_share"])))
-    assert "peak [m/s]" in benchmark_table(summary).header
+    assert "peak [m/s]" in summary.tables()[0].header
     on_grid = summary_of(three_planners())
-    assert not {"peak [m/s]", "kept % [95 %]"} & set(benchmark_table(on_grid).header)
+    assert not {"peak [m/s]", "kept % [95 %]"} & set(on_grid.tables()[0].header)
     assert "peak_speed" not in next(iter(episode_lines(three_planners())))
 
 
@@ -137,7 +143,7 @@ def test_accuracy_kept_is_the_gain_in_flight_over_that_on_the_ideal_track() -> N
     # No-act gains nothing to keep, and the third was not run on the ideal track.
     assert summary.planner("no-act").accuracy_kept is None
     assert summary.planner("other").accuracy_kept is None
-    assert "kept % [95 %]" in benchmark_table(summary).header
+    assert "kept % [95 %]" in summary.tables()[0].header
     # A planner that does as well in flight keeps all, in every resample.
     whole = summary_of({**records, "mine": on_ideal["mine"]}, on_ideal=on_ideal).planner("mine")
     assert (whole.accuracy_kept, whole.accuracy_kept_ci95) == (1, (1, 1))
@@ -163,5 +169,105 @@ def test_nbv_is_compared_in_pairs_with_every_planner_that_is_not_privileged() ->
     assert to_no_act.acc_mean == pytest.approx(summary.planner("nbv").acc_mean - summary.planner("no-act").acc_mean)
     assert to_no_act.ci95[0] < to_no_act.acc_mean < to_no_act.ci95[1]
     assert (to_twin.acc_mean, to_twin.ci95) == (0, (0, 0)), "a pair shares its resamples"
-    assert "| twin | +0.0 [0.0, 0.0] |" in markdown_summary(summary)
+    assert "| twin | +0.0 [0.0, 0.0] |" in markdown(*summary.tables())
     assert summary.to_json()["differences"][0]["other"] == "no-act"
+
+
+def full_summary() -> tuple[dict[str, EpisodeRecords], Summary]:
+    """Return records, and a summary in which every field has a value: flights, kept accuracy, plans, differences."""
+    records = {name: flown(episodes) for name, episodes in three_planners().items()}
+    records |= {"nbv/0": flown(make_records(4, skill=2.0)), "nbv/1": flown(make_records(5, skill=2.0))}
+    solves = dict.fromkeys(records) | {"nbv/0": Solves({"optimal": 3}, 0), "nbv/1": Solves({"infeasible": 1}, 1)}
+    return records, summary_of(records, on_ideal=three_planners(), solves=solves)
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_summary_read_back_is_the_one_written(tmp_path: Path, whole: bool) -> None:
+    records, summary = full_summary() if whole else (three_planners(), summary_of(three_planners()))
+    write_records(tmp_path, summary.config, records, summary)
+    back = read_summary(tmp_path / SUMMARY, summary.config, records)
+    assert back == summary
+    assert str(back) == str(summary)
+    assert json_text(back.to_json()) == (tmp_path / SUMMARY).read_text()
+
+
+PLANNERS = "no-act, mine, oracle, nbv"
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "expected the JSON of a finished run of ehar benchmark"),
+        ("{", "expected the JSON of a finished run of ehar benchmark"),
+        ("[]", "expected the JSON object of a finished run of ehar benchmark, got []"),
+        (b"\xff", "expected the JSON of a finished run of ehar benchmark"),
+        ({"planners": None}, "planners: expected a list, got null"),
+        ({"planners": [1]}, "planners[0]: expected an object, got 1"),
+        ({"planners": []}, f"expected the planners of the records, {PLANNERS}, got none"),
+        ({"episodes": "nine"}, "episodes: expected a whole number, got 'nine'"),
+        ({"differences": [{}]}, "differences[0]: missing planner"),
+        ({"no_intervals": 3}, "no_intervals: expected text, got 3"),
+    ],
+)
+def test_a_damaged_summary_is_named_in_one_line(tmp_path: Path, content: Any, message: str) -> None:
+    records, summary = full_summary()
+    held = json_text({**summary.to_json(), **content}) if isinstance(content, dict) else content
+    assert message in refused(tmp_path / SUMMARY, held, records, summary.config)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"name": "other"}, f"expected the planners of the records, {PLANNERS}, got no-act, mine, oracle, other"),
+        ({"name": None}, "planners[3]: name: expected text, got null"),
+        ({"acc": {"10": 1.0}}, "planners[3]: acc: missing 30, 50, 70, 90, 100; expected 10, 30, 50, 70, 90, 100"),
+        ({"acc_mean": "high"}, "planners[3]: acc_mean: expected a number, got 'high'"),
+        ({"acc_mean": float("nan")}, "planners[3]: acc_mean: expected a finite number, got nan"),
+        ({"acc_mean_ci95": [1.0]}, "planners[3]: acc_mean_ci95: expected 2 items, got"),
+        ({"training_seeds": [0.5]}, "planners[3]: training_seeds[0]: expected a whole number, got 0.5"),
+        ({"peak_speed": None}, "planners[3]: flight.peak_speed: expected a number, got null"),
+        ({"solves": {"optimal": "all"}}, "planners[3]: solves.counts.optimal: expected a whole number, got 'all'"),
+        ({"fallback_share": None}, "planners[3]: solves.fallbacks: expected a whole number, got null"),
+        ({"fallback_share": float("nan")}, "planners[3]: solves.fallbacks: expected a whole number, got nan"),
+        ({"fallback_share": float("inf")}, "planners[3]: solves.fallbacks: expected a whole number, got inf"),
+    ],
+)
+def test_a_damaged_planner_of_a_summary_is_named_in_one_line(
+    tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
+    records, summary = full_summary()
+    held = summary.to_json()
+    held["planners"][3] |= changes
+    assert message in refused(tmp_path / SUMMARY, json.dumps(held), records, summary.config)
+
+
+def refused(path: Path, content: str | bytes, records: dict[str, EpisodeRecords], config: RunConfig) -> str:
+    """Return the one line with which such a file is refused."""
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    with pytest.raises(DataError) as error:
+        read_summary(path, config, records)
+    assert str(error.value).startswith(f"{path}: ")
+    assert "\n" not in str(error.value)
+    return str(error.value)
+
+
+def test_a_summary_that_is_missing_or_a_folder_is_named(tmp_path: Path) -> None:
+    records, summary = full_summary()
+    with pytest.raises(
+        UsageError, match=r"summary\.json: expected a finished run of ehar benchmark, got: No such file"
+    ):
+        read_summary(tmp_path / SUMMARY, summary.config, records)
+    with pytest.raises(UsageError, match="expected a finished run of ehar benchmark, got: Is a directory"):
+        read_summary(tmp_path, summary.config, records)
+
+
+def test_a_planner_that_did_not_run_is_named_with_those_that_did() -> None:
+    with pytest.raises(UsageError, match=r"no planner 'nope' in this run; expected one of: no-act, mine, oracle$"):
+        summary_of(three_planners()).planner("nope")
+
+
+def test_the_lead_is_the_most_accurate_planner_without_the_truth() -> None:
+    _, summary = full_summary()
+    rivals = {name: summary.planner(name).acc_mean for name in ("mine", "nbv")}
+    assert summary.lead == max(rivals, key=lambda name: rivals[name])
+    assert summary_of({"no-act": make_records(1)}).lead is None

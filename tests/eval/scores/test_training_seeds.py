@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from eval.render.summary_table import benchmark_table, differences_table, render_summary
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
@@ -13,11 +12,11 @@ from ehar.errors import DataError
 from eval.records.episodes import EpisodeRecords
 from eval.records.solves import Solves
 from eval.render.figures import draw_accuracy
-from eval.render.tables import markdown
+from eval.render.tables import Rendered, markdown
 from eval.scores.differences import SUBJECTS
 from eval.scores.metrics import ece, gap_closed, mean_acc, nll, path_length
 from eval.scores.statistics import BOOTSTRAP_SEED, RESAMPLES, interval, resample_counts, resampled_means
-from eval.scores.summary import summarise
+from eval.scores.summarise import summarise
 from eval.scores.training_seeds import (
     curves,
     group_planners,
@@ -27,7 +26,7 @@ from eval.scores.training_seeds import (
     seed_counts,
     split_record_name,
 )
-from tests.helpers.made_records import CONDITIONS, flown, make_records, summary_of
+from tests.helpers.made_records import CONFIG_OF_RUN, flown, make_records, summary_of
 
 
 def with_correct(correct: list[list[int]]) -> EpisodeRecords:
@@ -200,9 +199,9 @@ def test_other_numbers_are_means_over_seeds() -> None:
         solves={"no-act": None, **dict(zip(agents, solves, strict=True))},
     )
     agent, pair = summary.planner("il-ppo"), list(agents.values())
-    assert agent.nll == pytest.approx(np.mean([nll(of.true_probability) for of in pair]))
-    assert agent.ece == pytest.approx(np.mean([ece(of.top_probability, of.correct) for of in pair]))
-    assert agent.path_length_m == pytest.approx(np.mean([path_length(of.viewpoint).mean() for of in pair]))
+    assert agent.metrics["nll"] == pytest.approx(np.mean([nll(of.true_probability) for of in pair]))
+    assert agent.metrics["ece"] == pytest.approx(np.mean([ece(of.top_probability, of.correct) for of in pair]))
+    assert agent.metrics["path_length_m"] == pytest.approx(np.mean([path_length(of.viewpoint).mean() for of in pair]))
     flights = [of.flight for of in pair if of.flight is not None]
     assert agent.flight is not None
     assert agent.flight.peak_speed == max(of.peak_speed.max() for of in flights)
@@ -215,7 +214,7 @@ def test_planning_time_is_the_mean_over_seeds() -> None:
     records = {"no-act": make_records(1), **trained(0, 1)}
     summary = summarise(
         records,
-        CONDITIONS,
+        CONFIG_OF_RUN,
         privileged=dict.fromkeys(records, False),
         step_ms={"no-act": 0.0, "il-ppo/0": 1.0, "il-ppo/1": 4.0},
     )
@@ -264,8 +263,7 @@ def test_subjects_are_compared_with_all_others_each_pair_once() -> None:
 
 def test_differences_are_a_matrix_with_clear_ones_in_bold() -> None:
     summary = summary_of(all_subjects())
-    table = differences_table(summary)
-    assert table is not None
+    _, table = summary.tables()
     assert table.header == ("planner", "il-ppo", "nbv", "il", "ppo")
     assert [row[0] for row in table.rows] == ["no-act", "ppo", "towards", "nbv", "il"]
     cells = {(row[0], column): cell for row in table.rows for column, cell in zip(table.header, row, strict=True)}
@@ -286,7 +284,7 @@ def test_differences_are_a_matrix_with_clear_ones_in_bold() -> None:
 def test_the_terminal_prints_clear_differences_in_bold() -> None:
     summary = summary_of(all_subjects())
     console = Console(width=160, record=True, file=io.StringIO(), force_terminal=True)
-    console.print(render_summary(summary))
+    console.print(Rendered(*summary.tables()))
     styled = console.export_text(styles=True)
     of = {(of.planner, of.other): of for of in summary.differences}
     for pair in (("il-ppo", "no-act"), ("ppo", "towards")):
@@ -297,7 +295,7 @@ def test_the_terminal_prints_clear_differences_in_bold() -> None:
 
 def test_the_table_says_how_far_seeds_lie_apart_and_how_many_there_are() -> None:
     summary = summary_of(all_subjects())
-    table = benchmark_table(summary)
+    table = summary.tables()[0]
     cells = {row[0]: row[table.header.index("mean acc [95 %]")] for row in table.rows}
     agent = summary.planner("il-ppo")
     assert agent.acc_mean_seed_sd is not None
@@ -305,7 +303,7 @@ def test_the_table_says_how_far_seeds_lie_apart_and_how_many_there_are() -> None
     assert "±" not in cells["ppo"] + cells["nbv"]
     assert table.footnotes[0].startswith("Training seeds: il 2, il-ppo 3. ")
     assert table.footnotes[1].startswith("One training seed: ppo (0); ")
-    assert not [note for note in benchmark_table(summary_of(ends())).footnotes if "seed" in note]
+    assert not [note for note in summary_of(ends()).tables()[0].footnotes if "seed" in note]
 
 
 def test_curves_are_means_over_seeds() -> None:
@@ -322,7 +320,7 @@ def test_curves_are_means_over_seeds() -> None:
 
 def test_the_figure_has_one_curve_a_planner(tmp_path: Path) -> None:
     records = all_subjects()
-    draw_accuracy(curves(records), summary_of(records), 3, tmp_path / "accuracy")
+    draw_accuracy(curves(records), {"oracle"}, 3, CONFIG_OF_RUN.title, tmp_path / "accuracy")
     drawn = (tmp_path / "accuracy.svg").read_text()
     assert "il-ppo" in drawn
     assert "il-ppo/" not in drawn

@@ -37,8 +37,6 @@ def written(
 
 def write(folder: Path, held: dict[str, EpisodeRecords], **changes: Any) -> Path:
     config = config_of_run(**changes)
-    if "form" in changes:  # of the conditions, and what the file says of the recogniser
-        config = replace(config, form=changes["form"])
     write_records(folder, config, held, summary_of(held, config))
     return folder
 

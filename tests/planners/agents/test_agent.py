@@ -12,7 +12,7 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeVectorEnv
 from ehar.envs.observations import shown_to_agent
-from ehar.envs.task import Episodes
+from ehar.envs.task import EpisodeTask
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
 from ehar.planner import Observation
@@ -148,7 +148,7 @@ def test_it_sees_what_the_environment_shows_and_goes_the_same_way(sensor: str, p
     scenarios = tiny_scenarios(length=LENGTH, persons=persons)
     eye = make_sensor(sensor, scenarios.data.skeleton)
     env = EpisodeVectorEnv(
-        6, Episodes(scenarios=scenarios, recogniser=FakeRecogniser(), sensor=eye, controls=GridControls())
+        6, EpisodeTask(scenarios=scenarios, recogniser=FakeRecogniser(), sensor=eye, controls=GridControls())
     )
     network = untrained_agent(persons=persons).network
     shown, _ = env.reset(seed=0)

@@ -1,5 +1,7 @@
 """What is done is skipped, and what was stopped, killed or damaged goes on as if it had not been, or says why not."""
 
+import pickle
+import shutil
 import subprocess
 import sys
 import time
@@ -15,22 +17,17 @@ from safetensors.torch import save_file
 
 from ehar.data.motion_file import save_motion
 from ehar.errors import ModelError, UsageError
-from planners.agents.config import AgentTrainingConfig, PPOSetting
+from planners.agents.config import AgentTrainingConfig
 from planners.agents.training import train_agents
 from recognition.training.checkpoints import Checkpoint, save_checkpoint
-from tests.helpers.agent_trainings import agent_file, quick, refusal, silent, tiny_config, train, train_little
+from tests.helpers.agent_trainings import PPO, agent_file, refusal, silent, tiny_training, train
 from tests.helpers.fakes import tiny_data
 from tests.helpers.places import ROOT
 
 
-@pytest.fixture(autouse=True)
-def little_of_everything(monkeypatch: pytest.MonkeyPatch) -> None:
-    train_little(monkeypatch)
-
-
 @pytest.fixture
 def config(tmp_path: Path) -> AgentTrainingConfig:
-    return tiny_config(tmp_path)
+    return tiny_training(tmp_path / "out")
 
 
 class Stopped(Exception):
@@ -52,55 +49,81 @@ def stop(config: AgentTrainingConfig, what: str, done: int) -> None:
         train_agents(config, stop_at(what, done), silent)
 
 
+@pytest.fixture(scope="module")
+def through(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """Return what is written where nothing stops the training."""
+    return train(tiny_training(tmp_path_factory.mktemp("through")))
+
+
+@pytest.fixture(scope="module")
+def sixth(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a PPO that was stopped after its sixth rollout; to be copied."""
+    folder = tmp_path_factory.mktemp("sixth")
+    stop(replace(tiny_training(folder), stages="ppo"), "ppo seed 0", 6)
+    return folder
+
+
+@pytest.fixture
+def stopped(config: AgentTrainingConfig, sixth: Path) -> AgentTrainingConfig:
+    """Return a training of PPO that was stopped after its sixth rollout."""
+    shutil.copytree(sixth, config.directory)
+    return replace(config, stages="ppo")
+
+
 @pytest.mark.parametrize(
-    ("what", "done"),
+    ("stages", "what", "done"),
     [
-        ("round0", 1),
-        ("round1", 1),
-        ("il", 1),
-        ("ppo seed 0", 3),
-        ("ppo seed 0", 5),
-        ("ppo seed 0", 6),
-        ("ppo seed 0", 7),
-        ("il-ppo seed 0", 6),
+        ("il", "round0", 1),
+        ("il", "round1", 1),
+        ("il", "il", 1),
+        ("ppo", "ppo seed 0", 3),
+        ("ppo", "ppo seed 0", 5),
+        ("ppo", "ppo seed 0", 7),
+        ("il,ppo,il-ppo", "il-ppo seed 0", 6),
     ],
 )
 def test_a_stopped_training_goes_on_where_it_was(
-    config: AgentTrainingConfig, tmp_path: Path, what: str, done: int
+    config: AgentTrainingConfig, through: dict[str, bytes], stages: str, what: str, done: int
 ) -> None:
-    stopped = replace(config, out=tmp_path / "stopped")
-    stop(stopped, what, done)
-    assert train(stopped) == train(config)
-    assert not list(stopped.directory.glob("*.checkpoint"))
+    chosen = replace(config, stages=stages)
+    stop(chosen, what, done)
+    written = train(chosen)
+    assert len(written) == 2 * len(chosen.stage_names)
+    assert written == {name: through[name] for name in written}
+    assert not list(config.directory.glob("*.checkpoint"))
 
 
-def test_it_goes_on_from_the_checkpoint_and_not_from_the_start(config: AgentTrainingConfig) -> None:
-    stop(config, "ppo seed 0", 6)
+def test_it_goes_on_from_the_checkpoint_and_not_from_the_start(
+    stopped: AgentTrainingConfig, through: dict[str, bytes]
+) -> None:
     reports: list[tuple[str, int, int]] = []
-    train_agents(replace(config, stages="ppo"), lambda *report: reports.append(report), silent)
+    train_agents(stopped, lambda *report: reports.append(report), silent)
     assert reports == [("ppo seed 0", 6, 7), ("ppo seed 0", 7, 7)]
+    assert all(through[name] == content for name, content in train(stopped).items())
 
 
-def test_a_demonstration_cut_short_is_run_again(config: AgentTrainingConfig, tmp_path: Path) -> None:
+def test_a_demonstration_cut_short_is_run_again(config: AgentTrainingConfig, through: dict[str, bytes]) -> None:
     chosen = replace(config, stages="il")
-    expected = train(replace(chosen, out=tmp_path / "through"))
     stop(chosen, "round1", 1)
     (kept,) = chosen.directory.glob("demonstrations-perfect-moving-*-round0/1.safetensors")
     kept.write_bytes(kept.read_bytes()[:-100])
-    assert train(chosen) == expected
+    assert all(through[name] == content for name, content in train(chosen).items())
 
 
 @pytest.mark.parametrize("content", [b"", b"nonsense", None])
-def test_a_damaged_checkpoint(config: AgentTrainingConfig, content: bytes | None) -> None:
-    chosen = replace(config, stages="ppo")
-    stop(chosen, "ppo", 6)
-    checkpoint = agent_file(config, "ppo").with_suffix(".checkpoint")
+def test_a_damaged_checkpoint(stopped: AgentTrainingConfig, content: bytes | None) -> None:
+    checkpoint = agent_file(stopped, "ppo").with_suffix(".checkpoint")
     checkpoint.write_bytes(checkpoint.read_bytes()[:-200] if content is None else content)
-    message = refusal(ModelError, chosen)
+    message = refusal(ModelError, stopped)
     assert message.startswith(f"{checkpoint}: expected a training checkpoint, got ")
     assert message.endswith(": remove it to start anew")
-    checkpoint.unlink()
-    train(chosen)
+
+
+def test_without_its_damaged_checkpoint_a_training_starts_anew(
+    stopped: AgentTrainingConfig, through: dict[str, bytes]
+) -> None:
+    agent_file(stopped, "ppo").with_suffix(".checkpoint").unlink()
+    assert all(through[name] == content for name, content in train(stopped).items())
 
 
 def test_a_checkpoint_without_what_belongs_in_it(config: AgentTrainingConfig) -> None:
@@ -123,27 +146,25 @@ def test_a_checkpoint_without_what_belongs_in_it(config: AgentTrainingConfig) ->
     ],
 )
 def test_a_run_with_other_options_takes_over_nothing(
-    config: AgentTrainingConfig, tmp_path: Path, changes: dict[str, Any], named: str
+    stopped: AgentTrainingConfig, tmp_path: Path, changes: dict[str, Any], named: str
 ) -> None:
     """Neither a checkpoint nor a result, and neither is written over."""
     if "data" in changes:
         data = tiny_data(sequences=24)
         changes = {"data": str(tmp_path / "other.npz")}
         save_motion(tmp_path / "other.npz", replace(data, positions=data.positions * 1.01))
-    chosen = replace(config, stages="ppo")
-    stop(chosen, "ppo", 6)
-    checkpoint = agent_file(config, "ppo").with_suffix(".checkpoint")
-    assert refusal(UsageError, replace(chosen, **changes)).startswith(
+    checkpoint = agent_file(stopped, "ppo").with_suffix(".checkpoint")
+    assert refusal(UsageError, replace(stopped, **changes)).startswith(
         f"{checkpoint}: a checkpoint of another training, which differs in {named}: "
     )
-    expected = train(chosen)
-    description = agent_file(config, "ppo").with_suffix(".json")
-    message = refusal(UsageError, replace(chosen, **changes))
+    expected = train(stopped)
+    description = agent_file(stopped, "ppo").with_suffix(".json")
+    message = refusal(UsageError, replace(stopped, **changes))
     assert (
         message
         == f"{description}: holds another training, which differs in {named}: remove it, or choose another --out"
     )
-    assert train(chosen) == expected
+    assert train(stopped) == expected
 
 
 @pytest.mark.parametrize("changes", [{"teacher": "oracle"}, {"labels": "best"}, {"episodes": 64}, {"rounds": 1}])
@@ -175,24 +196,19 @@ def test_a_fine_tuning_of_another_clone_is_another_training(config: AgentTrainin
     assert "start_sha256" in message
 
 
-def command(config: AgentTrainingConfig) -> "subprocess.Popen[bytes]":
-    """Start `ehar train agent` in a process of its own."""
-    options = {
-        "data": config.data,
-        "models": config.models,
-        "out": config.out,
-        "length": config.length,
-        "stages": config.stages,
-        "teacher": config.teacher,
-        "labels": config.labels,
-        "episodes": config.episodes,
-        "rounds": config.rounds,
-        "frames": config.frames,
-        "workers": config.workers,
-    }
-    given = [part for name, value in options.items() for part in (f"--{name}", str(value))]
+RUN = """
+import pickle, sys
+from planners.agents.training import train_agents
+from tests.helpers.agent_trainings import PPO, silent
+if __name__ == "__main__":
+    train_agents(pickle.loads(bytes.fromhex(sys.argv[1])), silent, silent)
+"""
+
+
+def start(config: AgentTrainingConfig) -> "subprocess.Popen[bytes]":
+    """Start a training in a process of its own."""
     return subprocess.Popen(
-        [sys.executable, "-m", "eval.cli.main", "train", "agent", *given],
+        [sys.executable, "-c", RUN, pickle.dumps(config).hex()],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         cwd=ROOT,
@@ -200,14 +216,11 @@ def command(config: AgentTrainingConfig) -> "subprocess.Popen[bytes]":
 
 
 @pytest.mark.slow
-def test_killed_at_any_moment_it_ends_as_if_it_had_not_been(
-    config: AgentTrainingConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.undo()
-    killed = replace(quick(config, stages="il,ppo"), frames=15 * 7 * PPOSetting.num_envs, out=tmp_path / "killed")
+def test_killed_at_any_moment_it_ends_as_if_it_had_not_been(config: AgentTrainingConfig, tmp_path: Path) -> None:
+    killed = replace(config, stages="il,ppo", frames=15 * 7 * PPO.num_envs, out=tmp_path / "killed")
     rng = np.random.default_rng()  # any moment, and another one in each run of this test
     for pattern in ("demonstrations-*/*.safetensors", "*.checkpoint"):
-        process = command(killed)
+        process = start(killed)
         deadline = time.monotonic() + 60
         while process.poll() is None and not list(killed.directory.glob(pattern)) and time.monotonic() < deadline:
             time.sleep(0.01)
@@ -215,9 +228,5 @@ def test_killed_at_any_moment_it_ends_as_if_it_had_not_been(
         process.kill()
         _, complaint = process.communicate()
         assert process.returncode in (-9, 0), complaint.decode()
-    process = command(killed)
-    _, complaint = process.communicate()
-    assert process.returncode == 0, complaint.decode()
-    through = replace(killed, out=config.out)
-    assert train(killed) == train(through)
+    assert train(killed) == train(replace(killed, out=config.out))
     assert not list(killed.directory.glob("*.checkpoint"))

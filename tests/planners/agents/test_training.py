@@ -20,25 +20,19 @@ from planners.agents.training import train_agents
 from planners.agents.world import TrainingWorld
 from tests.helpers.agent_trainings import (
     IMITATION,
+    TinyTraining,
     agent_file,
-    quick,
     refusal,
     silent,
-    tiny_config,
+    tiny_training,
     train,
-    train_little,
 )
 from tests.helpers.agent_worlds import weights
 
 
-@pytest.fixture(autouse=True)
-def little_of_everything(monkeypatch: pytest.MonkeyPatch) -> None:
-    train_little(monkeypatch)
-
-
 @pytest.fixture
 def config(tmp_path: Path) -> AgentTrainingConfig:
-    return tiny_config(tmp_path)
+    return tiny_training(tmp_path / "out")
 
 
 def test_all_stages_and_then_nothing_is_left_to_do(
@@ -134,13 +128,10 @@ def test_dagger_has_a_setting_of_its_own(config: AgentTrainingConfig) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seeds", [1, 2])
-def test_workers_decide_nothing(
-    config: AgentTrainingConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seeds: int
-) -> None:
-    """One seed's environments run in two processes, two seeds in one each."""
-    monkeypatch.undo()
-    alone = quick(config, seeds=seeds, stages="il,ppo")
+@pytest.mark.parametrize(("seeds", "stages"), [(1, "ppo"), (2, "il,ppo")])
+def test_workers_decide_nothing(config: AgentTrainingConfig, tmp_path: Path, seeds: int, stages: str) -> None:
+    """One seed's environments run in a process of their own, clones and PPO of two seeds in one each."""
+    alone = replace(config, seeds=seeds, stages=stages, episodes=32, rounds=1)
     together = replace(alone, workers=2, out=tmp_path / "together")
     reports: list[tuple[str, int, int]] = []
     notes: list[str] = []
@@ -161,17 +152,16 @@ def test_a_loss_that_is_not_finite_is_said_with_whose_it_is(
 ) -> None:
     """And nothing is saved."""
     endless = replace(config.imitation("il"), labels="soft", rounds=1, entropy=math.inf)
-    monkeypatch.setattr(AgentTrainingConfig, "imitation", lambda _, stage: endless)
-    monkeypatch.setattr(AgentTrainingConfig, "ppo", replace(config.ppo, entropy=math.inf))
+    monkeypatch.setattr(TinyTraining, "imitation", lambda _, stage: endless)
+    monkeypatch.setattr(TinyTraining, "ppo", replace(config.ppo, entropy=math.inf))
     message = refusal(ModelError, replace(config, stages=stage))
     assert re.fullmatch(f"{stage} seed 0: {step}: expected a finite one", message)
     assert not agent_file(config, stage).is_file()
 
 
 @pytest.mark.slow
-def test_an_error_in_a_process_arrives(config: AgentTrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.undo()
-    chosen = quick(config, seeds=2, stages="ppo", workers=2)
+def test_an_error_in_a_process_arrives(config: AgentTrainingConfig) -> None:
+    chosen = replace(config, seeds=2, stages="ppo", workers=2)
     checkpoint = agent_file(config, "ppo", 1).with_suffix(".checkpoint")
     checkpoint.parent.mkdir()
     checkpoint.write_bytes(b"nonsense")

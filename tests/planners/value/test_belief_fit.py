@@ -4,7 +4,7 @@ from scipy.special import log_softmax
 
 from ehar.errors import DataError
 from planners.value.belief import readout
-from planners.value.belief_fit import ABLATIONS, Parts, ablate_belief, fit_belief
+from planners.value.belief_fit import ABLATIONS, BeliefParts, ablate_belief, fit_belief
 from recognition.calibration import fit_temperature
 
 
@@ -61,8 +61,8 @@ def test_a_fit_is_the_same_every_time():
 def test_process_noise_pays_where_an_activity_unfolds():
     how = {"drift": 1.0, "temperature": 2.0}
     rollouts = simulated(episodes=400, seed=3, **how)
-    unfolding = fit_belief(*rollouts, Parts(whitening=False, viewpoint=False))
-    still = fit_belief(*rollouts, Parts(whitening=False, process_noise=False, viewpoint=False))
+    unfolding = fit_belief(*rollouts, BeliefParts(whitening=False, viewpoint=False))
+    still = fit_belief(*rollouts, BeliefParts(whitening=False, process_noise=False, viewpoint=False))
     assert unfolding.process_noise > 0 == still.process_noise
     assert improvement(unfolding, **how).mean() > improvement(still, **how).mean() + 0.01
 
@@ -72,7 +72,7 @@ def test_noise_that_depends_on_the_viewpoint_is_found():
     model = fit_belief(*simulated(episodes=600, seed=4, **how))
     by_height = model.noise_weights[2] + model.noise_weights[3]
     assert by_height > 0.3
-    blind = fit_belief(*simulated(episodes=600, seed=4, **how), Parts(viewpoint=False))
+    blind = fit_belief(*simulated(episodes=600, seed=4, **how), BeliefParts(viewpoint=False))
     assert blind.noise_weights[1:] == (0.0,) * 4
     assert improvement(model, **how).mean() > improvement(blind, **how).mean()
 

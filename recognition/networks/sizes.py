@@ -1,0 +1,9 @@
+"""The sizes of a network. Without torch, so that the command line can show them at once."""
+
+from typing import Literal
+
+Size = Literal["small", "published"]
+
+SMALL_WIDTHS = (32, 32, 48, 64)
+PUBLISHED_WIDTHS = (64, 64, 64, 64, 128, 128, 128, 256, 256, 256)  # Sec. 3.4 of CTR-GCN: ten blocks
+PUBLISHED_STRIDES = (1, 1, 1, 1, 2, 1, 1, 2, 1, 1)  # Sec. 3.4: time is halved at the 5th and the 8th block
