@@ -166,8 +166,7 @@ BENCHMARK = Command(
     flags={
         "planners": Flag(
             "names, or your own: file.py:Class or module:Class, then --argument value.",
-            kind=tuple[str, ...],
-            default=(),
+            kind=tuple[str, ...] | None,
             positional=True,
             metavar="[PLANNER ...]",
             hint="all of ours",

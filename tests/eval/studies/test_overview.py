@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from ehar.errors import DataError, UsageError
-from eval.records.run_files import PlannerConfig, RunConfig
+from eval.records.config import PlannerConfig, RunConfig
 from eval.studies.overview import difference_table, gap_table, read_overview
 from tests.helpers.made_records import CONFIG_OF_RUN
 
