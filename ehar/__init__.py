@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ehar.recogniser import Recogniser as Recogniser
     from ehar.recogniser import Recognition as Recognition
     from ehar.sensors.estimator import EstimatorSensor as EstimatorSensor
-    from ehar.sensors.sensor import PerfectSensor as PerfectSensor
+    from ehar.sensors.perfect import PerfectSensor as PerfectSensor
     from ehar.version import __version__ as __version__
     from ehar.viewpoint import Workspace as Workspace
 else:
@@ -41,7 +41,7 @@ else:
             "GridMotion": "ehar.motion",
             "MotionData": "ehar.data.motion_data",
             "Observation": "ehar.planner",
-            "PerfectSensor": "ehar.sensors.sensor",
+            "PerfectSensor": "ehar.sensors.perfect",
             "Planner": "ehar.planner",
             "Recogniser": "ehar.recogniser",
             "Recognition": "ehar.recogniser",

@@ -1,5 +1,6 @@
 """Array types. Axis letters: B batch, T frames, P persons, J joints, K classes, D embedding, F forks."""
 
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -8,3 +9,16 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.floating[Any]]
 IntArray = npt.NDArray[np.integer[Any]]
 BoolArray = npt.NDArray[np.bool_]
+
+
+def in_brief(held: Any) -> str:
+    """Return the `repr` of a data class that holds arrays: their types and shapes, and the lengths of long tuples."""
+    shown = (f"{part.name}={_brief(getattr(held, part.name))}" for part in fields(held) if part.repr)
+    return f"{type(held).__name__}({', '.join(shown)})"
+
+
+def _brief(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype}{list(value.shape)}"
+    text = repr(value)
+    return f"<{len(value)}>" if isinstance(value, tuple | list | dict) and len(text) > 60 else text

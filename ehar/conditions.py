@@ -1,5 +1,7 @@
 """The conditions of a run: which people are watched, through what, by what, and from where."""
 
+import hashlib
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
@@ -10,6 +12,7 @@ from ehar.data.scenario import PARTS, TEST
 from ehar.errors import UsageError
 from ehar.flight.vehicle import Vehicle
 from ehar.motion import Motion
+from ehar.plugins.class_spec import arguments_text, parse_spec
 from ehar.recogniser import Recogniser
 from ehar.sensors.sensor import Sensor
 from ehar.track import IDEAL
@@ -64,7 +67,7 @@ class Conditions:
                 raise UsageError(f"unknown {name} {value!r}; expected one of: {', '.join(known)}")
         for name, least in (("starts", 1), ("length", 1), ("seed", 0)):
             value = getattr(self, name)
-            if not isinstance(value, int) or value < least:
+            if not isinstance(value, int) or isinstance(value, bool) or value < least:
                 raise UsageError(f"{name}: expected a whole number of at least {least}, got {value!r}")
         if self.recogniser is not None and self.form != "causal":
             raise UsageError(f"form: expected none beside a recogniser of your own, got {self.form}")
@@ -81,8 +84,12 @@ class Conditions:
 
     @property
     def sensor_name(self) -> str:
-        """The sensor, as files and tables call it."""
-        return self.sensor if isinstance(self.sensor, str) else self.sensor.name
+        """The sensor, as files of weights are called after it; your own is called after its class and arguments."""
+        spec = parse_spec(self.sensor) if isinstance(self.sensor, str) else None
+        if spec is None or not spec.place:
+            return re.sub(r"[^\w.+-]", "-", self.sensor if isinstance(self.sensor, str) else self.sensor.name)
+        arguments = arguments_text(dict(sorted(spec.arguments.items())))
+        return spec.name + (f"-{hashlib.sha256(arguments.encode()).hexdigest()[:8]}" if arguments else "")
 
     @property
     def seen(self) -> str:
@@ -100,9 +107,12 @@ class Conditions:
     @property
     def options(self) -> str:
         """What weights are trained for, as options of the commands that train them; errors suggest these."""
-        usual = [f"{self.data_option} --sensor {quote(self.sensor_name)} --views {self.views}"]
-        length = [f"--length {self.length}"] if self.length != Conditions.length else []
-        return " ".join(usual + length + ([] if self.fps is None else [f"--fps {self.fps:g}"]))
+        sensor = self.sensor if isinstance(self.sensor, str) else self.sensor.name
+        parts = [self.data_option, f"--sensor {quote(sensor)} --views {self.views}"]
+        parts += [f"--length {self.length}"] if self.length != Conditions.length else []
+        parts += [f"--fps {self.fps:g}"] if self.fps is not None else []
+        parts += [f"--recogniser {quote(_named(self.recogniser))}"] if self.recogniser is not None else []
+        return " ".join(parts)
 
     @property
     def models_option(self) -> str:
@@ -113,3 +123,8 @@ class Conditions:
     def directory(self) -> Path | None:
         """The folder of weights; None takes those that ship with ehar."""
         return None if self.models is None else Path(self.models)
+
+
+def _named(brought: object) -> str:
+    """Return how your own is named; of an object, its class."""
+    return brought if isinstance(brought, str) else f"{type(brought).__module__}.{type(brought).__qualname__}"

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ehar.arrays import FloatArray, IntArray
+from ehar.arrays import FloatArray, IntArray, in_brief
 from ehar.data.skeleton import Skeleton
 from ehar.flight.vehicle import Vehicle
 from ehar.recogniser import Recogniser
@@ -14,7 +14,7 @@ from ehar.sensors.sensor import Sensed
 from ehar.viewpoint import Workspace
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Context:
     """What a planner is told before a batch of B episodes begins."""
 
@@ -28,8 +28,10 @@ class Context:
     rng: np.random.Generator  # the planner's own, the same for the same episodes
     vehicle: Vehicle | None = None  # what carries the camera; None on the ideal track
 
+    __repr__ = in_brief
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Truth:
     """What only a privileged planner is handed: the label, the future, and a recogniser to imagine with."""
 
@@ -38,8 +40,10 @@ class Truth:
     state: Any  # the recogniser's state after the present frame
     sense: Callable[[int, FloatArray], Sensed]  # (frame, viewpoints (B, F, 3)) -> what would be sensed, (B, F, ...)
 
+    __repr__ = in_brief
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Observation:
     """What a planner may know at one frame. All arrays start with B."""
 
@@ -53,6 +57,8 @@ class Observation:
     velocity: FloatArray  # (B, 3): rates of the viewpoint [m/s], [rad/s]; 0 on the ideal track, which has none
     acceleration: FloatArray  # (B, 3) [m/s^2], [rad/s^2]; likewise
     truth: Truth | None = field(default=None, repr=False)  # privileged planners only
+
+    __repr__ = in_brief
 
     @property
     def ratio(self) -> float:

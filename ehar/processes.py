@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import pickle
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -10,6 +11,8 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing.connection import wait
 from multiprocessing.synchronize import Event
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from ehar.errors import ModelError, UsageError
@@ -39,14 +42,18 @@ def leave_if_imported_again() -> None:
 
 @contextmanager
 def worker_pool(
-    count: int, initializer: Callable[..., None] | None = None, initargs: tuple[Any, ...] = ()
+    count: int,
+    initializer: Callable[..., None] | None = None,
+    initargs: tuple[Any, ...] = (),
+    sent: tuple[Any, ...] = (),
 ) -> Iterator[ProcessPoolExecutor]:
     """Hold a pool of spawned processes; what has not finished when it is left by an error is not waited for.
 
     Args:
         count: of processes.
         initializer: called once in each.
-        initargs: what with.
+        initargs: what with: little, as the pipe that carries it waits for ever for a process that cannot start.
+        sent: what else with, of any size, but pickled: through a file.
 
     Raises:
         UsageError: no process could start, as when a script lacks `if __name__ == "__main__":`.
@@ -56,8 +63,11 @@ def worker_pool(
     others = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
     started = context.Event()
+    folder = TemporaryDirectory(prefix="ehar-")
+    file = Path(folder.name) / "sent"
+    file.write_bytes(pickle.dumps(sent))
     pool = ProcessPoolExecutor(
-        count, mp_context=context, initializer=_start_worker, initargs=(started, initializer, initargs)
+        count, mp_context=context, initializer=_start_worker, initargs=(started, initializer, initargs, file)
     )
     try:
         yield pool
@@ -67,20 +77,53 @@ def worker_pool(
             raise UsageError(
                 "workers: no worker process could start; in a script, each one imports the script first, "
                 'so put what it runs under `if __name__ == "__main__":`, or set workers to 1'
-            ) from error
+            ) from None
         raise ModelError("a worker process has ended: expected it to finish; was there too little memory?") from error
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         for process in set(multiprocessing.active_children()) - others:
             process.terminate()
+        folder.cleanup()
 
 
-def _start_worker(started: Event, initializer: Callable[..., None] | None, initargs: tuple[Any, ...]) -> None:
+def payload(what: Any, name: str) -> bytes:
+    """Return something as bytes for a worker process; classes of a user's own file, or of a notebook, arrive too.
+
+    Args:
+        what: to send.
+        name: of it, for errors.
+
+    Raises:
+        UsageError: it holds what cannot be sent.
+    """
+    import cloudpickle  # here, as `ehar --help` does not wait for it
+
+    try:
+        return bytes(cloudpickle.dumps(what))
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise UsageError(
+            f"{name} cannot be sent to a worker process: {reason}; expected no open files, locks or generators in it, "
+            "or --workers 1"
+        ) from error
+
+
+def call(sent: bytes, *arguments: Any) -> Any:
+    """Call, in a worker process, a function that was sent as bytes of (function, its first argument)."""
+    import cloudpickle  # here, as `ehar --help` does not wait for it
+
+    function, first = cloudpickle.loads(sent)
+    return function(first, *arguments)
+
+
+def _start_worker(
+    started: Event, initializer: Callable[..., None] | None, initargs: tuple[Any, ...], file: Path
+) -> None:
     started.set()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears Ctrl-C too, and ends its workers
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if initializer is not None:
-        initializer(*initargs)
+        initializer(*initargs, *pickle.loads(file.read_bytes()))
 
 
 def _end_with_parent() -> None:

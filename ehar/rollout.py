@@ -1,23 +1,24 @@
 """The only loop: every frame of a batch of episodes is sensed, recognised, planned upon and moved, in lockstep."""
 
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from ehar.arrays import FloatArray, IntArray
+from ehar.arrays import FloatArray, IntArray, in_brief
 from ehar.data.scenario import Scenarios
-from ehar.errors import EharError, EpisodeError
+from ehar.errors import EpisodeError
 from ehar.motion import Motion
 from ehar.planner import Context, Observation, Planner, Truth
-from ehar.plugins.loading import failure
-from ehar.recogniser import Recogniser
+from ehar.plugins.blame import blamed
+from ehar.recogniser import Recogniser, Recognition
+from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Batch:
     """B episodes that are run together.
 
@@ -34,6 +35,8 @@ class Batch:
     starts: FloatArray
     noise: SensorNoise
     names: tuple[str, ...]
+
+    __repr__ = in_brief
 
     @staticmethod
     def of(scenarios: Scenarios, chosen: IntArray, starts: FloatArray, noise: SensorNoise) -> "Batch":
@@ -95,8 +98,8 @@ def rollout(
     Frame 0 is seen from the start viewpoint; after each frame but the last the planner moves the camera.
 
     Raises:
-        EpisodeError: a start lies outside of the workspace, or the planner returned something else than finite
-            targets (B, 3), or it or the recogniser raised something, or the recogniser's arrays have other shapes.
+        EpisodeError: a start lies outside of the workspace; planner, recogniser, sensor or motion raised something, or
+            returned arrays of other shapes, or such that are not finite.
     """
     _check_starts(batch, context)
     episodes, length = batch.positions.shape[:2]
@@ -106,20 +109,25 @@ def rollout(
     plan_seconds = 0.0
 
     def imagine(frame: int, candidates: FloatArray) -> Sensed:
-        return sensor.sense(batch.positions[:, None, frame], candidates, batch.noise.frame(frame).forked())
+        noise = batch.noise.frame(frame).forked()
+        return sense(sensor, batch.positions[:, None, frame], candidates, noise, f"frame {frame}, as imagined")
 
-    motion.reset(viewpoint, context.frame_time)
+    moving = f"motion {type(motion).__name__}"
+    with blamed(motion, f"{moving}, reset"):
+        motion.reset(viewpoint.copy(), context.frame_time)  # a copy, as other planners begin at these viewpoints too
     with blamed(planner, f"planner {planner.name!r}, reset"):
         planner.reset(context)
     seeing = f"recogniser {type(recogniser).__name__}"
     with blamed(recogniser, f"{seeing}, start"):
         state = recogniser.start(episodes)
     for frame in range(length):
-        sensed = sensor.sense(batch.positions[:, frame], viewpoint, batch.noise.frame(frame))
+        noise = batch.noise.frame(frame)
+        sensed = sense(sensor, batch.positions[:, frame], viewpoint, noise, f"frame {frame}")
         with blamed(recogniser, f"{seeing}, frame {frame}"):
             recognition, state = recogniser.step(state, sensed, viewpoint)
         viewpoints[:, frame] = viewpoint
-        log_probs[:, frame] = _checked_log_probs(recognition.log_probs, log_probs.shape[::2], seeing, frame)
+        check_recognition(recognition, recogniser, episodes, f"frame {frame}")
+        log_probs[:, frame] = recognition.log_probs
         if frame == length - 1:
             break
         observation = Observation(
@@ -130,41 +138,62 @@ def rollout(
             viewpoint=viewpoint,
             log_probs=recognition.log_probs,
             embedding=recognition.embedding,
-            velocity=motion.velocity,
-            acceleration=motion.acceleration,
+            velocity=_rates(motion, "velocity", episodes, frame),
+            acceleration=_rates(motion, "acceleration", episodes, frame),
             truth=Truth(batch.labels, recogniser, state, imagine) if planner.privileged else None,
         )
         begin = time.perf_counter()
         with blamed(planner, f"planner {planner.name!r}, frame {frame}"):
             target = planner.act(observation)
         plan_seconds += time.perf_counter() - begin
-        viewpoint = motion.advance(_checked(target, planner, batch, frame))
+        targets = _checked(target, planner, batch, frame)
+        with blamed(motion, f"{moving}, frame {frame}"):
+            reached = motion.advance(targets)
+        viewpoint = _finite(reached, (episodes, 3), f"{moving}, frame {frame}: viewpoints")
     return Record(viewpoints, log_probs, plan_seconds)
 
 
-@contextmanager
-def blamed(actor: object, where: str) -> Iterator[None]:
-    """Turn what the code of a planner or a recogniser raises into one line that names its file and line.
+def check_recognition(recognition: Recognition, recogniser: Recogniser, episodes: int, frame: str) -> None:
+    """Raise an EpisodeError, which names recogniser and frame, unless arrays are finite and of the contract's shapes.
 
-    Raises:
-        EpisodeError: something was raised; an error of ours goes on as it is.
+    Args:
+        recognition: of unforked episodes.
+        recogniser: whose it is.
+        episodes: B.
+        frame: which it is.
     """
+    where = f"recogniser {type(recogniser).__name__}, {frame}"
+    parts: tuple[tuple[str, Any, int], ...] = (
+        ("log-probabilities", getattr(recognition, "log_probs", None), len(recogniser.class_names)),
+        ("embedding", getattr(recognition, "embedding", None), recogniser.embedding_size),
+    )
+    for name, array, size in parts:
+        expected = (episodes, size)
+        if np.shape(array) != expected or not np.isfinite(array).all():
+            got = np.shape(array) if np.shape(array) != expected else "NaN or infinity"
+            raise EpisodeError(f"{where}: expected finite {name} of shape {expected}, got {got}")
+
+
+def _rates(motion: Motion, name: str, episodes: int, frame: int) -> FloatArray:
+    """Return the velocity or the acceleration of a motion (B, 3), which may give one number for all."""
+    where = f"motion {type(motion).__name__}, frame {frame}"
+    with blamed(motion, where):
+        rates: Any = getattr(motion, name)
+    if isinstance(rates, int | float):
+        rates = np.full((episodes, 3), float(rates))
+    return _finite(rates, (episodes, 3), f"{where}: {name}")
+
+
+def _finite(array: Any, expected: tuple[int, ...], what: str) -> FloatArray:
+    """Return what a motion says as finite float64 of some shape, or raise an error that says what it is."""
     try:
-        yield
-    except EharError:
-        raise
-    except Exception as error:
-        raise EpisodeError(f"{where}: {failure(error, type(actor))}") from error
-
-
-def _checked_log_probs(log_probs: FloatArray, expected: tuple[int, ...], seeing: str, frame: int) -> FloatArray:
-    """Return log-probabilities (B, K), or raise an error that names recogniser and frame."""
-    if np.shape(log_probs) != expected or not np.isfinite(log_probs).all():
-        raise EpisodeError(
-            f"{seeing}, frame {frame}: expected finite log-probabilities of shape {expected}, "
-            f"got {'NaN or infinity' if np.shape(log_probs) == expected else np.shape(log_probs)}"
-        )
-    return log_probs
+        found = np.array(array, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise EpisodeError(f"{what}: expected an array of shape {expected}, got {type(array).__name__}") from error
+    if found.shape != expected or not np.isfinite(found).all():
+        got = str(found.shape) if found.shape != expected else "NaN or infinity"
+        raise EpisodeError(f"{what}: expected finite numbers of shape {expected}, got {got}")
+    return found
 
 
 def _check_starts(batch: Batch, context: Context) -> None:

@@ -16,7 +16,7 @@ from ehar.track import Track
 from ehar.viewpoint import Workspace
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Runner:
     """Rolls planners over episodes.
 
@@ -31,6 +31,11 @@ class Runner:
     recogniser: Recogniser
     sensor: Sensor
     track: Track = field(default_factory=Track)
+
+    def __repr__(self) -> str:
+        """Return one line that names each part."""
+        seen = f"{type(self.recogniser).__name__}, sensor {self.sensor.name}, track {self.track.name}"
+        return f"Runner({self.data.title}, {seen})"
 
     def batch(self, scenarios: Scenarios, chosen: IntArray, starts: FloatArray, rng: np.random.Generator) -> Batch:
         """Return episodes that run together.

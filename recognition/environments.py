@@ -7,6 +7,7 @@ from ehar.data.scenario import windows
 from ehar.envs.controls import FlightControls, GridControls
 from ehar.envs.environment import EpisodeEnv, EpisodeVectorEnv
 from ehar.envs.task import EpisodeTask
+from ehar.errors import UsageError
 from ehar.track import IDEAL
 from recognition.setting import load_setting
 
@@ -33,7 +34,14 @@ def make_vector_env(num_envs: int = 1, *, conditions: Conditions = TRAINED_ON, t
 
 def _load(conditions: Conditions, track: str) -> EpisodeTask:
     setting = load_setting(replace(conditions, track=track) if conditions.track == IDEAL else conditions)
+    if setting.runner.track.own is not None:
+        raise UsageError(
+            f"track {setting.runner.track.named}: expected {IDEAL} or a vehicle: what actions mean to a motion of your "
+            "own is not known"
+        )
     vehicle = setting.runner.track.vehicle
+    if setting.runner.track.own is not None:
+        raise UsageError(f"track {setting.runner.track.name}: expected ideal or a vehicle, which actions are known for")
     return EpisodeTask(
         scenarios=windows(setting.data, setting.sequences, conditions.length, 1),
         recogniser=setting.runner.recogniser,

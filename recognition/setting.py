@@ -1,6 +1,6 @@
 """Conditions, loaded: the motion, the recogniser and the sensor that they name, ready to be run."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from ehar.arrays import IntArray
 from ehar.conditions import Conditions
@@ -20,12 +20,19 @@ class Setting:
         runner: rolls planners in it.
         recogniser_sha256: of the recogniser's weights; of your own, of its file and arguments.
         form: of the recogniser; of your own, what tables call it.
+        sensor_sha256: of the file and arguments of a sensor of your own; None for ours.
     """
 
     conditions: Conditions
-    runner: Runner
+    runner: Runner = field(repr=False)
     recogniser_sha256: str
     form: str
+    sensor_sha256: str | None = None
+
+    @property
+    def track_sha256(self) -> str | None:
+        """The hash of the file and arguments of a motion of your own; None for ours."""
+        return self.runner.track.sha256
 
     @property
     def data(self) -> MotionData:
@@ -63,22 +70,23 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
         EharError: one of them is unknown, missing or malformed, or they do not fit each other.
     """
     # Here, as they bring torch, which `ehar --help` does not wait for.
-    from ehar.sensors.registry import make_sensor
+    from ehar.sensors.registry import load_sensor
     from recognition.storage import load_recogniser
 
     track = load_track(conditions.track)
     data = load_motion_of(conditions)
-    sensor = make_sensor(conditions.sensor, data.skeleton)
+    loaded = load_sensor(conditions.sensor, data)
     named = replace(
         conditions,
         data=data.name if isinstance(conditions.data, MotionData) else str(conditions.data),
         models=None if conditions.models is None else str(conditions.models),
-        sensor=sensor.name,
-        track=track.name,
+        sensor=loaded.named,
+        track=track.named,
     )
     if conditions.recogniser is not None:
         own = resolve_recogniser(conditions.recogniser, data)
-        runner = Runner(data, own.recogniser, sensor, track)
-        return Setting(replace(named, recogniser=own.spec), runner, own.sha256, own.title)
+        runner = Runner(data, own.made, loaded.sensor, track)
+        return Setting(replace(named, recogniser=own.spec), runner, own.sha256, own.title, loaded.sha256)
     trained = load_recogniser(conditions, data, device=device)
-    return Setting(named, Runner(data, trained, sensor, track), trained.sha256, conditions.form)
+    runner = Runner(data, trained, loaded.sensor, track)
+    return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256)

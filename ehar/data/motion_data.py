@@ -1,6 +1,7 @@
 """A labelled motion data set in memory: what an .npz of the schema holds."""
 
 import hashlib
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.skeleton import Skeleton
+from ehar.errors import UsageError
 
 UNKNOWN_SUBJECT = -1
 
@@ -88,7 +90,12 @@ class MotionData:
         """Return the data at another frame rate: linear interpolation in time, each sequence by itself.
 
         Motion slower than half the new rate is kept; nothing filters what is faster, as no camera would.
+
+        Raises:
+            UsageError: the rate is not above 0.
         """
+        if not (math.isfinite(fps) and fps > 0):
+            raise UsageError(f"fps: got {fps}, expected frames per second above 0")
         if fps == self.fps:
             return self
         pieces = []

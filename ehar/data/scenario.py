@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief
 from ehar.data.motion_data import UNKNOWN_SUBJECT, MotionData
 from ehar.errors import DataError, UsageError
 
@@ -16,7 +16,7 @@ PARTS = ("recogniser", "policy", "validation", TEST)
 SPLIT_SEED = 0  # the parts are properties of the data, not of a run
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scenarios:
     """N windows of L frames.
 
@@ -31,6 +31,8 @@ class Scenarios:
     length: int
     sequence: IntArray
     first: IntArray
+
+    __repr__ = in_brief
 
     def __len__(self) -> int:
         """The number of scenarios, N."""

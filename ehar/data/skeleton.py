@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ehar.arrays import IntArray
+from ehar.arrays import IntArray, in_brief
 
 _LEFT_TO_RIGHT = (
     (r"^(.*[_\-. ])?left([_\-. ]?.*)$", "right"),
@@ -16,7 +16,7 @@ _LEFT_TO_RIGHT = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Skeleton:
     """Joints and bones of one person.
 
@@ -27,6 +27,8 @@ class Skeleton:
 
     joint_names: tuple[str, ...]
     bones: tuple[tuple[int, int], ...]
+
+    __repr__ = in_brief
 
     @cached_property
     def bone_indices(self) -> IntArray:

@@ -12,8 +12,10 @@ from ehar.envs.controls import Controls
 from ehar.envs.observations import Observations as Observations
 from ehar.envs.observations import shown
 from ehar.errors import EpisodeError, UsageError
+from ehar.plugins.blame import blamed
 from ehar.recogniser import Recogniser
-from ehar.rollout import Batch
+from ehar.rollout import Batch, check_recognition
+from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensor, SensorNoise, draw_noise
 from ehar.viewpoint import sample_starts
 
@@ -71,7 +73,7 @@ class EpisodeTask:
             raise UsageError(f"{data.name}: expected at least one scenario of {scenarios.length} frames, got none")
         if scenarios.length < 2:
             raise UsageError(f"{data.name}: expected episodes of at least 2 frames, got {scenarios.length}")
-        if recogniser.class_names != data.class_names:
+        if tuple(recogniser.class_names) != data.class_names:
             raise UsageError(f"{data.name}: expected a recogniser of its {len(data.class_names)} classes")
         self.scenarios = scenarios
         self.recogniser = recogniser
@@ -125,7 +127,8 @@ class EpisodeTask:
         self.frame = 0
         self.viewpoint = self._batch.starts
         self.controls.motion.reset(self.viewpoint, 1 / data.fps)
-        self._state = self.recogniser.start(episodes)
+        with blamed(self.recogniser, f"recogniser {type(self.recogniser).__name__}, start"):
+            self._state = self.recogniser.start(episodes)
         return self._see()
 
     def step(self, actions: npt.NDArray[Any]) -> tuple[Observations, FloatArray]:
@@ -154,8 +157,11 @@ class EpisodeTask:
     def _see(self) -> Observations:
         """Sense and recognise the present frame."""
         noise = self._batch.noise.frame(self.frame)
-        sensed = self.sensor.sense(self._batch.positions[:, self.frame], self.viewpoint, noise)
-        recognition, self._state = self.recogniser.step(self._state, sensed, self.viewpoint)
+        where = f"frame {self.frame}"
+        sensed = sense(self.sensor, self._batch.positions[:, self.frame], self.viewpoint, noise, where)
+        with blamed(self.recogniser, f"recogniser {type(self.recogniser).__name__}, {where}"):
+            recognition, self._state = self.recogniser.step(self._state, sensed, self.viewpoint)
+        check_recognition(recognition, self.recogniser, len(self._batch.labels), where)
         self.correct = np.argmax(recognition.log_probs, axis=1) == self._batch.labels
         return {
             **shown(

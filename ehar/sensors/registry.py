@@ -1,26 +1,74 @@
-"""The sensors by name."""
+"""The sensors: ours by name, one line each, and those of a user."""
 
+import re
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
-from ehar.data.skeleton import Skeleton
+from ehar.camera import Camera
+from ehar.data.motion_data import MotionData
 from ehar.errors import UsageError
+from ehar.plugins.class_spec import FORMS, parse_spec
+from ehar.plugins.own_class import HANDED, Contract, bring
 from ehar.sensors.estimator import EstimatorSensor
-from ehar.sensors.sensor import PerfectSensor, Sensor
+from ehar.sensors.perfect import PerfectSensor
+from ehar.sensors.sensor import Sensor
 
-SENSORS: dict[str, Callable[[Skeleton], Sensor]] = {
-    "perfect": lambda skeleton: PerfectSensor(),
-    "estimator": lambda skeleton: EstimatorSensor(skeleton=skeleton),
+SENSORS: dict[str, Callable[[MotionData], Sensor]] = {
+    "perfect": lambda data: PerfectSensor(),
+    "estimator": lambda data: EstimatorSensor(skeleton=data.skeleton),
 }
+CONTRACT = Contract("sensor", Sensor, ("sense",), ("name", "camera"))
 
 
-def make_sensor(sensor: str | Sensor, skeleton: Skeleton) -> Sensor:
-    """Return the sensor that is meant, for joints of `skeleton`.
+@dataclass(frozen=True, eq=False)
+class LoadedSensor:
+    """A sensor, and what records say of it.
+
+    Args:
+        sensor: ready to sense.
+        named: as it was named; of an object, its `name`.
+        sha256: of your own, of its file and arguments; None for one of ours by name.
+    """
+
+    sensor: Sensor
+    named: str
+    sha256: str | None = None
+
+
+def make_sensor(sensor: str | Sensor, data: MotionData) -> Sensor:
+    """Return the sensor that is meant; the arguments and errors are those of `load_sensor`."""
+    return load_sensor(sensor, data).sensor
+
+
+def load_sensor(sensor: str | Sensor, data: MotionData) -> LoadedSensor:
+    """Return the sensor that is meant, and what records say of it.
+
+    A constructor that has arguments called `class_names`, `skeleton`, `persons` or `fps` is handed those of the data.
+
+    Args:
+        sensor: one of `SENSORS`; `path/to/file.py:Class` or `package.module:Class`, with or without
+            `(argument=value, ...)`; or an object.
+        data: whose joints it will see.
 
     Raises:
-        UsageError: the name is unknown.
+        UsageError: the name is unknown, or your own cannot be made or is no sensor.
     """
-    if not isinstance(sensor, str):
-        return sensor
-    if sensor not in SENSORS:
-        raise UsageError(f"unknown sensor {sensor!r}; expected one of: {', '.join(SENSORS)}")
-    return SENSORS[sensor](skeleton)
+    if isinstance(sensor, str):
+        if sensor in SENSORS:
+            return LoadedSensor(SENSORS[sensor](data), sensor)
+        spec = parse_spec(sensor)
+        if spec is None or not spec.place:
+            raise UsageError(f"unknown sensor {sensor!r}; expected one of: {', '.join(SENSORS)}, or {FORMS}")
+    own = bring(sensor, CONTRACT, {name: getattr(data, name) for name in HANDED})
+    name: Any = own.made.name
+    if not _is_name(name):
+        raise UsageError(f"{own.what}: name: expected words of letters, digits, '.', '+', '-' and '_', got {name!r}")
+    if not isinstance(own.made.camera, Camera):
+        raise UsageError(f"{own.what}: camera: expected an ehar.camera.Camera, got {type(own.made.camera).__name__}")
+    return LoadedSensor(own.made, own.spec if isinstance(sensor, str) else name, own.sha256)
+
+
+def _is_name(name: Any) -> bool:
+    """Return whether a sensor may be called so: words that a file can be called after, and no class of a file."""
+    return isinstance(name, str) and re.fullmatch(r"[\w.+-]+( [\w.+-]+)*", name) is not None

@@ -1,11 +1,11 @@
-"""What a pose estimator makes of an image. PerfectSensor: the paper's exact joints."""
+"""The contract of a sensor: what a pose estimator makes of an image."""
 
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.camera import Camera, project
+from ehar.camera import Camera
 
 
 class Sensed(NamedTuple):
@@ -53,18 +53,3 @@ class Sensor(Protocol):
     def sense(self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise) -> Sensed:
         """Return what is sensed of joints (..., P, J, 3) [m] from viewpoints (..., 3); leading axes broadcast."""
         ...
-
-
-class PerfectSensor:
-    """Exact 2D joints, all of them seen, as in the paper (Sec. 3)."""
-
-    name = "perfect"
-
-    def __init__(self, *, camera: Camera | None = None) -> None:
-        """Create the sensor; `camera` defaults to the documented intrinsics."""
-        self.camera = camera or Camera()
-
-    def sense(self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise) -> Sensed:
-        """Return the exact projection with confidence 1; the noise is not used."""
-        pixels, _ = project(positions, viewpoint, self.camera)
-        return Sensed(pixels, np.ones(pixels.shape[:-1], dtype=np.float32))

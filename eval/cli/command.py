@@ -186,7 +186,8 @@ class Command:
         elif flag.hint is not None and default is REQUIRED:
             hint = f"({flag.hint})"
         told = tyro.conf.arg(metavar=flag.metavar, help=self.text_of(leaf), help_behavior_hint=hint)
-        annotation = Annotated[flag.kind or _plain(parameter.annotation), told]
+        kind: Any = flag.kind or _plain(parameter.annotation)
+        annotation: Any = Annotated[kind, told]
         if flag.positional:
             annotation = Annotated[annotation, tyro.conf.Positional]
         if default is False:

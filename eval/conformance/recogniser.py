@@ -10,8 +10,8 @@ import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.conditions import Conditions
+from ehar.plugins.blame import blamed
 from ehar.recogniser import Recogniser
-from ehar.rollout import blamed
 from eval.conformance.checks import Conformance, ContractCheck, attempt
 from eval.conformance.streams import (
     TOLERANCE,

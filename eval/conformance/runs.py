@@ -9,8 +9,10 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import EpisodeError
 from ehar.planner import Context, Observation, Planner, Truth
-from ehar.rollout import Batch, blamed
+from ehar.plugins.blame import blamed
+from ehar.rollout import Batch
 from ehar.runner import Runner
+from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed, Sensor
 from eval.running.recorder import Recorder, array_names
 
@@ -80,7 +82,8 @@ def replay(planner: Planner, world: PlannerWorld, shown: list[Observation], batc
 
 def _imagination(world: PlannerWorld, batch: Batch) -> Callable[[int, FloatArray], Sensed]:
     def imagine(frame: int, candidates: FloatArray) -> Sensed:
-        return world.runner.sensor.sense(batch.positions[:, None, frame], candidates, batch.noise.frame(frame).forked())
+        noise = batch.noise.frame(frame).forked()
+        return sense(world.runner.sensor, batch.positions[:, None, frame], candidates, noise, f"frame {frame}")
 
     return imagine
 

@@ -8,8 +8,8 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.data.motion_data import MotionData
 from ehar.errors import EpisodeError
+from ehar.plugins.blame import blamed
 from ehar.recogniser import Recogniser
-from ehar.rollout import blamed
 from ehar.sensors.sensor import Sensed
 from eval.conformance.checks import first_difference
 from eval.conformance.world import small_batch
@@ -43,7 +43,7 @@ def small_frames(data: MotionData) -> list[Frame]:
     batch = small_batch(data)
     episodes, length = batch.positions.shape[:2]
     viewpoints = training_viewpoints("moving", np.random.default_rng(0), episodes, length)
-    sensor = make_sensor("perfect", data.skeleton)
+    sensor = make_sensor("perfect", data)
     return [
         Frame(
             sensor.sense(batch.positions[:, frame], viewpoints[:, frame], batch.noise.frame(frame)),

@@ -51,6 +51,8 @@ class RunConfig:
         versions: of the packages that decide numbers.
         ideal: folder of the run that flights were compared with; it decides part of summary.json.
         schema: of all files of the run.
+        sensor_sha256: of the file and arguments of a sensor of your own; None for ours.
+        track_sha256: of those of a motion of your own; likewise.
     """
 
     conditions: Conditions
@@ -65,6 +67,8 @@ class RunConfig:
     versions: dict[str, str]
     ideal: str | None = None
     schema: int = SCHEMA
+    sensor_sha256: str | None = None
+    track_sha256: str | None = None
 
     @property
     def title(self) -> str:
@@ -85,9 +89,15 @@ _TOLD = {key: name for name, key in _KEY_OF.items()}
 KEYS = (  # of config.json, in the order of the file
     *("schema", "source", "data", "data_sha256", "models", "recogniser_sha256", "sensor", "views", "form", "track"),
     *("vehicle", "readout", "part", "gain_model_sha256", "starts", "seed", "length", "fps", "ideal", "planners"),
-    *("versions", "recogniser"),
+    *("versions", "recogniser", "sensor_sha256", "track_sha256"),
 )
-_LATER = ("schema", "ideal", "recogniser")  # a file without one of these means its default
+LATER: dict[str, Any] = {  # a file without one of these means its default
+    "schema": SCHEMA,
+    "ideal": None,
+    "recogniser": None,
+    "sensor_sha256": None,
+    "track_sha256": None,
+}
 
 
 def run_config(
@@ -111,6 +121,8 @@ def run_config(
         planners=tuple(planners),
         versions=installed_versions(),
         ideal=None if ideal is None else str(ideal),
+        sensor_sha256=setting.sensor_sha256,
+        track_sha256=setting.track_sha256,
     )
 
 
@@ -147,7 +159,7 @@ def read_config(directory: Path) -> RunConfig:
     """
     path, expected = directory / CONFIG, "a run of ehar benchmark"
     held = read_json(path, dict[str, Any], expected)
-    missing, found = [name for name in KEYS if name not in held and name not in _LATER], held.get("schema")
+    missing, found = [name for name in KEYS if name not in held and name not in LATER], held.get("schema")
     if missing or found not in (None, SCHEMA):
         lacking = f" and no {', '.join(missing)}" if missing else ""
         raise UsageError(
@@ -170,9 +182,8 @@ def _config_file() -> type[Any]:
     """Return the data class of config.json, which is flat."""
     own, told = get_type_hints(RunConfig), Conditions.named_types()
     types = {key: own[key] if key in own else told[_TOLD.get(key, key)] for key in KEYS}
-    later = {"schema": SCHEMA, "ideal": None, "recogniser": None}
     return make_dataclass(
         "ConfigFile",
-        [(key, types[key], field(default=later[key])) if key in later else (key, types[key]) for key in KEYS],
+        [(key, types[key], field(default=LATER[key])) if key in LATER else (key, types[key]) for key in KEYS],
         kw_only=True,
     )

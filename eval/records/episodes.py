@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief
 from ehar.errors import DataError
 from ehar.rollout import Record
 from eval.records.flights import KEYS, FlightRecords, join_flights
@@ -17,7 +17,7 @@ from eval.records.flights import KEYS, FlightRecords, join_flights
 DIGITS = 6  # decimals that are recorded of viewpoints and probabilities; metrics are computed from these
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class EpisodeRecords:
     """What happened in N episodes of one planner.
 
@@ -43,6 +43,8 @@ class EpisodeRecords:
     true_probability: FloatArray
     top_probability: FloatArray
     flight: FlightRecords | None = None
+
+    __repr__ = in_brief
 
     def __len__(self) -> int:
         """The number of episodes, N."""

@@ -17,11 +17,11 @@ from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import Batch
+from ehar.sensors.sensing import sense
 from eval.running.episodes import cut_scenarios, random_starts
 from eval.running.jobs import Workload
 from eval.running.recorder import Recorder
 from eval.running.run import Run
-from eval.verification.checks import FAILED, OK
 from eval.verification.followed_way import FollowedWay
 from eval.verification.inputs import Inputs
 from eval.verification.rerun import first_difference, make_again
@@ -97,8 +97,9 @@ def replay_run(
         EharError: something that the run needed cannot be read.
     """
     conditions = run.conditions
-    if inputs.setting is None or inputs.place is None or any(check.result == FAILED for check in inputs.checks[:2]):
-        raise DataError(next(check.what for check in inputs.checks if check.result != OK))
+    reason = inputs.reason_against
+    if reason is not None or inputs.setting is None or inputs.place is None:
+        raise DataError(str(reason))
     data = inputs.setting.data
     scenarios = cut_scenarios(data, part_of(data, conditions.part), conditions.length, lambda line: None)
     episodes = random_starts(scenarios, conditions.starts, conditions.seed)
@@ -159,7 +160,7 @@ def _replay(
     if difference is not None:
         raise DataError(difference)
     frames = [
-        sensor.sense(batch.positions[:, frame], record.viewpoints[:, frame], batch.noise.frame(frame))
+        sense(sensor, batch.positions[:, frame], record.viewpoints[:, frame], batch.noise.frame(frame))
         for frame in range(way.shape[1])
     ]
     astray: BoolArray = np.asarray(motion.elsewhere.any(axis=1))

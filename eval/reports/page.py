@@ -139,6 +139,7 @@ def _replay_part(data: ReportData, replays: dict[str, Any], rule: str) -> str:
     told = f"Shown are {len(episodes)} of {count} episodes, {rule}."
     notes = "".join(f"<li>{escape(note)}</li>" for note in replays["notes"])
     sensor = data.run.conditions.sensor
+    seer = "the estimator" if sensor == "estimator" else f"the sensor {sensor}"
     return Template(_read("replay.html")).substitute(
         rule=escape(told),
         episodes=options(episodes, "0"),
@@ -146,7 +147,7 @@ def _replay_part(data: ReportData, replays: dict[str, Any], rule: str) -> str:
         second=options({"": "nobody", **{name: name for name in names}}, second),
         last=replays["frames"] - 1,
         notes=f'<ul class="notes">{notes}</ul>' if notes else "",
-        sensor="" if sensor == "perfect" else ": joints as the estimator reports them, missed ones left out",
+        sensor="" if sensor == "perfect" else f": joints as {escape(seer)} reports them, missed ones left out",
     )
 
 

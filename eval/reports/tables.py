@@ -6,6 +6,7 @@ from typing import Any
 
 from eval.render.tables import Cell, Table, html, interval_text
 from eval.reports.data import ReportData
+from eval.running.run import Run
 from eval.scores.metrics import ACC_AT
 from eval.scores.planner_metrics import METRICS
 from eval.scores.planner_summary import NO_ACT, ORACLE
@@ -31,7 +32,7 @@ def what_ran(data: ReportData) -> str:
         "Sensor": str(told.sensor),
         "Recogniser": f"{config.form}, trained on {told.views} views",
         "Scored": f"the {config.readout}'s probabilities",
-        "Track": "ideal: the paper's grid moves" if not data.run.flown else f"{told.track}: a vehicle's limits",
+        "Track": _track(data.run),
         "Seeds": f"run {told.seed}" + (f"; trainings: {trained}" if trained else ""),
         "Frame rate": "the data's own" if told.fps is None else f"{told.fps:g} frames/s",
     }
@@ -48,6 +49,14 @@ def what_ran(data: ReportData) -> str:
         f"<details><summary>Versions and hashes</summary><p>{escape(versions)}.</p><p>sha256: {escape(hashes)}. "
         f"Run in {escape(str(data.run.directory))}, from {escape(str(told.data))}.</p></details>"
     )
+
+
+def _track(run: Run) -> str:
+    """Return how cameras moved."""
+    track = run.conditions.track
+    if run.config.track_sha256 is not None:
+        return f"{track}: a user's own motion"
+    return f"{track}: a vehicle's limits" if run.flown else "ideal: the paper's grid moves"
 
 
 def is_synthetic(data: ReportData) -> bool:

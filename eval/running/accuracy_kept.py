@@ -10,7 +10,7 @@ from eval.records.episodes import EpisodeRecords
 from eval.running.run import read_run
 from eval.scores.planner_summary import NO_ACT
 
-SAME = ("data_sha256", "recogniser_sha256", "form", "readout")  # of both configurations
+SAME = ("data_sha256", "recogniser_sha256", "sensor_sha256", "form", "readout")  # of both configurations
 TOLD = ("sensor", "views", "part", "starts", "seed", "length", "fps")  # of both conditions
 
 

@@ -60,6 +60,8 @@ class ModelPlace:
 
         if self.form != "causal":
             raise ModelError(f"{_CAUSAL_FIELDS}, and this is {self.form}")
+        if self._untrained:
+            raise ModelError(self._no_gain_field)
         return load_gain_model(self.conditions, self.data, self.recogniser_sha256)
 
     def load_agent(self, spec: str) -> "Agent":
@@ -72,6 +74,8 @@ class ModelPlace:
 
         if self.form != "causal":
             raise ModelError(f"planner {spec!r}: {_CAUSAL_AGENTS}, and this is {self.form}")
+        if self._untrained:
+            raise ModelError(f"planner {spec!r}: {self._no_agent}")
         name, seed = split_record_name(spec)
         if seed is None:
             seed = next(iter(self.seeds(name)), 0)
@@ -83,7 +87,7 @@ class ModelPlace:
         """Return with which seeds a learned planner was trained here."""
         from planners.agents.storage import agent_seeds  # brings torch
 
-        return agent_seeds(self.conditions, self.data, name)
+        return () if self._untrained else agent_seeds(self.conditions, self.data, name)
 
     def expanded(self, spec: str) -> tuple[str, ...]:
         """Return the trainings of a learned planner that is named without one, or at least the first."""
@@ -97,8 +101,8 @@ class ModelPlace:
         if self.form != "causal":
             return f"{_CAUSAL_FIELDS}, and this is {self.form}"
         path = gain_model_path(self.models or SHIPPED / self.data.name, self.conditions)
-        if path.is_file():
-            return None
+        if self.conditions.recogniser is None and path.is_file():
+            return None  # if it is another recogniser's, that is an error
         try:
             self.load_gain_model()
         except ModelError as error:
@@ -109,12 +113,32 @@ class ModelPlace:
         """Return why a learned planner cannot run here, and what to do about it; None where it can."""
         if self.form != "causal":
             return f"{_CAUSAL_AGENTS}, and this is {self.form}"
-        if self.seeds(name):
-            return None
-        return (
-            f"no agent was trained for this recogniser: expected those of "
-            f"`ehar train agent {self.conditions.options} {self.conditions.models_option}`"
-        )
+        seeds = self.seeds(name)
+        if not seeds:
+            return self._no_agent
+        if self.conditions.recogniser is not None:  # beside which agents for another recogniser may lie
+            try:
+                self.load_agent(record_name(name, seeds[0]))
+            except ModelError as error:
+                return str(error)
+        return None
+
+    @property
+    def _untrained(self) -> bool:
+        """Whether nothing can have been trained, as your own recogniser comes without a folder of weights."""
+        return self.conditions.recogniser is not None and self.models is None
+
+    @property
+    def _no_gain_field(self) -> str:
+        return f"no gain field was trained for this recogniser: expected that of {self._training('gain-field')}"
+
+    @property
+    def _no_agent(self) -> str:
+        return f"no agent was trained for this recogniser: expected those of {self._training('agent')}"
+
+    def _training(self, what: str) -> str:
+        """Return the command that trains something here."""
+        return f"`ehar train {what} {self.conditions.options} {self.conditions.models_option}`"
 
 
 def listed(planners: str | Planner | Sequence[str | Planner] | None) -> Sequence[str | Planner] | None:

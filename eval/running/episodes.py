@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ehar.arrays import FloatArray, IntArray
+from ehar.arrays import FloatArray, IntArray, in_brief
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios, windows
 from ehar.errors import DataError
@@ -21,7 +21,7 @@ CHUNK = 32
 _STARTS, _NOISE, _PLANNER = range(3)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Episodes:
     """N episodes, cut into chunks of `CHUNK`.
 
@@ -36,6 +36,8 @@ class Episodes:
     scenario: IntArray
     starts: FloatArray
     seed: int
+
+    __repr__ = in_brief
 
     def __len__(self) -> int:
         """The number of episodes, N."""

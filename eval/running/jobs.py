@@ -13,7 +13,7 @@ import cloudpickle
 
 from ehar.motion import Motion
 from ehar.planner import Planner
-from ehar.processes import worker_pool
+from ehar.processes import payload, worker_pool
 from ehar.rollout import Batch, Record
 from ehar.runner import Runner
 from eval.records.episodes import EpisodeRecords, join_records, record_episodes
@@ -162,10 +162,10 @@ def _run_in_workers(
     workload: Workload, planners: Sequence[Planner], jobs: Sequence[_Job], workers: int
 ) -> Iterator[tuple[_Job, _Done]]:
     """Run the jobs in processes of their own, each of which is handed the workload once."""
-    # cloudpickle, so that planners and recognisers defined in a notebook or a script arrive too.
-    payloads = [cloudpickle.dumps(planner) for planner in planners]
+    payloads = [payload(planner, f"planner {planner.name!r}") for planner in planners]
+    everything = payload(workload, "the recogniser, the sensor or the motion")
     futures: dict[Future[_Done], _Job] = {}
-    with worker_pool(min(workers, len(jobs)), _start_worker, (cloudpickle.dumps(workload),)) as pool:
+    with worker_pool(min(workers, len(jobs)), _start_worker, sent=(everything,)) as pool:
         for job in jobs:
             futures[pool.submit(_run_in_worker, payloads[job.planner], job.chunk)] = job
         for future in as_completed(futures):
@@ -175,15 +175,15 @@ def _run_in_workers(
 _worker_workload: Workload
 
 
-def _start_worker(payload: bytes) -> None:
+def _start_worker(sent: bytes) -> None:
     """Receive the workload, once a process."""
     import torch
 
     global _worker_workload
     torch.set_num_threads(1)
-    _worker_workload = cloudpickle.loads(payload)
+    _worker_workload = cloudpickle.loads(sent)
 
 
-def _run_in_worker(payload: bytes, chunk: int) -> _Done:
+def _run_in_worker(sent: bytes, chunk: int) -> _Done:
     """Run one planner, as pickled, over one chunk."""
-    return _run_chunk(_worker_workload, cloudpickle.loads(payload), chunk)
+    return _run_chunk(_worker_workload, cloudpickle.loads(sent), chunk)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.planner import Context, Observation, Planner
-from ehar.rollout import blamed
+from ehar.plugins.blame import blamed
 
 
 class Recorder(Planner):

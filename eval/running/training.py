@@ -1,5 +1,6 @@
 """Trainings with their progress: each alone, or all that planners need on your own data, in order."""
 
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -78,7 +79,7 @@ class TrainAllConfig:
         usual, told = Conditions(), self.with_models
         options = {name: getattr(told, name) for name in ("data", "models", "sensor", "views", "length", "fps")}
         said = (name for name in options if name in ("data", "models") or options[name] != getattr(usual, name))
-        return " ".join(f"--{name} {options[name]}" for name in said)
+        return " ".join(f"--{name} {shlex.quote(str(options[name]))}" for name in said)
 
     @property
     def recogniser(self) -> TrainingConfig:

@@ -1,7 +1,6 @@
 """What a summary says of one planner."""
 
 import json
-import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -95,7 +94,7 @@ def parse_planner(held: dict[str, Any], where: str) -> PlannerSummary:
     if isinstance(solves, dict):  # the file has the share of plans that fell back, not their number
         share = held.get("fallback_share")
         plans = sum(count for count in solves.values() if isinstance(count, int))
-        fallbacks = round(share * plans) if isinstance(share, float) and math.isfinite(share) else share
+        fallbacks = round(share * plans) if isinstance(share, float) and 0 <= share <= 1 else share
         nested["solves"] = {"counts": solves, "fallbacks": fallbacks}
     text = json.dumps(nested)  # what is no finite number is refused below
     planner = parse_json(text, PlannerSummary, where, "a planner's summary", unknown=True, defaults=True)

@@ -16,7 +16,7 @@ from ehar.flight.proposals import limits_to_target
 from ehar.flight.time_optimal import TimeOptimal
 from ehar.flight.vehicle import VEHICLES
 from ehar.planner import Context
-from ehar.sensors.sensor import PerfectSensor
+from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import Workspace, sample_starts
 from eval.speed.effort import WORKERS, Effort
 from eval.speed.recognition import streaming_recogniser

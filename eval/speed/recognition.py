@@ -13,7 +13,8 @@ from ehar.data.scenario import windows
 from ehar.errors import ModelError
 from ehar.motion import GridMotion
 from ehar.recogniser import Recogniser
-from ehar.sensors.sensor import PerfectSensor, Sensed, SensorNoise, draw_noise
+from ehar.sensors.perfect import PerfectSensor
+from ehar.sensors.sensor import Sensed, SensorNoise, draw_noise
 from ehar.viewpoint import sample_starts
 from eval.speed.effort import Effort
 from eval.speed.flops import count_flops

@@ -12,8 +12,19 @@ from eval.scores.differences import Difference, compare_pairs
 from eval.scores.planner_accuracy import PlannerAccuracy, Resamples, planner_accuracy, resample_sequences
 from eval.scores.training_seeds import PlannerGroup, group_planners
 
-SAME_EPISODES = ("data_sha256", "part", "starts", "seed", "length", "fps", "sensor")  # what decides what planners meet
-MAY_DIFFER = ("recogniser_sha256", "views", "form", "readout", "track", "gain_model_sha256", "versions")  # said aloud
+SAME_EPISODES = (
+    "data_sha256",
+    "part",
+    "starts",
+    "seed",
+    "length",
+    "fps",
+    "sensor",
+    "sensor_sha256",
+)  # what decides what planners meet
+MAY_DIFFER = (  # said aloud
+    *("recogniser_sha256", "views", "form", "readout", "track", "track_sha256", "gain_model_sha256", "versions"),
+)
 _SHOWN = 12  # digits of a hash
 
 
@@ -143,13 +154,18 @@ def _value(name: str, config: Mapping[str, Any]) -> str:
 
 
 def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str, tuple[str, str]]]:
-    """Yield what else is not the same in two runs, with both values; a gain field that only one needed is left out."""
+    """Yield what else is not the same in two runs, with both values; a gain field that only one needed is left out.
+
+    So is the file of a motion where the tracks differ anyway.
+    """
     for name in MAY_DIFFER:
         if name == "versions":
             versions = a.get(name) or {}, b.get(name) or {}
             for package in sorted(versions[0].keys() & versions[1].keys()):
                 if versions[0][package] != versions[1][package]:
                     yield package, (str(versions[0][package]), str(versions[1][package]))
+        elif name == "track_sha256" and a.get("track") != b.get("track"):
+            continue
         elif a.get(name) != b.get(name) and not (name == "gain_model_sha256" and None in (a.get(name), b.get(name))):
             yield _label(name).replace("_", " "), (_value(name, a), _value(name, b))
 

@@ -1,25 +1,31 @@
 """Whether the data and the weights that a run names are those at hand."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.errors import EharError, ModelError, UsageError
 from ehar.plugins.class_spec import parse_spec
+from ehar.track import load_track
 from eval.records.config import CONFIG, RunConfig
 from eval.running.choice import ModelPlace
 from eval.verification.checks import FAILED, OK, UNCHECKED, Check
 from planners.registry import is_learned
+from recognition.own_recogniser import resolve_recogniser
 from recognition.setting import Setting, load_setting
+
+DECISIVE = ("data", "recogniser", "sensor", "motion")  # without which no episode is what it was
 
 
 class Inputs(NamedTuple):
     """What a run was made from, as far as it is at hand and the run's.
 
     Args:
-        checks: of data, recogniser, gain model and agents.
-        setting: data, recogniser and sensor; None where data or recogniser are not here.
+        checks: of data, recogniser, sensor and motion of your own, gain model and agents.
+        setting: data, recogniser, sensor and track; None where one of them is not here.
         data: None where they are not here, or others.
         place: of gain models and agents; None where there are no data for them to fit.
     """
@@ -28,6 +34,15 @@ class Inputs(NamedTuple):
     setting: Setting | None = None
     data: MotionData | None = None
     place: ModelPlace | None = None
+
+    @property
+    def reason_against(self) -> str | None:
+        """Why the run's episodes cannot run here; None where they can."""
+        if self.setting is not None and not any(
+            check.name in DECISIVE and check.result == FAILED for check in self.checks
+        ):
+            return None
+        return next(check.what for check in self.checks if check.result != OK)
 
 
 def check_inputs(
@@ -39,7 +54,8 @@ def check_inputs(
         config: of the run.
         data: where its data lie now; None is where they lay.
         models: where its weights lie now; None is where they lay.
-        run_own_code: whether a recogniser of one's own is loaded, for which the file or module that is recorded runs.
+        run_own_code: whether your own recogniser, sensor and motion are loaded, for which the files or modules that are
+            recorded run.
 
     Raises:
         EharError: what was asked for by `data` or `models` cannot be read.
@@ -60,11 +76,15 @@ def check_inputs(
     here = replace(told, data=motion, fps=None, models=told.models if models is None else models)
     place = ModelPlace(here, motion, config.form, config.recogniser_sha256)
     own = None if told.recogniser is None else str(told.recogniser)
-    reason = _why_not_loaded(own, run_own_code=run_own_code)
-    setting = None
+    brought = _own_sensor_and_motion(config, motion, run_own_code=run_own_code)
+    reason = None if own is None else _why_not_loaded("recogniser", own, run_own_code=run_own_code)
+    setting, sha256 = None, ""
     try:
-        if reason is None:
+        if reason is None and all(check.result != UNCHECKED for check in brought):
             setting = load_setting(replace(here, track=config.vehicle or told.track))
+            sha256 = setting.recogniser_sha256
+        elif reason is None:
+            sha256 = _recogniser_sha256(here, motion)
     except EharError as error:
         if own is not None:
             reason = str(error)
@@ -72,21 +92,50 @@ def check_inputs(
             raise
         else:
             reason = f"{error}; --models says where it lies now"
-    if setting is None:
-        checks += (Check("recogniser", UNCHECKED, str(reason)),)
-        return Inputs((*checks, *_planner_weights(config, place)), None, motion, place)
-    where = own or str(here.models or "the weights that ship with ehar")
-    checks += (_compared("recogniser", config.recogniser_sha256, setting.recogniser_sha256, where),)
-    return Inputs((*checks, *_planner_weights(config, place)), setting, motion, place)
+    if reason is not None:
+        checks += (Check("recogniser", UNCHECKED, reason),)
+    else:
+        where = own or str(here.models or "the weights that ship with ehar")
+        checks += (_compared("recogniser", config.recogniser_sha256, sha256, where),)
+    return Inputs((*checks, *brought, *_planner_weights(config, place)), setting, motion, place)
 
 
-def _why_not_loaded(own: str | None, *, run_own_code: bool) -> str | None:
-    """Return why a recogniser of one's own, as it was named, is left alone; None where it can be tried, or is ours."""
-    if own is None:
-        return None
+def _own_sensor_and_motion(config: RunConfig, data: MotionData, *, run_own_code: bool) -> list[Check]:
+    """Return whether the files of your own sensor and motion are those of the run; nothing where these are ours."""
+    from ehar.sensors.registry import load_sensor  # here, as it brings what `ehar --help` does not wait for
+
+    told = config.conditions
+    brought: tuple[tuple[str, str, str | None, Callable[[], str | None]], ...] = (
+        ("sensor", str(told.sensor), config.sensor_sha256, lambda: load_sensor(told.sensor, data).sha256),
+        ("motion", str(told.track), config.track_sha256, lambda: load_track(told.track).sha256),
+    )
+    checks = []
+    for name, spec, ran, load in brought:
+        if ran is None:
+            continue
+        reason = _why_not_loaded(name, spec, run_own_code=run_own_code)
+        try:
+            found = None if reason is not None else load()
+        except EharError as error:
+            reason = str(error)
+        checks.append(Check(name, UNCHECKED, reason) if reason else _compared(name, ran, str(found), spec))
+    return checks
+
+
+def _recogniser_sha256(conditions: Conditions, data: MotionData) -> str:
+    """Return the hash of the recogniser alone, where the rest of a setting is not loaded."""
+    from recognition.storage import load_recogniser  # brings torch
+
+    if conditions.recogniser is not None:
+        return resolve_recogniser(conditions.recogniser, data).sha256
+    return load_recogniser(conditions, data).sha256
+
+
+def _why_not_loaded(name: str, own: str, *, run_own_code: bool) -> str | None:
+    """Return why something of your own, as it was named, is left alone; None where it can be tried."""
     spec = parse_spec(own)
     if spec is None or not spec.place:
-        return f"recogniser {own}: not replayable, as it was given as an object"
+        return f"{name} {own}: not replayable, as it was given as an object"
     return None if run_own_code else f"{own} runs with --rerun-episodes only"
 
 

@@ -18,7 +18,7 @@ from ehar.data.scenario import Scenarios
 from ehar.envs.observations import shown_to_agent
 from ehar.files import write_bytes
 from ehar.planner import Context, Observation, Planner, Truth
-from ehar.processes import worker_pool
+from ehar.processes import call, payload, worker_pool
 from ehar.runner import Runner
 from ehar.viewpoint import HOVER, MOVES, apply_moves, sample_starts
 from planners.agents.agent import decide
@@ -161,8 +161,9 @@ def demonstrate(
         for batch in batches:
             yield batch, demonstrate_batch(task, batch)
         return
+    sent = payload((demonstrate_batch, task), "the recogniser or the sensor")
     with worker_pool(min(workers, len(batches))) as pool:
-        futures = {pool.submit(demonstrate_batch, task, batch): batch for batch in batches}
+        futures = {pool.submit(call, sent, batch): batch for batch in batches}
         for future in as_completed(futures):
             yield futures[future], future.result()
 

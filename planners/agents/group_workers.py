@@ -48,10 +48,14 @@ class GroupsThere:
         leave_if_imported_again()
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, cloudpickle.dumps((make_env, list(groups)))))
+        self._process = context.Process(target=_serve, args=(theirs,))
         self._process.daemon = True
         self._process.start()
         theirs.close()  # so that only the process holds it, and its end is noticed here
+        try:
+            self._pipe.send_bytes(cloudpickle.dumps((make_env, list(groups))))
+        except OSError as error:
+            raise self._ended() from error
 
     def send(self, moves: IntArray | None) -> None:
         """Send moves, those of all groups one after another; None begins new episodes."""
@@ -82,13 +86,13 @@ class GroupsThere:
         )
 
 
-def _serve(pipe: Connection, payload: bytes) -> None:
+def _serve(pipe: Connection) -> None:
     """Answer calls until the other end is closed, or its process is gone; an error answers all calls after it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears Ctrl-C too, and closes the pipe
     torch.set_num_threads(1)
     failed: Exception | None = None
     try:
-        here = GroupsHere(*cloudpickle.loads(payload))
+        here = GroupsHere(*cloudpickle.loads(pipe.recv_bytes()))
     except Exception as error:
         failed = _sendable(error)
     while True:

@@ -249,6 +249,8 @@ def _identity(config: AgentTrainingConfig, world: TrainingWorld, stage: Stage, s
         "data_sha256": world.setting.data.sha256,
         "recogniser_sha256": world.setting.recogniser_sha256,
     }
+    if world.setting.sensor_sha256 is not None:
+        decisive["sensor_sha256"] = world.setting.sensor_sha256
     if stage != "ppo":
         decisive["imitation"] = asdict(config.imitation(stage))
     if stage in ("ppo", "il-ppo"):

@@ -11,7 +11,9 @@ from pathlib import Path
 from queue import Empty
 from typing import Any
 
-from ehar.processes import worker_pool
+import cloudpickle
+
+from ehar.processes import call, payload, worker_pool
 from planners.agents.config import AgentTrainingConfig, ImitationSetting
 from planners.agents.demonstrations import EPISODES, Demonstrations, DemonstrationTask, collect, join
 from planners.agents.imitation import clone
@@ -66,7 +68,9 @@ def demonstrations_of(
         [asdict(setting), config.variations_of_each, config.conditions.length, config.conditions.fps, acts],
         sort_keys=True,
     )
-    digest = hashlib.sha256(f"{key} {world.setting.data.sha256} {world.setting.recogniser_sha256}".encode()).hexdigest()
+    setting_key = f"{key} {world.setting.data.sha256} {world.setting.recogniser_sha256}"
+    setting_key += "" if world.setting.sensor_sha256 is None else f" {world.setting.sensor_sha256}"
+    digest = hashlib.sha256(setting_key.encode()).hexdigest()
     batches = max(1, round(setting.episodes / EPISODES / setting.rounds))
     rounds: list[Demonstrations] = []
 
@@ -99,8 +103,9 @@ def _imitate(
             run.imitate(world, demonstrations)
             report(run.stage, done, len(runs))
         return
-    with worker_pool(min(workers, len(runs)), _start_imitating, (runs[0].config, demonstrations)) as pool:
-        futures = [pool.submit(_imitate_here, run) for run in runs]
+    sent = payload((runs[0].config, demonstrations), "the recogniser or the sensor")
+    with worker_pool(min(workers, len(runs)), _start_imitating, sent=(sent,)) as pool:
+        futures = [pool.submit(call, payload((_imitate_here, run), run.title)) for run in runs]
         for done, future in enumerate(as_completed(futures), 1):
             future.result()
             report(runs[0].stage, done, len(runs))
@@ -109,9 +114,10 @@ def _imitate(
 _imitated: tuple[TrainingWorld, Demonstrations]
 
 
-def _start_imitating(config: AgentTrainingConfig, demonstrations: Demonstrations) -> None:
+def _start_imitating(sent: bytes) -> None:
     """Receive what is cloned, once a process."""
     global _imitated
+    config, demonstrations = cloudpickle.loads(sent)
     _imitated = TrainingWorld.load(config), demonstrations
 
 
@@ -135,7 +141,7 @@ def _optimise(runs: Sequence[StageRun], world: TrainingWorld, workers: int, repo
         return
     heard: Queue[Any] = multiprocessing.get_context("spawn").Queue()
     with worker_pool(min(workers, len(runs)), _start, (heard,)) as pool:
-        futures = [pool.submit(_optimise_here, run) for run in runs]
+        futures = [pool.submit(call, payload((_optimise_here, run), run.title)) for run in runs]
         waiting = set(futures)
         while waiting:
             waiting = wait(waiting, timeout=0.5).not_done

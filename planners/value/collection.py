@@ -13,7 +13,7 @@ from ehar.data.scenario import Scenarios
 from ehar.errors import DataError, EpisodeError
 from ehar.motion import move_towards
 from ehar.planner import Context, Observation, Planner, Truth
-from ehar.processes import worker_pool
+from ehar.processes import call, payload, worker_pool
 from ehar.runner import Runner
 from ehar.viewpoint import Workspace, apply_moves, sample_starts
 from planners.value.body_filter import BodyFilter
@@ -181,8 +181,9 @@ def run_batches(task: CollectionTask, batches: Sequence[int], *, workers: int = 
         for batch in batches:
             yield batch, collect_batch(task, batch)
         return
+    sent = payload((collect_batch, task), "the recogniser or the sensor")
     with worker_pool(min(workers, len(batches))) as pool:
-        futures = {pool.submit(collect_batch, task, batch): batch for batch in batches}
+        futures = {pool.submit(call, sent, batch): batch for batch in batches}
         for future in as_completed(futures):
             yield futures[future], future.result()
 

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ehar.arrays import FloatArray
+from ehar.arrays import FloatArray, in_brief
 from ehar.errors import ModelError
 from planners.value.situation import PARTS, Situation
 from planners.value.view_basis import BASIS_SIZE, turned
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class GainField:
     r"""A function on the sphere whose shape depends on the situation.
 
@@ -41,6 +41,8 @@ class GainField:
     absolute: FloatArray
     relative: FloatArray
     spread: float
+
+    __repr__ = in_brief
 
     def __post_init__(self) -> None:
         """Check parts, shapes and numbers."""

@@ -8,7 +8,7 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
-from ehar.arrays import IntArray
+from ehar.arrays import IntArray, in_brief
 from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.errors import ModelError
@@ -21,7 +21,7 @@ SHIPPED = Path(__file__).parents[1] / "weights"
 FULL = "full"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class GainModel:
     """What is learned on the policy part of the training data, for one recogniser and sensor.
 
@@ -36,6 +36,8 @@ class GainModel:
     belief: BeliefModel
     pairs: IntArray
     sha256: str = ""
+
+    __repr__ = in_brief
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +11,15 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
 from ehar.data.scenario import split_parts
-from ehar.errors import DataError, UsageError
+from ehar.errors import DataError, ModelError, UsageError
 from ehar.files import write_bytes
 from planners.value.belief_fit import fit_belief
 from planners.value.body_filter import trunk_pairs
 from planners.value.collection import Collection, CollectionTask, join, run_batches
 from planners.value.config import GainTrainingConfig
 from planners.value.fit import VARIANTS, Fit, fit_field
-from planners.value.model import GainModel, gain_model_path, save_gain_model
-from recognition.setting import load_setting
+from planners.value.model import GainModel, gain_model_path, load_gain_model, save_gain_model
+from recognition.setting import Setting, load_setting
 
 LEAST_LENGTH = 3  # frames of an episode: views along a path spread only if there are two to come
 
@@ -69,7 +69,9 @@ def train_gain_field(config: GainTrainingConfig, report: Callable[[str, int, int
         seed=conditions.seed,
     )
     path = gain_model_path(directory, conditions)
+    _check_place(path, setting)
     key = f"{data.sha256} {setting.recogniser_sha256} {conditions.length} {conditions.seed}"
+    key += "" if setting.sensor_sha256 is None else f" {setting.sensor_sha256}"
     collection = _collect(task, config, path.with_suffix(""), hashlib.sha256(key.encode()).hexdigest(), report)
     belief = fit_belief(collection.log_probs, collection.viewpoints, collection.labels, collection.sequences)
     fits: dict[str, Fit] = {}
@@ -80,16 +82,31 @@ def train_gain_field(config: GainTrainingConfig, report: Callable[[str, int, int
     model = GainModel({name: fit.field for name, fit in fits.items()}, belief, task.pairs)
     told = setting.conditions
     history: dict[str, Any] = {
-        **{name: getattr(told, name) for name in ("data", "models", "sensor", "views", "length", "fps", "seed")},
+        **{name: getattr(told, name) for name in ("data", "models")},
+        "out": None if config.out is None else str(config.out),
+        **{name: getattr(told, name) for name in ("sensor", "views", "length", "fps")},
         "batches": config.batches,
+        "seed": told.seed,
         "data_sha256": data.sha256,
         "cross_validation": {
             name: {score: value for score, value in fit._asdict().items() if score != "field"}
             for name, fit in fits.items()
         },
     }
+    own = {"recogniser": told.recogniser, "sensor_sha256": setting.sensor_sha256}
+    history |= {name: value for name, value in own.items() if value is not None}
     save_gain_model(path, model, recogniser_sha256=setting.recogniser_sha256, history=history)
     return GainTraining(path, fits)
+
+
+def _check_place(path: Path, setting: Setting) -> None:
+    """Raise a UsageError where the gain field of another recogniser would be lost to one for your own."""
+    if setting.conditions.recogniser is None or not path.is_file():
+        return
+    try:
+        load_gain_model(replace(setting.conditions, models=path.parent), setting.data, setting.recogniser_sha256)
+    except ModelError as error:
+        raise UsageError(f"{error}: remove it, or choose another --out") from error
 
 
 def _collect(

@@ -10,6 +10,7 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios
 from ehar.errors import DataError
+from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensor, draw_noise
 from recognition.networks.features import features
 from recognition.networks.graph import parents
@@ -75,10 +76,10 @@ class ClipSource:
     def _see(self, positions: FloatArray, viewpoints: FloatArray, rng: np.random.Generator) -> Tensor:
         """Return the features (B, L, P, J, C) of what the sensor makes of the clips."""
         noise = draw_noise(rng, positions.shape[:2], *positions.shape[2:4])
-        sensed = self._sensor.sense(positions, viewpoints, noise)
+        sensed = sense(self._sensor, positions, viewpoints, noise)
         return features(
-            torch.from_numpy(sensed.joints_2d),
-            torch.from_numpy(sensed.confidence),
+            torch.from_numpy(sensed.joints_2d.astype(np.float32, copy=False)),
+            torch.from_numpy(sensed.confidence.astype(np.float32, copy=False)),
             torch.from_numpy(viewpoints[..., 0].astype(np.float32)),
             self._parents,
             self._sensor.camera,

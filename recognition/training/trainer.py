@@ -18,7 +18,7 @@ from ehar.arrays import FloatArray
 from ehar.data.scenario import split_parts
 from ehar.errors import ModelError, UsageError
 from ehar.files import as_json, parse_json
-from ehar.sensors.registry import make_sensor
+from ehar.sensors.registry import load_sensor
 from recognition.calibration import fit_temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network, NetworkSpec
@@ -94,14 +94,14 @@ class _Run:
         self.config = config
         data = load_motion_of(config.conditions)
         parts = split_parts(data)
-        sensor = make_sensor(config.conditions.sensor, data.skeleton)
+        loaded = load_sensor(config.conditions.sensor, data)
 
         def source(sequences: Any, augment: bool) -> ClipSource:
             return ClipSource(
                 data=data,
                 sequences=sequences,
                 length=config.conditions.length,
-                sensor=sensor,
+                sensor=loaded.sensor,
                 views=config.conditions.views,
                 augment=augment,
             )
@@ -118,6 +118,8 @@ class _Run:
         if config.init is not None:
             load_weights(config.init, self.network)
         self.identity = _identify(config, data.sha256)
+        if loaded.sha256 is not None:
+            self.identity["sensor_sha256"] = loaded.sha256
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )

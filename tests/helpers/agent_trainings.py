@@ -5,14 +5,17 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import pytest
 
+from ehar.conditions import Conditions
 from ehar.errors import EharError
 from planners.agents.config import DAGGER, AgentTrainingConfig, ImitationSetting, PPOSetting, Stage
 from planners.agents.storage import agent_path
 from planners.agents.training import train_agents
 from tests.helpers.random_networks import save_random_world
+from tests.helpers.settings import changed, tiny_conditions
 
 LENGTH = 8
 PPO = PPOSetting(frames=7 * 7 * 8, num_envs=8, hold=2, copies=4)  # 7 rollouts, a checkpoint after the fifth
@@ -50,10 +53,8 @@ def world() -> Path:
 def tiny_training(out: Path) -> TinyTraining:
     """Return the training of all stages that tests begin with."""
     return TinyTraining(
-        data=str(world() / "tiny.npz"),
-        models=world() / "models",
+        conditions=tiny_conditions(world(), length=LENGTH),
         out=out,
-        length=LENGTH,
         stages="il,ppo,il-ppo",
         teacher=IMITATION.teacher,
         labels=IMITATION.labels,
@@ -72,13 +73,13 @@ def train(config: AgentTrainingConfig) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for path in paths for file in (path, path.with_suffix(".json"))}
 
 
-def refusal(error: type[EharError], config: AgentTrainingConfig) -> str:
-    """Return the one line that training ends in."""
+def refusal(error: type[EharError], config: AgentTrainingConfig, **changes: Any) -> str:
+    """Return the one line that training with other options ends in."""
     with pytest.raises(error) as caught:
-        train_agents(config, silent, silent)
+        train_agents(changed(config, **changes), silent, silent)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
 
 def agent_file(config: AgentTrainingConfig, name: str, seed: int = 0) -> Path:
-    return agent_path(config.directory, name, sensor="perfect", views="moving", seed=seed)
+    return agent_path(config.directory, name, Conditions(), seed)

@@ -35,7 +35,7 @@ def tiny_env(
     task = EpisodeTask(
         scenarios=scenarios,
         recogniser=FakeRecogniser(quality=_fail if broken else steep_quality),
-        sensor=make_sensor(sensor, scenarios.data.skeleton),
+        sensor=make_sensor(sensor, scenarios.data),
         controls=GridControls(),
         copies=copies,
     )

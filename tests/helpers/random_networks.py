@@ -5,6 +5,7 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
+from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
 from recognition.calibration import Temperature
 from recognition.networks.spec import NetworkSpec
@@ -41,5 +42,7 @@ def save_random_world(folder: Path, length: int) -> None:
     data = tiny_data(sequences=24)
     save_motion(folder / "tiny.npz", data)
     spec = NetworkSpec.of(data, form="causal", size="small", length=length)
-    path = recogniser_path(folder / "models", form="causal", sensor="perfect", views="moving")
-    save_recogniser(path, randomised(spec.build()), spec, Temperature(), {})
+    path = recogniser_path(folder / "models", Conditions())
+    network = spec.build()
+    randomised(network)
+    save_recogniser(path, network, spec, Temperature(), {})

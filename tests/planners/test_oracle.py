@@ -14,7 +14,8 @@ from ehar.motion import GridMotion
 from ehar.planner import Observation, Planner
 from ehar.rollout import Batch, Record, rollout
 from ehar.sensors.estimator import EstimatorSensor
-from ehar.sensors.sensor import PerfectSensor, Sensor
+from ehar.sensors.perfect import PerfectSensor
+from ehar.sensors.sensor import Sensor
 from ehar.viewpoint import AZIMUTH, POLAR, apply_moves, from_cells, to_cells, wrap_difference
 from planners.heuristic import NoAct
 from planners.oracle import Oracle, OracleLookahead

@@ -11,7 +11,7 @@ from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation
 from ehar.rollout import Record, rollout
-from ehar.sensors.sensor import PerfectSensor
+from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import MOVES, STEP, Workspace, from_cells, to_cells, wrap_difference
 from planners.registry import make_planner, planner_names
 from tests.helpers.agents import untrained_agent

@@ -9,25 +9,20 @@ import torch
 from stable_baselines3 import A2C, DQN
 from stable_baselines3.common.evaluation import evaluate_policy
 
-import ehar  # noqa: F401  which makes the environments known to Gymnasium
-from ehar.data.motion_file import load_motion, save_motion
-from recognition.calibration import Temperature
-from recognition.networks.spec import NetworkSpec
-from recognition.storage import recogniser_path, save_recogniser
-from tests.helpers.fakes import tiny_data
+import recognition  # noqa: F401  which makes the environments known to Gymnasium
+from ehar.conditions import Conditions
+from tests.helpers.random_networks import save_random_world
+from tests.helpers.settings import tiny_conditions
 
 LENGTH = 8
 
 
 @pytest.fixture(scope="module")
-def chosen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def conditions(tmp_path_factory: pytest.TempPathFactory) -> Conditions:
     """Write tiny data and an untrained recogniser of it, and return what the environment is told."""
     folder = tmp_path_factory.mktemp("client")
-    save_motion(folder / "tiny.npz", tiny_data(sequences=24))
-    spec = NetworkSpec.of(load_motion(folder / "tiny.npz"), form="causal", size="small", length=LENGTH)
-    path = recogniser_path(folder, form="causal", sensor="perfect", views="moving")
-    save_recogniser(path, spec.build(), spec, Temperature(), {})
-    return {"data": str(folder / "tiny.npz"), "models": str(folder), "length": LENGTH}
+    save_random_world(folder, LENGTH)
+    return tiny_conditions(folder, length=LENGTH, part="policy")
 
 
 def learnt(model: Any, steps: int) -> None:
@@ -46,13 +41,13 @@ def learnt(model: Any, steps: int) -> None:
     assert np.isfinite(returns).all()
 
 
-def test_a2c(chosen: dict[str, Any]) -> None:
-    env = gym.make("ehar/Grid-v0", **chosen)
+def test_a2c(conditions: Conditions) -> None:
+    env = gym.make("ehar/Grid-v0", conditions=conditions)
     learnt(A2C("MultiInputPolicy", env, n_steps=5, seed=0, device="cpu"), 300)
 
 
-def test_dqn(chosen: dict[str, Any]) -> None:
-    env = gym.make("ehar/Grid-v0", **chosen)
+def test_dqn(conditions: Conditions) -> None:
+    env = gym.make("ehar/Grid-v0", conditions=conditions)
     model = DQN("MultiInputPolicy", env, learning_starts=50, buffer_size=300, seed=0, device="cpu")
     learnt(model, 300)
 

@@ -11,6 +11,7 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
+from ehar.conditions import REGIMES, Conditions, Form
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import split_parts
 from ehar.data.skeleton import Skeleton
@@ -23,8 +24,6 @@ from recognition.networks.spec import NetworkSpec
 from recognition.storage import SHIPPED, load_recogniser, recogniser_path, save_recogniser
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
 from recognition.training.clips import ClipSource
-from recognition.training.config import Form
-from recognition.training.views import REGIMES
 from tests.helpers.fakes import tiny_data
 from tests.helpers.random_networks import randomised
 
@@ -37,13 +36,13 @@ def saved(folder: Path, form: Form = "causal") -> tuple[Path, torch.nn.Module]:
     spec = NetworkSpec.of(tiny_data(), form=form, size="small", length=LENGTH)
     network = spec.build()
     randomised(network)
-    path = recogniser_path(folder, form=form, sensor="perfect", views="moving")
+    path = recogniser_path(folder, Conditions(form=form))
     save_recogniser(path, network, spec, TEMPERATURE, {"note": "for people"})
     return path, network
 
 
 def load(folder: Path, data: MotionData | None = None, **changes: Any) -> StreamingRecogniser | PrefixRecogniser:
-    return load_recogniser(folder, data or tiny_data(), **{"sensor": "perfect", "views": "moving", **changes})
+    return load_recogniser(Conditions(models=folder, **changes), data or tiny_data())
 
 
 def refusal(folder: Path, data: MotionData | None = None, **changes: Any) -> str:
@@ -101,7 +100,7 @@ def test_a_missing_file(tmp_path: Path, suffix: str) -> None:
 def test_data_without_shipped_weights_asks_for_models() -> None:
     for data in (tiny_data(), replace(tiny_data(), name="duo", synthetic=False)):
         with pytest.raises(ModelError, match=f"no weights are shipped for '{data.name}': expected --models DIR"):
-            load_recogniser(None, data, sensor="perfect", views="moving")
+            load_recogniser(Conditions(), data)
 
 
 @pytest.mark.parametrize("kept", [0, 4, 100, -1])
@@ -238,8 +237,9 @@ def built_in(request: pytest.FixtureRequest) -> MotionData:
 @pytest.mark.parametrize("views", REGIMES)
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_shipped_weights(built_in: MotionData, sensor: str, views: str) -> None:
-    recogniser = load_recogniser(None, built_in, sensor=sensor, views=views)
-    path = recogniser_path(SHIPPED / built_in.name, form="causal", sensor=sensor, views=views)
+    conditions = Conditions(sensor=sensor, views=views)
+    recogniser = load_recogniser(conditions, built_in)
+    path = recogniser_path(SHIPPED / built_in.name, conditions)
     assert path.stat().st_size <= 1_000_000
     training = json.loads(path.with_suffix(".json").read_text())["training"]
     assert training["data"] == built_in.title
@@ -248,7 +248,7 @@ def test_shipped_weights(built_in: MotionData, sensor: str, views: str) -> None:
         data=built_in,
         sequences=split_parts(built_in).test,
         length=recogniser.spec.length,
-        sensor=make_sensor(sensor, built_in.skeleton),
+        sensor=make_sensor(sensor, built_in),
         views=views,
         augment=False,
     ).draw(np.random.default_rng(0), 64)
@@ -263,7 +263,7 @@ def test_shipped_weights(built_in: MotionData, sensor: str, views: str) -> None:
 @pytest.mark.parametrize("name", sorted(BUILT_IN))
 def test_nothing_else_is_shipped(name: str) -> None:
     expected = {
-        recogniser_path(SHIPPED / name, form="causal", sensor=sensor, views=views).with_suffix(suffix)
+        recogniser_path(SHIPPED / name, Conditions(sensor=sensor, views=views)).with_suffix(suffix)
         for sensor in SENSORS
         for views in REGIMES
         for suffix in (".safetensors", ".json")

@@ -9,7 +9,8 @@ from torch import Tensor
 
 from ehar.camera import Camera
 from ehar.recogniser import Recognition
-from ehar.sensors.sensor import PerfectSensor, Sensed, SensorNoise, draw_noise
+from ehar.sensors.perfect import PerfectSensor
+from ehar.sensors.sensor import Sensed, SensorNoise, draw_noise
 from ehar.viewpoint import sample_starts
 from recognition.calibration import KNOTS, Temperature
 from recognition.networks.causal import CausalCTRGCN

@@ -15,8 +15,8 @@ from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeEnv, EpisodeVectorEnv, reward
 from ehar.envs.task import EpisodeTask
 from ehar.errors import EpisodeError, UsageError
+from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.registry import make_sensor
-from ehar.sensors.sensor import PerfectSensor
 from ehar.viewpoint import ANGLE_STEP, HOVER, MOVE_NAMES, Workspace
 from tests.helpers.fakes import CLASS_NAMES, FakeRecogniser, tiny_data, tiny_scenarios
 
@@ -28,7 +28,7 @@ def parts(sensor: str = "perfect", *, persons: int = 1) -> dict[str, Any]:
     return {
         "scenarios": scenarios,
         "recogniser": FakeRecogniser(),
-        "sensor": make_sensor(sensor, scenarios.data.skeleton),
+        "sensor": make_sensor(sensor, scenarios.data),
     }
 
 

@@ -28,7 +28,7 @@ def parts(sensor: str = "perfect", *, length: int = LENGTH) -> dict[str, Any]:
     return {
         "scenarios": scenarios,
         "recogniser": FakeRecogniser(),
-        "sensor": make_sensor(sensor, scenarios.data.skeleton),
+        "sensor": make_sensor(sensor, scenarios.data),
         "controls": FlightControls(vehicle=VEHICLE),
     }
 

@@ -8,7 +8,7 @@ from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeVectorEnv
 from ehar.envs.observations import scaled_viewpoint, shown
 from ehar.envs.task import EpisodeTask
-from ehar.sensors.sensor import PerfectSensor
+from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import Workspace
 from tests.helpers.fakes import FakeRecogniser, tiny_scenarios
 

@@ -6,10 +6,11 @@ import pytest
 from ehar.camera import Camera, project
 from ehar.errors import UsageError
 from ehar.sensors.estimator import EstimatorSensor
+from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.registry import make_sensor
-from ehar.sensors.sensor import PerfectSensor, draw_noise
+from ehar.sensors.sensor import draw_noise
 from ehar.viewpoint import sample_starts
-from tests.helpers.fakes import SKELETON
+from tests.helpers.fakes import SKELETON, tiny_data
 
 
 def test_draws_have_their_shapes_and_distributions() -> None:
@@ -41,9 +42,9 @@ def test_the_perfect_sensor_sees_every_joint_exactly() -> None:
 
 
 def test_sensors_by_name() -> None:
-    assert isinstance(make_sensor("perfect", SKELETON), PerfectSensor)
-    estimator = make_sensor("estimator", SKELETON)
+    assert isinstance(make_sensor("perfect", tiny_data()), PerfectSensor)
+    estimator = make_sensor("estimator", tiny_data())
     assert isinstance(estimator, EstimatorSensor)
     assert estimator.skeleton is SKELETON
     with pytest.raises(UsageError, match="unknown sensor 'radar'; expected one of: perfect, estimator"):
-        make_sensor("radar", SKELETON)
+        make_sensor("radar", tiny_data())

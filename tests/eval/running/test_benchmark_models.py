@@ -13,7 +13,7 @@ from ehar.data.scenario import split_parts
 from ehar.errors import ModelError
 from ehar.motion import GridMotion
 from ehar.rollout import rollout
-from ehar.sensors.sensor import PerfectSensor
+from ehar.sensors.perfect import PerfectSensor
 from eval.records.episodes import read_episodes
 from eval.records.run_files import EPISODES
 from eval.running.episodes import CHUNK, cut_scenarios, random_starts
@@ -54,9 +54,9 @@ def test_those_for_whom_nothing_was_trained_are_left_out_aloud(tmp_path: Path) -
     assert names(summary) == tuple(name for name in planner_names() if not name.startswith(trained))
     valuing, learned = log.notes
     assert valuing.startswith("left out: nbv-greedy, nbv-search, nbv: ")
-    assert "`ehar train gain-field --data tiny" in valuing
+    assert "`ehar train gain-field --data X.npz" in valuing
     assert learned.startswith("left out: il, ppo, il-ppo, dagger: no agent was trained for this recogniser: ")
-    assert "`ehar train agent --data tiny" in learned
+    assert "`ehar train agent --data X.npz" in learned
     log = Log()
     run(None, starts=1, form="ctrgcn", reporter=log)
     valuing, learned = log.notes

@@ -229,6 +229,7 @@ def test_a_damaged_summary_is_named_in_one_line(tmp_path: Path, content: Any, me
         ({"solves": {"optimal": "all"}}, "planners[3]: solves.counts.optimal: expected a whole number, got 'all'"),
         ({"fallback_share": None}, "planners[3]: solves.fallbacks: expected a whole number, got null"),
         ({"fallback_share": float("nan")}, "planners[3]: solves.fallbacks: expected a whole number, got nan"),
+        ({"fallback_share": 1.5}, "planners[3]: solves.fallbacks: expected a whole number, got 1.5"),
         ({"fallback_share": float("inf")}, "planners[3]: solves.fallbacks: expected a whole number, got inf"),
     ],
 )

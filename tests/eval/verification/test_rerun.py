@@ -9,7 +9,7 @@ from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion, Motion
 from ehar.rollout import Record, rollout
-from ehar.sensors.sensor import PerfectSensor
+from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import AZIMUTH
 from eval.records.episodes import DIGITS, EpisodeRecords, record_episodes
 from eval.records.flights import FlightRecords

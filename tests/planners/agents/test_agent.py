@@ -17,8 +17,8 @@ from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
 from ehar.planner import Observation
 from ehar.rollout import rollout
+from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.registry import make_sensor
-from ehar.sensors.sensor import PerfectSensor
 from ehar.viewpoint import MOVES, Workspace, apply_moves, from_cells, to_cells
 from planners.agents.agent import Agent, decide
 from planners.agents.inputs import ENCODED, AgentInputs, Inputs
@@ -146,7 +146,7 @@ def test_an_episode_goes_as_it_would_beside_any_others(chosen: list[int]) -> Non
 @pytest.mark.parametrize("sensor", ["perfect", "estimator"])
 def test_it_sees_what_the_environment_shows_and_goes_the_same_way(sensor: str, persons: int) -> None:
     scenarios = tiny_scenarios(length=LENGTH, persons=persons)
-    eye = make_sensor(sensor, scenarios.data.skeleton)
+    eye = make_sensor(sensor, scenarios.data)
     env = EpisodeVectorEnv(
         6, EpisodeTask(scenarios=scenarios, recogniser=FakeRecogniser(), sensor=eye, controls=GridControls())
     )

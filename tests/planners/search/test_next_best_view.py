@@ -13,7 +13,8 @@ from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion, Motion
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.rollout import Batch, Record, rollout
-from ehar.sensors.sensor import PerfectSensor, SensorNoise
+from ehar.sensors.perfect import PerfectSensor
+from ehar.sensors.sensor import SensorNoise
 from ehar.viewpoint import STEP, Workspace, from_cells, to_cells, wrap_difference
 from planners.search.next_best_view import NextBestView
 from planners.search.solver import SolveStatus

@@ -13,7 +13,7 @@ from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import rollout
-from ehar.sensors.sensor import PerfectSensor
+from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import MOVES, STEP, Workspace, from_cells, wrap_difference
 from planners.search.view_search import (
     GOALS,

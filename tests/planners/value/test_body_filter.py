@@ -184,7 +184,7 @@ def test_facing_of_moving_couples(sensor_name, largest):
     positions = scenarios.positions(np.arange(len(scenarios)))
     viewpoints = training_viewpoints("moving", rng, len(scenarios), 60)
     noise = draw_noise(rng, positions.shape[:2], *positions.shape[2:4])
-    sensed = make_sensor(sensor_name, data.skeleton).sense(positions, viewpoints, noise)
+    sensed = make_sensor(sensor_name, data).sense(positions, viewpoints, noise)
     pairs = trunk_pairs(data, parts.recogniser)
     body = BodyFilter(pairs=pairs, frame_time=1 / data.fps)
     body.start(len(scenarios), 2)

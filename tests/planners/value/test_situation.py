@@ -11,7 +11,7 @@ from ehar.arrays import FloatArray
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import Batch, Record, rollout
-from ehar.sensors.sensor import PerfectSensor
+from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import wrap_difference
 from planners.value.belief import BeliefModel, readout
 from planners.value.body_filter import BodyFilter

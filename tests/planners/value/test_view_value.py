@@ -10,7 +10,7 @@ from ehar.errors import UsageError
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import rollout
-from ehar.sensors.sensor import PerfectSensor
+from ehar.sensors.perfect import PerfectSensor
 from planners.value.belief import BeliefModel
 from planners.value.field import GainField
 from planners.value.model import GainModel

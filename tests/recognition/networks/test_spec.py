@@ -3,12 +3,13 @@
 import pytest
 import torch
 
+from ehar.conditions import Form
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.ctrgcn import CTRGCN
 from recognition.networks.features import channel_count
 from recognition.networks.sizes import PUBLISHED_WIDTHS
 from recognition.networks.spec import NetworkSpec
-from recognition.training.config import Form, Size
+from recognition.training.config import Size
 from tests.helpers.fakes import tiny_data
 
 

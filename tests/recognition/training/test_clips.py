@@ -9,11 +9,12 @@ import torch
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import split_parts
 from ehar.errors import DataError
+from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.registry import make_sensor
-from ehar.sensors.sensor import PerfectSensor, Sensed, SensorNoise
+from ehar.sensors.sensor import Sensed, SensorNoise
 from recognition.networks.features import channel_count
 from recognition.training.clips import BODY_SCALE, Clips, ClipSource
-from tests.helpers.fakes import SKELETON, tiny_data
+from tests.helpers.fakes import tiny_data
 
 LENGTH = 10
 SIZE = slice(5, 7)  # of a bone in the image
@@ -41,7 +42,7 @@ def bone_lengths(clips: Clips) -> torch.Tensor:
 @pytest.mark.parametrize("persons", [1, 2])
 def test_shapes(sensor: str, views: str, persons: int) -> None:
     data = tiny_data(persons=persons)
-    clips = source(data, np.arange(6), sensor=make_sensor(sensor, SKELETON), views=views).draw(
+    clips = source(data, np.arange(6), sensor=make_sensor(sensor, tiny_data()), views=views).draw(
         np.random.default_rng(0), 4
     )
     assert clips.features.shape == (4, LENGTH, persons, 6, channel_count(persons))
@@ -120,7 +121,7 @@ def test_bodies_are_scaled_as_wholes_and_only_where_asked() -> None:
 
 
 def test_a_seed_decides_the_clips() -> None:
-    sensor = make_sensor("estimator", SKELETON)
+    sensor = make_sensor("estimator", tiny_data())
     clips = source(tiny_data(), np.arange(12), sensor=sensor, views="moving", augment=True)
     first, again, other = (clips.draw(np.random.default_rng(seed), 5) for seed in (0, 0, 1))
     assert torch.equal(first.features, again.features)

@@ -11,6 +11,7 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
+from ehar.conditions import Conditions, Form
 from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import load_motion, save_motion
 from ehar.data.scenario import split_parts
@@ -18,9 +19,10 @@ from ehar.errors import DataError, EharError, ModelError, UsageError
 from recognition.storage import load_recogniser, recogniser_path
 from recognition.training import trainer as training
 from recognition.training.checkpoints import load_checkpoint, save_checkpoint
-from recognition.training.config import Form, TrainingConfig
+from recognition.training.config import TrainingConfig
 from recognition.training.trainer import Evaluation, train_recogniser
 from tests.helpers.fakes import tiny_data
+from tests.helpers.settings import changed
 
 LENGTH = 8
 
@@ -40,13 +42,12 @@ def few_validation_clips(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def config(data_path: Path, tmp_path: Path) -> TrainingConfig:
     """Return 6 steps with an evaluation and a checkpoint after each."""
-    return TrainingConfig(
-        data=str(data_path), out=tmp_path / "models", length=LENGTH, clips=48, batch=8, evaluations=6, threads=1
-    )
+    conditions = Conditions(data=str(data_path), length=LENGTH)
+    return TrainingConfig(conditions=conditions, out=tmp_path / "models", clips=48, batch=8, evaluations=6, threads=1)
 
 
 def weights_path(config: TrainingConfig) -> Path:
-    return recogniser_path(config.out, form=config.form, sensor=config.sensor, views=config.views)
+    return recogniser_path(config.out, config.conditions)
 
 
 def checkpoint_path(config: TrainingConfig) -> Path:
@@ -72,10 +73,10 @@ def stopped(config: TrainingConfig, step: int = 2) -> Path:
     return checkpoint_path(config)
 
 
-def refusal(error: type[EharError], config: TrainingConfig) -> str:
-    """Return the one line that training ends in."""
+def refusal(error: type[EharError], config: TrainingConfig, **changes: Any) -> str:
+    """Return the one line that training with other options ends in."""
     with pytest.raises(error) as caught:
-        train_recogniser(config)
+        train_recogniser(changed(config, **changes))
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
@@ -84,11 +85,11 @@ def refusal(error: type[EharError], config: TrainingConfig) -> str:
 @pytest.mark.parametrize("form", ["causal", "ctrgcn"])
 def test_the_loss_falls_and_the_best_is_saved(config: TrainingConfig, data_path: Path, form: Form) -> None:
     seen: list[Evaluation] = []
-    learning = replace(config, form=form, clips=640, batch=16, evaluations=4, views="paper")
+    learning = changed(config, form=form, clips=640, batch=16, evaluations=4, views="paper")
     best = train_recogniser(learning, lambda step, steps, evaluation: seen.append(evaluation) if evaluation else None)
     assert seen[-1].train_loss < 0.7 * seen[0].train_loss
     assert best.nll == min(evaluation.nll for evaluation in seen) < seen[0].nll
-    recogniser = load_recogniser(learning.out, load_motion(data_path), sensor="perfect", views="paper", form=form)
+    recogniser = load_recogniser(replace(learning.conditions, models=learning.out), load_motion(data_path))
     assert recogniser.spec.length == LENGTH
     assert sorted(file.name for file in learning.out.iterdir()) == sorted(
         [weights_path(learning).name, weights_path(learning).with_suffix(".json").name]
@@ -106,7 +107,7 @@ def test_reports_every_step_and_evaluates_where_it_says(config: TrainingConfig) 
 @pytest.mark.parametrize("form", ["causal", "ctrgcn"])
 @pytest.mark.parametrize("step", [2, 3])  # right at a checkpoint, and one step after it
 def test_a_stopped_run_resumes_bit_for_bit(config: TrainingConfig, tmp_path: Path, form: Form, step: int) -> None:
-    through = replace(config, form=form, sensor="estimator", evaluations=3)
+    through = changed(config, form=form, sensor="estimator", evaluations=3)
     stop_and_go = replace(through, out=tmp_path / "stopped")
     best = train_recogniser(through)
     stopped(stop_and_go, step)
@@ -123,7 +124,7 @@ def test_a_stopped_run_resumes_bit_for_bit(config: TrainingConfig, tmp_path: Pat
 
 
 def test_a_seed_decides_the_weights(config: TrainingConfig, tmp_path: Path) -> None:
-    runs = [replace(config, out=tmp_path / str(i), seed=seed, clips=16) for i, seed in enumerate((0, 0, 1))]
+    runs = [changed(config, out=tmp_path / str(i), seed=seed, clips=16) for i, seed in enumerate((0, 0, 1))]
     for run in runs:
         train_recogniser(run)
     first, again, other = (weights_path(run).read_bytes() for run in runs)
@@ -144,19 +145,19 @@ def test_training_leaves_the_global_generator_as_it_was(config: TrainingConfig) 
 def test_a_checkpoint_of_other_options_is_refused(config: TrainingConfig, changes: dict[str, Any]) -> None:
     checkpoint = stopped(config)
     content = checkpoint.read_bytes()
-    message = refusal(UsageError, replace(config, **changes))
+    message = refusal(UsageError, config, **changes)
     assert message.startswith(f"{checkpoint}: a checkpoint of a run with other options or data")
     assert checkpoint.read_bytes() == content
 
 
 def test_a_checkpoint_of_other_data_is_refused(config: TrainingConfig, tmp_path: Path) -> None:
-    def changed(data: MotionData) -> MotionData:
+    def moved(data: MotionData) -> MotionData:
         return replace(data, positions=data.positions * 1.01)
 
-    own = replace(config, data=str(tmp_path / "own.npz"))
+    own = changed(config, data=str(tmp_path / "own.npz"))
     save_motion(tmp_path / "own.npz", tiny_data(sequences=24))
     stopped(own)
-    save_motion(tmp_path / "own.npz", changed(tiny_data(sequences=24)))
+    save_motion(tmp_path / "own.npz", moved(tiny_data(sequences=24)))
     assert "a checkpoint of a run with other options or data" in refusal(UsageError, own)
 
 
@@ -222,7 +223,7 @@ def test_a_checkpoint_of_another_network(config: TrainingConfig) -> None:
 
 @pytest.mark.parametrize(("clips", "loss"), [(48, "the loss"), (8, "the validation loss")])
 def test_a_loss_that_is_not_finite_names_the_step(config: TrainingConfig, clips: int, loss: str) -> None:
-    message = refusal(ModelError, replace(config, learning_rate=1e36, clips=clips, evaluations=1))
+    message = refusal(ModelError, config, learning_rate=1e36, clips=clips, evaluations=1)
     assert message == f"causal-perfect-moving.safetensors: {loss} is nan at step 1: expected a finite one"
     assert not weights_path(config).exists()
 
@@ -267,8 +268,8 @@ def test_only_the_recogniser_s_own_part_is_learnt_from(config: TrainingConfig, d
 
 
 def test_unknown_options(config: TrainingConfig) -> None:
-    assert "unknown --views 'spiral'" in refusal(UsageError, replace(config, views="spiral"))
-    assert "unknown sensor 'radar'" in refusal(UsageError, replace(config, sensor="radar"))
+    assert "unknown views 'spiral'" in refusal(UsageError, config, views="spiral")
+    assert "unknown sensor 'radar'" in refusal(UsageError, config, sensor="radar")
     assert not config.out.exists()
 
 
@@ -276,11 +277,11 @@ def test_unknown_options(config: TrainingConfig) -> None:
     ("field", "value"), [("clips", 0), ("batch", 0), ("evaluations", 0), ("length", 0), ("patience", 0)]
 )
 def test_counts_below_one(config: TrainingConfig, field: str, value: int) -> None:
-    assert f"--{field}" in refusal(UsageError, replace(config, **{field: value}))
+    assert f"{field}: " in refusal(UsageError, config, **{field: value})
 
 
 def test_data_without_a_sequence_as_long_as_a_clip(config: TrainingConfig) -> None:
-    assert "expected a training sequence of at least 21 frames" in refusal(DataError, replace(config, length=21))
+    assert "expected a training sequence of at least 21 frames" in refusal(DataError, config, length=21)
 
 
 def test_a_finished_recogniser_is_not_overwritten(config: TrainingConfig) -> None:
@@ -288,14 +289,14 @@ def test_a_finished_recogniser_is_not_overwritten(config: TrainingConfig) -> Non
     before = weights_path(config).read_bytes()
     description = weights_path(config).with_suffix(".json")
     assert refusal(UsageError, config).startswith(f"{description}: this very run has finished")
-    assert refusal(UsageError, replace(config, seed=1)).startswith(f"{description}: it holds the result of another run")
+    assert refusal(UsageError, config, seed=1).startswith(f"{description}: it holds the result of another run")
     assert weights_path(config).read_bytes() == before
 
 
 def test_training_starts_from_other_weights(config: TrainingConfig, tmp_path: Path) -> None:
     train_recogniser(config)
     # With a learning rate of 0 nothing but the running statistics moves away from what training starts from.
-    other = replace(config, out=tmp_path / "other", init=weights_path(config), learning_rate=0.0, seed=1)
+    other = changed(config, out=tmp_path / "other", init=weights_path(config), learning_rate=0.0, seed=1)
     train_recogniser(other)
     first, second = load_file(weights_path(config)), load_file(weights_path(other))
     learned = [name for name in first if "running" not in name and "num_batches" not in name]
@@ -304,14 +305,14 @@ def test_training_starts_from_other_weights(config: TrainingConfig, tmp_path: Pa
 
 def test_weights_of_another_shape_to_start_from(config: TrainingConfig, tmp_path: Path) -> None:
     train_recogniser(config)
-    other = replace(config, out=tmp_path / "other", init=weights_path(config), form="ctrgcn")
+    other = changed(config, out=tmp_path / "other", init=weights_path(config), form="ctrgcn")
     assert refusal(ModelError, other).startswith(f"{weights_path(config)}: ")
     absent = tmp_path / "absent.safetensors"
-    assert refusal(ModelError, replace(config, out=tmp_path / "other", init=absent)).startswith(f"{absent}: ")
+    assert refusal(ModelError, config, out=tmp_path / "other", init=absent).startswith(f"{absent}: ")
 
 
 @pytest.mark.parametrize("device", ["tpu", "cuda"])
 def test_a_device_that_is_not_there(config: TrainingConfig, device: str) -> None:
     if device == "cuda" and torch.cuda.is_available():
         pytest.skip("there is a CUDA device here")
-    assert refusal(UsageError, replace(config, device=device)).startswith(f"--device {device}: expected cpu")
+    assert refusal(UsageError, config, device=device).startswith(f"--device {device}: expected cpu")

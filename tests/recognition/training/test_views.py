@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from ehar.conditions import REGIMES
 from ehar.errors import UsageError
 from ehar.viewpoint import AZIMUTH, AZIMUTH_CELLS, MOVES, START_CELLS, Workspace, from_cells, to_cells
-from recognition.training.views import REGIMES, STATIC_SHARE, paper_viewpoints, training_viewpoints
+from recognition.training.views import STATIC_SHARE, paper_viewpoints, training_viewpoints
 
 
 def test_the_paper_has_32_viewpoints_spread_over_the_starts() -> None:

@@ -1,0 +1,40 @@
+"""Sensing with any sensor: a user's own may raise, or return something else than its contract says."""
+
+from typing import Any
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.errors import EpisodeError
+from ehar.plugins.blame import blamed
+from ehar.sensors.sensor import Sensed, Sensor, SensorNoise
+
+
+def sense(sensor: Sensor, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise, frame: str = "") -> Sensed:
+    """Return what a sensor makes of joints (..., P, J, 3) from viewpoints (..., 3), checked.
+
+    Args:
+        sensor: to ask.
+        positions: as `Sensor.sense` has them; likewise the next two.
+        viewpoint: of the cameras.
+        noise: of the sensor.
+        frame: which it is, for errors: "frame 3".
+
+    Raises:
+        EpisodeError: the sensor raised something, or its arrays have other shapes, or are not finite.
+    """
+    where = f"sensor {type(sensor).__name__}" + (f", {frame}" if frame else "")
+    with blamed(sensor, where):
+        sensed: Any = sensor.sense(positions, viewpoint, noise)
+    if not isinstance(sensed, tuple) or len(sensed) != 2:
+        raise EpisodeError(f"{where}: expected Sensed(joints_2d, confidence), got {type(sensed).__name__}")
+    leading = np.broadcast_shapes(positions.shape[:-3], viewpoint.shape[:-1])
+    joints = (*leading, *positions.shape[-3:-1])
+    for name, array, expected in zip(Sensed._fields, sensed, ((*joints, 2), joints), strict=True):
+        if not isinstance(array, np.ndarray) or array.dtype.kind != "f":
+            got = f"an array of {array.dtype}" if isinstance(array, np.ndarray) else type(array).__name__
+            raise EpisodeError(f"{where}: {name}: expected an array of floats, got {got}")
+        if array.shape != expected or not np.isfinite(array).all():
+            got = str(array.shape) if array.shape != expected else "NaN or infinity"
+            raise EpisodeError(f"{where}: expected finite {name} of shape {expected}, got {got}")
+    return sensed if isinstance(sensed, Sensed) else Sensed(*sensed)
