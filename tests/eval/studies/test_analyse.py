@@ -163,7 +163,7 @@ def test_what_is_no_finished_run_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="data_sha256"):
         read_run(tmp_path)
     (tmp_path / CONFIG).write_text(json.dumps({**CONFIG_OF_RUN.to_json(), "seed": "none"}))
-    with pytest.raises(DataError, match="seed: expected int, got 'none'"):
+    with pytest.raises(DataError, match="seed: expected a whole number, got 'none'"):
         read_run(tmp_path)
 
 
