@@ -4,15 +4,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from eval.conformance.motion import check_motion as check_motion
     from eval.conformance.planner import check_planner as check_planner
     from eval.conformance.recogniser import check_recogniser as check_recogniser
+    from eval.conformance.sensor import check_sensor as check_sensor
     from eval.running.benchmark import benchmark as benchmark
     from eval.studies.headroom import headroom as headroom
 
 _MODULES = {
     "benchmark": "eval.running.benchmark",
+    "check_motion": "eval.conformance.motion",
     "check_planner": "eval.conformance.planner",
     "check_recogniser": "eval.conformance.recogniser",
+    "check_sensor": "eval.conformance.sensor",
     "headroom": "eval.studies.headroom",
 }
 

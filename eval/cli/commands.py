@@ -275,10 +275,11 @@ TRAIN = Group(
     },
 )
 CHECK = Group(
-    """Check a planner or a recogniser of your own.
+    """Check your own planner, recogniser, sensor or motion.
 
     For example:
         ehar check planner ./spiral.py:Spiral
+        ehar check sensor ./mine.py:Blurred
     """,
     {
         "planner": Command(
@@ -310,6 +311,36 @@ CHECK = Group(
             show_conformance,
             conditions=("data",),
             flags={"recogniser": Flag(kind=str, default=REQUIRED, positional=True, metavar="RECOGNISER")},
+        ),
+        "sensor": Command(
+            """Check that a sensor keeps its contract.
+
+            Shapes, confidence, independent rows, noise, forks, no peeking, time a frame.
+
+            Exit code 0: all passed; 1: a check failed, and how to mend it; 2: it can't run.
+
+            For example:
+                ehar check sensor ./mine.py:Blurred --pixels 8
+            """,
+            "eval.conformance.sensor:check_sensor",
+            show_conformance,
+            conditions=("data",),
+            flags={"sensor": Flag(kind=str, positional=True, metavar="SENSOR")},
+        ),
+        "motion": Command(
+            """Check that a motion keeps its contract.
+
+            Rest at the start, workspace, targets that are held, independent rows, reset.
+
+            Exit code 0: all passed; 1: a check failed, and how to mend it; 2: it can't run.
+
+            For example:
+                ehar check motion ./mine.py:Slow
+            """,
+            "eval.conformance.motion:check_motion",
+            show_conformance,
+            conditions=("data", "fps"),
+            flags={"motion": Flag(kind=str, positional=True, metavar="MOTION")},
         ),
     },
 )
