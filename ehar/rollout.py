@@ -138,8 +138,8 @@ def rollout(
             viewpoint=viewpoint,
             log_probs=recognition.log_probs,
             embedding=recognition.embedding,
-            velocity=_rates(motion, "velocity", episodes, frame),
-            acceleration=_rates(motion, "acceleration", episodes, frame),
+            velocity=finite_rates(motion, "velocity", episodes, frame),
+            acceleration=finite_rates(motion, "acceleration", episodes, frame),
             truth=Truth(batch.labels, recogniser, state, imagine) if planner.privileged else None,
         )
         begin = time.perf_counter()
@@ -149,7 +149,7 @@ def rollout(
         targets = _checked(target, planner, batch, frame)
         with blamed(motion, f"{moving}, frame {frame}"):
             reached = motion.advance(targets)
-        viewpoint = _finite(reached, (episodes, 3), f"{moving}, frame {frame}: viewpoints")
+        viewpoint = finite_viewpoints(reached, episodes, f"{moving}, frame {frame}")
     return Record(viewpoints, log_probs, plan_seconds)
 
 
@@ -174,8 +174,17 @@ def check_recognition(recognition: Recognition, recogniser: Recogniser, episodes
             raise EpisodeError(f"{where}: expected finite {name} of shape {expected}, got {got}")
 
 
-def _rates(motion: Motion, name: str, episodes: int, frame: int) -> FloatArray:
-    """Return the velocity or the acceleration of a motion (B, 3), which may give one number for all."""
+def finite_viewpoints(reached: Any, episodes: int, where: str) -> FloatArray:
+    """Return the viewpoints (B, 3) that a motion reached, or raise an EpisodeError that says what they are."""
+    return _finite(reached, (episodes, 3), f"{where}: viewpoints")
+
+
+def finite_rates(motion: Motion, name: str, episodes: int, frame: int) -> FloatArray:
+    """Return the velocity or the acceleration of a motion (B, 3), which may give one number for all.
+
+    Raises:
+        EpisodeError: they are something else.
+    """
     where = f"motion {type(motion).__name__}, frame {frame}"
     with blamed(motion, where):
         rates: Any = getattr(motion, name)
