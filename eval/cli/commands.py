@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from eval.replays.replay import WrittenReplay
     from eval.running.run import Run
     from eval.running.training import Trained
-    from eval.studies.compare import Comparison
+    from eval.studies.compare_table import Comparison
     from eval.verification.checks import Verification
 
 

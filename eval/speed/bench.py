@@ -47,7 +47,7 @@ TARGETS = {
 }
 
 
-def bench(out: Path, effort: Effort | None = None, report: Path | None = None) -> dict[str, float]:
+def bench(out: str | Path, effort: Effort | None = None, report: str | Path | None = None) -> dict[str, float]:
     """Measure everything and write it to `out` as JSON.
 
     Args:
@@ -96,7 +96,7 @@ def bench(out: Path, effort: Effort | None = None, report: Path | None = None) -
         **opened,
         "shipped_weights": float(streaming_recogniser(data)[1]),
     }
-    write_text(out, [json.dumps(figures, indent=1), "\n"])
+    write_text(Path(out), [json.dumps(figures, indent=1), "\n"])
     return figures
 
 
