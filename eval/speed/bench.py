@@ -72,7 +72,7 @@ def bench(out: str | Path, effort: Effort | None = None, report: str | Path | No
         shipped_weights: 1 if the streaming recogniser is the one that ships, 0 if it is untrained.
     """
     effort = effort or Effort()
-    opened = {} if report is None else {"report_interactive_s": time_report(report)}  # first: it may be missing
+    opened = {} if report is None else {"report_interactive_s": time_report(Path(report))}  # first: it may be missing
     data = load_data(DATA)
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(WORKERS, mp_context=context, initializer=torch.set_num_threads, initargs=(1,)) as pool:
