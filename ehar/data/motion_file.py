@@ -23,7 +23,7 @@ _KIND_NAMES = {_FLOAT: "floats", _INTEGER: "integers", _NUMBER: "a number", _TEX
 _SPLIT_WORDS = ("train", "test")
 
 
-def load_motion(path: Path) -> MotionData:
+def load_motion(path: str | Path) -> MotionData:
     """Read motion data from an .npz of the schema; arrays that the schema does not name are ignored.
 
     Args:
@@ -37,7 +37,7 @@ def load_motion(path: Path) -> MotionData:
     return _parse(_Fields(str(path), _read_arrays(path)), name=path.stem)
 
 
-def save_motion(path: Path, data: MotionData) -> None:
+def save_motion(path: str | Path, data: MotionData) -> None:
     """Write motion data as an .npz of the schema; one more array, `synthetic`, is there where the motion is.
 
     The file appears whole or not at all, and only if `load_motion` would accept it.

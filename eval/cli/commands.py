@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from eval.replays.replay import WrittenReplay
     from eval.running.run import Run
     from eval.running.training import Trained
-    from eval.studies.compare import Comparison
     from eval.verification.checks import Verification
 
 
@@ -84,13 +83,6 @@ def show_tables(tables: "Table | list[Table] | tuple[Table, ...]") -> None:
 def show_result(result: "HasTables") -> None:
     """Print the tables of a study."""
     print_tables(*result.tables())
-
-
-def show_comparison(comparison: "Comparison") -> None:
-    """Print the table of two runs."""
-    from eval.studies.compare_table import compare_table  # here, as `ehar --help` does not wait for it
-
-    show_tables(compare_table(comparison))
 
 
 def show_speed(figures: dict[str, float]) -> None:
@@ -543,7 +535,7 @@ COMMANDS = CommandGroup(
         "check": CHECK,
         "compare": Command(
             "eval.studies.compare:compare",
-            show_comparison,
+            show_result,
             text="""Compare two finished runs on the same episodes: A minus B.
 
             For example:
