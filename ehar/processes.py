@@ -1,4 +1,4 @@
-"""Worker processes: how many by default, and a pool that ends with the process that made it, however that ends."""
+"""Worker processes: their default number, and a pool that always ends with its parent process."""
 
 import multiprocessing
 import os
@@ -15,12 +15,12 @@ from ehar.errors import ModelError, UsageError
 
 
 def cores() -> int:
-    """Return in how many processes a command runs by default."""
+    """Return the default number of processes of a command."""
     return os.cpu_count() or 1
 
 
 def check_workers(workers: int) -> None:
-    """Raise a UsageError unless there is a worker."""
+    """Raise a UsageError unless there is at least one worker."""
     if workers < 1:
         raise UsageError(f"workers: expected at least 1, got {workers}")
 
@@ -29,15 +29,15 @@ def check_workers(workers: int) -> None:
 def worker_pool(
     count: int, initializer: Callable[..., None] | None = None, initargs: tuple[Any, ...] = ()
 ) -> Iterator[ProcessPoolExecutor]:
-    """Hold a pool of spawned processes; what has not finished when it is left by an error is not waited for.
+    """Open a pool of spawned processes; after an error it does not wait for unfinished jobs.
 
     Args:
-        count: of processes.
-        initializer: called once in each.
-        initargs: what with.
+        count: number of processes.
+        initializer: function that each process calls once at its start.
+        initargs: arguments of `initializer`.
 
     Raises:
-        ModelError: a process has ended by itself.
+        ModelError: a process ended before its job was done.
     """
     others = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(
@@ -50,7 +50,7 @@ def worker_pool(
         yield pool
         pool.shutdown()
     except BrokenProcessPool as error:
-        raise ModelError("a worker process has ended: expected it to finish; was there too little memory?") from error
+        raise ModelError("expected all workers to finish, one ended early: was there too little memory?") from error
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         for process in set(multiprocessing.active_children()) - others:
@@ -65,7 +65,7 @@ def _start_worker(initializer: Callable[..., None] | None, initargs: tuple[Any, 
 
 
 def _end_with_parent() -> None:
-    """Wait for the parent; without it, a training would go on beside the one that is started in its place."""
+    """End this process when its parent ends; otherwise a training would go on beside the one that replaces it."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     wait([parent.sentinel])

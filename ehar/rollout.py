@@ -1,4 +1,4 @@
-"""The only loop: every frame of a batch of episodes is sensed, recognised, planned upon and moved, in lockstep."""
+"""The rollout loop: it senses, recognises, plans and moves every frame of a batch of episodes in lockstep."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -19,14 +19,14 @@ from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """B episodes that are run together.
+    """B episodes that run together.
 
     Args:
         positions: (B, L, P, J, 3) [m], relative to each scenario's centre.
         labels: (B,).
         starts: (B, 3) start viewpoints.
-        noise: the sensor's draws, (B, L, ...).
-        names: what errors call each episode.
+        noise: (B, L, ...), random draws of the sensor.
+        names: names of the episodes in error messages.
     """
 
     positions: FloatArray
@@ -62,7 +62,7 @@ class Batch:
         )
 
     def select(self, rows: IntArray | slice, frames: int | None = None) -> "Batch":
-        """Return some of the episodes, and of each the first frames; None is all frames."""
+        """Return some of the episodes, cut to their first `frames` frames; None keeps all frames."""
         return Batch(
             positions=self.positions[rows, :frames],
             labels=self.labels[rows],
@@ -73,7 +73,7 @@ class Batch:
 
 
 def noise_of(scenarios: Scenarios, episodes: int, rng: np.random.Generator) -> SensorNoise:
-    """Draw a sensor's noise for so many episodes of some scenarios, (B, L, ...)."""
+    """Draw the sensor's noise for a number of episodes, (B, L, ...)."""
     data = scenarios.data
     return draw_noise(rng, (episodes, scenarios.length), data.persons, len(data.skeleton.joint_names))
 
@@ -95,8 +95,8 @@ def rollout(
     Frame 0 is seen from the start viewpoint; after each frame but the last the planner moves the camera.
 
     Raises:
-        EpisodeError: a start lies outside of the workspace, or the planner returned something else than finite
-            targets (B, 3), or it or the recogniser raised something, or the recogniser's arrays have other shapes.
+        EpisodeError: a start lies outside the workspace, the planner does not return finite targets (B, 3), an array of
+            the recogniser has the wrong shape, or the code of the planner or the recogniser raises an error.
     """
     _check_starts(batch, context)
     episodes, length = batch.positions.shape[:2]
@@ -144,10 +144,10 @@ def rollout(
 
 @contextmanager
 def blamed(actor: object, where: str) -> Iterator[None]:
-    """Turn what the code of a planner or a recogniser raises into one line that names its file and line.
+    """Turn an error in the code of a planner or a recogniser into one line that names the file and the line.
 
     Raises:
-        EpisodeError: something was raised; an error of ours goes on as it is.
+        EpisodeError: the code raised an error; an `EharError` passes unchanged.
     """
     try:
         yield
