@@ -1,11 +1,11 @@
 """AIST++: dancers' 3D keypoints, and a seeded selection of the size that the paper uses, split by dancer.
 
-The reader takes `<source>/keypoints3d/*.pkl`, without what `ignore_list.txt` names, and at most 14 + 7 sequences a genre.
+The reader takes `<source>/keypoints3d/*.pkl` except the names in `ignore_list.txt`, at most 14 + 7 sequences a genre.
 It holds out a third of each genre's dancers, and no dancer is on both sides. It draws the dancers, and their sequences,
-from `SELECTION_SEED`; the names and the split are in the result. If one dancer alone performs a genre, that genre would
-have no training or no test sequence: then the result has no split (`is_test` is None) and at most 21 sequences a genre.
+from `SELECTION_SEED`; the names and the split are in the result. A genre with only one dancer would have no training or
+no test sequence: then the result has no split (`is_test` is None) and at most 21 sequences a genre.
 
-The floor stays where the files have it, which is not at a height of 0.
+The floor stays at its height in the files, which is not 0.
 """
 
 import pickle
@@ -164,14 +164,14 @@ def _draw(entries: list[_Entry], count: int, rng: np.random.Generator) -> list[_
 _ADMITTED = {
     ("numpy", "ndarray"): np.ndarray,
     ("numpy", "dtype"): np.dtype,
-    # numpy's own constructor of arrays, under the names of its versions before and since 2.0
+    # numpy's constructor of arrays, under its names before and since 2.0
     ("numpy.core.multiarray", "_reconstruct"): np.empty(0).__reduce__()[0],
     ("numpy._core.multiarray", "_reconstruct"): np.empty(0).__reduce__()[0],
 }
 
 
 class _ArrayUnpickler(pickle.Unpickler):
-    """Admits numpy arrays and plain containers; a name of anything else ends the reading before it is looked up."""
+    """Admits numpy arrays and plain containers; any other name raises an error before it is looked up."""
 
     def __init__(self, stream: BinaryIO, file: Path) -> None:
         super().__init__(stream)
@@ -192,6 +192,6 @@ def _unpickle(file: Path) -> Any:
             return _ArrayUnpickler(stream, file).load()
     except DataError:
         raise
-    except Exception as error:  # broken bytes make the pickle machine raise nearly anything
+    except Exception as error:  # broken bytes can raise almost any error
         problem = " ".join(str(error).split()) or type(error).__name__
         raise DataError(f"{file}: not a readable pickle: {problem}") from error
