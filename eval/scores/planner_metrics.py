@@ -1,4 +1,4 @@
-"""The numbers of a planner that are columns of every table: one line in `METRICS` each."""
+"""The metrics of a planner: each entry of `METRICS` is a column of every table."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,14 +9,14 @@ from eval.scores.metrics import ece, nll, path_length
 
 @dataclass(frozen=True)
 class Metric:
-    """A number of one training of a planner; of several trainings tables show the mean.
+    """A number of one training of a planner; tables show the mean over several trainings.
 
     Args:
-        key: in summary.json.
-        header: of its column, with the unit.
-        of_records: computes it.
-        digits: behind the decimal point.
-        lower_is_better: for sorting.
+        key: its key in summary.json.
+        header: header of its column, with the unit.
+        of_records: computes it from the records of one training.
+        digits: number of decimals.
+        lower_is_better: whether lower numbers are better, for sorting.
     """
 
     key: str
@@ -33,7 +33,7 @@ NLL = Metric(
     digits=2,
 )
 ECE = Metric(
-    key="ece",  # expected calibration error, 0 to 1; each training's own, so that their errors do not cancel
+    key="ece",  # expected calibration error, 0 to 1, of each training alone, so that errors do not cancel
     header="ECE",
     of_records=lambda records: ece(records.top_probability, records.correct),
     digits=3,
