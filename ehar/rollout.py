@@ -1,4 +1,4 @@
-"""The only loop: every frame of a batch of episodes is sensed, recognised, planned upon and moved, in lockstep."""
+"""The rollout loop: it senses, recognises, plans and moves every frame of a batch of episodes in lockstep."""
 
 import time
 from collections.abc import Sequence
@@ -20,14 +20,14 @@ from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Batch:
-    """B episodes that are run together.
+    """B episodes that run together.
 
     Args:
         positions: (B, L, P, J, 3) [m], relative to each scenario's centre.
         labels: (B,).
         starts: (B, 3) start viewpoints.
-        noise: the sensor's draws, (B, L, ...).
-        names: what errors call each episode.
+        noise: (B, L, ...), random draws of the sensor.
+        names: names of the episodes in error messages.
     """
 
     positions: FloatArray
@@ -65,7 +65,7 @@ class Batch:
         )
 
     def select(self, rows: IntArray | slice, frames: int | None = None) -> "Batch":
-        """Return some of the episodes, and of each the first frames; None is all frames."""
+        """Return some of the episodes, cut to their first `frames` frames; None keeps all frames."""
         return Batch(
             positions=self.positions[rows, :frames],
             labels=self.labels[rows],
@@ -76,7 +76,7 @@ class Batch:
 
 
 def noise_of(scenarios: Scenarios, episodes: int, rng: np.random.Generator) -> SensorNoise:
-    """Draw a sensor's noise for so many episodes of some scenarios, (B, L, ...)."""
+    """Draw the sensor's noise for a number of episodes, (B, L, ...)."""
     data = scenarios.data
     return draw_noise(rng, (episodes, scenarios.length), data.persons, len(data.skeleton.joint_names))
 
