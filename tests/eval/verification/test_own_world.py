@@ -56,6 +56,13 @@ def test_they_see_and_move_as_they_did(lab: Path) -> None:
     assert said["moves again"] == f"{4 * 20 * 9} of {4 * 20 * 9} frames of 4 planners"
 
 
+def test_a_flight_of_a_motion_of_ones_own_is_flown_again(lab: Path) -> None:
+    run(track="mine.py:Drone")
+    found = again()
+    assert found.verdict == "verified", found.checks
+    assert next(check.what for check in found.checks if check.name == "motion").startswith("mine.py:Drone, sha256 ")
+
+
 def test_their_files_run_only_where_that_is_asked_for(lab: Path) -> None:
     run(sensor="mine.py:Blurred", track="mine.py:Slow")
     (lab / "mine.py").write_text("raise RuntimeError('not run')")
