@@ -19,7 +19,7 @@ class Track:
 
     Args:
         name: what planners call it.
-        vehicle: what carries the camera; None where none does.
+        vehicle: what carries the camera, as planners are told; None where none does.
         own: makes a new motion of your own.
         spec: of your own: how it was named; of an object, its name.
         sha256: of your own: of its file and arguments.
@@ -94,4 +94,6 @@ def _own(track: object) -> Track:
     if name in (IDEAL, *VEHICLES):
         raise UsageError(f"{own.what}: name: expected another than {name!r}, which is a track of ehar")
     own.make()  # so that what cannot be copied is said before anything runs
-    return Track(name, own=own.make, spec=own.spec if isinstance(track, str) else name, sha256=own.sha256)
+    vehicle = getattr(own.made, "vehicle", None)
+    spec = own.spec if isinstance(track, str) else name
+    return Track(name, vehicle if isinstance(vehicle, Vehicle) else None, own.make, spec, own.sha256)

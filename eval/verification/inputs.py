@@ -81,7 +81,8 @@ def check_inputs(
     setting, sha256 = None, ""
     try:
         if reason is None and all(check.result != UNCHECKED for check in brought):
-            setting = load_setting(replace(here, track=config.vehicle or told.track))
+            flown = None if config.track_sha256 is not None else config.vehicle
+            setting = load_setting(replace(here, track=flown or told.track))
             sha256 = setting.recogniser_sha256
         elif reason is None:
             sha256 = _recogniser_sha256(here, motion)
