@@ -67,7 +67,7 @@ class Conditions:
                 raise UsageError(f"unknown {name} {value!r}; expected one of: {', '.join(known)}")
         for name, least in (("starts", 1), ("length", 1), ("seed", 0)):
             value = getattr(self, name)
-            if not isinstance(value, int) or value < least:
+            if not isinstance(value, int) or isinstance(value, bool) or value < least:
                 raise UsageError(f"{name}: expected a whole number of at least {least}, got {value!r}")
         if self.recogniser is not None and self.form != "causal":
             raise UsageError(f"form: expected none beside a recogniser of your own, got {self.form}")

@@ -1,5 +1,7 @@
 """A policy that stable-baselines3 trains on `ehar/Grid-v0`, wrapped as a planner: `python learned.py`."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 from stable_baselines3 import A2C
@@ -36,12 +38,13 @@ class Learned(Planner):
         return apply_moves(observation.viewpoint, moves, self.context.workspace)
 
 
-def train(steps: int, **world: object) -> Learned:
-    """Return a planner that was trained for some steps. `world` goes to `gym.make`."""
-    env = gym.make("ehar/Grid-v0", **world)
+def train(steps: int, conditions: Conditions) -> Learned:
+    """Return a planner that was trained for some steps, on the policy part of the data."""
+    env = gym.make("ehar/Grid-v0", conditions=replace(conditions, part="policy"))
     return Learned(A2C("MultiInputPolicy", env, seed=0, device="cpu").learn(steps).policy)
 
 
 if __name__ == "__main__":
-    run = benchmark([train(5_000, data="duo"), "no-act", "oracle"], Conditions(data="duo"))
+    duo = Conditions(data="duo")
+    run = benchmark([train(5_000, duo), "no-act", "oracle"], duo)
     print(run.summary.planner("learned"))

@@ -1,6 +1,7 @@
 """A labelled motion data set in memory: what an .npz of the schema holds."""
 
 import hashlib
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.skeleton import Skeleton
+from ehar.errors import UsageError
 
 UNKNOWN_SUBJECT = -1
 
@@ -17,17 +19,17 @@ class MotionData:
     """Labelled sequences of joint positions, in metres, z up, right-handed.
 
     Args:
-        name: what reports call the data.
+        name: name of the data in reports.
         positions: (total_frames, P, J, 3) float32 [m], all sequences one after another.
         offsets: (sequences + 1,) int64; sequence i is `positions[offsets[i]:offsets[i + 1]]`.
         labels: (sequences,) index into `class_names`.
         class_names: K names.
-        sequence_names: one name a sequence.
+        sequence_names: one name per sequence.
         fps: frames per second.
-        skeleton: of one person.
-        is_test: (sequences,) bool, the split by sequence; None where the data comes without one.
-        subjects: (sequences, P) ints, who performs; -1 is unknown.
-        license: under which the motion may be used.
+        skeleton: the skeleton of one person.
+        is_test: (sequences,) bool, which sequences are for tests; None for data without a split.
+        subjects: (sequences, P) ints, the performers; -1 is unknown.
+        license: the license of the motion.
         synthetic: whether the motion was generated.
     """
 
@@ -64,7 +66,7 @@ class MotionData:
 
     @property
     def title(self) -> str:
-        """The name for people to read; it says so where the motion is synthetic."""
+        """The name for people to read; it marks synthetic motion."""
         return f"{self.name} (synthetic)" if self.synthetic else self.name
 
     @cached_property
@@ -88,7 +90,12 @@ class MotionData:
         """Return the data at another frame rate: linear interpolation in time, each sequence by itself.
 
         Motion slower than half the new rate is kept; nothing filters what is faster, as no camera would.
+
+        Raises:
+            UsageError: the rate is not above 0.
         """
+        if not (math.isfinite(fps) and fps > 0):
+            raise UsageError(f"fps: got {fps}, expected frames per second above 0")
         if fps == self.fps:
             return self
         pieces = []

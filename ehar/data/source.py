@@ -1,6 +1,5 @@
 """Where motion data comes from: a built-in name, or the path of a prepared .npz."""
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +12,7 @@ BUILT_IN: dict[str, Callable[[], MotionData]] = {"duo": duo, "solo": solo}
 
 
 def load_data(source: str | Path, *, fps: float | None = None) -> MotionData:
-    """Return the built-in data of a name, or the motion data of an .npz file.
+    """Return a built-in data set by its name, or the motion data of an .npz file.
 
     Args:
         source: `duo`, `solo`, or a path.
@@ -23,8 +22,6 @@ def load_data(source: str | Path, *, fps: float | None = None) -> MotionData:
         UsageError: `source` is neither a known name nor a file, or `fps` is not above 0.
         DataError: the file does not hold what the schema asks for.
     """
-    if fps is not None and not (math.isfinite(fps) and fps > 0):
-        raise UsageError(f"fps: got {fps}, expected frames per second above 0")
     data = _load(source)
     return data if fps is None else data.resampled(fps)
 

@@ -77,7 +77,8 @@ class Command:
         """What its help begins with."""
         if self.text:
             return inspect.cleandoc(self.text)
-        return (inspect.getdoc(self.function) or "").partition("Args:\n")[0].rstrip()
+        doc = inspect.getdoc(self.function) or ""
+        return re.split(r"^(?:Args|Returns|Raises):$", doc, flags=re.MULTILINE)[0].rstrip()
 
     @property
     def function(self) -> Callable[..., Any]:

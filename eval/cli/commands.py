@@ -158,8 +158,7 @@ BENCHMARK = Command(
     flags={
         "planners": Flag(
             "names, or your own: file.py:Class or module:Class, then --argument value.",
-            kind=tuple[str, ...],
-            default=(),
+            kind=tuple[str, ...] | None,
             positional=True,
             metavar="[PLANNER ...]",
             hint="all of ours",
@@ -269,10 +268,11 @@ TRAIN = CommandGroup(
     },
 )
 CHECK = CommandGroup(
-    """Check a planner or a recogniser of your own.
+    """Check your own planner, recogniser, sensor or motion.
 
     For example:
         ehar check planner ./spiral.py:Spiral
+        ehar check sensor ./mine.py:Blurred
     """,
     {
         "planner": Command(
@@ -320,6 +320,36 @@ CHECK = CommandGroup(
                 ),
                 "data": Flag("whose test episodes it sees: duo, solo, or a prepared .npz."),
             },
+        ),
+        "sensor": Command(
+            "eval.conformance.sensor:check_sensor",
+            show_conformance,
+            text="""Check that a sensor keeps its contract.
+
+            Shapes, confidence, independent rows, noise, forks, no peeking, time a frame.
+
+            Exit code 0: all passed; 1: a check failed, and how to mend it; 2: it can't run.
+
+            For example:
+                ehar check sensor ./mine.py:Blurred --pixels 8
+            """,
+            conditions=("data",),
+            flags={"sensor": Flag(kind=str, positional=True, metavar="SENSOR")},
+        ),
+        "motion": Command(
+            "eval.conformance.motion:check_motion",
+            show_conformance,
+            text="""Check that a motion keeps its contract.
+
+            Rest at the start, workspace, targets that are held, independent rows, reset.
+
+            Exit code 0: all passed; 1: a check failed, and how to mend it; 2: it can't run.
+
+            For example:
+                ehar check motion ./mine.py:Slow
+            """,
+            conditions=("data", "fps"),
+            flags={"motion": Flag(kind=str, positional=True, metavar="MOTION")},
         ),
     },
 )

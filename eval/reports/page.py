@@ -55,6 +55,7 @@ def make_report(
     """
     reporter = reporter or ConsoleReporter()
     finished = read_run(run)
+    _ = finished.summary  # first, so that one which is damaged is all that is heard of
     shown = report_data(finished, class_names(finished, reporter.note, data))
     replays, rule = _replays(shown, data, models, reporter)
     path = finished.folder / REPORT if out is None else Path(out)

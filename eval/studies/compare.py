@@ -45,7 +45,7 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
     """
     if len(planners) not in (0, 2):
         raise UsageError(f"planners: expected one of A and one of B, got {len(planners)}: {', '.join(planners)}")
-    a, b = read_run(run_a), read_run(run_b)
+    a, b = _read(run_a), _read(run_b)
     _check_same_episodes(a, b)
     groups = _choose(a, b, planners)
     reference = next(iter(a.records.values()))
@@ -71,6 +71,17 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
         ),
         no_intervals=resamples.why_none,
     )
+
+
+def _read(directory: str | Path) -> Run:
+    """Read a run whose config.json names all of its planners."""
+    run = read_run(directory)
+    listed = [planner.name for planner in run.config.planners]
+    for name in run.records:
+        if name not in listed:
+            path = run.folder / CONFIG
+            raise DataError(f"{path}: expected every planner with episodes among its planners, {name!r} is not")
+    return run
 
 
 def _check_same_episodes(a: Run, b: Run) -> None:
@@ -153,10 +164,11 @@ def _weights(name: str, run: Run) -> str | None:
 
 
 def _rewritten(name: str, a: Run, b: Run) -> bool:
-    """Return whether a planner of your own has another file or other arguments; of some runs the file is unknown."""
+    """Return whether a planner of your own has another file or other arguments; older runs do not say."""
     one, other = _config(name, a), _config(name, b)
-    files = (one.source_sha256, other.source_sha256)
-    return (None not in files and files[0] != files[1]) or one.arguments != other.arguments
+    if (one.source_sha256 is None) != (other.source_sha256 is None):
+        return False
+    return (one.source_sha256, one.arguments) != (other.source_sha256, other.arguments)
 
 
 def _is_privileged(group: PlannerGroup, run: Run) -> bool:

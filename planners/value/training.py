@@ -82,8 +82,11 @@ def train_gain_field(config: GainTrainingConfig, report: Callable[[str, int, int
     model = GainModel({name: fit.field for name, fit in fits.items()}, belief, task.pairs)
     told = setting.conditions
     history: dict[str, Any] = {
-        **{name: getattr(told, name) for name in ("data", "models", "sensor", "views", "length", "fps", "seed")},
+        **{name: getattr(told, name) for name in ("data", "models")},
+        "out": None if config.out is None else str(config.out),
+        **{name: getattr(told, name) for name in ("sensor", "views", "length", "fps")},
         "batches": config.batches,
+        "seed": told.seed,
         "data_sha256": data.sha256,
         "cross_validation": {
             name: {score: value for score, value in fit._asdict().items() if score != "field"}

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ehar.conditions import Conditions
 from ehar.data.motion_file import load_motion, save_motion
 from ehar.data.scenario import part_of, windows
-from ehar.data.source import load_data
 from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeVectorEnv
 from ehar.envs.task import EpisodeTask
@@ -18,15 +18,19 @@ from ehar.planner import Context
 from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
 from eval import benchmark, check_planner, check_recogniser
+from eval.cli.commands import BENCHMARK
 from eval.cli.main import parse
+from eval.cli.own_flags import fold_flags
 from planners.registry import resolve_planner
 from recognition.calibration import Temperature
 from recognition.networks.spec import NetworkSpec
+from recognition.setting import load_motion_of
 from recognition.storage import load_recogniser, recogniser_path, save_recogniser
 from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context, tiny_data
 from tests.helpers.gain_models import model_of, peak_weights
 from tests.helpers.pages import DOCS, commands, python_blocks
 from tests.helpers.tiny_benchmarks import Log
+from tests.helpers.tiny_benchmarks import run as run_tiny
 
 PAGE = DOCS / "writing-a-planner.md"
 EXAMPLES = DOCS / "examples"
@@ -42,9 +46,9 @@ def test_the_page_shows_every_example_as_it_is(path: Path) -> None:
 @pytest.mark.usefixtures("fake_weights")
 def test_the_spiral_conforms_and_does_what_it_says() -> None:
     spec = f"{EXAMPLES}/spiral.py:Spiral(distance=6)"
-    found = check_planner(spec, data=tiny_data())
+    found = check_planner(spec, Conditions(data=tiny_data()))
     assert found.passed, str(found)
-    summary = benchmark([spec, "no-act"], data=tiny_data(sequences=20), length=10, reporter=Log())
+    summary = run_tiny([spec, "no-act"], data=tiny_data(sequences=20), starts=1).summary
     assert summary.planner("spiral(distance=6)").metrics["path_length_m"] > 0.5
 
 
@@ -55,7 +59,7 @@ def made_rays(steps: int, peak: list[float]) -> Any:
 
 @pytest.mark.usefixtures("fake_weights")
 def test_the_rays_conform() -> None:
-    found = check_planner(made_rays(5, [8.0, 1.0, 1.2]), data=tiny_data())
+    found = check_planner(made_rays(5, [8.0, 1.0, 1.2]), Conditions(data=tiny_data()))
     assert found.passed, str(found)
 
 
@@ -69,38 +73,37 @@ def test_the_rays_climb_to_where_the_field_is_highest() -> None:
 
 @pytest.mark.slow
 def test_the_rays_run_over_the_trained_field() -> None:
-    summary = benchmark([f"{EXAMPLES}/rays.py:Rays", "no-act"], data="duo")
+    summary = benchmark([f"{EXAMPLES}/rays.py:Rays", "no-act"], Conditions(data="duo")).summary
     assert summary.planner("rays").acc_mean > summary.planner("no-act").acc_mean + 3
 
 
 @pytest.fixture(scope="module")
-def world(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """Write tiny data and an untrained recogniser of it, and return what the environment is told."""
+def world(tmp_path_factory: pytest.TempPathFactory) -> Conditions:
+    """Write tiny data and an untrained recogniser of it, and return the conditions of both."""
     folder = tmp_path_factory.mktemp("world")
     save_motion(folder / "tiny.npz", tiny_data(sequences=24))
     spec = NetworkSpec.of(load_motion(folder / "tiny.npz"), form="causal", size="small", length=LENGTH)
-    path = recogniser_path(folder, form="causal", sensor="perfect", views="moving")
+    world = Conditions(data=str(folder / "tiny.npz"), models=folder, length=LENGTH)
+    path = recogniser_path(folder, world)
     save_recogniser(path, spec.build(), spec, Temperature(), {})
-    return {"data": str(folder / "tiny.npz"), "models": str(folder), "length": LENGTH}
+    return world
 
 
 @pytest.fixture(scope="module")
-def learned(world: dict[str, Any]) -> Any:
-    return runpy.run_path(str(EXAMPLES / "learned.py"))["train"](60, **world)
+def learned(world: Conditions) -> Any:
+    return runpy.run_path(str(EXAMPLES / "learned.py"))["train"](60, world)
 
 
-def test_the_learned_policy_conforms_and_runs(world: dict[str, Any], learned: Any) -> None:
-    found = check_planner(learned, data=world["data"], models=Path(world["models"]))
+def test_the_learned_policy_conforms_and_runs(world: Conditions, learned: Any) -> None:
+    found = check_planner(learned, world)
     assert found.passed, str(found)
-    options = {**world, "models": Path(world["models"]), "reporter": Log()}
-    assert benchmark([learned, "no-act"], **options).planner("learned").metrics["path_length_m"] >= 0
+    run = benchmark([learned, "no-act"], world, reporter=Log())
+    assert run.summary.planner("learned").metrics["path_length_m"] >= 0
 
 
-def test_the_learned_policy_makes_the_moves_that_it_makes_in_its_environment(
-    world: dict[str, Any], learned: Any
-) -> None:
-    data = load_data(world["data"])
-    recogniser = load_recogniser(Path(world["models"]), data, sensor="perfect", views="moving")
+def test_the_learned_policy_makes_the_moves_that_it_makes_in_its_environment(world: Conditions, learned: Any) -> None:
+    data = load_motion_of(world)
+    recogniser = load_recogniser(world, data)
     scenarios = windows(data, part_of(data, "policy"), LENGTH, 1)
     envs = EpisodeVectorEnv(
         4, EpisodeTask(scenarios=scenarios, recogniser=recogniser, sensor=PerfectSensor(), controls=GridControls())
@@ -129,12 +132,13 @@ def test_the_recogniser_of_the_page_conforms(tmp_path: Path) -> None:
     path = tmp_path / "mine.py"
     path.write_text(next(block for block in python_blocks(PAGE) if "class Mine" in block))
     for persons in (1, 2):
-        found = check_recogniser(f"{path}:Mine(strength=0.2)", data=tiny_data(persons=persons))
+        found = check_recogniser(f"{path}:Mine(strength=0.2)", Conditions(data=tiny_data(persons=persons)))
         assert found.passed, str(found)
 
 
 def test_flags_after_a_class_of_the_page_become_its_arguments() -> None:
-    shown = [parse(words) for words in commands(PAGE)]  # what they run is tested above
-    assert len(shown) >= 6
-    planners = {planner for command in shown for planner in getattr(command, "planners", ())}
+    shown = commands(PAGE)  # what they run is tested above
+    assert len(shown) >= 6 and all(callable(parse(words)) for words in shown)
+    run = [fold_flags(words, BENCHMARK.options()) for name, *words in shown if name == "benchmark"]
+    planners = {word for words in run for word in words}
     assert {"./spiral.py:Spiral(distance='8', turn='-0.2')", "./rays.py:Rays", "./rays.py:Rays(steps='30')"} <= planners

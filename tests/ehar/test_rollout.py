@@ -5,15 +5,15 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from ehar.arrays import FloatArray
+from ehar.arrays import FloatArray, IntArray
 from ehar.errors import EpisodeError
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner
-from ehar.rollout import Record, rollout
+from ehar.rollout import Batch, Record, noise_of, rollout
 from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.perfect import PerfectSensor
-from ehar.sensors.sensor import Sensor
-from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context
+from ehar.sensors.sensor import Sensor, SensorNoise
+from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context, tiny_scenarios
 
 EPISODES, LENGTH = 5, 6
 
@@ -123,3 +123,67 @@ def test_a_target_that_is_no_array_names_planner_and_frame(answer: object) -> No
 def test_a_list_of_numbers_is_as_good_as_an_array() -> None:
     record = run(lambda observation: observation.viewpoint.tolist())  # type: ignore[arg-type, return-value]
     np.testing.assert_array_equal(record.viewpoints[:, -1], record.viewpoints[:, 0])
+
+
+def arrays(batch: Batch) -> list[FloatArray]:
+    return [batch.positions, batch.labels, batch.starts, *batch.noise]
+
+
+def assert_same(first: Batch, second: Batch) -> None:
+    for one, other in zip(arrays(first), arrays(second), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert first.names == second.names
+
+
+def test_a_batch_of_scenarios_names_each_by_its_sequence_and_first_frame() -> None:
+    scenarios, chosen = tiny_scenarios(length=LENGTH), np.array([16, 0, 2])  # each sequence has 15 windows
+    starts, noise = np.ones((3, 3)), noise_of(scenarios, 3, np.random.default_rng(0))
+    batch = Batch.of(scenarios, chosen, starts, noise)
+    assert batch.names == ("sequence-1 from frame 1", "sequence-0 from frame 0", "sequence-0 from frame 2")
+    np.testing.assert_array_equal(batch.positions, scenarios.positions(chosen))
+    np.testing.assert_array_equal(batch.labels, [1, 0, 0])
+    assert batch.starts is starts
+    assert batch.noise is noise
+
+
+def test_joined_batches_hold_the_episodes_of_one_after_those_of_another() -> None:
+    first, second = tiny_batch(episodes=2, seed=0), tiny_batch(episodes=3, seed=1)
+    joined = Batch.joined([first, second])
+    assert len(joined.labels) == len(joined.names) == 5
+    assert isinstance(joined.noise, SensorNoise)
+    assert_same(joined.select(slice(2)), first)
+    assert_same(joined.select(np.array([2, 3, 4])), second)
+    assert_same(Batch.joined([first]), first)
+
+
+@pytest.mark.parametrize("rows", [np.array([4, 0, 0]), slice(1, 3), np.array([], dtype=np.int64)])
+@pytest.mark.parametrize("frames", [None, 1, 4])
+def test_some_episodes_and_their_first_frames_are_selected(rows: IntArray | slice, frames: int | None) -> None:
+    batch = tiny_batch(episodes=EPISODES, length=LENGTH)
+    chosen = np.arange(EPISODES)[rows].tolist()
+    selected = batch.select(rows, frames)
+    assert selected.positions.shape[:2] == (len(chosen), frames or LENGTH)
+    assert selected.names == tuple(f"episode-{row}" for row in chosen)
+    for place, row in enumerate(chosen):
+        np.testing.assert_array_equal(selected.positions[place], batch.positions[row, :frames])
+        np.testing.assert_array_equal(selected.labels[place], batch.labels[row])
+        np.testing.assert_array_equal(selected.starts[place], batch.starts[row])
+        for drawn, whole in zip(selected.noise, batch.noise, strict=True):
+            np.testing.assert_array_equal(drawn[place], whole[row, :frames])
+
+
+def test_a_selected_episode_runs_as_it_does_among_others() -> None:
+    batch, planner = tiny_batch(episodes=EPISODES, length=LENGTH), Answers(lambda seen: seen.viewpoint + 0.1)
+    records = [
+        rollout(
+            planner,
+            some,
+            FakeRecogniser(),
+            EstimatorSensor(skeleton=tiny_context().skeleton),
+            GridMotion(),
+            tiny_context(episodes=len(some.labels), length=LENGTH),
+        )
+        for some in (batch, batch.select(np.array([3, 1])))
+    ]
+    np.testing.assert_array_equal(records[0].viewpoints[[3, 1]], records[1].viewpoints)
+    np.testing.assert_allclose(records[0].log_probs[[3, 1]], records[1].log_probs, rtol=1e-6)

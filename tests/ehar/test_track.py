@@ -28,7 +28,7 @@ def test_a_track_is_ideal_or_a_vehicle() -> None:
 def test_a_motion_of_a_user_s_own_is_copied_for_every_roll() -> None:
     own = GridMotion(workspace=Workspace(distance_max=12.0))
     track = load_track(own)
-    assert (track.name, track.vehicle, track.own) == ("GridMotion", None, own)
+    assert (track.name, track.vehicle) == ("GridMotion", None)
     first, second = track.new_motion(), track.new_motion()
     assert len({id(motion) for motion in (own, first, second)}) == 3
     assert first.workspace == second.workspace == own.workspace

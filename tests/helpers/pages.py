@@ -8,11 +8,11 @@ import shlex
 from pathlib import Path
 
 import pytest
-from eval.cli.check_commands import CheckPlanner, CheckRecogniser
 
-from eval.cli.commands import Benchmark
+from eval.cli.command import Command
+from eval.cli.commands import COMMANDS, CommandGroup
 from eval.cli.main import main
-from eval.cli.own_flags import fold_flags, options_of
+from eval.cli.own_flags import fold_flags
 from tests.helpers.places import ROOT
 
 DOCS = ROOT / "docs"
@@ -45,18 +45,20 @@ def mentioned_commands(page: Path) -> list[list[str]]:
 
 def unknown_flags(words: list[str]) -> list[str]:
     """Return the flags of a command, or of a part of one, that it does not have; a command that is none fails."""
-    own = words[:1] in (["benchmark"], ["check"])
-    folded = fold_flags(words, options_of(Benchmark, CheckPlanner, CheckRecogniser)) if own else words
-    named = tuple(word for word in words[:3] if re.fullmatch("[a-z][a-z-]*", word))
-    flags, known = [word.partition("=")[0] for word in folded if word.startswith("--")], known_flags(named)
+    found: CommandGroup | Command = COMMANDS
+    named: list[str] = []
+    rest = list(words)
+    while isinstance(found, CommandGroup) and rest and re.fullmatch("[a-z][a-z-]*", rest[0]):
+        assert rest[0] in found.commands, f"ehar {' '.join([*named, rest[0]])}: no such command"
+        named.append(rest.pop(0))
+        found = found.commands[named[-1]]
+    folded = rest if isinstance(found, CommandGroup) else fold_flags(rest, found.options())
+    flags, known = [word.partition("=")[0] for word in folded if word.startswith("--")], known_flags(tuple(named))
     return [flag for flag in flags if flag not in known]
 
 
 def known_flags(words: tuple[str, ...]) -> set[str]:
-    """Return the flags in the help of the command that the first words name."""
-    if words:
-        listed = re.search(r"\{([a-z,-]+)\}", help_of(()))  # in the usage
-        assert listed is not None and words[0] in listed[1].split(","), f"ehar {words[0]}: no such command"
+    """Return the flags in the help of the command that the words name."""
     return set(re.findall(r"--[a-z][a-z-]*", help_of(words)))
 
 

@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 
 from ehar.errors import EpisodeError, UsageError
-from eval import benchmark
 from planners import own_planner
 from planners.own_planner import GROUP, Origin, make_own_planner, own_spec
 from planners.registry import check_spec, resolve_planner
 from tests.helpers.fakes import tiny_data
 from tests.helpers.gain_models import model_of, peak_weights
-from tests.helpers.tiny_benchmarks import Log
+from tests.helpers.tiny_benchmarks import run as run_tiny
 
 OWN = """
 from __future__ import annotations
@@ -284,13 +283,13 @@ def test_it_can_be_sent_to_another_process(own: Path) -> None:
 
 
 def run(planners: list[Any], **options: Any) -> Any:
-    return benchmark(planners, data=tiny_data(sequences=20), length=10, reporter=Log(), **options)
+    return run_tiny(planners, data=tiny_data(sequences=20), starts=1, **options)
 
 
 @pytest.mark.usefixtures("fake_weights")
 def test_two_settings_run_side_by_side_and_the_config_says_which(own: Path, tmp_path: Path) -> None:
     spirals = [f"{own}:Spiral(radius={radius}, file='a')" for radius in (4, 6)]
-    summary = run([*spirals, f"{own}:Mine", "no-act"], out=tmp_path / "run")
+    summary = run([*spirals, f"{own}:Mine", "no-act"], out=tmp_path / "run").summary
     names = ["spiral(radius=4, file=a)", "spiral(radius=6, file=a)", "mine", "no-act"]
     assert [planner.name for planner in summary.planners] == names
     config = json.loads((tmp_path / "run" / "config.json").read_text())

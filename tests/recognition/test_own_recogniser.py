@@ -8,9 +8,10 @@ import pytest
 
 from ehar.data.motion_file import save_motion
 from ehar.errors import EpisodeError, ModelError, UsageError
+from ehar.plugins.own_class import Own
 from ehar.recogniser import Recogniser
 from eval.cli.main import main
-from recognition.own_recogniser import OwnRecogniser, resolve_recogniser
+from recognition.own_recogniser import resolve_recogniser
 from tests.helpers.agents import save_untrained
 from tests.helpers.fakes import CLASS_NAMES, FakeRecogniser, tiny_data
 from tests.helpers.own_recogniser import OWN
@@ -30,13 +31,13 @@ def own(tmp_path: Path) -> Path:
     return path
 
 
-def resolved(brought: str | Recogniser) -> OwnRecogniser:
+def resolved(brought: str | Recogniser) -> Own:
     return resolve_recogniser(brought, DATA)
 
 
 def test_its_constructor_is_handed_what_it_asks_for_of_the_data(own: Path) -> None:
     made = resolved(f"{own}:Mine(gain='2')")
-    recogniser: Any = made.recogniser
+    recogniser: Any = made.made
     assert recogniser.given == (DATA.class_names, DATA.skeleton, DATA.persons, DATA.fps, 2.0)
     assert made.title == "Mine(gain=2)"
     assert made.spec == f"{own}:Mine(gain='2')"
@@ -61,7 +62,7 @@ def test_the_hash_is_of_all_that_decides_what_it_says(own: Path) -> None:
 def test_an_object_is_meant_as_it_is() -> None:
     mine = FakeRecogniser()
     made = resolved(mine)
-    assert made.recogniser is mine
+    assert made.made is mine
     assert (made.title, made.spec) == ("FakeRecogniser", "tests.helpers.fakes.FakeRecogniser")
 
 

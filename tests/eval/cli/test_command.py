@@ -62,7 +62,17 @@ def run(
 
 
 def train(config: Setting) -> dict[str, Any]:
-    """Train."""
+    """Train it.
+
+    For example:
+        ehar train --data duo
+
+    Args:
+        config: how.
+
+    Raises:
+        EharError: in one line.
+    """
     return {"config": config}
 
 
@@ -85,18 +95,17 @@ def show_all(found: dict[str, Any]) -> None:
 
 
 RUNS = Command(
-    """Run it.
+    f"{__name__}:run",
+    show,
+    text="""Run it.
 
     For example:
         ehar run --length 5
     """,
-    f"{__name__}:run",
-    show,
     conditions=("models", "data", "length", "fps"),
     flags={"names": Flag("who runs.", kind=tuple[str, ...], default=(), positional=True, metavar="NAME ...")},
 )
 TRAINS = Command(
-    "Train it.",
     f"{__name__}:train",
     show_all,
     conditions=("data", "length"),
@@ -227,6 +236,9 @@ def test_help_says_what_docstrings_and_flags_say(
     for text in ("Args:", "hears of progress", "from Python", "--no-quick"):
         assert text not in shown
     shown = help_of(TRAINS, capsys, monkeypatch)
+    assert "Train it. For example: ehar train --data duo " in shown  # its docstring, up to the arguments
+    for text in ("Args:", "config: how", "Raises:"):
+        assert text not in shown
     assert "--data STR duo, solo, or a prepared .npz. (required)" in shown
     assert "--length INT of a clip. (default: 60)" in shown
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from ehar.arrays import FloatArray
+from ehar.conditions import Conditions
 from ehar.planner import Context, Observation, Planner
 from eval import check_planner
 from eval.conformance.checks import Conformance
@@ -22,7 +23,7 @@ pytestmark = pytest.mark.usefixtures("fake_weights")
 
 
 def checked(planner: str | Planner, **options: Any) -> Conformance:
-    return check_planner(planner, data=tiny_data(**options))
+    return check_planner(planner, Conditions(data=tiny_data(**options)))
 
 
 class Still(Planner):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.conditions import Conditions
 from ehar.recogniser import Recogniser, Recognition
 from ehar.sensors.sensor import Sensed
 from eval import check_recogniser
@@ -25,7 +26,7 @@ WHOLE = "frame by frame is the same as the whole clip at once"
 
 
 def checked(recogniser: Recogniser) -> Conformance:
-    return check_recogniser(recogniser, data=DATA)
+    return check_recogniser(recogniser, Conditions(data=DATA))
 
 
 def softened(recognition: Recognition, change: FloatArray) -> Recognition:

@@ -5,16 +5,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from eval.running.finished_run import read_run
 from PIL import Image
 
 from ehar.camera import Camera, project
+from ehar.conditions import Conditions
 from ehar.errors import UsageError
 from eval.cli.main import main
 from eval.records.run_files import SUMMARY
 from eval.replays.choice import choose_episodes
 from eval.replays.episode import MAP_AZIMUTHS, MAP_POLARS, replay_episode
 from eval.replays.replay import TELLING, make_replay
+from eval.running.run import read_run
 from eval.verification.inputs import check_inputs
 from planners.heuristic import HRotate
 from planners.value.model import gain_model_path, save_gain_model
@@ -39,7 +40,7 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
         directory = tmp_path_factory.mktemp("tiny")
-        model = gain_model_path(directory, sensor="perfect", views="moving")
+        model = gain_model_path(directory, Conditions())
         save_gain_model(model, model_of(peak_weights(BEST)), recogniser_sha256="fake", history={})
         return tiny_run(directory, ("no-act", "v-rotate", "nbv-greedy", "oracle"), models=directory)
 

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from ehar.data.motion_file import save_motion
-from eval import benchmark
 from tests.helpers.fakes import tiny_data
 from tests.helpers.reports import report_of, tiny_run
-from tests.helpers.tiny_benchmarks import HashedRecogniser, Log
+from tests.helpers.tiny_benchmarks import HashedRecogniser
+from tests.helpers.tiny_benchmarks import run as run_tiny
 
 playwright = pytest.importorskip("playwright.sync_api", reason="the browser test needs playwright, of ehar[dev]")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -139,7 +139,7 @@ def test_the_planner_in_focus_changes_its_figures(opened: Any) -> None:
 def test_long_class_names_are_shortened_and_leave_room(opened: Any, tmp_path: Path) -> None:
     names = tuple(f"{letter} <i>person</i> that comes from far & away {letter}" for letter in "ABC")
     save_motion(tmp_path / "tiny.npz", replace(tiny_data(sequences=40), class_names=names))
-    benchmark(["h-rotate", "no-act"], data=tmp_path / "tiny.npz", length=10, out=tmp_path / "run", reporter=Log())
+    run_tiny(["h-rotate", "no-act"], starts=1, data=tmp_path / "tiny.npz", out=tmp_path / "run")
     report_of(tmp_path / "run")
     page = opened(tmp_path / "run" / "report.html", viewport=PHONE)
     for figure in ("confusion", "classes"):

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects
 import pytest
-from eval.running.finished_run import read_run
 from plotly.offline import get_plotlyjs
 
+from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
 from ehar.viewpoint import Workspace
-from eval import benchmark
 from eval.cli.main import main
 from eval.records.episodes import EpisodeRecords
 from eval.records.run_files import SUMMARY
 from eval.reports.page import for_script
+from eval.running.run import read_run
 from planners.heuristic import HRotate
 from planners.value.model import gain_model_path, save_gain_model
 from tests.helpers.commands import fails_with
@@ -29,6 +29,7 @@ from tests.helpers.made_records import flown, make_records, three_planners
 from tests.helpers.own_recogniser import OWN as RECOGNISER
 from tests.helpers.reports import embedded, report_of, tiny_run, written_run
 from tests.helpers.tiny_benchmarks import HashedRecogniser, Log
+from tests.helpers.tiny_benchmarks import run as run_tiny
 
 HOSTILE = '</script><!--<b>"bad" & {0}'
 
@@ -127,7 +128,7 @@ def test_what_is_replayed_is_what_happened(tiny: tuple[Path, str]) -> None:
 
 def test_a_planner_with_a_gain_field_shows_it(tmp_path: Path) -> None:
     best = np.array([10.0, np.pi, np.pi / 3])
-    model = gain_model_path(tmp_path, sensor="perfect", views="moving")
+    model = gain_model_path(tmp_path, Conditions())
     save_gain_model(model, model_of(peak_weights(best)), recogniser_sha256="fake", history={})
     run = tiny_run(tmp_path, ("no-act", "nbv-greedy"), models=tmp_path)
     replays = embedded(report_of(run), "replays")
@@ -169,7 +170,7 @@ def test_names_with_html_are_shown_as_they_are(tmp_path: Path) -> None:
     data = replace(tiny_data(sequences=40), class_names=(HOSTILE, "<i>left</i>", "right"))
     save_motion(tmp_path / "tiny.npz", data)
     run = tmp_path / "run"
-    benchmark(["no-act", Hostile()], data=tmp_path / "tiny.npz", length=10, out=run, reporter=Log())
+    run_tiny(["no-act", Hostile()], starts=1, data=tmp_path / "tiny.npz", out=run)
     page = report_of(run)
     body = page.replace(plotly_script(), "")
     assert HOSTILE not in body

@@ -54,9 +54,9 @@ def test_those_for_whom_nothing_was_trained_are_left_out_aloud(tmp_path: Path) -
     assert names(summary) == tuple(name for name in planner_names() if not name.startswith(trained))
     valuing, learned = log.notes
     assert valuing.startswith("left out: nbv-greedy, nbv-search, nbv: ")
-    assert "`ehar train gain-field --data tiny" in valuing
+    assert "`ehar train gain-field --data X.npz" in valuing
     assert learned.startswith("left out: il, ppo, il-ppo, dagger: no agent was trained for this recogniser: ")
-    assert "`ehar train agent --data tiny" in learned
+    assert "`ehar train agent --data X.npz" in learned
     log = Log()
     run(None, starts=1, form="ctrgcn", reporter=log)
     valuing, learned = log.notes

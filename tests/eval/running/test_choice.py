@@ -25,7 +25,7 @@ DATA = tiny_data()
 def place_of(models: Path | None, **options: Any) -> ModelPlace:
     own: dict[str, Any] = {name: options.pop(name) for name in ("form", "recogniser_sha256") if name in options}
     conditions = Conditions(
-        data="tiny", models=models, form="ctrgcn" if own.get("form") == "ctrgcn" else "causal", **options
+        data="tiny.npz", models=models, form="ctrgcn" if own.get("form") == "ctrgcn" else "causal", **options
     )
     return ModelPlace(conditions, DATA, **{"form": "causal", "recogniser_sha256": "fake", **own})
 
@@ -93,7 +93,7 @@ def test_without_names_all_run_for_whom_something_was_trained(tmp_path: Path) ->
     assert agents.startswith(
         "left out: ppo, il-ppo, dagger: no agent was trained for this recogniser: expected those of "
     )
-    assert f"`ehar train agent --data tiny --models {tmp_path} --sensor perfect --views moving`" in agents
+    assert f"`ehar train agent --data tiny.npz --sensor perfect --views moving --models {tmp_path}`" in agents
     save_field(tmp_path)
     save_agents(tmp_path, "ppo/0", "il-ppo/0", "dagger/0")
     names, model, notes = chosen(None, place_of(tmp_path))
@@ -129,7 +129,9 @@ def test_a_recogniser_of_your_own_has_neither_a_gain_field_nor_agents(tmp_path: 
 def test_who_is_named_has_to_be_trained(tmp_path: Path) -> None:
     save_agents(tmp_path, "il/0")
     for planners in (["il", "ppo"], ["il/1"], ["il-no-vision"]):
-        with pytest.raises(ModelError, match=r"agent-.*\.safetensors: no such file: .*`ehar train agent --data tiny"):
+        with pytest.raises(
+            ModelError, match=r"agent-.*\.safetensors: no such file: .*`ehar train agent --data tiny.npz"
+        ):
             chosen(planners, place_of(tmp_path))
     for options in ({"sensor": "estimator"}, {"views": "paper"}):
         with pytest.raises(ModelError, match=f"-{next(iter(options.values()))}-.*no such file"):

@@ -4,20 +4,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from eval.running.finished_run import read_run
 
 from ehar.arrays import FloatArray
 from ehar.data.motion_file import save_motion
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.planner import Observation
-from eval import benchmark
-from eval.records.run_files import CONFIG
+from eval.records.config import CONFIG
+from eval.running.run import read_run
 from eval.studies.agent_states import AgentStates, agent_states, load_agent, map_states, neighbour_purity
 from planners.agents.network import STATE
 from tests.helpers.agents import save_untrained
 from tests.helpers.fakes import tiny_data
 from tests.helpers.seeing import Seeing
 from tests.helpers.tiny_benchmarks import Log
+from tests.helpers.tiny_benchmarks import run as run_tiny
 
 
 class Stateless(Seeing):
@@ -35,7 +35,7 @@ def directory(tmp_path: Path) -> Path:
     """Return a run of 60 episodes, two chunks."""
     save_motion(tmp_path / "tiny.npz", tiny_data(sequences=30))
     planners = ["no-act", Seeing()]
-    benchmark(planners, data=tmp_path / "tiny.npz", length=10, starts=2, out=tmp_path / "run", reporter=Log())
+    run_tiny(planners, data=tmp_path / "tiny.npz", starts=2, out=tmp_path / "run")
     return tmp_path / "run"
 
 
@@ -86,7 +86,7 @@ def test_a_planner_without_states_or_of_another_name_is_refused(directory: Path)
     with pytest.raises(UsageError, match="no planner 'seen'; expected one of: no-act, seeing"):
         agent_states(run, "seen", Seeing(), reporter=Log())
     with pytest.raises(UsageError, match="planner 'seeing': expected a learned one, such as il-ppo/0"):
-        load_agent(run.conditions, "seeing")
+        load_agent(run, "seeing")
 
 
 @pytest.fixture
@@ -97,7 +97,7 @@ def learned(tmp_path: Path) -> Path:
     for seed in (0, 1):
         save_untrained(models, data, "il-ppo", seed=seed)
     source = tmp_path / "tiny.npz"
-    benchmark(["no-act", "il-ppo"], data=source, models=models, length=10, out=tmp_path / "run", reporter=Log())
+    run_tiny(["no-act", "il-ppo"], starts=1, data=source, models=models, out=tmp_path / "run")
     return tmp_path / "run"
 
 
@@ -105,26 +105,26 @@ def test_the_agent_of_a_run_is_loaded_by_its_record_name(learned: Path) -> None:
     run = read_run(learned)
     found = {}
     for name in ("il-ppo/0", "il-ppo/1"):
-        agent = load_agent(run.conditions, name)
+        agent = load_agent(run, name)
         assert agent.name == name
         states = agent_states(run, name, agent, reporter=Log())
         assert states.state.shape == (2 * len(run.records[name]), STATE)  # frames 0 and 5 of 9
         found[name] = states.state
     assert not np.isclose(*found.values()).all(axis=1).any()
     with pytest.raises(DataError, match="expected il-ppo/1 to go where it went"):
-        agent_states(run, "il-ppo/1", load_agent(run.conditions, "il-ppo/0"), reporter=Log())
+        agent_states(run, "il-ppo/1", load_agent(run, "il-ppo/0"), reporter=Log())
 
 
 def test_an_agent_that_is_gone_or_of_another_recogniser_is_named(learned: Path) -> None:
-    conditions = read_run(learned).conditions
+    run = read_run(learned)
     with pytest.raises(ModelError, match=r"agent-il-ppo-perfect-moving-seed2\.safetensors: no such file"):
-        load_agent(conditions, "il-ppo/2")
+        load_agent(run, "il-ppo/2")
     save_untrained(learned.parent / "models", tiny_data(sequences=30), "il-ppo", recogniser="another")
     with pytest.raises(ModelError, match="trained for another recogniser"):
-        load_agent(conditions, "il-ppo/0")
+        load_agent(run, "il-ppo/0")
     save_motion(learned.parent / "tiny.npz", tiny_data(sequences=24))
     with pytest.raises(ModelError, match="trained for another data set"):
-        load_agent(conditions, "il-ppo/1")
+        load_agent(run, "il-ppo/1")
 
 
 def states_of(positions: list[float], labels: list[int], sequences: list[str]) -> AgentStates:

@@ -1,20 +1,20 @@
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import matplotlib.image
 import numpy as np
 import pytest
-from eval.cli.analyse_commands import AnalyseCommand
-from eval.running.finished_run import read_run
 
 from ehar.data.motion_file import save_motion
 from ehar.errors import DataError, UsageError
 from ehar.files import write_text
-from eval import benchmark
+from eval.cli.main import main
+from eval.records.config import CONFIG, PlannerConfig
 from eval.records.episodes import EpisodeRecords, episode_lines
-from eval.records.run_files import CONFIG, EPISODES, SUMMARY, PlannerConfig
+from eval.records.run_files import EPISODES, SUMMARY
+from eval.running.run import read_run
 from eval.studies.agent_states import Purity
 from eval.studies.analyse import analyse
 from eval.studies.analyse_figure import draw_states
@@ -24,6 +24,7 @@ from tests.helpers.fakes import CLASS_NAMES, tiny_data
 from tests.helpers.made_records import CONFIG_OF_RUN, flown, make_records, write_finished
 from tests.helpers.seeing import Seeing
 from tests.helpers.tiny_benchmarks import Log
+from tests.helpers.tiny_benchmarks import run as run_tiny
 
 pytestmark = pytest.mark.usefixtures("fake_weights")
 
@@ -42,8 +43,8 @@ def written(directory: Path, records: dict[str, EpisodeRecords], **options: Any)
 def test_a_run_from_its_folder_to_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     save_motion(tmp_path / "tiny.npz", tiny_data(sequences=40))
     directory = tmp_path / "run"
-    benchmark(["no-act", "v-rotate", "oracle"], data=tmp_path / "tiny.npz", length=10, out=directory, reporter=Log())
-    AnalyseCommand(directory, planners=("v-rotate", "oracle"))()
+    run_tiny(["no-act", "v-rotate", "oracle"], starts=1, data=tmp_path / "tiny.npz", out=directory)
+    main(["study", "analyse", str(directory), "--planners", "v-rotate", "oracle"])
     found = {path.name for path in (directory / "analysis").iterdir()}
     assert found == {"analysis.json", "analysis.md", "positions.png", "moves.png"}
     result = json.loads((directory / "analysis" / "analysis.json").read_text())
@@ -63,19 +64,21 @@ def test_a_run_from_its_folder_to_pictures(tmp_path: Path, capsys: pytest.Captur
         assert matplotlib.image.imread(directory / "analysis" / name).std() > 0.05
     tables = (directory / "analysis" / "analysis.md").read_text()
     assert "v-rotate (embodied)" in tables and "no-act (passive)" in tables and "nod" in tables
-    assert "Moves (Fig. 7a-d)" in capsys.readouterr().out
+    printed = capsys.readouterr()
+    assert "Moves (Fig. 7a-d)" in printed.out
+    assert printed.err.endswith(f"written to {directory / 'analysis'}\n")
 
 
 def test_the_states_of_a_learned_planner_are_drawn(tmp_path: Path) -> None:
     save_motion(tmp_path / "tiny.npz", tiny_data(sequences=30))
     directory = tmp_path / "run"
-    benchmark(["no-act", Seeing()], data=tmp_path / "tiny.npz", length=10, out=directory, reporter=Log())
+    run_tiny(["no-act", Seeing()], starts=1, data=tmp_path / "tiny.npz", out=directory)
     analysis = analyse(
         directory,
         planners=["seeing"],
         states="seeing",
         out=tmp_path / "out",
-        load=lambda conditions, name: Seeing(),
+        load=lambda run, name: Seeing(),
         reporter=Log(),
     )
     assert analysis.states is not None
@@ -101,8 +104,8 @@ def test_the_states_of_an_agent_are_drawn_by_its_record_name(tmp_path: Path) -> 
     save_untrained(tmp_path, data, "il-ppo", seed=1)
     directory = tmp_path / "run"
     source = tmp_path / "tiny.npz"
-    benchmark(["no-act", "il-ppo"], data=source, models=tmp_path, length=10, out=directory, reporter=Log())
-    AnalyseCommand(directory, states="il-ppo/1")()
+    run_tiny(["no-act", "il-ppo"], starts=1, data=source, models=tmp_path, out=directory)
+    main(["study", "analyse", str(directory), "--states", "il-ppo/1"])
     result = json.loads((directory / "analysis" / "analysis.json").read_text())
     assert result["states"]["planner"] == "il-ppo/1"
     assert result["states"]["size"] == STATE
@@ -159,8 +162,8 @@ def test_what_is_no_finished_run_is_refused(tmp_path: Path) -> None:
     (tmp_path / CONFIG).write_text('{"source": "duo"}')
     with pytest.raises(UsageError, match="data_sha256"):
         read_run(tmp_path)
-    (tmp_path / CONFIG).write_text(json.dumps({**asdict(CONFIG_OF_RUN), "seed": "none"}))
-    with pytest.raises(DataError, match="seed: expected int, got 'none'"):
+    (tmp_path / CONFIG).write_text(json.dumps({**CONFIG_OF_RUN.to_json(), "seed": "none"}))
+    with pytest.raises(DataError, match="seed: expected a whole number, got 'none'"):
         read_run(tmp_path)
 
 

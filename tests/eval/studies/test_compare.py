@@ -10,12 +10,13 @@ import pytest
 
 from ehar.errors import DataError, UsageError
 from eval.cli.main import main
+from eval.records.config import CONFIG, PlannerConfig
 from eval.records.episodes import EpisodeRecords
-from eval.records.run_files import CONFIG, PlannerConfig, write_run
+from eval.running.run import write_records
 from eval.studies.compare import MAY_DIFFER, SAME_EPISODES, Comparison, compare
 from eval.studies.compare_table import compare_table
 from tests.helpers.commands import fails_with
-from tests.helpers.made_records import CONFIG_OF_RUN, make_records, summary_of
+from tests.helpers.made_records import CONFIG_OF_RUN, config_of_run, make_records, summary_of
 
 
 def records(**skills: float) -> dict[str, EpisodeRecords]:
@@ -31,7 +32,12 @@ def written(
 ) -> Path:
     """Write a run of these records; the oracle is privileged."""
     planners = tuple(PlannerConfig(name, name == "oracle", "", (weights or {}).get(name)) for name in held)
-    write_run(folder, replace(CONFIG_OF_RUN, planners=planners, **changes), held, summary_of(held))
+    return write(folder, held, planners=planners, **changes)
+
+
+def write(folder: Path, held: dict[str, EpisodeRecords], **changes: Any) -> Path:
+    config = config_of_run(**changes)
+    write_records(folder, config, held, summary_of(held, config))
     return folder
 
 
@@ -99,7 +105,7 @@ OTHER = {"data_sha256": "9", "part": "policy", "starts": 2, "seed": 7, "length":
 @pytest.mark.parametrize("name", SAME_EPISODES)
 def test_other_episodes_are_refused_with_both_values(tmp_path: Path, name: str) -> None:
     a, b = two_runs(tmp_path, **{name: OTHER[name]})
-    before = getattr(CONFIG_OF_RUN, name)
+    before = CONFIG_OF_RUN.to_json()[name]
     values = "tiny (synthetic) 0, tiny (synthetic) 9" if name == "data_sha256" else f"{before}, {OTHER[name]}"
     with pytest.raises(UsageError) as refused:
         compare(a, b)
@@ -138,7 +144,7 @@ def test_what_else_differs_is_said_aloud(tmp_path: Path) -> None:
         "track": "px4-max",
         "versions": {"torch": "2", "numpy": "2"},
     }
-    assert {*changes, "gain_model_sha256"} == {*MAY_DIFFER} <= asdict(CONFIG_OF_RUN).keys()
+    assert {*changes, "gain_model_sha256"} == {*MAY_DIFFER} <= CONFIG_OF_RUN.to_json().keys()
     a = written(tmp_path / "a", records(nbv=1.0), versions={"torch": "1", "numpy": "2"})
     b = written(tmp_path / "b", records(nbv=1.0), gain_model_sha256="3", **changes)
     note = compare_table(compare(a, b)).footnotes[1]
@@ -179,8 +185,7 @@ def test_a_planner_of_ones_own_with_another_file_or_argument_is_named(tmp_path: 
 
     def footnotes(now: PlannerConfig) -> tuple[str, ...]:
         for name, planner in (("before", before), ("now", now)):
-            held = records(nbv=1.0)
-            write_run(tmp_path / name, replace(CONFIG_OF_RUN, planners=(planner,)), held, summary_of(held))
+            write(tmp_path / name, records(nbv=1.0), planners=(planner,))
         return compare_table(compare(tmp_path / "before", tmp_path / "now")).footnotes
 
     said = "Another file or other arguments in A and B: nbv."

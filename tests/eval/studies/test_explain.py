@@ -5,6 +5,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
 from ehar.data.scenario import split_parts
 from ehar.errors import UsageError
@@ -18,6 +19,7 @@ from planners.value.view_basis import field_value
 from tests.helpers.fakes import CLASS_NAMES, tiny_data
 from tests.helpers.gain_models import model_of, peak_weights
 from tests.helpers.tiny_benchmarks import HashedRecogniser, Log
+from tests.helpers.tiny_benchmarks import run as run_tiny
 
 PEAK = np.array([8.0, np.radians(200), np.radians(60)])
 

@@ -2,18 +2,16 @@
 
 import copy
 import json
-from dataclasses import replace
 from typing import Any
 
 import pytest
 
-from eval.records.run_files import PlannerConfig
+from eval.records.config import PlannerConfig
 from eval.records.solves import Solves
 from eval.verification.figures import NOISE, count_figures, mismatch, recompute
-from tests.helpers.made_records import CONFIG_OF_RUN, summary_of, three_planners
+from tests.helpers.made_records import config_of_run, summary_of, three_planners
 
-CONFIG_OF_THREE = replace(
-    CONFIG_OF_RUN,
+CONFIG_OF_THREE = config_of_run(
     planners=tuple(PlannerConfig(name, name == "oracle", "") for name in ("no-act", "mine", "oracle")),
 )
 

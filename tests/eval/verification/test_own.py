@@ -10,9 +10,8 @@ import pytest
 
 from ehar.data.motion_file import save_motion
 from ehar.errors import UsageError
-from eval import benchmark
 from eval.cli.main import main
-from eval.records.run_files import CONFIG
+from eval.records.config import CONFIG
 from eval.verification.checks import FAILED, OK, UNCHECKED, Verification
 from eval.verification.verify import verify
 from planners import own_planner
@@ -21,6 +20,7 @@ from tests.helpers.fakes import FakeRecogniser, tiny_data
 from tests.helpers.own_recogniser import OWN as RECOGNISER
 from tests.helpers.seeing import Seeing
 from tests.helpers.tiny_benchmarks import HashedRecogniser, Log
+from tests.helpers.tiny_benchmarks import run as run_tiny
 
 PLANNER = """
 from pathlib import Path
@@ -64,7 +64,7 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def run(planners: list[Any], **options: Any) -> Path:
-    benchmark(planners, data="tiny.npz", length=10, out=Path("run"), reporter=Log(), **options)
+    run_tiny(planners, data="tiny.npz", starts=1, out=Path("run"), **options)
     return Path("run")
 
 

@@ -10,15 +10,16 @@ import pytest
 
 from ehar.data.motion_file import save_motion
 from ehar.errors import EharError, UsageError
-from eval import benchmark
 from eval.cli.main import main
-from eval.records.run_files import CONFIG, EPISODES, SUMMARY
+from eval.records.config import CONFIG
+from eval.records.run_files import EPISODES, SUMMARY
 from eval.verification.checks import FAILED, OK, UNCHECKED, Verification
 from eval.verification.verify import other_versions, verify
 from tests.helpers.agents import save_untrained
 from tests.helpers.fakes import tiny_data
 from tests.helpers.seeing import Seeing
 from tests.helpers.tiny_benchmarks import HashedRecogniser, Log, save_models
+from tests.helpers.tiny_benchmarks import run as run_tiny
 
 pytestmark = pytest.mark.usefixtures("fake_weights")
 
@@ -32,15 +33,15 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     save_models(folder / "models", recogniser_sha256="fake")
     for seed in (0, 1):
         save_untrained(folder / "models", data, "il-ppo", seed=seed)
-    options: Any = {"data": folder / "tiny.npz", "models": folder / "models", "length": 10, "reporter": Log()}
+    options: Any = {"data": folder / "tiny.npz", "models": folder / "models"}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
         planners = ["no-act", "random", "nbv", "il-ppo", Seeing(), "oracle"]
-        benchmark(planners, starts=2, out=folder / "run", **options)  # 60 episodes, two chunks
+        run_tiny(planners, starts=2, out=folder / "run", **options)  # 60 episodes, two chunks
         few = ["no-act", "v-rotate", "oracle"]
-        benchmark(few, starts=1, readout="belief", out=folder / "ideal", **options)
+        run_tiny(few, starts=1, readout="belief", out=folder / "ideal", **options)
         flight: Any = {"track": "px4-max", "ideal": folder / "ideal"}
-        benchmark(few, starts=1, readout="belief", out=folder / "flight", **flight, **options)
+        run_tiny(few, starts=1, readout="belief", out=folder / "flight", **flight, **options)
     yield folder
 
 
@@ -263,8 +264,7 @@ def test_what_only_a_replay_finds(
 
 def rewrite_summary(run: Path) -> None:
     """Make the figures those of the edited records, as who edits records might."""
-    from eval.running.finished_run import read_run
-
+    from eval.running.run import read_run
     from eval.verification.figures import recompute
 
     read = read_run(run)

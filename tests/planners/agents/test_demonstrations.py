@@ -13,6 +13,7 @@ from ehar.envs.observations import shown as shown_in_gymnasium
 from ehar.motion import GridMotion
 from ehar.planner import Planner
 from ehar.rollout import Batch, Record, rollout
+from ehar.runner import Runner
 from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import Workspace, apply_moves, to_cells
 from planners.agents import demonstrations
@@ -159,10 +160,10 @@ def test_most_cameras_wander_and_the_others_stay() -> None:
 
 
 def task(**changes: Any) -> DemonstrationTask:
+    scenarios = tiny_scenarios(length=LENGTH)
     whole = DemonstrationTask(
-        scenarios=tiny_scenarios(length=LENGTH),
-        recogniser=FakeRecogniser(quality=steep_quality),
-        sensor=PerfectSensor(),
+        runner=Runner(scenarios.data, FakeRecogniser(quality=steep_quality), PerfectSensor()),
+        scenarios=scenarios,
         teacher="oracle-lookahead",
         agent=None,
         seed=(0, 0),

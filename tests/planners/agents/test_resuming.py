@@ -130,9 +130,9 @@ def test_a_checkpoint_without_what_belongs_in_it(config: AgentTrainingConfig) ->
     checkpoint = agent_file(config, "ppo").with_suffix(".checkpoint")
     checkpoint.parent.mkdir()
     save_checkpoint(checkpoint, Checkpoint({}, None, {"run": [1]}))
-    assert "expected a training checkpoint" in refusal(ModelError, replace(config, stages="ppo"))
+    assert "expected a training checkpoint" in refusal(ModelError, config, stages="ppo")
     save_file({"network": torch.zeros(3)}, checkpoint)
-    assert "expected a training checkpoint" in refusal(ModelError, replace(config, stages="ppo"))
+    assert "expected a training checkpoint" in refusal(ModelError, config, stages="ppo")
 
 
 @pytest.mark.parametrize(
@@ -154,12 +154,12 @@ def test_a_run_with_other_options_takes_over_nothing(
         changes = {"data": str(tmp_path / "other.npz")}
         save_motion(tmp_path / "other.npz", replace(data, positions=data.positions * 1.01))
     checkpoint = agent_file(stopped, "ppo").with_suffix(".checkpoint")
-    assert refusal(UsageError, replace(stopped, **changes)).startswith(
+    assert refusal(UsageError, stopped, **changes).startswith(
         f"{checkpoint}: a checkpoint of another training, which differs in {named}: "
     )
     expected = train(stopped)
     description = agent_file(stopped, "ppo").with_suffix(".json")
-    message = refusal(UsageError, replace(stopped, **changes))
+    message = refusal(UsageError, stopped, **changes)
     assert (
         message
         == f"{description}: holds another training, which differs in {named}: remove it, or choose another --out"
@@ -172,7 +172,7 @@ def test_cloning_otherwise_is_another_training(config: AgentTrainingConfig, chan
     chosen = replace(config, stages="il")
     train(chosen)
     (name,) = changes
-    assert f"differs in imitation.{name}: " in refusal(UsageError, replace(chosen, **changes))
+    assert f"differs in imitation.{name}: " in refusal(UsageError, chosen, **changes)
 
 
 def test_a_result_whose_description_is_no_longer_one(config: AgentTrainingConfig) -> None:
@@ -191,7 +191,7 @@ def test_a_fine_tuning_of_another_clone_is_another_training(config: AgentTrainin
     train(config)
     for suffix in (".safetensors", ".json"):
         agent_file(config, "il").with_suffix(suffix).unlink()
-    message = refusal(UsageError, replace(config, labels="best"))
+    message = refusal(UsageError, config, labels="best")
     assert "il-ppo" in message
     assert "start_sha256" in message
 

@@ -13,6 +13,7 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
+from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.data.skeleton import Skeleton
 from ehar.errors import ModelError
@@ -25,7 +26,7 @@ DATA = tiny_data()
 
 
 def load(directory: Path, data: MotionData = DATA, name: str = "il", *, recogniser: str = "fake") -> Agent:
-    return load_agent(directory, data, name, sensor="perfect", views="moving", recogniser_sha256=recogniser, seed=0)
+    return load_agent(Conditions(data=data, models=directory), data, name, recogniser_sha256=recogniser, seed=0)
 
 
 @pytest.mark.parametrize("name", ["il", "il-ppo", "il-ppo-no-vision"])
@@ -69,11 +70,9 @@ def test_how_it_was_trained_is_kept_beside_it_and_counts_for_the_hash(tmp_path: 
 def test_a_missing_file_is_named_with_what_makes_it(tmp_path: Path, missing: str) -> None:
     path = save_untrained(tmp_path, DATA, "il").with_suffix(missing)
     path.unlink()
-    with pytest.raises(
-        ModelError, match=rf"{path.name}: no such file: .*`ehar train agent --data tiny --models"
-    ) as error:
+    with pytest.raises(ModelError, match=rf"{path.name}: no such file: .*`ehar train agent --data X.npz ") as error:
         load(tmp_path)
-    assert "--sensor perfect --views moving`" in str(error.value)
+    assert f"--sensor perfect --views moving --models {tmp_path}`" in str(error.value)
 
 
 OTHER_MOTION = replace(DATA, positions=DATA.positions + np.float32(0.001))
@@ -264,19 +263,19 @@ def test_tensors_that_do_not_fit_are_named(tmp_path: Path, change: Any, first: s
 def test_names_say_what_an_agent_goes_without() -> None:
     assert agent_name("il-ppo") == agent_name("il-ppo", "none") == "il-ppo"
     assert agent_name("il-ppo", "vision") == "il-ppo-no-vision"
-    path = agent_path(Path("models"), "il-no-vision", sensor="estimator", views="paper", seed=12)
+    path = agent_path(Path("models"), "il-no-vision", Conditions(sensor="estimator", views="paper"), seed=12)
     assert path == Path("models/agent-il-no-vision-estimator-paper-seed12.safetensors")
 
 
 def test_seeds_are_those_of_one_name_sensor_and_regime_in_order(tmp_path: Path) -> None:
     def seeds(name: str, sensor: str = "perfect", views: str = "moving") -> tuple[int, ...]:
-        return agent_seeds(tmp_path, DATA, name, sensor=sensor, views=views)
+        return agent_seeds(Conditions(models=tmp_path, sensor=sensor, views=views), DATA, name)
 
     assert seeds("il") == ()
     for name, seed in (("il", 10), ("il", 2), ("il-ppo", 0), ("ppo", 3), ("il-no-vision", 4), ("il-ppo-no-vision", 5)):
         save_untrained(tmp_path, DATA, name, seed=seed)
     for sensor, views, seed in (("estimator", "moving", 6), ("perfect", "paper", 7)):
-        agent_path(tmp_path, "il", sensor=sensor, views=views, seed=seed).touch()
+        agent_path(tmp_path, "il", Conditions(sensor=sensor, views=views), seed=seed).touch()
     for stray in ("seed", "seed01", "seed-1", "seed2.old", "seed9 (copy)"):
         (tmp_path / f"agent-il-perfect-moving-{stray}.safetensors").touch()
     (tmp_path / "agent-il-perfect-moving-seed8.checkpoint").touch()
@@ -298,7 +297,7 @@ def test_seeds_are_those_of_one_name_sensor_and_regime_in_order(tmp_path: Path) 
 
 
 def test_no_folder_has_no_seeds_and_none_means_those_shipped(tmp_path: Path) -> None:
-    assert agent_seeds(tmp_path / "none", DATA, "il", sensor="perfect", views="moving") == ()
-    assert agent_seeds(None, DATA, "il", sensor="perfect", views="moving") == ()  # none are shipped for "tiny"
-    with pytest.raises(ModelError, match=r"weights/tiny/agent-il-.*: no such file: .*--models DIR "):
-        load_agent(None, DATA, "il", sensor="perfect", views="moving", recogniser_sha256="fake", seed=0)
+    assert agent_seeds(Conditions(models=tmp_path / "none"), DATA, "il") == ()
+    assert agent_seeds(Conditions(), DATA, "il") == ()  # none are shipped for "tiny"
+    with pytest.raises(ModelError, match=r"weights/tiny/agent-il-.*: no such file: .*--models DIR`"):
+        load_agent(Conditions(data=DATA), DATA, "il", recogniser_sha256="fake", seed=0)

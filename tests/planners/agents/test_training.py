@@ -28,6 +28,7 @@ from tests.helpers.agent_trainings import (
     train,
 )
 from tests.helpers.agent_worlds import weights
+from tests.helpers.settings import changed
 
 
 @pytest.fixture
@@ -69,12 +70,10 @@ def test_a_fine_tuning_begins_with_what_was_cloned(config: AgentTrainingConfig) 
     world = TrainingWorld.load(config)
     start = StageRun.of(config, world, "il-ppo", 0).start(world).state_dict()
     cloned = agent_stages.load_agent(
-        config.directory,
-        world.data,
+        replace(config.conditions, models=config.directory),
+        world.setting.data,
         "il",
-        sensor="perfect",
-        views="moving",
-        recogniser_sha256=world.recogniser.sha256,
+        recogniser_sha256=world.setting.recogniser_sha256,
         seed=0,
     ).network.state_dict()
     assert all(torch.equal(start[name], values) for name, values in cloned.items())
@@ -101,7 +100,7 @@ def test_an_agent_without_an_encoder_has_a_name_of_its_own(config: AgentTraining
 
 
 def test_fine_tuning_without_a_clone(config: AgentTrainingConfig) -> None:
-    message = refusal(ModelError, replace(config, stages="il-ppo"))
+    message = refusal(ModelError, config, stages="il-ppo")
     assert message == f"{agent_file(config, 'il')}: no such file: expected the cloned policy, of --stages il,il-ppo"
 
 
@@ -154,7 +153,7 @@ def test_a_loss_that_is_not_finite_is_said_with_whose_it_is(
     endless = replace(config.imitation("il"), labels="soft", rounds=1, entropy=math.inf)
     monkeypatch.setattr(TinyTraining, "imitation", lambda _, stage: endless)
     monkeypatch.setattr(TinyTraining, "ppo", replace(config.ppo, entropy=math.inf))
-    message = refusal(ModelError, replace(config, stages=stage))
+    message = refusal(ModelError, config, stages=stage)
     assert re.fullmatch(f"{stage} seed 0: {step}: expected a finite one", message)
     assert not agent_file(config, stage).is_file()
 
@@ -186,22 +185,22 @@ def test_an_error_in_a_process_arrives(config: AgentTrainingConfig) -> None:
     ],
 )
 def test_options_that_make_no_sense(config: AgentTrainingConfig, changes: dict[str, Any], message: str) -> None:
-    assert message in refusal(UsageError, replace(config, data="absent.npz", **changes))  # before anything is loaded
+    assert message in refusal(UsageError, config, data="absent.npz", **changes)  # before anything is loaded
 
 
 def test_what_is_not_there(config: AgentTrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    assert "--device cuda: expected a GPU" in refusal(UsageError, replace(config, device="cuda"))
+    assert "--device cuda: expected a GPU" in refusal(UsageError, config, device="cuda")
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    assert "expected TensorBoard to be installed" in refusal(UsageError, replace(config, tensorboard=Path("logs")))
-    assert "estimator-moving" in refusal(ModelError, replace(config, sensor="estimator"))
-    assert refusal(UsageError, replace(config, sensor="radar")).startswith("unknown sensor 'radar'; expected one of")
-    message = refusal(DataError, replace(config, length=21))
+    assert "expected TensorBoard to be installed" in refusal(UsageError, config, tensorboard=Path("logs"))
+    assert "estimator-moving" in refusal(ModelError, config, sensor="estimator")
+    assert refusal(UsageError, config, sensor="radar").startswith("unknown sensor 'radar'; expected one of")
+    message = refusal(DataError, config, length=21)
     assert message == "tiny: expected policy sequences of at least 21 frames, got none"
 
 
 @pytest.mark.parametrize("length", [3, 5])
 def test_the_shortest_episodes(config: AgentTrainingConfig, length: int) -> None:
     teacher = "oracle" if length == 3 else "oracle-lookahead"
-    paths = train_agents(replace(config, length=length, teacher=teacher), silent, silent)  # type: ignore[arg-type]
+    paths = train_agents(changed(config, length=length, teacher=teacher), silent, silent)  # type: ignore[arg-type]
     assert all(path.is_file() for path in paths)

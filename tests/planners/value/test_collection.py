@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from ehar.arrays import FloatArray
+from ehar.data.motion_data import MotionData
 from ehar.errors import DataError
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.rollout import rollout
+from ehar.runner import Runner
 from ehar.sensors.registry import make_sensor
 from ehar.viewpoint import Workspace
 from planners.value import collection as gain_collection
@@ -35,14 +37,12 @@ def few_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gain_collection, "EPISODES", 6)
 
 
-def task(sensor: str = "estimator", **changes: object) -> CollectionTask:
-    data = tiny_data()
+def task(sensor: str = "estimator", data: MotionData | None = None, **changes: object) -> CollectionTask:
+    data = data or tiny_data()
     whole = CollectionTask(
-        data=data,
+        runner=Runner(data, FakeRecogniser(), make_sensor(sensor, data)),
         sequences=np.arange(6),
         length=LENGTH,
-        recogniser=FakeRecogniser(),
-        sensor=make_sensor(sensor, data),
         pairs=PAIRS,
         seed=3,
     )
@@ -91,7 +91,9 @@ def test_a_path_is_worth_what_a_rollout_along_it_gives(at: int, sensor: str) -> 
     for path in range(3):
         brancher = Brancher(goals, at, path)
         recogniser = FakeRecogniser(quality=nearness)
-        record = rollout(brancher, batch, recogniser, task(sensor).sensor, GridMotion(), tiny_context(length=LENGTH))
+        record = rollout(
+            brancher, batch, recogniser, task(sensor).runner.sensor, GridMotion(), tiny_context(length=LENGTH)
+        )
         right = np.exp(record.log_probs[np.arange(6), :, batch.labels])
         np.testing.assert_allclose(brancher.worth[:, path], right[:, at + 1 :].mean(axis=1), atol=1e-6)
         np.testing.assert_allclose(brancher.visited[:, path], record.viewpoints[:, at + 1 :], atol=1e-12)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
 
+from ehar.conditions import Conditions
 from ehar.errors import ModelError
 from planners.value.belief import BeliefModel
 from planners.value.model import FULL, GainModel, gain_model_path, load_gain_model, save_gain_model
@@ -28,14 +29,15 @@ MODEL = GainModel(
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    path = gain_model_path(tmp_path, sensor="perfect", views="moving")
+    path = gain_model_path(tmp_path, Conditions())
     save_gain_model(path, MODEL, recogniser_sha256=HASH, history={"seed": 0})
     return path
 
 
 def load(path: Path, **changes: Any) -> GainModel:
-    options = {"sensor": "perfect", "views": "moving", "recogniser_sha256": HASH, **changes}
-    return load_gain_model(path.parent, tiny_data(), **options)
+    recogniser_sha256 = changes.pop("recogniser_sha256", HASH)
+    data = tiny_data()
+    return load_gain_model(Conditions(data=data, models=path.parent, **changes), data, recogniser_sha256)
 
 
 def refusal(path: Path, **changes: Any) -> str:
@@ -84,7 +86,7 @@ def test_a_missing_file_is_named_with_the_command_that_makes_it(path: Path, suff
     path.with_suffix(suffix).unlink()
     message = refusal(path)
     assert message.startswith(f"{path.with_suffix(suffix)}: no such file")
-    assert f"`ehar train gain-field --data tiny --models {path.parent} --sensor perfect --views moving`" in message
+    assert f"`ehar train gain-field --data X.npz --sensor perfect --views moving --models {path.parent}`" in message
 
 
 def test_a_sensor_without_a_model(path: Path) -> None:

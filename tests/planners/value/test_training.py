@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import load_motion, save_motion
 from ehar.data.scenario import split_parts
 from ehar.errors import DataError, EharError, ModelError, UsageError
@@ -23,6 +24,7 @@ from planners.value.training import train_gain_field
 from recognition.storage import load_recogniser
 from tests.helpers.fakes import tiny_data
 from tests.helpers.random_networks import save_random_world
+from tests.helpers.settings import changed, tiny_conditions
 
 LENGTH = 8
 
@@ -40,9 +42,7 @@ def little_of_everything(monkeypatch: pytest.MonkeyPatch) -> None:
 def config(tmp_path: Path) -> GainTrainingConfig:
     """Return 3 batches of tiny data, with a recogniser that has learned nothing."""
     save_random_world(tmp_path, LENGTH)
-    return GainTrainingConfig(
-        data=str(tmp_path / "tiny.npz"), models=tmp_path / "models", length=LENGTH, batches=3, workers=1
-    )
+    return GainTrainingConfig(conditions=tiny_conditions(tmp_path, length=LENGTH), batches=3, workers=1)
 
 
 def silent(what: str, done: int, whole: int) -> None:
@@ -50,9 +50,9 @@ def silent(what: str, done: int, whole: int) -> None:
 
 
 def weights_path(config: GainTrainingConfig) -> Path:
-    directory = config.out or config.models
+    directory = config.out or config.conditions.directory
     assert directory is not None
-    return gain_model_path(directory, sensor=config.sensor, views=config.views)
+    return gain_model_path(directory, config.conditions)
 
 
 def written(config: GainTrainingConfig) -> tuple[bytes, Any]:
@@ -64,17 +64,19 @@ def written(config: GainTrainingConfig) -> tuple[bytes, Any]:
 
 
 def loaded(config: GainTrainingConfig) -> GainModel:
-    data = load_motion(Path(config.data))
-    recogniser = load_recogniser(config.models, data, sensor="perfect", views="moving")
-    return load_gain_model(
-        weights_path(config).parent, data, sensor="perfect", views="moving", recogniser_sha256=recogniser.sha256
-    )
+    data = motion(config)
+    recogniser = load_recogniser(config.conditions, data)
+    return load_gain_model(replace(config.conditions, models=weights_path(config).parent), data, recogniser.sha256)
 
 
-def refusal(error: type[EharError], config: GainTrainingConfig) -> str:
-    """Return the one line that training ends in."""
+def motion(config: GainTrainingConfig) -> MotionData:
+    return load_motion(Path(str(config.conditions.data)))
+
+
+def refusal(error: type[EharError], config: GainTrainingConfig, **changes: Any) -> str:
+    """Return the one line that training with other options ends in."""
     with pytest.raises(error) as caught:
-        train_gain_field(config, silent)
+        train_gain_field(changed(config, **changes), silent)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
@@ -108,7 +110,7 @@ def test_a_model_is_trained_saved_and_fits_its_recogniser(config: GainTrainingCo
     training = train_gain_field(config, lambda *report: reports.append(report))
     assert training.path == weights_path(config)
     assert list(training.fits) == list(VARIANTS)
-    model, data = loaded(config), load_motion(Path(config.data))
+    model, data = loaded(config), motion(config)
     for name, fit in training.fits.items():
         assert model.fields[name].parts == VARIANTS[name]
         assert model.fields[name].spread == fit.field.spread
@@ -155,7 +157,7 @@ def test_a_batch_that_is_not_whole_is_run_again(
 ) -> None:
     train_gain_field(config, silent)
     before = written(config)
-    (kept,) = config.models.glob("*-rollouts-*/1.safetensors")  # type: ignore[union-attr]
+    (kept,) = weights_path(config).parent.glob("*-rollouts-*/1.safetensors")
     kept.write_bytes(kept.read_bytes()[:-40] if content is None else content)
     run = watch(monkeypatch)
     train_gain_field(config, silent)
@@ -169,17 +171,17 @@ def test_batches_of_other_options_or_data_are_not_used(
 ) -> None:
     train_gain_field(config, silent)
     if "data" in changes:
-        data = load_motion(Path(config.data))
+        data = motion(config)
         changes = {"data": str(tmp_path / "other.npz")}
         save_motion(Path(changes["data"]), replace(data, positions=data.positions * 1.01))
     run = watch(monkeypatch)
-    train_gain_field(replace(config, **changes), silent)
+    train_gain_field(changed(config, **changes), silent)
     assert run == [0, 1, 2]
 
 
 def test_the_seed_decides(config: GainTrainingConfig, tmp_path: Path) -> None:
     for seed in (0, 1):
-        train_gain_field(replace(config, seed=seed, out=tmp_path / str(seed)), silent)
+        train_gain_field(changed(config, seed=seed, out=tmp_path / str(seed)), silent)
     first, second = (written(replace(config, out=tmp_path / str(seed)))[0] for seed in (0, 1))
     assert first != second
 
@@ -194,7 +196,7 @@ def test_only_the_policy_part_is_learned_from(config: GainTrainingConfig, monkey
 
     monkeypatch.setattr(gain_collection, "collect_batch", watched)
     train_gain_field(config, silent)
-    assert set(seen) <= set(split_parts(load_motion(Path(config.data))).policy.tolist())
+    assert set(seen) <= set(split_parts(motion(config)).policy.tolist())
 
 
 @pytest.mark.slow
@@ -212,30 +214,31 @@ def test_workers_decide_nothing(config: GainTrainingConfig, tmp_path: Path, monk
         ({"batches": 0}, "batches: expected at least 1, got 0"),
         ({"workers": -1}, "workers: expected at least 1, got -1"),
         ({"length": 2}, "length: expected at least 3, got 2"),
-        ({"length": -8}, "length: expected at least 3, got -8"),
-        ({"seed": -1}, "seed: expected at least 0, got -1"),
+        ({"length": -8}, "length: expected a whole number of at least 1, got -8"),
+        ({"seed": -1}, "seed: expected a whole number of at least 0, got -1"),
         ({"models": None}, "train gain-field: expected --models DIR, or --out DIR"),
         ({"sensor": "radar"}, "unknown sensor 'radar'"),
+        ({"views": "spiral"}, "unknown views 'spiral'"),
         ({"data": "trio"}, "unknown data 'trio'"),
         ({"fps": 0.0}, "fps: got 0.0"),
     ],
 )
 def test_options_that_make_no_sense(config: GainTrainingConfig, changes: dict[str, Any], message: str) -> None:
-    assert message in refusal(UsageError, replace(config, **changes))
+    assert message in refusal(UsageError, config, **changes)
 
 
 def test_the_shortest_episodes(config: GainTrainingConfig) -> None:
-    training = train_gain_field(replace(config, length=3), silent)
+    training = train_gain_field(changed(config, length=3), silent)
     assert all(abs(fit.explained) < 2 for fit in training.fits.values())
 
 
 def test_a_recogniser_that_is_not_there(config: GainTrainingConfig) -> None:
-    assert "estimator-moving" in refusal(ModelError, replace(config, sensor="estimator"))
-    assert "--views spiral" in refusal(ModelError, replace(config, views="spiral"))
+    assert "estimator-moving" in refusal(ModelError, config, sensor="estimator")
+    assert "--views paper" in refusal(ModelError, config, views="paper")
 
 
 def test_episodes_longer_than_any_sequence(config: GainTrainingConfig) -> None:
-    message = refusal(DataError, replace(config, length=21))
+    message = refusal(DataError, config, length=21)
     assert message == "tiny: expected at least 2 policy sequences of at least 21 frames, got 0"
 
 
@@ -248,5 +251,5 @@ def test_a_field_cannot_be_judged_by_the_one_sequence_it_is_fitted_on(
     pieces = [data.sequence(i)[: lengths[i]] for i in range(24)]
     short = replace(data, positions=np.concatenate(pieces), offsets=np.cumsum([0, *lengths]))
     save_motion(tmp_path / "one.npz", short)
-    message = refusal(DataError, replace(config, data=str(tmp_path / "one.npz")))
+    message = refusal(DataError, config, data=str(tmp_path / "one.npz"))
     assert message.endswith("expected at least 2 policy sequences of at least 8 frames, got 1")

@@ -1,0 +1,129 @@
+"""The runner sets up what a rollout by hand would: the same context, the same batch, the same record."""
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ehar.arrays import FloatArray
+from ehar.data.scenario import Scenarios, windows
+from ehar.errors import EpisodeError
+from ehar.flight.motion import FlightMotion
+from ehar.flight.vehicle import VEHICLES
+from ehar.motion import GridMotion, Motion
+from ehar.planner import Context, Observation, Planner
+from ehar.rollout import Batch, rollout
+from ehar.runner import Runner
+from ehar.sensors.estimator import EstimatorSensor
+from ehar.sensors.sensor import draw_noise
+from ehar.track import Track, load_track
+from ehar.viewpoint import Workspace, sample_starts
+from tests.helpers.fakes import CLASS_NAMES, SKELETON, FakeRecogniser, tiny_data
+
+EPISODES, LENGTH, FPS = 5, 8, 20.0
+NARROW = Workspace(distance_max=12.0)
+
+
+class Drawing(Planner):
+    """Goes where its generator says, and keeps what it was told."""
+
+    name = "drawing"
+
+    def reset(self, context: Context) -> None:
+        self.context = context
+
+    def act(self, observation: Observation) -> FloatArray:
+        return observation.viewpoint + self.context.rng.normal(size=observation.viewpoint.shape)
+
+
+def runner(track: Track | None = None) -> Runner:
+    chosen = {} if track is None else {"track": track}
+    return Runner(tiny_data(fps=FPS, persons=2), FakeRecogniser(), EstimatorSensor(skeleton=SKELETON), **chosen)
+
+
+def scenarios(of: Runner) -> Scenarios:
+    return windows(of.data, np.arange(len(of.data.labels)), LENGTH, 1)
+
+
+def batch_of(of: Runner, *, seed: int = 0) -> Batch:
+    rng = np.random.default_rng(seed)
+    return of.batch(scenarios(of), np.array([3, 0, 30, 7, 7]), sample_starts(rng, EPISODES), rng)
+
+
+def by_hand(of: Runner, motion: Motion, **told: Any) -> Context:
+    return Context(
+        episodes=EPISODES,
+        length=LENGTH,
+        frame_time=1 / FPS,
+        class_names=CLASS_NAMES,
+        skeleton=SKELETON,
+        **{"workspace": motion.workspace, "track": "ideal", "rng": np.random.default_rng(9), "vehicle": None, **told},
+    )
+
+
+def assert_same_context(got: Context, expected: Context) -> None:
+    for field in fields(Context):
+        one, other = getattr(got, field.name), getattr(expected, field.name)
+        if field.name == "rng":
+            assert one.bit_generator.state == other.bit_generator.state
+        else:
+            assert one == other, field.name
+
+
+def test_the_batch_is_that_of_the_scenarios_with_noise_from_the_generator() -> None:
+    chosen, rng = np.array([3, 0, 30, 7, 7]), np.random.default_rng(0)
+    starts = sample_starts(rng, EPISODES)
+    expected = draw_noise(rng, (EPISODES, LENGTH), 2, len(SKELETON.joint_names))
+    batch, cut = batch_of(runner()), scenarios(runner())
+    np.testing.assert_array_equal(batch.positions, cut.positions(chosen))
+    np.testing.assert_array_equal(batch.labels, cut.labels[chosen])
+    np.testing.assert_array_equal(batch.starts, starts)
+    for drawn, wanted in zip(batch.noise, expected, strict=True):
+        np.testing.assert_array_equal(drawn, wanted)
+
+
+@pytest.mark.parametrize("workspace", [None, NARROW])
+def test_the_context_on_the_grid(workspace: Workspace | None) -> None:
+    context = runner().context(EPISODES, LENGTH, np.random.default_rng(9), workspace)
+    assert_same_context(context, by_hand(runner(), GridMotion(workspace=workspace)))
+
+
+def test_the_context_of_a_vehicle() -> None:
+    vehicle = VEHICLES["px4-auto"]
+    context = runner(load_track("px4-auto")).context(EPISODES, LENGTH, np.random.default_rng(9))
+    expected = by_hand(runner(), GridMotion(), track="px4-auto", vehicle=vehicle)
+    assert_same_context(context, expected)
+
+
+@pytest.mark.parametrize("name", ["ideal", "px4-auto"])
+def test_a_roll_is_a_rollout_by_hand(name: str) -> None:
+    of, vehicle = runner(load_track(name)), VEHICLES.get(name)
+    batch, planner = batch_of(of), Drawing()
+    record = of.roll(planner, batch, np.random.default_rng(9))
+    motion = GridMotion() if vehicle is None else FlightMotion(vehicle=vehicle)
+    context = by_hand(of, motion, track=name, vehicle=vehicle)
+    again = rollout(Drawing(), batch, FakeRecogniser(), of.sensor, motion, context)
+    np.testing.assert_array_equal(record.viewpoints, again.viewpoints)
+    np.testing.assert_array_equal(record.log_probs, again.log_probs)
+    assert (record.viewpoints[:, 1:] != record.viewpoints[:, :1]).any()
+    assert planner.context.workspace == motion.workspace
+
+
+def test_every_roll_has_a_body_of_its_own() -> None:
+    of = runner(load_track("px4-max"))
+    batch = batch_of(of)
+    first, second = (of.roll(Drawing(), batch, np.random.default_rng(9)) for _ in range(2))
+    np.testing.assert_array_equal(first.viewpoints, second.viewpoints)
+
+
+def test_a_motion_that_is_handed_in_carries_the_camera_and_bounds_the_planner() -> None:
+    of, motion, planner = runner(), GridMotion(workspace=NARROW), Drawing()
+    batch = batch_of(of)
+    batch.starts[:, 0] = 11.0
+    record = of.roll(planner, batch, np.random.default_rng(9), motion)
+    assert planner.context.workspace == NARROW
+    assert NARROW.contains(record.viewpoints).all()
+    batch.starts[2, 0] = 14.0
+    with pytest.raises(EpisodeError, match="expected a start viewpoint within"):
+        of.roll(planner, batch, np.random.default_rng(9), GridMotion(workspace=NARROW))
