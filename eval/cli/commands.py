@@ -489,7 +489,7 @@ COMMANDS = CommandGroup(
 
             Tables, figures and replays; it needs neither a server nor a network.
 
-            It runs the files of your own planners and recognisers that the run names.
+            It runs the files of your own classes that the run names.
 
             For example:
                 ehar report runs/duo-perfect-moving
@@ -503,7 +503,7 @@ COMMANDS = CommandGroup(
 
             The people, the cameras, what these see, and what is believed.
 
-            It runs the files of your own planners and recognisers that the run names.
+            It runs the files of your own classes that the run names.
 
             For example:
                 ehar replay runs/mine gain
