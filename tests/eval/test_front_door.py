@@ -13,8 +13,10 @@ from nbclient import NotebookClient
 import eval as ours
 from ehar import Conditions, EharError, MotionData, Planner, load_data, save_motion
 from ehar.files import write_text
+from eval.conformance.motion import check_motion
 from eval.conformance.planner import check_planner
 from eval.conformance.recogniser import check_recogniser
+from eval.conformance.sensor import check_sensor
 from eval.reports.page import make_report
 from eval.running.benchmark import benchmark
 from eval.running.run import Run, read_run
@@ -24,7 +26,8 @@ from eval.verification.verify import verify
 from recognition.setting import load_setting
 
 ROOT = Path(__file__).parents[2]
-FUNCTIONS = [benchmark, check_planner, check_recogniser, compare, headroom, make_report, read_run, verify]
+CHECKS = [check_motion, check_planner, check_recogniser, check_sensor]
+FUNCTIONS = [benchmark, *CHECKS, compare, headroom, make_report, read_run, verify]
 SHORT = Conditions(data="duo", length=10)
 NOTEBOOK = ROOT / "docs" / "examples" / "first_steps.ipynb"
 
@@ -59,7 +62,7 @@ def test_a_function_is_found_where_its_module_was_imported_before(function: obje
 
 def test_the_functions_are_listed_and_a_wrong_name_says_which_there_are() -> None:
     assert dir(ours) == sorted(function.__name__ for function in FUNCTIONS)
-    with pytest.raises(AttributeError, match="eval has no 'benchmrk'; it has: benchmark, check_planner, "):
+    with pytest.raises(AttributeError, match="eval has no 'benchmrk'; it has: benchmark, check_motion, "):
         _ = ours.benchmrk
 
 
@@ -80,7 +83,7 @@ def test_a_planner_of_no_file_runs_and_is_read_again_and_verified(tmp_path: Path
     )
     assert done.returncode == 0, done.stderr
     line, verdict = done.stdout.splitlines()
-    assert line.endswith(": 2 planners, 363 episodes each)")
+    assert line.endswith(": 2 planners, 751 episodes each)")
     assert verdict.startswith("verified")
 
 
