@@ -58,7 +58,8 @@ def test_flags_that_are_none_are_found() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
 def test_the_code_of_a_page_is_python(page: Path) -> None:
     for code in python_blocks(page):
-        compile(code, page_name(page), "exec")
+        entry = code.startswith(" ")  # one of a dictionary
+        compile(f"{{\n{code}}}" if entry else code, page_name(page), "exec")
 
 
 def test_the_data_that_a_page_writes_can_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

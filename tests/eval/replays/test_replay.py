@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from eval.running.finished_run import read_run
 from PIL import Image
 
 from ehar.camera import Camera, project

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from eval.running.finished_run import read_run
 
 from ehar.arrays import FloatArray
 from ehar.data.motion_file import save_motion

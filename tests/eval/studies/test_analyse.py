@@ -6,7 +6,6 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 import pytest
-from eval.running.finished_run import read_run
 
 from ehar.data.motion_file import save_motion
 from ehar.errors import DataError, UsageError
