@@ -1,11 +1,11 @@
-"""The world of embodied human activity recognition, and the contracts of those who act in it."""
+"""The simulated world of embodied human activity recognition, and the contracts of its planners and recognisers."""
 
 from typing import TYPE_CHECKING
 
 from ehar.lazy import lazy_exports
 
-# At once, unlike the rest: `rollout` is also the module's name. It is imported here first, and then the name is the
-# function's for good; `from ehar.rollout import Batch` finds the module all the same.
+# `rollout` is not lazy, because a module has the same name: this import makes the name stand for the function.
+# `from ehar.rollout import Batch` still finds the module.
 from ehar.rollout import rollout as rollout
 
 if TYPE_CHECKING:

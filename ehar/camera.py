@@ -11,12 +11,12 @@ from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR
 IMAGE_WIDTH = 1280  # [px]
 IMAGE_HEIGHT = 720  # [px]
 FOCAL_LENGTH = 850.0  # [px]
-NEAR_PLANE = 0.1  # [m]; what lies nearer, or behind, is projected as if it were here
+NEAR_PLANE = 0.1  # [m]; points that are nearer or behind are projected as if at this depth
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Pinhole intrinsics; the principal point is the image's middle, x to the right, y down.
+    """Pinhole intrinsics; the principal point is the middle of the image, x points right, y down.
 
     Args:
         width: image width [px].
@@ -32,8 +32,8 @@ class Camera:
 def look_at_rotation(viewpoint: FloatArray) -> FloatArray:
     """Return rotations world -> camera, (..., 3, 3); rows are the camera's right, down and forward axes.
 
-    Right is the azimuth's unit tangent, down the polar angle's, forward the inward radius. The three are
-    orthonormal for every viewpoint, at the pole too, where the azimuth says which way up the image is.
+    Right is the unit tangent of the azimuth, down is that of the polar angle, and forward points to the centre. The
+    three are orthonormal for every viewpoint, also at the pole, where the azimuth decides which way is up in the image.
     """
     sin_azimuth, cos_azimuth = np.sin(viewpoint[..., AZIMUTH]), np.cos(viewpoint[..., AZIMUTH])
     sin_polar, cos_polar = np.sin(viewpoint[..., POLAR]), np.cos(viewpoint[..., POLAR])

@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from shlex import quote
 from typing import Any, Literal, get_args, get_type_hints
@@ -22,7 +22,7 @@ FORMS: tuple[Form, ...] = get_args(Form)
 REGIMES = ("moving", "paper")  # of the views that a recogniser is trained on
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Conditions:
     """What every part of a run is told; it is passed whole.
 
@@ -71,6 +71,12 @@ class Conditions:
                 raise UsageError(f"{name}: expected a whole number of at least {least}, got {value!r}")
         if self.recogniser is not None and self.form != "causal":
             raise UsageError(f"form: expected none beside a recogniser of your own, got {self.form}")
+
+    def __repr__(self) -> str:
+        """Return the data and what is not as usual."""
+        told = ((part.name, getattr(self, part.name), part.default) for part in fields(self))
+        shown = (f"{name}={value!r}" for name, value, usual in told if name == "data" or value != usual)
+        return f"Conditions({', '.join(shown)})"
 
     @staticmethod
     def named_types() -> dict[str, Any]:

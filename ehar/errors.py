@@ -2,11 +2,11 @@
 
 
 class EharError(Exception):
-    """Any error that a user can mend; the CLI prints it as one line and exits with code 2."""
+    """Any error that a user can fix; the CLI prints it as one line and exits with code 2."""
 
 
 class DataError(EharError):
-    """A motion file is missing, malformed, or does not hold what was asked of it."""
+    """A motion file is missing, malformed, or lacks the requested data."""
 
 
 class ModelError(EharError):

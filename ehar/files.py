@@ -1,4 +1,4 @@
-"""Files: written whole or not at all, and JSON read into data classes."""
+"""Atomic writes of files, and JSON files read into data classes."""
 
 import json
 import os
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
 Kind = TypeVar("Kind")
-Place = tuple[str | int, ...]  # of a value in a file: the keys and indices that lead to it
+Place = tuple[str | int, ...]  # the place of a value in a file: the keys and indices that lead to it
 
 LONGEST = 80  # characters of a value that an error shows
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give a temporary path of the same ending; what was written there takes the place of `path` at the end.
+    """Yield a temporary path with the same suffix; the file written there replaces `path` at the end.
 
-    The folder is made where it is not there.
+    A missing folder is created.
 
     Raises:
         UsageError: the file cannot be written.
@@ -39,7 +39,7 @@ def replacing(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise UsageError(f"{path}: cannot be written: {error.strerror or error}") from error
     finally:
-        with suppress(OSError):  # it is not there, or neither is its folder
+        with suppress(OSError):  # the file or its folder does not exist
             temporary.unlink()
 
 
@@ -61,7 +61,7 @@ def json_text(value: Any) -> str:
 
 
 def as_json(value: Any) -> Any:
-    """Return a value as it comes back from a JSON file: tuples are lists there, and keys are text."""
+    """Return a value as a JSON file would give it back: tuples become lists, and keys become text."""
     return json.loads(json.dumps(value))
 
 
@@ -76,20 +76,21 @@ def read_json(
 ) -> Kind:
     """Read a JSON file into a data class.
 
-    Types are strict: text is no number, a bool is no number, and a number is finite. A whole number may stand for a
-    float. Limits of `annotated_types` are kept: `Annotated[int, Ge(1)]`.
+    Types are strict: text and bools are not numbers, and numbers are finite. A whole number may stand for a float.
+    Limits of `annotated_types` are checked: `Annotated[int, Ge(1)]`.
 
     Args:
-        path: of the file.
-        kind: the data class; its fields are the keys of the file, data classes in it are objects.
-        expected: what the file is, as errors name it: "a vehicle file".
-        unknown: whether keys may be there that are no fields; they are left out.
-        defaults: whether a key may be missing where its field has a default.
-        wrong: the error that is raised where the content is wrong.
+        path: the file.
+        kind: the data class; its fields are the keys of the file, and nested data classes are objects.
+        expected: name of such a file in errors: "a vehicle file".
+        unknown: whether to ignore keys that are not fields.
+        defaults: whether a key may be missing if its field has a default.
+        wrong: class of the error for wrong content.
 
     Raises:
         UsageError: the file cannot be opened.
-        EharError: of the class `wrong`: the file is no JSON, or not that of `kind`. It names the file and the field.
+        EharError: the file is not JSON, or does not fit `kind`; an error of class `wrong` that names the file and the
+            field.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -115,23 +116,23 @@ def parse_json(
     Args:
         text: the JSON.
         kind: the data class.
-        where: the file and the place in it that the text is from, as errors name it.
-        expected: what the text is.
-        unknown: whether keys may be there that are no fields.
-        defaults: whether a key may be missing where its field has a default.
-        wrong: the error that is raised where the content is wrong.
+        where: the source of the text in errors: the file, and the place in it.
+        expected: name of such a text in errors.
+        unknown: whether to ignore keys that are not fields.
+        defaults: whether a key may be missing if its field has a default.
+        wrong: class of the error for wrong content.
 
     Raises:
-        EharError: of the class `wrong`.
+        EharError: the text is not JSON, or does not fit `kind`; an error of class `wrong`.
     """
-    from pydantic import ValidationError  # here, as it takes a tenth of a second
+    from pydantic import ValidationError  # imported here: it takes a tenth of a second
 
     try:
         value: Kind = _adapter(kind, unknown).validate_json(text)  # type: ignore[arg-type]  # mypy: unhashable
     except ValidationError as error:
         complaint = _complaint(kind, error.errors(include_url=False), expected)
         raise wrong(f"{where}: {complaint}") from error
-    except EharError as error:  # of a data class that checks itself
+    except EharError as error:  # from a data class that checks itself
         raise wrong(f"{where}: {error}") from error
     if not defaults:
         absent = list(_absent(value, json.loads(text), ()))
@@ -142,18 +143,18 @@ def parse_json(
 
 @cache
 def _adapter(kind: Any, unknown: bool) -> "TypeAdapter[Any]":
-    """Return what reads a data class."""
-    from pydantic import ConfigDict, TypeAdapter  # here, as it takes a tenth of a second
+    """Return the pydantic adapter of a data class."""
+    from pydantic import ConfigDict, TypeAdapter  # imported here: it takes a tenth of a second
     from typing_extensions import TypeAliasType
 
-    # Pydantic takes the configuration of a data class from the class itself; by another name it takes ours.
+    # Pydantic reads the configuration of a data class from the class itself; for an alias it takes ours.
     config = ConfigDict(strict=True, extra="ignore" if unknown else "forbid", allow_inf_nan=False)
     renamed: Any = TypeAliasType("File", kind)
     return TypeAdapter(renamed, config=config)
 
 
 def _absent(value: Any, held: Any, place: Place) -> Iterator[Place]:
-    """Yield the places of the fields that a file does not hold, which have their defaults."""
+    """Yield the places of the fields that are missing in a file and have their defaults."""
     if is_dataclass(value) and isinstance(held, dict):
         for name in (field.name for field in fields(value) if field.init):
             if name in held:
@@ -169,7 +170,7 @@ def _absent(value: Any, held: Any, place: Place) -> Iterator[Place]:
 
 
 def _complaint(kind: Any, errors: "list[ErrorDetails]", expected: str) -> str:
-    """Return what is wrong with a file: its keys, where they are wrong, else the first of its values."""
+    """Return what is wrong with a file: its wrong keys, or else its first wrong value."""
     missing = [error["loc"] for error in errors if error["type"] == "missing" and isinstance(error["loc"][-1], str)]
     unknown = [error["loc"] for error in errors if error["type"] == "unexpected_keyword_argument"]
     if missing or unknown:
@@ -179,9 +180,9 @@ def _complaint(kind: Any, errors: "list[ErrorDetails]", expected: str) -> str:
         return f"expected the JSON of {expected}, got {first['ctx']['error']}"
     place, wanted = _at(kind, first["loc"])
     start = f"{_named(place)}: " if place else ""
-    if first["type"] == "value_error":  # of a data class that checks itself
+    if first["type"] == "value_error":  # from a data class that checks itself
         return start + str(first["ctx"]["error"]).splitlines()[0]
-    if first["type"] == "missing":  # an item of a tuple, at the index after the last
+    if first["type"] == "missing":  # a tuple is too short: the place is the index after its last item
         place, wanted = _at(kind, first["loc"][:-1])
         return f"{_named(place)}: expected {len(get_args(wanted))} items, got {_shown(first['input'])}"
     if not place:
@@ -206,7 +207,7 @@ def _wrong_keys(kind: Any, place: Place, missing: Iterable[Place], unknown: Iter
 def _at(kind: Any, loc: Place) -> tuple[Place, Any]:
     """Return the place in a file that pydantic means, and the type that is expected there.
 
-    The place ends where a value may be of several types: what pydantic says behind it names one of them.
+    The place ends at a value that may have several types: after that, pydantic only names one of the types.
     """
     place: Place = ()
     kind = _without_null(kind)
@@ -227,7 +228,7 @@ def _at(kind: Any, loc: Place) -> tuple[Place, Any]:
 
 
 def _without_null(kind: Any) -> Any:
-    """Return a type without None, where it is one other."""
+    """Return X for the type `X | None`, and any other type unchanged."""
     if get_origin(kind) not in (Union, UnionType):
         return kind
     others = [argument for argument in get_args(kind) if argument is not type(None)]
@@ -269,7 +270,7 @@ def _wanted(error: "ErrorDetails") -> str:
 
 
 def _named(place: Place) -> str:
-    """Return how errors write a place: `spec.skeleton.bones[3]`."""
+    """Return a place as errors write it: `spec.skeleton.bones[3]`."""
     steps = (f"[{step}]" if isinstance(step, int) else f".{_printable(step)}" for step in place)
     return "".join(steps).removeprefix(".")
 

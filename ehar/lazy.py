@@ -1,4 +1,4 @@
-"""Names that a folder shows at once and imports when they are asked for, as some bring what takes long to import."""
+"""Names that a package offers at once but imports on first use, because some imports are slow."""
 
 from collections.abc import Callable, Mapping
 from importlib import import_module
@@ -9,12 +9,12 @@ Front = tuple[Callable[[str], object], Callable[[], list[str]], list[str]]
 def lazy_exports(package: str, modules: Mapping[str, str]) -> Front:
     """Return `__getattr__`, `__dir__` and `__all__` of a package.
 
-    The package imports the same names under `if TYPE_CHECKING:`, for mypy, editors and import-linter. No name may be
-    that of a module in the package: once that module is imported, it would take the name.
+    The package imports the same names under `if TYPE_CHECKING:`, for mypy, editors and import-linter. No name may equal
+    that of a module in the package: importing the module would replace the name.
 
     Args:
-        package: its `__name__`.
-        modules: of each name, the module that defines it.
+        package: the package's `__name__`.
+        modules: the module that defines each name.
     """
 
     def get(name: str) -> object:

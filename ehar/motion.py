@@ -1,4 +1,4 @@
-"""How far a camera gets in one frame. GridMotion: the paper's 7 moves."""
+"""The contract of a motion, which carries the camera, and `GridMotion`: the paper's 7 moves."""
 
 from typing import Protocol
 
@@ -18,7 +18,7 @@ from ehar.viewpoint import (
 
 
 class Motion(Protocol):
-    """The body that carries the camera: it is told where to go and says where it got to."""
+    """The body that carries the camera: it takes targets and returns the viewpoints that it reaches."""
 
     workspace: Workspace
 
@@ -31,20 +31,20 @@ class Motion(Protocol):
 
     @property
     def velocity(self) -> FloatArray:
-        """The rates of distance, azimuth and polar angle, (B, 3) [m/s], [rad/s]; 0 where there is no such thing."""
+        """The rates of distance, azimuth and polar angle, (B, 3) [m/s], [rad/s]; 0 on the grid."""
         ...
 
     @property
     def acceleration(self) -> FloatArray:
-        """The rates of those rates, (B, 3) [m/s^2], [rad/s^2]; 0 where there is no such thing."""
+        """The derivatives of `velocity`, (B, 3) [m/s^2], [rad/s^2]; 0 on the grid."""
         ...
 
 
 def move_towards(viewpoint: FloatArray, target: FloatArray, workspace: Workspace) -> IntArray:
     """Return the moves (...,) that lower the largest remaining axis error, counted in cells.
 
-    Targets are first brought into the workspace. Hover when every error is at most half a cell. Of two equal
-    errors the first axis wins: distance, azimuth, polar angle.
+    Targets are first clipped to the workspace. If every error is at most half a cell, the camera hovers. If two errors
+    are equal, the first axis wins: distance, azimuth, polar angle.
     """
     wanted = workspace.clip(target)
     wanted[..., 0] -= START_DISTANCE
@@ -76,10 +76,10 @@ class GridMotion:
 
     @property
     def velocity(self) -> FloatArray:
-        """Nothing: the grid jumps from cell to cell."""
+        """Zeros (B, 3): the grid jumps from cell to cell."""
         return np.zeros(self._viewpoint.shape)
 
     @property
     def acceleration(self) -> FloatArray:
-        """Nothing, as for the velocity."""
+        """Zeros (B, 3), as for the velocity."""
         return np.zeros(self._viewpoint.shape)

@@ -25,7 +25,7 @@ class Context:
     skeleton: Skeleton
     workspace: Workspace
     track: str  # "ideal": grid moves, or a vehicle's name
-    rng: np.random.Generator  # the planner's own, the same for the same episodes
+    rng: np.random.Generator  # the planner's generator, the same for the same episodes
     vehicle: Vehicle | None = None  # what carries the camera; None on the ideal track
 
     __repr__ = in_brief
@@ -33,7 +33,7 @@ class Context:
 
 @dataclass(frozen=True, repr=False)
 class Truth:
-    """What only a privileged planner is handed: the label, the future, and a recogniser to imagine with."""
+    """What only privileged planners get: the label, the future, and a recogniser to imagine with."""
 
     labels: IntArray  # (B,)
     recogniser: Recogniser
@@ -52,10 +52,10 @@ class Observation:
     joints_2d: FloatArray  # (B, P, J, 2) [px]
     confidence: FloatArray  # (B, P, J) in [0, 1]
     viewpoint: FloatArray  # (B, 3): distance [m], azimuth [rad], polar angle [rad]
-    log_probs: FloatArray  # (B, K), the recogniser's, after this frame
-    embedding: FloatArray  # (B, D), the recogniser's, after this frame
-    velocity: FloatArray  # (B, 3): rates of the viewpoint [m/s], [rad/s]; 0 on the ideal track, which has none
-    acceleration: FloatArray  # (B, 3) [m/s^2], [rad/s^2]; likewise
+    log_probs: FloatArray  # (B, K), from the recogniser, after this frame
+    embedding: FloatArray  # (B, D), from the recogniser, after this frame
+    velocity: FloatArray  # (B, 3): rates of the viewpoint [m/s], [rad/s]; 0 on the ideal track
+    acceleration: FloatArray  # (B, 3): derivatives of `velocity` [m/s^2], [rad/s^2]; 0 on the ideal track
     truth: Truth | None = field(default=None, repr=False)  # privileged planners only
 
     __repr__ = in_brief
@@ -69,8 +69,8 @@ class Observation:
 class Planner(Protocol):
     """Decides where to look from. Subclass it (or match it) and hand an instance to `eval.benchmark`.
 
-    A planner never holds the environment, the 3D joints or the label. Only one that declares
-    `privileged = True` is handed `Observation.truth`, and every report marks it.
+    A planner never holds the environment, the 3D joints or the label. Only a planner that declares `privileged = True`
+    gets `Observation.truth`, and every report marks it.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Worker processes: how many by default, and a pool that ends with the process that made it, however that ends."""
+"""Worker processes: their default number, and a pool that always ends with its parent process."""
 
 import multiprocessing
 import os
@@ -19,7 +19,7 @@ from ehar.errors import ModelError, UsageError
 
 
 def cores() -> int:
-    """Return in how many processes a command runs by default."""
+    """Return the default number of processes of a command."""
     return os.cpu_count() or 1
 
 
@@ -47,7 +47,7 @@ def worker_pool(
     initargs: tuple[Any, ...] = (),
     sent: tuple[Any, ...] = (),
 ) -> Iterator[ProcessPoolExecutor]:
-    """Hold a pool of spawned processes; what has not finished when it is left by an error is not waited for.
+    """Open a pool of spawned processes; after an error it does not wait for unfinished jobs.
 
     Args:
         count: of processes.
@@ -127,7 +127,7 @@ def _start_worker(
 
 
 def _end_with_parent() -> None:
-    """Wait for the parent; without it, a training would go on beside the one that is started in its place."""
+    """End this process when its parent ends; otherwise a training would go on beside the one that replaces it."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     wait([parent.sentinel])

@@ -14,10 +14,10 @@ class Recognition(NamedTuple):
 
 
 class RecogniserState(Protocol):
-    """All that a recogniser remembers of B episodes. Never changed in place, so forks share what is the same."""
+    """All that a recogniser remembers of B episodes. It is never changed in place, so forks share their common part."""
 
     def fork(self, forks: int) -> Any:
-        """Return a state of F alternatives an episode: `step` then takes and gives arrays (B, F, ...)."""
+        """Return a state with F alternatives per episode: `step` then takes and returns arrays (B, F, ...)."""
 
     def select(self, choice: IntArray) -> Any:
         """Return the unforked state of alternative `choice` (B,) of each episode."""

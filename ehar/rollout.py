@@ -1,4 +1,4 @@
-"""The only loop: every frame of a batch of episodes is sensed, recognised, planned upon and moved, in lockstep."""
+"""The rollout loop: it senses, recognises, plans and moves every frame of a batch of episodes in lockstep."""
 
 import time
 from collections.abc import Sequence
@@ -20,14 +20,14 @@ from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Batch:
-    """B episodes that are run together.
+    """B episodes that run together.
 
     Args:
         positions: (B, L, P, J, 3) [m], relative to each scenario's centre.
         labels: (B,).
         starts: (B, 3) start viewpoints.
-        noise: the sensor's draws, (B, L, ...).
-        names: what errors call each episode.
+        noise: (B, L, ...), random draws of the sensor.
+        names: names of the episodes in error messages.
     """
 
     positions: FloatArray
@@ -65,7 +65,7 @@ class Batch:
         )
 
     def select(self, rows: IntArray | slice, frames: int | None = None) -> "Batch":
-        """Return some of the episodes, and of each the first frames; None is all frames."""
+        """Return some of the episodes, cut to their first `frames` frames; None keeps all frames."""
         return Batch(
             positions=self.positions[rows, :frames],
             labels=self.labels[rows],
@@ -76,7 +76,7 @@ class Batch:
 
 
 def noise_of(scenarios: Scenarios, episodes: int, rng: np.random.Generator) -> SensorNoise:
-    """Draw a sensor's noise for so many episodes of some scenarios, (B, L, ...)."""
+    """Draw the sensor's noise for a number of episodes, (B, L, ...)."""
     data = scenarios.data
     return draw_noise(rng, (episodes, scenarios.length), data.persons, len(data.skeleton.joint_names))
 
@@ -138,8 +138,8 @@ def rollout(
             viewpoint=viewpoint,
             log_probs=recognition.log_probs,
             embedding=recognition.embedding,
-            velocity=_rates(motion, "velocity", episodes, frame),
-            acceleration=_rates(motion, "acceleration", episodes, frame),
+            velocity=finite_rates(motion, "velocity", episodes, frame),
+            acceleration=finite_rates(motion, "acceleration", episodes, frame),
             truth=Truth(batch.labels, recogniser, state, imagine) if planner.privileged else None,
         )
         begin = time.perf_counter()
@@ -149,7 +149,7 @@ def rollout(
         targets = _checked(target, planner, batch, frame)
         with blamed(motion, f"{moving}, frame {frame}"):
             reached = motion.advance(targets)
-        viewpoint = _finite(reached, (episodes, 3), f"{moving}, frame {frame}: viewpoints")
+        viewpoint = finite_viewpoints(reached, episodes, f"{moving}, frame {frame}")
     return Record(viewpoints, log_probs, plan_seconds)
 
 
@@ -174,8 +174,17 @@ def check_recognition(recognition: Recognition, recogniser: Recogniser, episodes
             raise EpisodeError(f"{where}: expected finite {name} of shape {expected}, got {got}")
 
 
-def _rates(motion: Motion, name: str, episodes: int, frame: int) -> FloatArray:
-    """Return the velocity or the acceleration of a motion (B, 3), which may give one number for all."""
+def finite_viewpoints(reached: Any, episodes: int, where: str) -> FloatArray:
+    """Return the viewpoints (B, 3) that a motion reached, or raise an EpisodeError that says what they are."""
+    return _finite(reached, (episodes, 3), f"{where}: viewpoints")
+
+
+def finite_rates(motion: Motion, name: str, episodes: int, frame: int) -> FloatArray:
+    """Return the velocity or the acceleration of a motion (B, 3), which may give one number for all.
+
+    Raises:
+        EpisodeError: they are something else.
+    """
     where = f"motion {type(motion).__name__}, frame {frame}"
     with blamed(motion, where):
         rates: Any = getattr(motion, name)

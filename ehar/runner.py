@@ -1,4 +1,4 @@
-"""The one place that sets up a rollout: what planners are told, the batch, the body, and the roll itself."""
+"""Sets up and runs rollouts: the planner's context, the batch of episodes, and the motion."""
 
 from dataclasses import dataclass, field
 
@@ -21,9 +21,9 @@ class Runner:
     """Rolls planners over episodes.
 
     Args:
-        data: the motion that is watched.
-        recogniser: which all planners see with.
-        sensor: which all planners see through.
+        data: the recorded motion.
+        recogniser: the recogniser that all planners share.
+        sensor: the sensor that all planners share.
         track: how cameras move.
     """
 
@@ -56,8 +56,8 @@ class Runner:
         Args:
             episodes: B.
             length: L, frames in an episode.
-            rng: the planner's own.
-            workspace: where the camera may be; None is the paper's.
+            rng: the planner's generator.
+            workspace: where the camera may be; None means the paper's.
         """
         return Context(
             episodes=episodes,
@@ -77,11 +77,11 @@ class Runner:
         Args:
             planner: decides where to look from.
             batch: the episodes.
-            rng: the planner's own.
-            motion: carries the camera; None is a new body of the track.
+            rng: the planner's generator.
+            motion: carries the camera; None creates a new motion of the track.
 
         Raises:
-            EpisodeError: as `ehar.rollout.rollout`.
+            EpisodeError: see `ehar.rollout.rollout`.
         """
         body = self.track.new_motion() if motion is None else motion
         episodes, length = batch.positions.shape[:2]

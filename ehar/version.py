@@ -1,10 +1,10 @@
-"""The versions of installed packages, and ehar's own."""
+"""The versions of installed packages and of ehar."""
 
 from importlib.metadata import PackageNotFoundError, version
 
 
 def package_version(name: str) -> str:
-    """Return the version of an installed package; a source tree that is not installed has none."""
+    """Return the version of a package, or that it is not installed, as in a plain source tree."""
     try:
         return version(name)
     except PackageNotFoundError:

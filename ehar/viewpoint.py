@@ -43,7 +43,7 @@ class Workspace:
     polar_max: float = float(np.pi / 2)
 
     def clip(self, viewpoint: FloatArray) -> FloatArray:
-        """Return the nearest viewpoints inside, (..., 3), with azimuths wrapped to [0, 2 pi)."""
+        """Return the nearest viewpoints in the workspace, (..., 3), with azimuths wrapped to [0, 2 pi)."""
         clipped = np.empty(viewpoint.shape)
         clipped[..., DISTANCE] = np.clip(viewpoint[..., DISTANCE], self.distance_min, self.distance_max)
         clipped[..., AZIMUTH] = wrap_azimuth(viewpoint[..., AZIMUTH])
@@ -51,7 +51,7 @@ class Workspace:
         return clipped
 
     def contains(self, viewpoint: FloatArray, tolerance: float = 1e-9) -> BoolArray:
-        """Return which viewpoints (..., 3) lie inside, (...,)."""
+        """Return which viewpoints (..., 3) lie in the workspace, (...,)."""
         distance, polar = viewpoint[..., DISTANCE], viewpoint[..., POLAR]
         inside: BoolArray = (
             (distance >= self.distance_min - tolerance)

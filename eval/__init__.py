@@ -5,8 +5,10 @@ from typing import TYPE_CHECKING
 from ehar.lazy import lazy_exports
 
 if TYPE_CHECKING:
+    from eval.conformance.motion import check_motion as check_motion
     from eval.conformance.planner import check_planner as check_planner
     from eval.conformance.recogniser import check_recogniser as check_recogniser
+    from eval.conformance.sensor import check_sensor as check_sensor
     from eval.reports.page import make_report as make_report
     from eval.running.benchmark import benchmark as benchmark
     from eval.running.run import read_run as read_run
@@ -18,8 +20,10 @@ else:
         __name__,
         {
             "benchmark": "eval.running.benchmark",
+            "check_motion": "eval.conformance.motion",
             "check_planner": "eval.conformance.planner",
             "check_recogniser": "eval.conformance.recogniser",
+            "check_sensor": "eval.conformance.sensor",
             "compare": "eval.studies.compare",
             "headroom": "eval.studies.headroom",
             "make_report": "eval.reports.page",

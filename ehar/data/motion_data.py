@@ -19,17 +19,17 @@ class MotionData:
     """Labelled sequences of joint positions, in metres, z up, right-handed.
 
     Args:
-        name: what reports call the data.
+        name: name of the data in reports.
         positions: (total_frames, P, J, 3) float32 [m], all sequences one after another.
         offsets: (sequences + 1,) int64; sequence i is `positions[offsets[i]:offsets[i + 1]]`.
         labels: (sequences,) index into `class_names`.
         class_names: K names.
-        sequence_names: one name a sequence.
+        sequence_names: one name per sequence.
         fps: frames per second.
-        skeleton: of one person.
-        is_test: (sequences,) bool, the split by sequence; None where the data comes without one.
-        subjects: (sequences, P) ints, who performs; -1 is unknown.
-        license: under which the motion may be used.
+        skeleton: the skeleton of one person.
+        is_test: (sequences,) bool, which sequences are for tests; None for data without a split.
+        subjects: (sequences, P) ints, the performers; -1 is unknown.
+        license: the license of the motion.
         synthetic: whether the motion was generated.
     """
 
@@ -66,7 +66,7 @@ class MotionData:
 
     @property
     def title(self) -> str:
-        """The name for people to read; it says so where the motion is synthetic."""
+        """The name for people to read; it marks synthetic motion."""
         return f"{self.name} (synthetic)" if self.synthetic else self.name
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Motion data on disk: the .npz of the schema, read without trusting it and written whole or not at all."""
+"""Motion data on disk: the .npz of the schema, checked when it is read and written atomically."""
 
 import zipfile
 import zlib
@@ -23,21 +23,21 @@ _KIND_NAMES = {_FLOAT: "floats", _INTEGER: "integers", _NUMBER: "a number", _TEX
 _SPLIT_WORDS = ("train", "test")
 
 
-def load_motion(path: Path) -> MotionData:
+def load_motion(path: str | Path) -> MotionData:
     """Read motion data from an .npz of the schema; arrays that the schema does not name are ignored.
 
     Args:
-        path: the file; its name without its ending is what reports call the data.
+        path: the file; its name without the suffix names the data in reports.
 
     Raises:
-        DataError: the file is missing, is not an .npz, holds anything that would have to be unpickled (nothing is),
-            or does not hold what the schema asks for.
+        DataError: the file is missing, is not an .npz, holds pickled objects (they are never loaded), or does not fit
+            the schema.
     """
     path = Path(path)
     return _parse(_Fields(str(path), _read_arrays(path)), name=path.stem)
 
 
-def save_motion(path: Path, data: MotionData) -> None:
+def save_motion(path: str | Path, data: MotionData) -> None:
     """Write motion data as an .npz of the schema; one more array, `synthetic`, is there where the motion is.
 
     The file appears whole or not at all, and only if `load_motion` would accept it.
@@ -165,7 +165,7 @@ def _parse_offsets(fields: _Fields, sequence_names: tuple[str, ...], frames: int
 def _parse_positions(
     fields: _Fields, positions: FloatArray, offsets: IntArray, sequence_names: tuple[str, ...]
 ) -> FloatArray:
-    with np.errstate(over="ignore"):  # what does not fit into float32 becomes infinite and is refused below
+    with np.errstate(over="ignore"):  # numbers beyond float32 become infinite and are refused below
         positions = np.ascontiguousarray(positions, dtype=np.float32)
     wrong = np.flatnonzero(~np.isfinite(positions).all(axis=(1, 2, 3)))
     if wrong.size:

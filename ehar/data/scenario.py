@@ -10,7 +10,7 @@ from ehar.errors import DataError, UsageError
 
 VALIDATION_SHARE = 0.15  # Sec. 5.1: train : validation = 0.85 : 0.15
 RECOGNISER_SHARE = 0.4  # Sec. 5.1: recogniser training : policy training = 0.4 : 0.6
-TEST_SHARE = 1 / 3  # where the data names no split, as AIST++ (7 of 21)
+TEST_SHARE = 1 / 3  # for data without a split, as in AIST++ (7 of 21)
 TEST = "test"
 PARTS = ("recogniser", "policy", "validation", TEST)
 SPLIT_SEED = 0  # the parts are properties of the data, not of a run
@@ -21,10 +21,10 @@ class Scenarios:
     """N windows of L frames.
 
     Args:
-        data: where they are cut from.
+        data: the data that windows are cut from.
         length: L, frames.
         sequence: (N,) the sequence of each window.
-        first: (N,) its first frame, counted within the sequence.
+        first: (N,) the first frame of each window, counted within its sequence.
     """
 
     data: MotionData
@@ -83,10 +83,10 @@ def windows(data: MotionData, sequences: IntArray, length: int, stride: int) -> 
 def split_parts(data: MotionData) -> Parts:
     """Split the sequences into recogniser, policy, validation and test parts, class by class.
 
-    The data's own split decides what is tested; without one, a third of the subjects, or of each class's
-    sequences where subjects are unknown. The rest is divided as in Sec. 5.1, by whole sequences, so that never
-    two windows of one sequence are in two parts; every class with two training sequences or more has one in the
-    recogniser part and one in the policy part.
+    The data's own split decides the test part. Without a split it is a third of the subjects, or a third of each
+    class's sequences if subjects are unknown. The rest is divided as in Sec. 5.1, by whole sequences, so windows of one
+    sequence are always in the same part. Every class with at least two training sequences has one in the recogniser
+    part and one in the policy part.
     """
     rng = np.random.default_rng(SPLIT_SEED)
     is_test = data.is_test if data.is_test is not None else _hold_out(data, rng)
@@ -108,7 +108,7 @@ def part_of(data: MotionData, part: str) -> IntArray:
     """Return the sequences of one of the `PARTS`.
 
     Raises:
-        UsageError: it is none of these.
+        UsageError: the part is unknown.
     """
     if part not in PARTS:
         raise UsageError(f"unknown part {part!r}; expected one of: {', '.join(PARTS)}")
@@ -117,7 +117,7 @@ def part_of(data: MotionData, part: str) -> IntArray:
 
 
 def _hold_out(data: MotionData, rng: np.random.Generator) -> BoolArray:
-    """Choose test sequences for data without a split: by subject where that leaves every class on both sides."""
+    """Choose test sequences for data without a split: by subject if every class is then on both sides."""
     is_test = np.zeros(len(data.labels), dtype=bool)
     subjects = np.unique(data.subjects)
     if UNKNOWN_SUBJECT not in subjects and len(subjects) >= 3:

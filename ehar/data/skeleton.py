@@ -37,7 +37,7 @@ class Skeleton:
 
     @cached_property
     def mirror(self) -> IntArray:
-        """The joint on the other side of the body for every joint, (J,); itself for those in the middle.
+        """The joint on the other side of the body for every joint, (J,); a joint in the middle has itself.
 
         Read from the names: `left_hip`/`right_hip`, `lhip`/`rhip`, `Hand_L`/`Hand_R`, whatever their case.
         """
@@ -45,7 +45,7 @@ class Skeleton:
 
 
 def counterparts(names: Sequence[str]) -> IntArray:
-    """Return for each of N names the index of the one that says right where it says left, or its own, (N,)."""
+    """Return the index of each name's counterpart on the other side, left for right, or its own index, (N,)."""
     index = {name.lower(): i for i, name in enumerate(names)}
     other = np.arange(len(names))
     for name, left in index.items():

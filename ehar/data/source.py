@@ -12,7 +12,7 @@ BUILT_IN: dict[str, Callable[[], MotionData]] = {"duo": duo, "solo": solo}
 
 
 def load_data(source: str | Path, *, fps: float | None = None) -> MotionData:
-    """Return the built-in data of a name, or the motion data of an .npz file.
+    """Return a built-in data set by its name, or the motion data of an .npz file.
 
     Args:
         source: `duo`, `solo`, or a path.

@@ -1,6 +1,6 @@
 """Variations of recorded motion: as somebody of another size, pace or handedness might have performed it.
 
-Few sequences teach a policy who performed them. What it learns from variations holds better for people it has not seen.
+A policy that trains on few sequences learns who performed them. With variations it generalises better to new people.
 """
 
 import re
@@ -20,14 +20,14 @@ _SIDES = re.compile(r"left|right", re.IGNORECASE)
 def with_variations(data: MotionData, sequences: IntArray, each: int, *, seed: int = 0) -> MotionData:
     """Return some sequences of a data set, each followed by variations of it.
 
-    The first, third, ... variation is mirrored: x turns round, left joints become right ones, and a class whose name
-    says left becomes the one that says right. Where there is no such class, nothing is mirrored.
+    The first, third, ... variation is mirrored: x changes its sign, left and right joints swap, and a class with "left"
+    in its name becomes the one with "right". A class with a side in its name but no counterpart is not mirrored.
 
     Args:
         data: all sequences.
-        sequences: (N,) which of them.
-        each: variations of each sequence.
-        seed: of paces and sizes, which are drawn uniformly.
+        sequences: (N,) indices of the sequences to vary.
+        each: number of variations of each sequence.
+        seed: seed of the paces and sizes, which are drawn uniformly.
 
     Returns:
         N (1 + each) sequences, without a split.
@@ -65,6 +65,6 @@ def with_variations(data: MotionData, sequences: IntArray, each: int, *, seed: i
 
 
 def _mirrored(motion: FloatArray, joints: IntArray) -> FloatArray:
-    """Return motion (T, P, J, 3) seen in a mirror, its joints named anew."""
+    """Return motion (T, P, J, 3) seen in a mirror, with left and right joints swapped."""
     turned: FloatArray = motion[:, :, joints] * np.array([-1, 1, 1], dtype=np.float32)
     return turned

@@ -15,7 +15,7 @@ from ehar.viewpoint import AZIMUTH, DISTANCE, MOVES, POLAR, Workspace, apply_mov
 
 
 class Controls(Protocol):
-    """An action space, and the motion that carries its actions out."""
+    """An action space, and the motion that carries out its actions."""
 
     @property
     def motion(self) -> Motion:
@@ -29,24 +29,24 @@ class Controls(Protocol):
 
     @property
     def observation_spaces(self) -> dict[str, spaces.Space[Any]]:
-        """What these controls add to an observation, beside what every environment shows."""
+        """The spaces of the arrays that these controls add to every observation."""
         ...
 
     def targets(self, actions: npt.NDArray[Any], viewpoint: FloatArray, where: str) -> FloatArray:
         """Return the targets (B, 3) of actions (B, ...) at viewpoints (B, 3).
 
         Raises:
-            EpisodeError: an action is none; the message begins with `where`.
+            EpisodeError: an action is not in the action space; the message begins with `where`.
         """
         ...
 
     def observations(self) -> dict[str, FloatArray]:
-        """Return what is added to the observations now, each (B, ...) in float32."""
+        """Return the arrays that are added to the present observations, each (B, ...) in float32."""
         ...
 
 
 class GridControls:
-    """The paper's 7 moves, numbered as in `ehar.viewpoint.MOVES`; a move out of the workspace is none.
+    """The paper's 7 moves, numbered as in `ehar.viewpoint.MOVES`; a move out of the workspace has no effect.
 
     Args:
         workspace: where the camera may be; the paper's by default.
@@ -67,19 +67,19 @@ class GridControls:
         return apply_moves(viewpoint, actions, self.motion.workspace)
 
     def observations(self) -> dict[str, FloatArray]:
-        """Return nothing: a cell says all about a camera on the grid."""
+        """Return nothing: the viewpoint says everything about a camera on the grid."""
         return {}
 
 
 class FlightControls:
-    """A target viewpoint for a vehicle, as four numbers from -1 to 1: where to go, whatever there is on the way.
+    """A target viewpoint for a vehicle, as four numbers from -1 to 1.
 
-    The first and the last are the distance and the polar angle, from the least to the greatest of the workspace.
-    Those between are a direction whose angle is the azimuth, sine first, as in the observed viewpoint; its length
-    does not matter, and without one the camera keeps its azimuth. Numbers beyond -1 and 1 count as these.
+    The first number is the distance and the last is the polar angle, from the least to the greatest of the workspace.
+    The two in between are a direction whose angle is the azimuth, sine first, as in the observed viewpoint. The length
+    of the direction does not matter; a direction of length 0 keeps the azimuth. Numbers beyond -1 and 1 are clipped.
 
-    Observations gain `velocity` (3,): the rates of distance, azimuth and polar angle, each as a share of the
-    greatest that the vehicle can ever have.
+    Observations also have `velocity` (3,): the rates of distance, azimuth and polar angle, each divided by the greatest
+    that the vehicle can reach.
 
     Args:
         vehicle: what carries the camera.
@@ -113,5 +113,5 @@ class FlightControls:
 
 
 def _between(low: float, high: float, action: FloatArray) -> FloatArray:
-    """Return what lies between two bounds as an action does between -1 and 1."""
+    """Return actions from -1 to 1, scaled to [low, high]."""
     return low + (high - low) * (action + 1) / 2

@@ -16,8 +16,8 @@ from ehar.envs.task import reward as reward
 class EpisodeEnv(gym.Env[dict[str, Any], Any]):
     """One episode at a time of the task that `EpisodeTask` describes.
 
-    The last frame terminates an episode, it does not truncate it: the task ends there by its definition, and
-    `ratio` tells the agent when, so there is no value beyond to bootstrap from.
+    The last frame terminates an episode and does not truncate it. The task ends there by definition, and `ratio` tells
+    the agent when, so there is no later value to bootstrap from.
 
     Args:
         episodes: the task.
@@ -46,10 +46,10 @@ class EpisodeEnv(gym.Env[dict[str, Any], Any]):
 
 
 class EpisodeVectorEnv(gym.vector.VectorEnv[Observations, npt.NDArray[Any], npt.NDArray[Any]]):
-    """A batch of episodes in lockstep: one call of the sensor and of the recogniser a step.
+    """A batch of episodes in lockstep: one call of the sensor and one of the recogniser per step.
 
-    All episodes have L frames, so all end with the same step. Autoreset is by the next step, Gymnasium's
-    default: the step after the last ignores its actions, begins new episodes and rewards 0.
+    All episodes have L frames, so all end at the same step. Autoreset happens in the next step, as is Gymnasium's
+    default: the step after the last one ignores its actions, begins new episodes and returns rewards of 0.
 
     Args:
         num_envs: episodes at a time, B.

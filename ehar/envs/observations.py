@@ -1,4 +1,4 @@
-"""What an agent is shown of a frame: the observation of the Gymnasium environments, scaled for networks."""
+"""The observations of the Gymnasium environments: what an agent sees of a frame, scaled for networks."""
 
 import numpy as np
 
@@ -21,17 +21,17 @@ def shown(
     workspace: Workspace,
     camera: Camera,
 ) -> Observations:
-    """Return what is shown of one frame of B episodes, each array in float32 with a leading B.
+    """Return the agent's observation of one frame of B episodes; every array is float32 and starts with B.
 
     Args:
         joints_2d: (B, P, J, 2) [px].
         confidence: (B, P, J) in [0, 1].
         viewpoint: (B, 3).
-        log_probs: (B, K), the recogniser's.
-        embedding: (B, D), the recogniser's.
+        log_probs: (B, K), from the recogniser.
+        embedding: (B, D), from the recogniser.
         ratio: the share of the episode that has been observed, in (0, 1].
-        workspace: over which viewpoints are scaled.
-        camera: whose image joints are scaled by.
+        workspace: the bounds by which viewpoints are scaled.
+        camera: the camera by whose image joints are scaled.
 
     Returns:
         joints (B, P, J, 2) from the image centre in half image widths, confidence (B, P, J), viewpoint (B, 4),
@@ -50,7 +50,7 @@ def shown(
 
 
 def shown_to_agent(observation: Observation, context: Context) -> Observations:
-    """Return what the environments would show of a planner's observation, so that what they trained can be wrapped."""
+    """Return a planner's observation as the environments show it, for agents that were trained in them."""
     return shown(
         joints_2d=observation.joints_2d,
         confidence=observation.confidence,
@@ -64,9 +64,9 @@ def shown_to_agent(observation: Observation, context: Context) -> Observations:
 
 
 def scaled_viewpoint(viewpoint: FloatArray, workspace: Workspace) -> FloatArray:
-    """Return (B, 4) of viewpoints (B, 3): distance and polar angle from 0 to 1 over the workspace, first and last.
+    """Return viewpoints (B, 3) as (B, 4): distance, sine and cosine of the azimuth, polar angle.
 
-    Between them stand sine and cosine of the azimuth.
+    Distance and polar angle run from 0 to 1 over the workspace.
     """
     azimuth = viewpoint[:, AZIMUTH]
     distance = (viewpoint[:, DISTANCE] - workspace.distance_min) / max(

@@ -25,7 +25,7 @@ def reward(correct_now: BoolArray, correct_before: BoolArray, length: int, *, fi
 
     Args:
         correct_now: whether the label is recognised after this frame, (B,).
-        correct_before: and after the frame before, (B,); of no effect on the first frame.
+        correct_before: whether it was recognised after the frame before, (B,); not used on the first frame.
         length: L, frames in an episode.
         first: whether this is the first frame, t = 1 in Eq. 1.
     """
@@ -36,29 +36,29 @@ def reward(correct_now: BoolArray, correct_before: BoolArray, length: int, *, fi
 
 
 class EpisodeTask:
-    """B episodes in lockstep, whose cameras an agent moves by its controls.
+    """B episodes in lockstep; an agent moves their cameras by its controls.
 
-    An episode of L frames is a reset, which shows frame 1 from the start viewpoint, and L - 1 steps. Eq. 1
-    rewards frame 1 too, where nothing has been decided yet: its reward comes with that of the first step, so
-    that the undiscounted return is the paper's sum over t = 1..L.
+    An episode of L frames is a reset, which shows frame 1 from the start viewpoint, and L - 1 steps. Eq. 1 also rewards
+    frame 1, before the agent has decided anything. That reward is added to the first step's, so the undiscounted return
+    is the paper's sum over t = 1..L.
 
-    An observation holds, all in float32, each with a leading B:
+    An observation holds these float32 arrays, each with a leading B:
 
     - `joints` (P, J, 2): the sensed joints from the image centre, in half image widths
     - `confidence` (P, J), in [0, 1]
     - `viewpoint` (4,): distance and polar angle scaled to [0, 1] over the workspace, first and last; between
       them sine and cosine of the azimuth
-    - `probabilities` (K,): the recogniser's, of all classes
-    - `embedding` (D,): the recogniser's
+    - `probabilities` (K,) of all classes, from the recogniser
+    - `embedding` (D,), from the recogniser
     - `ratio` (1,): the share of the episode that has been observed, in (0, 1]
-    - and what the controls add
+    - the arrays that the controls add
 
     Args:
-        scenarios: what episodes are drawn from, uniformly.
+        scenarios: the scenarios that episodes are drawn from, uniformly.
         recogniser: sees every frame.
-        sensor: what the recogniser sees.
+        sensor: gives the recogniser its joints.
         controls: what actions mean, and where the camera may be.
-        copies: episodes in a row that differ in the agent's actions only: the same scenario, start and noise.
+        copies: number of successive episodes with the same scenario, start and noise; only the agent's actions differ.
 
     Raises:
         UsageError: there is no scenario, episodes have no step, or the recogniser knows other classes.
@@ -109,7 +109,7 @@ class EpisodeTask:
         """Draw scenarios, starts and noise of `episodes` new episodes, and see frame 1.
 
         Raises:
-            UsageError: their number is no multiple of the copies.
+            UsageError: `episodes` is not a multiple of `copies`.
         """
         if episodes % self.copies:
             raise UsageError(f"episodes: expected a multiple of {self.copies} copies, got {episodes}")
@@ -132,10 +132,10 @@ class EpisodeTask:
         return self._see()
 
     def step(self, actions: npt.NDArray[Any]) -> tuple[Observations, FloatArray]:
-        """Carry out actions (B, ...) and see the next frame; return what is seen, and the rewards (B,).
+        """Carry out actions (B, ...) and see the next frame; return the observations and the rewards (B,).
 
         Raises:
-            EpisodeError: the episodes are over, or an action is none.
+            EpisodeError: the episodes are over, or an action is not in the action space.
         """
         if self.over:
             raise EpisodeError(f"step after frame {self.frame + 1} of {self.scenarios.length}: expected a reset")

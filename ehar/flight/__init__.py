@@ -1,4 +1,4 @@
-"""Flight: a vehicle carries the camera, and keeps its limits."""
+"""Flight: a vehicle carries the camera and keeps its limits."""
 
 from typing import TYPE_CHECKING
 

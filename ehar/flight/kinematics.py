@@ -27,10 +27,10 @@ class CartesianMotion(NamedTuple):
 
 
 def local_motion(state: SphericalState) -> CartesianMotion:
-    """Return the exact derivatives on axes that point level away from the centre, level across that, and up.
+    """Return the exact derivatives on three axes: horizontally away from the centre, horizontally across that, and up.
 
-    The camera is turned twice in a plane: by the polar angle, which gives its height and how far out it is, and
-    then by the azimuth about the z axis. All centripetal, Coriolis and Euler terms are there.
+    They come from two rotations in a plane. The first, by the polar angle, gives the camera's height and its horizontal
+    radius; the second is by the azimuth about the z axis. All centripetal, Coriolis and Euler terms are included.
     """
     distance, azimuth, polar = ([part[..., axis] for part in state] for axis in (DISTANCE, AZIMUTH, POLAR))
     cos, sin = np.cos(polar[0]), np.sin(polar[0])
@@ -44,7 +44,7 @@ def local_motion(state: SphericalState) -> CartesianMotion:
 def _turning(radius: Sequence[FloatArray], angle: Sequence[FloatArray]) -> list[tuple[FloatArray, FloatArray]]:
     """Return the first three derivatives of a point r e^(ia) in the plane, each along the ray and across it.
 
-    By Leibniz's rule, from r, its derivatives, and those of a.
+    They follow by Leibniz's rule from r, the derivatives of r, and the derivatives of a.
     """
     r, r1, r2, r3 = radius  # products rather than a cube: `**3` takes numpy a hundred times as long
     _, a1, a2, a3 = angle

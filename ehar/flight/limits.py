@@ -1,4 +1,4 @@
-"""What a vehicle is held to in flight."""
+"""Checks whether flights keep a vehicle's limits."""
 
 import numpy as np
 
@@ -8,15 +8,15 @@ from ehar.flight.profile import JerkProfile
 from ehar.flight.vehicle import Vehicle
 from ehar.viewpoint import AZIMUTH, Workspace
 
-HEADROOM = 0.995  # what may be used of a limit at a sample, so that it also holds between samples
+HEADROOM = 0.995  # share of a limit that samples may use, so that the limit also holds between samples
 BLOCK = 64  # flights at a time, so that their samples stay in the cache
 
 
 def limit_shares(vehicle: Vehicle, state: SphericalState) -> FloatArray:
-    """Return how much of each limit states (..., 3) use, (..., 5); 1 is all of it.
+    """Return the share of each limit that states (..., 3) use, (..., 5); 1 is the whole limit.
 
-    In this order: speed, acceleration, jerk, climb or descent speed, yaw rate. A camera that looks at the centre
-    turns about the vertical axis as fast as its azimuth changes.
+    The order is speed, acceleration, jerk, climb or descent speed, yaw rate. A camera that looks at the centre turns
+    about the vertical axis as fast as its azimuth changes.
     """
     motion = local_motion(state)
     speed, acceleration, jerk = (np.sqrt((vector**2).sum(axis=-1)) for vector in motion)
@@ -34,11 +34,11 @@ def limit_shares(vehicle: Vehicle, state: SphericalState) -> FloatArray:
 
 
 def keeps_limits(profile: JerkProfile, vehicle: Vehicle, workspace: Workspace) -> BoolArray:
-    """Return which flights, until they are at rest, keep the vehicle's limits and stay in the workspace, (B,).
+    """Return which flights keep the vehicle's limits and stay in the workspace until they are at rest, (B,).
 
-    Between two changes of jerk a flight only bends as fast as the camera goes round, and it is sampled nine times
-    within the time that it takes for one radian, and wherever the jerk changes. Most flights that break a limit do so
-    near such a change: a first pass only looks there, and leaves few for the second.
+    Flights are sampled at every change of jerk. In between, a flight bends only as fast as the camera goes round, so it
+    is sampled nine times in the time that it takes for one radian. Most flights that break a limit break it near a
+    change of jerk: the first pass looks only there and leaves few flights for the second.
     """
     turn = min(float(np.sqrt(max(workspace.distance_min, 1e-3) / vehicle.acceleration)), 1 / vehicle.yaw_rate)
     lowest, highest = profile.extremes()

@@ -1,4 +1,4 @@
-"""How far a camera gets in one frame when a vehicle carries it: FlightMotion."""
+"""`FlightMotion`: a vehicle carries the camera to its targets."""
 
 from typing import NamedTuple
 
@@ -15,21 +15,21 @@ from ehar.flight.time_optimal import PHASES, AxisLimits, TimeOptimal
 from ehar.flight.vehicle import Vehicle
 from ehar.viewpoint import AZIMUTH, Workspace, wrap_difference
 
-SAMPLE_TIME = 1e-3  # [s], of the telemetry
+SAMPLE_TIME = 1e-3  # [s], between samples of the telemetry
 WORTH_WHILE = 0.01  # [s]; a flight that arrives sooner by less is not worth a check
-NEW_TURN = 5  # [frames]; a new target costs a check in any case, so another proposal is tried only so often
+NEW_TURN = 5  # [frames]; a new target always costs a check, so another proposal is tried only this often
 SAME_PLACE = 1e-9  # [m], [rad]
 
 
 class FlightMotion:
-    """A camera that a vehicle carries to the target, re-planned in each frame from what it is doing.
+    """A camera that a vehicle carries to its target; every frame plans anew from the present state.
 
-    Ruckig plans on the axes of a viewpoint, where the workspace is a box, straight above is a place like any
-    other, and azimuths are taken the short way round. What is limited is Cartesian, so flights are proposed with
-    limits per axis from bold to timid, and each is checked as a whole, until it is at rest. The one that arrives
-    first, of those that keep the vehicle's limits and stay in the workspace, is flown; a plan that leads to the
-    target already only gives way to one that arrives sooner. Where nothing leads to the target, the camera brakes
-    or flies the plan that it has. So all limits are kept always, and a target that is held is reached.
+    Ruckig plans on the axes of a viewpoint. There the workspace is a box, straight above is a place like any other, and
+    azimuths go the short way round. The vehicle's limits are Cartesian, so flights are proposed with limits per axis,
+    from bold to timid, and each proposal is checked until it is at rest. A proposal is valid if it keeps the vehicle's
+    limits and stays in the workspace. The camera flies the valid proposal that arrives first. A plan that already leads
+    to the target is replaced only by one that arrives sooner. If no valid proposal leads to the target, the camera
+    brakes or keeps its plan. So a flight always keeps all limits, and it reaches any target that is held.
 
     Args:
         vehicle: what carries the camera.
@@ -46,7 +46,7 @@ class FlightMotion:
         """Begin at rest at viewpoints (B, 3); a frame lasts `frame_time` [s].
 
         Raises:
-            EpisodeError: a viewpoint is not finite or outside of the workspace, or the frame time not positive.
+            EpisodeError: a viewpoint is not finite or is outside the workspace, or the frame time is not positive.
         """
         if not (0 < frame_time < np.inf):
             raise EpisodeError(
@@ -64,8 +64,8 @@ class FlightMotion:
         self._state = SphericalState(np.array(viewpoint, dtype=np.float64), rest, rest, rest)
         none = np.zeros((len(viewpoint), PHASES, 3))
         self._plan = JerkProfile.from_phases(self._state, Phases(none, none))
-        self._flown = np.zeros(len(viewpoint))  # [s] of each plan
-        self._proposal = np.zeros(len(viewpoint), dtype=np.int64)  # the one adopted last
+        self._flown = np.zeros(len(viewpoint))  # [s], how long each plan has been flown
+        self._proposal = np.zeros(len(viewpoint), dtype=np.int64)  # index of the proposal that was adopted last
         self._frames = 0
         self._telemetry = FlightTelemetry.none(len(viewpoint))
 
@@ -86,7 +86,7 @@ class FlightMotion:
 
     @property
     def telemetry(self) -> FlightTelemetry:
-        """What the flights have demanded of the vehicle since the reset."""
+        """The demands of the flights on the vehicle since the reset."""
         return self._telemetry
 
     @property
@@ -96,7 +96,7 @@ class FlightMotion:
 
     @property
     def acceleration(self) -> FloatArray:
-        """The rates of those rates, (B, 3) [m/s^2], [rad/s^2]."""
+        """The derivatives of `velocity`, (B, 3) [m/s^2], [rad/s^2]."""
         return self._state.acceleration
 
     def sample(self, times: FloatArray) -> SphericalState:
@@ -104,10 +104,10 @@ class FlightMotion:
         return self._plan.at(self._flown[:, None] - self._frame_time + times)
 
     def _replan(self, way: FloatArray, planned: BoolArray) -> None:
-        """Find plans to targets `way` (B, 3) from here; those that are planned (B,) lead there already.
+        """Find plans to targets that lie `way` (B, 3) from here; plans where `planned` (B,) already lead there.
 
-        In each frame one proposal, in turn, is tried if it arrives sooner: than the plan does or, where the target
-        is new, than the proposal that was adopted last. Then, for a new target, that one is tried, and at last all.
+        Every frame tries one proposal, in turn, if it arrives sooner than the plan. For a new target it has to arrive
+        sooner than the proposal that was adopted last; next, that proposal is tried, and finally all of them.
         """
         remaining = self._plan.duration - self._flown - WORTH_WHILE
         rows = np.flatnonzero(~planned | (remaining > 0))
@@ -129,12 +129,12 @@ class FlightMotion:
         self._brake(rows[pending])
 
     def _durations(self, task: "_Task", proposal: IntArray) -> FloatArray:
-        """Return how long the flights of a task last by proposals (R,), (R,) [s]."""
+        """Return how long the flights of a task last with proposals (R,), (R,) [s]."""
         limits = task.limits.select(proposal, np.arange(len(proposal)))
         return self._time_optimal.durations(task.start, task.target, limits)
 
     def _adopt(self, task: "_Task", flight: IntArray, proposal: IntArray) -> IntArray:
-        """Plan some flights of a task (n,) by proposals (n,), each by the soonest that may be flown; return which."""
+        """Plan flights (n,) of a task with proposals (n,), keep the soonest valid plans, and return their flights."""
         start = _rows(task.start, flight)
         phases, found = self._time_optimal.to_target(start, task.target[flight], task.limits.select(proposal, flight))
         kept = self._keep(task.rows[flight], JerkProfile.from_phases(start, phases), found)
@@ -142,7 +142,7 @@ class FlightMotion:
         return flight[kept]
 
     def _brake(self, rows: IntArray) -> None:
-        """Plan to come to rest as soon as may be; where no such plan may be flown, the present one stays."""
+        """Plan to come to rest as soon as possible; without a valid plan, the present one stays."""
         rows = np.tile(rows, len(BRAKING))
         start = _rows(self._state, rows)
         proposal = np.repeat(np.arange(len(BRAKING)), len(rows) // len(BRAKING))
@@ -151,9 +151,9 @@ class FlightMotion:
         self._keep(rows, JerkProfile.from_phases(start, phases), found)
 
     def _keep(self, rows: IntArray, plan: JerkProfile, found: BoolArray) -> IntArray:
-        """Make flights (n,) the plans of rows (n,), the soonest for each, of those that may be flown; return which."""
+        """Make the soonest valid ones of flights (n,) the plans of rows (n,); return which are valid."""
         kept = np.flatnonzero(found & keeps_limits(plan, self.vehicle, self.workspace))
-        kept = kept[np.argsort(-plan.duration[kept])]  # of the plans for one row the last stays
+        kept = kept[np.argsort(-plan.duration[kept])]  # the last, soonest plan of each row stays
         self._plan.replace(rows[kept], plan.select(kept))
         self._flown[rows[kept]] = 0
         return kept
@@ -162,10 +162,10 @@ class FlightMotion:
 class _Task(NamedTuple):
     """Flights to be planned."""
 
-    rows: IntArray  # (R,), which of the B
+    rows: IntArray  # (R,), indices of the episodes
     start: SphericalState  # each (R, 3)
     target: FloatArray  # (R, 3)
-    limits: AxisLimits  # each (K, R, 3), one of K for each proposal
+    limits: AxisLimits  # each (K, R, 3), for K proposals
 
 
 def _rows(state: SphericalState, rows: IntArray) -> SphericalState:

@@ -1,4 +1,4 @@
-"""Flights of piecewise constant jerk that end at rest: B at a time, each axis with phases of its own."""
+"""Flights of piecewise constant jerk that end at rest: B at a time, each axis has its own phases."""
 
 from dataclasses import dataclass, fields
 from typing import NamedTuple
@@ -8,12 +8,12 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.flight.kinematics import SphericalState
 
-SAME_TIME = 1e-9  # [s]; times that differ by less are one: rounding must not tear the axes apart
+SAME_TIME = 1e-9  # [s]; times that differ by less are equal, so that rounding does not separate the axes
 SAMPLES = 4  # of each piece, both ends included
 
 
 class Phases(NamedTuple):
-    """What follows what on each axis: N phases, in each of which the jerk is constant."""
+    """The phases of each axis: in each of N phases the jerk is constant."""
 
     durations: FloatArray  # (B, N, 3) [s], from 0
     jerks: FloatArray  # (B, N, 3)
@@ -28,7 +28,7 @@ class Samples(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class JerkProfile:
-    """When each phase begins, and in which state; the last phase is rest and has no end.
+    """The time and the state at the begin of each phase; the last phase is rest and has no end.
 
     Args:
         times: (B, N, 3) [s], from 0.
@@ -46,7 +46,7 @@ class JerkProfile:
 
     @classmethod
     def from_phases(cls, start: SphericalState, phases: Phases) -> "JerkProfile":
-        """Return what becomes of starts (B, 3) in phases that bring them to rest; less what rounding leaves."""
+        """Return the flights from starts (B, 3) through phases to rest; at the end the velocity is exactly 0."""
         step, jerk = phases
         acceleration = _running(start.acceleration, step * jerk)
         before = acceleration[:, :-1]
@@ -85,7 +85,7 @@ class JerkProfile:
         return JerkProfile(*(getattr(self, field.name)[flights] for field in fields(self)))
 
     def replace(self, flights: IntArray, other: "JerkProfile") -> None:
-        """Put others in the place of some flights."""
+        """Replace some flights by those of another profile."""
         for field in fields(self):
             getattr(self, field.name)[flights] = getattr(other, field.name)
 
@@ -98,8 +98,8 @@ class JerkProfile:
     def samples(self, longest: float) -> Samples:
         """Return states at least every `longest` / (`SAMPLES` - 1) [s], until the last phase begins.
 
-        The jerk steps where any axis changes phase: between two such times there is at least one piece, and it
-        is sampled at both of its ends; with `longest` infinite, exactly one.
+        The jerk steps when any axis changes its phase. Between two such times there is at least one piece, which is
+        sampled at both ends; if `longest` is infinite, there is exactly one.
         """
         changes = np.sort(self.times.reshape(len(self.times), -1), axis=1)
         gaps = np.diff(changes, axis=1)

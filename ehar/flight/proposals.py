@@ -1,8 +1,8 @@
-"""How a vehicle's limits are shared out among the three axes of a viewpoint.
+"""Shares out a vehicle's limits among the three axes of a viewpoint.
 
-A vehicle's limits are Cartesian, Ruckig's are per axis, and no limits per axis are equivalent on a sphere. So
-there are several proposals, from bold to timid, and whether a flight that was made with one keeps the vehicle's
-limits is for `ehar.flight.limits.keeps_limits` to say.
+A vehicle's limits are Cartesian, Ruckig's are per axis, and on a sphere no limits per axis are equivalent. So there are
+several proposals, from bold to timid; `ehar.flight.limits.keeps_limits` says whether a flight keeps the vehicle's
+limits.
 """
 
 from typing import NamedTuple
@@ -19,12 +19,12 @@ from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR
 class Boldness(NamedTuple):
     """One way to share out the limits."""
 
-    cross: float  # least share for an axis, also if the straight way does not need it
+    cross: float  # least share of an axis, even if the straight way needs less
     speed: float  # times the speed that is safe all the way
     acceleration: float  # times the acceleration, and the jerk, that are safe most of the time
 
 
-# What an axis gets is the share that the straight way needs of the following parts of a vehicle's limits.
+# Each axis gets the share that the straight way needs of the following parts of a vehicle's limits.
 SPEED_SHARE = 0.994
 CURVE_SHARE = 0.9  # of the acceleration, by the curve at full speed
 ACCELERATION_SHARE = 0.85
@@ -45,16 +45,16 @@ PLACES = np.linspace(0, 1, 5)  # along the straight way
 
 
 def limits_to_target(vehicle: Vehicle, state: SphericalState, way: FloatArray) -> AxisLimits:
-    """Return limits for flights from states (B, 3) to rest, `way` (B, 3) farther on: `PROPOSALS`, (K, B, 3)."""
+    """Return the limits of `PROPOSALS`, (K, B, 3), for flights from states (B, 3) to rest `way` (B, 3) from there."""
     back = way - _braking(vehicle, state)
-    # An axis that cannot but overshoot needs its share to come back.
+    # An axis that is bound to overshoot needs a share to come back.
     heading = np.copysign(np.maximum(np.abs(way), np.abs(back)), way)
     places = state.viewpoint[:, None] + PLACES[:, None] * way[:, None]
     return _shared_out(vehicle, state, heading, places, PROPOSALS)
 
 
 def limits_to_rest(vehicle: Vehicle, state: SphericalState) -> AxisLimits:
-    """Return limits for flights from states (B, 3) to rest wherever that is: `BRAKING`, (K, B, 3)."""
+    """Return the limits of `BRAKING`, (K, B, 3), for flights from states (B, 3) to rest at any place."""
     return _shared_out(vehicle, state, state.velocity, state.viewpoint[:, None], BRAKING)
 
 
@@ -63,9 +63,9 @@ def _shared_out(
 ) -> AxisLimits:
     """Return limits (K, B, 3) for flights from states (B, 3) along headings (B, 3) that pass places (B, P, 3).
 
-    The straight line along the heading, in viewpoint coordinates, is a curve in space. Its kinematics at unit
-    speed say how fast a camera may go along it, and each axis gets its share of that. The jerk that the present
-    velocity and acceleration cause by themselves is set aside.
+    The straight line along the heading, in viewpoint coordinates, is a curve in space. Its kinematics at unit speed say
+    how fast a camera may go along it, and each axis gets its share of that. A part of the jerk is reserved: the present
+    velocity and acceleration already cause it.
     """
     lever = _lever(places)
     length = np.linalg.norm(lever * heading[:, None], axis=-1, keepdims=True)
@@ -124,6 +124,6 @@ def _lever(viewpoint: FloatArray) -> FloatArray:
 
 
 def _ratio(limit: FloatArray | float, rate: FloatArray) -> FloatArray:
-    """Return the quotient, which is as good as unlimited where the rate is 0."""
+    """Return the quotient; it is practically unlimited if the rate is 0."""
     quotient: FloatArray = limit / np.maximum(rate, 1e-9)
     return quotient

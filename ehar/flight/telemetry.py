@@ -9,14 +9,14 @@ from ehar.flight.kinematics import SphericalState
 from ehar.flight.limits import limit_shares
 from ehar.flight.vehicle import Vehicle
 
-AT_LIMIT = 0.99  # of a limit
+AT_LIMIT = 0.99  # share of a limit
 
 
 @dataclass(frozen=True, eq=False)
 class FlightTelemetry:
-    """Of each of B flights since they began, in SI units; speed, acceleration and jerk are Cartesian lengths."""
+    """The demands of B flights since they began, in SI units; speed, acceleration and jerk are Cartesian lengths."""
 
-    frames: int  # flown
+    frames: int  # number of frames flown
     peak_speed: FloatArray  # (B,) [m/s]
     peak_acceleration: FloatArray  # (B,) [m/s^2]
     peak_jerk: FloatArray  # (B,) [m/s^3]

@@ -29,16 +29,16 @@ class AxisLimits(NamedTuple):
 
 
 class TimeOptimal:
-    """Ruckig on the three axes, which all arrive when the slowest can."""
+    """Ruckig on the three axes; all axes arrive together with the slowest."""
 
     def __init__(self) -> None:
-        """Make Ruckig's objects, which are used again and again."""
+        """Make Ruckig's objects, which every call reuses."""
         self._ruckig = Ruckig(3)
         self._trajectory = Trajectory(3)
         self._order = InputParameter(3)
 
     def __reduce__(self) -> tuple[type["TimeOptimal"], tuple[()]]:
-        """Copy and pickle as a new one: Ruckig's objects do neither, and hold nothing from call to call."""
+        """Copy and pickle as a new object: Ruckig's own objects support neither, and keep nothing between calls."""
         return TimeOptimal, ()
 
     def durations(self, start: SphericalState, target: FloatArray, limits: AxisLimits) -> FloatArray:
@@ -72,7 +72,7 @@ class TimeOptimal:
         return Phases(durations, jerks), found
 
     def _solved(self, start: SphericalState, limits: AxisLimits, target: FloatArray | None) -> Iterator[int]:
-        """Yield each episode for which a trajectory was found, while `_trajectory` is that episode's."""
+        """Yield each episode for which a trajectory was found; `_trajectory` is then that episode's."""
         order = self._order
         order.control_interface = ControlInterface.Velocity if target is None else ControlInterface.Position
         # Lists, as Ruckig's binding takes them several times faster than rows of arrays.
@@ -89,6 +89,6 @@ class TimeOptimal:
             order.max_jerk = max_jerk[episode]
             try:
                 self._ruckig.calculate(order, self._trajectory)
-            except (RuckigError, ValueError):  # ValueError: its binding does not know all of its own results
+            except (RuckigError, ValueError):  # ValueError: the binding does not know all of Ruckig's results
                 continue
             yield episode

@@ -24,9 +24,9 @@ class Vehicle:
     Speed, acceleration and jerk limit the length of the camera's Cartesian vectors, whatever their direction.
 
     Args:
-        name: what reports call the vehicle.
+        name: name of the vehicle in reports.
         speed: greatest speed [m/s].
-        acceleration: greatest acceleration, beyond what carries the weight [m/s^2].
+        acceleration: greatest acceleration, besides the lift that carries the weight [m/s^2].
         jerk: greatest jerk [m/s^3].
         climb_speed: greatest speed upwards [m/s].
         descent_speed: greatest speed downwards [m/s].
@@ -57,7 +57,7 @@ LIMITS = tuple(field.name for field in fields(Vehicle) if field.name != "name")
 
 @dataclass(frozen=True, kw_only=True)
 class VehicleFile:
-    """What a vehicle file holds: as in `Vehicle`, but for the yaw rate, which is in degrees per second."""
+    """The content of a vehicle file: as in `Vehicle`, but the yaw rate is in degrees per second."""
 
     speed: Positive
     acceleration: Positive
@@ -67,7 +67,7 @@ class VehicleFile:
     yaw_rate_deg: Positive
 
     def vehicle(self, name: str) -> Vehicle:
-        """Return the vehicle, by that name."""
+        """Return the vehicle under a name."""
         limits = asdict(self)
         return Vehicle(name=name, yaw_rate=math.radians(limits.pop("yaw_rate_deg")), **limits)
 
@@ -116,11 +116,11 @@ VEHICLES = {
 def load_vehicle(name_or_path: str | Path) -> Vehicle:
     """Return a vehicle of `VEHICLES` by its name, or read a vehicle file.
 
-    A vehicle file is a JSON object, whose keys are the fields of `VehicleFile`. The vehicle is called what the file
-    is, without `.json`.
+    A vehicle file is a JSON object, whose keys are the fields of `VehicleFile`. The name of the file, without `.json`,
+    is the name of the vehicle.
 
     Raises:
-        UsageError: there is no such vehicle or file, or a key is missing, unknown, or no positive number.
+        UsageError: there is no such vehicle or file, or a key is missing, unknown, or not a positive number.
     """
     if isinstance(name_or_path, str) and name_or_path in VEHICLES:
         return VEHICLES[name_or_path]

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from eval.replays.replay import WrittenReplay
     from eval.running.run import Run
     from eval.running.training import Trained
-    from eval.studies.compare import Comparison
     from eval.verification.checks import Verification
 
 
@@ -84,13 +83,6 @@ def show_tables(tables: "Table | list[Table] | tuple[Table, ...]") -> None:
 def show_result(result: "HasTables") -> None:
     """Print the tables of a study."""
     print_tables(*result.tables())
-
-
-def show_comparison(comparison: "Comparison") -> None:
-    """Print the table of two runs."""
-    from eval.studies.compare_table import compare_table  # here, as `ehar --help` does not wait for it
-
-    show_tables(compare_table(comparison))
 
 
 def show_speed(figures: dict[str, float]) -> None:
@@ -276,10 +268,11 @@ TRAIN = CommandGroup(
     },
 )
 CHECK = CommandGroup(
-    """Check a planner or a recogniser of your own.
+    """Check your own planner, recogniser, sensor or motion.
 
     For example:
         ehar check planner ./spiral.py:Spiral
+        ehar check sensor ./mine.py:Blurred
     """,
     {
         "planner": Command(
@@ -327,6 +320,36 @@ CHECK = CommandGroup(
                 ),
                 "data": Flag("whose test episodes it sees: duo, solo, or a prepared .npz."),
             },
+        ),
+        "sensor": Command(
+            "eval.conformance.sensor:check_sensor",
+            show_conformance,
+            text="""Check that a sensor keeps its contract.
+
+            Shapes, confidence, independent rows, noise, forks, no peeking, time a frame.
+
+            Exit code 0: all passed; 1: a check failed, and how to mend it; 2: it can't run.
+
+            For example:
+                ehar check sensor ./mine.py:Blurred --pixels 8
+            """,
+            conditions=("data",),
+            flags={"sensor": Flag(kind=str, positional=True, metavar="SENSOR")},
+        ),
+        "motion": Command(
+            "eval.conformance.motion:check_motion",
+            show_conformance,
+            text="""Check that a motion keeps its contract.
+
+            Rest at the start, workspace, targets that are held, independent rows, reset.
+
+            Exit code 0: all passed; 1: a check failed, and how to mend it; 2: it can't run.
+
+            For example:
+                ehar check motion ./mine.py:Slow
+            """,
+            conditions=("data", "fps"),
+            flags={"motion": Flag(kind=str, positional=True, metavar="MOTION")},
         ),
     },
 )
@@ -512,7 +535,7 @@ COMMANDS = CommandGroup(
         "check": CHECK,
         "compare": Command(
             "eval.studies.compare:compare",
-            show_comparison,
+            show_result,
             text="""Compare two finished runs on the same episodes: A minus B.
 
             For example:

@@ -18,8 +18,8 @@ from planners.own_planner import Origin, planner_source_sha256
 from recognition.setting import Setting
 
 CONFIG = "config.json"
-SCHEMA = 1  # of a run's files; raised when what is written has another form or meaning
-PACKAGES = ("ehar", "numpy", "torch", "casadi", "filterpy", "ruckig")  # whose versions decide numbers
+SCHEMA = 1  # of a run's files; raised when their form or meaning changes
+PACKAGES = ("ehar", "numpy", "torch", "casadi", "filterpy", "ruckig")  # their versions decide numbers
 
 
 @dataclass(frozen=True)
@@ -28,27 +28,27 @@ class PlannerConfig:
 
     name: str
     privileged: bool
-    implementation: str  # module and class; of your own, the class as it was named
+    implementation: str  # module and class; for your own planner, the class as it was given
     weights_sha256: str | None = None  # of a trained agent
-    arguments: dict[str, Any] = field(default_factory=dict)  # that the constructor of your own was given
-    source_sha256: str | None = None  # of the file that your own is defined in
+    arguments: dict[str, Any] = field(default_factory=dict)  # constructor arguments of your own planner
+    source_sha256: str | None = None  # of the file that defines your own planner
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunConfig:
-    """Everything that decides a run's episodes.jsonl. The number of workers is not here, as it decides nothing.
+    """Everything that decides a run's episodes.jsonl. The number of workers is left out, because it decides nothing.
 
     Args:
-        conditions: with names in place of objects.
-        data: the title of the data.
-        data_sha256: of the data.
-        recogniser_sha256: of the recogniser's weights; of your own, of its file and arguments.
-        form: of the recogniser; of your own, its class and arguments.
-        vehicle: that carried the camera, with its limits; None on the ideal track.
-        readout: what was scored, `recogniser` or `belief`.
-        gain_model_sha256: None where neither a planner nor the readout needed one.
-        planners: who ran.
-        versions: of the packages that decide numbers.
+        conditions: the conditions, with names in place of objects.
+        data: title of the data.
+        data_sha256: hash of the data.
+        recogniser_sha256: hash of the recogniser's weights; for your own recogniser, of its file and arguments.
+        form: form of the recogniser; for your own, its class and arguments.
+        vehicle: the vehicle that carried the camera, with its limits; None on the ideal track.
+        readout: the probabilities that were scored, `recogniser` or `belief`.
+        gain_model_sha256: hash of the gain model; None if neither a planner nor the readout needed one.
+        planners: the planners that ran.
+        versions: versions of the packages that decide numbers.
         ideal: folder of the run that flights were compared with; it decides part of summary.json.
         schema: of all files of the run.
         sensor_sha256: of the file and arguments of a sensor of your own; None for ours.
@@ -72,19 +72,19 @@ class RunConfig:
 
     @property
     def title(self) -> str:
-        """What a figure or a table of this run is headed with."""
+        """The title of this run's figures and tables."""
         told = self.conditions
         return f"{self.data}, {told.sensor} sensor, {told.views} views, {told.track} track" + (
             ", as believed" if self.readout == "belief" else ""
         )
 
     def to_json(self) -> dict[str, Any]:
-        """Return what config.json holds: one flat object."""
+        """Return the content of config.json: one flat object."""
         told, own = vars(self.conditions), {name: value for name, value in asdict(self).items() if name != "conditions"}
         return {name: own[name] if name in own else told[_TOLD.get(name, name)] for name in KEYS}
 
 
-_KEY_OF = {"data": "source"}  # of the conditions, where config.json has another word
+_KEY_OF = {"data": "source"}  # conditions that have another name in config.json
 _TOLD = {key: name for name, key in _KEY_OF.items()}
 KEYS = (  # of config.json, in the order of the file
     *("schema", "source", "data", "data_sha256", "models", "recogniser_sha256", "sensor", "views", "form", "track"),
@@ -108,7 +108,7 @@ def run_config(
     gain_model_sha256: str | None = None,
     ideal: Path | None = None,
 ) -> RunConfig:
-    """Return what decides a run in a setting; the arguments are as in `RunConfig`."""
+    """Return the configuration of a run in a setting; the arguments are as in `RunConfig`."""
     return RunConfig(
         conditions=setting.conditions,
         data=setting.data.title,
@@ -127,7 +127,7 @@ def run_config(
 
 
 def planner_config(planner: Planner, origin: Origin | None = None) -> PlannerConfig:
-    """Return what config.json says of a planner, whose origin is known if it is none of ours."""
+    """Return a planner's entry in config.json; `origin` is None for ehar's planners."""
     weights = getattr(planner, "sha256", None)
     if origin is None:
         implementation = f"{type(planner).__module__}.{type(planner).__qualname__}"
@@ -143,15 +143,15 @@ def planner_config(planner: Planner, origin: Origin | None = None) -> PlannerCon
 
 
 def installed_versions() -> dict[str, str]:
-    """Return the versions that decide numbers."""
+    """Return the versions of Python and of the packages that decide numbers."""
     return {"python": platform.python_version(), **{name: package_version(name) for name in PACKAGES}}
 
 
 def read_config(directory: Path) -> RunConfig:
     """Read the configuration of a run of `ehar benchmark`.
 
-    A run from before schemas were numbered is taken as one of schema 1 where it has all of its fields: those that were
-    added with the number have defaults, and mean what was meant without them.
+    A run without a schema number counts as schema 1 if it has all fields of that schema. The fields that came with the
+    number have defaults, which keep the meaning of older files.
 
     Raises:
         UsageError: the folder holds no such run, or one of another schema.

@@ -14,7 +14,7 @@ from ehar.errors import DataError
 from ehar.rollout import Record
 from eval.records.flights import KEYS, FlightRecords, join_flights
 
-DIGITS = 6  # decimals that are recorded of viewpoints and probabilities; metrics are computed from these
+DIGITS = 6  # decimals of recorded viewpoints and probabilities; metrics are computed from the rounded numbers
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -30,8 +30,7 @@ class EpisodeRecords:
         predicted: (N, L), the most probable class after each frame.
         true_probability: (N, L), the probability of the true class.
         top_probability: (N, L), the probability of the predicted class.
-        flight: what the flights demanded of a vehicle; None on the ideal track. A line of the file has its numbers
-            beside the others.
+        flight: the demands of the flights on a vehicle; None on the ideal track. The file has them in the same lines.
     """
 
     sequence: tuple[str, ...]
@@ -69,7 +68,7 @@ def record_episodes(
     label: IntArray,
     flight: FlightRecords | None = None,
 ) -> EpisodeRecords:
-    """Return what is kept of a rollout, rounded as it is written."""
+    """Return the records of a rollout, rounded as in the file."""
     probabilities = np.exp(record.log_probs.astype(np.float64))
     true = np.take_along_axis(probabilities, label[:, None, None], axis=-1)[..., 0]
     return EpisodeRecords(
@@ -114,7 +113,7 @@ def read_episodes(path: Path) -> dict[str, EpisodeRecords]:
     """Read episodes.jsonl back: the records of each planner, in the order of the file.
 
     Raises:
-        DataError: the file is missing, or a line is not an episode; it names the line and the field.
+        DataError: the file is missing, or a line is not an episode; the error names the line and the field.
     """
     rows: dict[str, list[_Row]] = {}
     try:
@@ -135,7 +134,7 @@ class _Row(NamedTuple):
 
 
 class _Kind(NamedTuple):
-    """What a field holds: its shape, where L is the number of frames, and its least and greatest value."""
+    """The values of a field: their shape, where L is the number of frames, and their least and greatest value."""
 
     shape: tuple[int | str, ...]
     whole: bool
@@ -149,11 +148,11 @@ class _Kind(NamedTuple):
         return f"{'whole' if self.whole else 'finite'} numbers{among}{shape}"
 
     def array(self, values: Sequence[Any], frames: int) -> FloatArray | None:
-        """Return the values of N episodes of so many frames, (N, ...); None where they are something else."""
+        """Return the values of N episodes of `frames` frames, (N, ...); None if they are not of this kind."""
         try:
             array = np.array(values)
         except (ValueError, OverflowError):
-            return None  # not all of one shape, or no number of 64 bits
+            return None  # the shapes differ, or a number does not fit 64 bits
         shape = (len(values), *(frames if size == "L" else size for size in self.shape))
         if array.shape != shape or array.dtype.kind not in ("iu" if self.whole else "iuf"):
             return None
@@ -193,7 +192,7 @@ def _parsed_line(line: str, where: str) -> dict[str, Any]:
 
 
 def _episodes(rows: Sequence[_Row]) -> EpisodeRecords:
-    """Return the records of one planner from its lines, or raise a DataError where they do not fit together."""
+    """Return the records of one planner from its lines, or raise a DataError if they do not fit together."""
     flown = KEYS[0] in rows[0].fields
     for row in rows:
         if (KEYS[0] in row.fields) != flown:

@@ -33,7 +33,7 @@ class FlightRecords:
 
 @dataclass(frozen=True)
 class FlightSummary:
-    """What the flights of a planner demanded: the largest peaks, and means over episodes, of `FlightRecords`."""
+    """The demands of a planner's flights: the largest peaks, and means over episodes, of `FlightRecords`."""
 
     peak_speed: float
     peak_acceleration: float
@@ -46,7 +46,7 @@ KEYS = tuple(field.name for field in fields(FlightRecords))  # of a line of epis
 
 
 def flights_of(motion: Motion) -> FlightRecords | None:
-    """Return what is kept of the telemetry of a motion, rounded as it is written; None where it has none."""
+    """Return the records of a motion's telemetry, rounded as in the file; None for a motion without telemetry."""
     telemetry = getattr(motion, "telemetry", None)
     if not isinstance(telemetry, FlightTelemetry):
         return None
@@ -76,5 +76,5 @@ def summarise_flights(flights: FlightRecords) -> FlightSummary:
 
 
 def flight_numbers(flight: FlightSummary | None) -> Mapping[str, float | None]:
-    """Return what summary.json says of flights; nothing but None on the ideal track."""
+    """Return the numbers of flights in summary.json; all are None on the ideal track."""
     return dict.fromkeys(KEYS) if flight is None else asdict(flight)

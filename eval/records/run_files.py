@@ -13,10 +13,10 @@ EPISODES, SUMMARY = "episodes.jsonl", "summary.json"
 
 
 def check_out(out: Path, config: Mapping[str, Any]) -> None:
-    """Refuse a folder that cannot be written to, or that holds another run than the one `config` decides.
+    """Check that a folder can be written to, and that it holds no run with another configuration.
 
     Raises:
-        UsageError: with the path and what differs.
+        UsageError: the folder is not usable; the message says what differs.
     """
     parent = next(path for path in (out, *out.absolute().parents) if path.exists())
     if not parent.is_dir() or not os.access(parent, os.W_OK):
@@ -33,7 +33,7 @@ def check_out(out: Path, config: Mapping[str, Any]) -> None:
     wanted = json.loads(json.dumps(config))
     held = held if isinstance(held, dict) else {}
     if "schema" in wanted:
-        found = held.get("schema", SCHEMA)  # a run from before schemas were numbered may be written anew
+        found = held.get("schema", SCHEMA)  # a run without a schema number may be overwritten
         if found != SCHEMA:
             raise UsageError(f"{out}: holds a run of schema {found!r}, expected {SCHEMA}; choose another --out")
         held = {**held, "schema": SCHEMA, "planners": _with_later_fields(held.get("planners"))}
@@ -47,7 +47,7 @@ def check_out(out: Path, config: Mapping[str, Any]) -> None:
 
 
 def _with_later_fields(planners: Any) -> Any:
-    """Return the planners of a config.json with the fields that were added since, as they are for ours."""
+    """Return the planners of a config.json, with the defaults of fields that an older version did not write."""
     if not isinstance(planners, list) or not all(isinstance(planner, dict) for planner in planners):
         return planners
     return [{"arguments": {}, "source_sha256": None, **planner} for planner in planners]

@@ -1,4 +1,4 @@
-"""What became of the plans of a planner that solves problems: how many ended how, and how many fell back."""
+"""Counts of a planner's plans: how many ended in each status, and how many fell back."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -8,7 +8,7 @@ from ehar.planner import Planner
 
 
 class Statistics(Protocol):
-    """What a planner counts of its plans since its last reset; its own or, of `nbv`, those of its solver."""
+    """A planner's counts of its plans since its last reset; `nbv` passes on the counts of its solver."""
 
     @property
     def counts(self) -> Mapping[str, int]:
@@ -17,22 +17,22 @@ class Statistics(Protocol):
 
     @property
     def fallbacks(self) -> int:
-        """How many of them are not what the solver that was asked for has found."""
+        """How many plans the chosen solver did not find itself."""
         ...
 
 
 @runtime_checkable
 class CountsPlans(Protocol):
-    """A planner that counts its plans; a planner may do so, none has to."""
+    """A planner that counts its plans; counting is optional."""
 
     @property
     def statistics(self) -> Statistics:
-        """What became of all plans since the last reset."""
+        """The counts of all plans since the last reset."""
         ...
 
 
 class Solves(NamedTuple):
-    """What became of plans."""
+    """How plans ended."""
 
     counts: dict[str, int]  # by status, in alphabetical order
     fallbacks: int
@@ -49,7 +49,7 @@ class Solves(NamedTuple):
 
 
 def solves_of(planner: Planner) -> Solves | None:
-    """Return what a planner has counted since its last reset; None for one that counts nothing."""
+    """Return a planner's counts since its last reset; None for a planner that does not count."""
     if not isinstance(planner, CountsPlans):
         return None
     counts = {str(status): int(count) for status, count in planner.statistics.counts.items()}

@@ -1,4 +1,4 @@
-"""Where commands print their results: standard output, as wide as the terminal, or wide where there is none."""
+"""The console of a command's results: standard output, as wide as the terminal, or wide without a terminal."""
 
 from typing import TYPE_CHECKING
 

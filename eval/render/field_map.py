@@ -1,4 +1,4 @@
-"""A gain field over directions, all at the camera's distance, as differences to what looking on from there is worth."""
+"""Maps of a gain field over directions at the camera's distance, relative to the camera's own direction."""
 
 import numpy as np
 
@@ -10,11 +10,11 @@ COLOUR_MAP = "cividis"  # the same to colour-blind readers, and in grey
 
 
 def gain_over_directions(weights: FloatArray, here: FloatArray, azimuth: FloatArray, polar: FloatArray) -> FloatArray:
-    """Return the gained probability of looking from each direction, rather than from here, to the end, (..., H, A).
+    """Return the probability gained by looking to the end from each direction and not from here, (..., H, A).
 
     Args:
-        weights: (..., 21) of the field.
-        here: (..., 3) where the camera is.
+        weights: (..., 21) weights of the field.
+        here: (..., 3) viewpoint of the camera.
         azimuth: (A,) [rad].
         polar: (H,) [rad].
     """

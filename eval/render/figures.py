@@ -1,4 +1,4 @@
-"""The accuracy curve (Fig. 5), as PNG and SVG, and what figures share; the same numbers give the same bytes."""
+"""The accuracy curve (Fig. 5) as PNG and SVG, and helpers of all figures; the same numbers give the same bytes."""
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -25,7 +25,7 @@ def draw_accuracy(
         curves: the accuracy after each frame (L,) of every planner, 0 to 1.
         privileged: the planners that are drawn dashed.
         classes: K; chance is 1 / K.
-        title: above it.
+        title: title of the figure.
         stem: path without a suffix.
     """
     figure = Figure(figsize=(7.2, 4.3), layout="constrained")
@@ -64,25 +64,25 @@ def draw_accuracy(
 
 
 def clean(axes: Axes) -> None:
-    """Leave out what a reader does not need, and draw a grid to read heights by."""
+    """Remove lines that a reader does not need, and draw a grid for reading heights."""
     axes.grid(axis="y", color=GRID, linewidth=THIN)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
 
 
 def outlined(width: float) -> list[Any]:
-    """Return effects that keep a line or a text apart from what is below it, by a white edge."""
+    """Return effects that give a line or a text a white edge, which sets it off from its background."""
     return [withStroke(linewidth=width, foreground="white"), Normal()]
 
 
 def shortened(text: str, longest: int) -> str:
-    """Return text on one line, cut off where it has more letters than there is room for."""
+    """Return text on one line, cut off if it is longer than `longest` letters."""
     line = " ".join(text.split())
     return line if len(line) <= longest else f"{line[: longest - 1]}…"
 
 
 def save_figure(figure: Figure, stem: Path) -> None:
-    """Write `stem`.png and `stem`.svg, without a date or random identifiers in them, each renamed into place."""
+    """Write `stem`.png and `stem`.svg atomically, without dates or random identifiers in them."""
     FigureCanvasAgg(figure)
     metadata = {".png": {"Software": None}, ".svg": {"Date": None, "Creator": None}}
     with matplotlib.rc_context({"svg.hashsalt": "ehar", "svg.fonttype": "none"}):

@@ -1,7 +1,7 @@
 """The one palette: the colours of reports, films and figures, how planners look in them, and how wide lines are.
 
-Planners and people have the colours of Okabe and Ito, which colour-blind readers tell apart too, and differ in dashes
-and symbols as well. A report has a light and a dark theme, everything else is drawn in the light one.
+Planners and people have the colours of Okabe and Ito, which colour-blind readers can tell apart; they also differ in
+dashes and symbols. A report has a light and a dark theme; everything else uses the light one.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ YELLOW = "#f0e442"  # fades on white: only above dark fields
 
 
 class Theme(NamedTuple):
-    """The colours of a page, by what they are for; `planners` are those of planners that compete."""
+    """The colours of a page, by purpose; `planners` are the colours of planners that compete."""
 
     paper: str
     ground: str
@@ -58,7 +58,7 @@ DARK = Theme(  # lightened where they would fade
 
 TEXT, SOFT, GRID, NEUTRAL = LIGHT.text, LIGHT.soft, LIGHT.grid, LIGHT.neutral
 EDGE, FAINT = "#cfd5dc", "#eef0f3"  # frames and floors, which a film would lose in the grid's grey; empty areas
-RIGHT = "#dcebd9"  # behind frames that were recognised rightly
+RIGHT = "#dcebd9"  # behind frames that were recognised correctly
 PEOPLE = (TEXT, ORANGE, GREEN, PURPLE)  # one person each
 CLASSES = (*LIGHT.planners, "#7f5539", "#6a51a3")
 
@@ -79,12 +79,12 @@ _LINES: dict[Dash, tuple[float, ...]] = {  # lengths of dashes and gaps, in widt
 
 
 class Look(NamedTuple):
-    """How a planner is drawn: by colour, by dash and by symbol, so that no reader depends on one of them.
+    """How a planner is drawn: colour, dash and symbol, so that no reader depends on one of them.
 
     Args:
-        token: of the colour, as the page of a report takes it: `@0` to `@5`, `@neutral` or `@text`.
-        dash: of its lines.
-        symbol: of its points, as Plotly names it.
+        token: token of its colour in the page of a report: `@0` to `@5`, `@neutral` or `@text`.
+        dash: dash of its lines.
+        symbol: symbol of its points, as Plotly names it.
     """
 
     token: str
@@ -107,9 +107,9 @@ PAIR = (Look("@0", "solid", "circle"), Look("@1", "longdash", "square"))  # of a
 
 
 def looks(planners: Mapping[str, bool]) -> dict[str, Look]:
-    """Return how planners look, by name; `planners` says which were handed the truth. No-act is grey.
+    """Return the look of each planner by name; `planners` says whether each was handed the truth.
 
-    Those handed the truth are in the colour of the text, dotted or dashed.
+    No-act is grey. Planners that were handed the truth have the colour of the text, dotted or dashed.
     """
     rivals = [name for name, privileged in planners.items() if name != NoAct.name and not privileged]
     told = [name for name, privileged in planners.items() if privileged]

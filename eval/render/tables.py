@@ -12,19 +12,19 @@ from rich.text import Text
 
 Interval = tuple[float, float]  # its two ends
 
-PRIVILEGED = "*"  # behind the name of a planner that is handed the truth
+PRIVILEGED = "*"  # after the name of a planner that is handed the truth
 NONE = "-"
 NO_INTERVAL = "[-]"
 TEXT_WIDTH = 160  # columns
 
 
 class Cell(NamedTuple):
-    """A cell that holds more than a text.
+    """A cell with more than a text.
 
     Args:
-        text: what it says.
-        interval: what stands behind it, in HTML in small print.
-        value: by which HTML sorts its column; None goes last. A cell that is a text alone is sorted by that.
+        text: text of the cell.
+        interval: text after it, which HTML shows in small print.
+        value: value by which HTML sorts the column; None goes last. A cell that is only a text is sorted by it.
     """
 
     text: str
@@ -32,22 +32,22 @@ class Cell(NamedTuple):
     value: float | str | None = None
 
     def __str__(self) -> str:
-        """Return all that it says."""
+        """Return the whole text."""
         return f"{self.text} {self.interval}".rstrip()
 
 
 class Table(NamedTuple):
-    """A table, whatever draws it.
+    """A table, independent of its output format.
 
     Args:
-        title: above it.
-        header: one name a column; the first column holds the names of the rows.
-        rows: of as many cells.
-        footnotes: below it, a paragraph each.
+        title: title above the table.
+        header: one name per column; the first column holds the names of the rows.
+        rows: rows with one cell per column.
+        footnotes: paragraphs below the table.
         bold: (row, column) of cells that stand out.
-        slanted: rows that are no rivals of the others, as those of planners that are handed the truth.
-        words: columns behind the first that hold words: on the left, and on several lines where there is no room.
-        lower_is_better: columns of which HTML sorts the least value to the top first.
+        slanted: rows that do not compete with the others, such as planners that are handed the truth.
+        words: columns after the first that hold words: aligned on the left, and wrapped if there is no room.
+        lower_is_better: columns that HTML first sorts from the least value up.
     """
 
     title: str
@@ -141,9 +141,9 @@ def html(table: Table, *, sortable: bool = False) -> str:
     """Return a table in HTML, within a part of the page that scrolls, and its footnotes.
 
     Args:
-        table: to draw.
-        sortable: whether its heads are buttons by which the script of a report sorts it; its title is then for screen
-            readers only, as the page has a heading.
+        table: the table.
+        sortable: whether its headers are buttons with which the script of a report sorts it. Its title is then for
+            screen readers only, because the page has a heading.
     """
     heads = "".join(_html_head(table, column, sortable=sortable) for column in range(len(table.header)))
     rows = "".join(_html_row(table, row) for row in range(len(table.rows)))
@@ -192,6 +192,6 @@ def share_text(share: float | None, ends: Interval | None) -> str:
 
 
 def no_interval_footnotes(reason: str | None) -> Iterator[str]:
-    """Yield why intervals are missing, where they are."""
+    """Yield why intervals are missing, if they are."""
     if reason is not None:
         yield f"{NO_INTERVAL} No intervals: {reason}."

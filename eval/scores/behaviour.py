@@ -25,7 +25,7 @@ from eval.records.episodes import EpisodeRecords
 
 STAGES = ("whole episode", "first third", "second third", "last third")
 LEVEL_FROM = 85.0  # polar angle [deg], Sec. 5.2: from here the paper's agent is "at a same horizontal level"
-SPHERE_CELLS = 30  # to a side of the plane in which cameras are seen from above
+SPHERE_CELLS = 30  # on each side of the plane that shows cameras from above
 ON_GRID = 1e-4  # [m] or [rad]; records are rounded to 6 decimals
 
 _DEGREE_STEP = float(np.degrees(ANGLE_STEP))
@@ -37,9 +37,9 @@ class Axis(NamedTuple):
     Args:
         name: distance, azimuth or polar angle.
         unit: m or deg.
-        column: of a viewpoint.
-        edges: of the bins, in that unit. They lie halfway between cells of the grid, and a bin holds as many cells
-            as every other of its axis: bins of 5 degrees would hold one cell or two, and show that.
+        column: its index in a viewpoint.
+        edges: edges of the bins, in that unit, halfway between cells of the grid. All bins of an axis hold the same
+            number of cells: bins of 5 degrees would hold one or two, and the histogram would show it.
     """
 
     name: str
@@ -66,10 +66,10 @@ class PositionHistogram(NamedTuple):
     """Where the camera was along one axis, over all frames.
 
     Args:
-        axis: which.
-        density: of frames in each bin [1/m] or [1/deg]; its integral is 1.
-        mean: of the axis [m] or [deg]; None for the azimuth, which is a circle.
-        std: its standard deviation; likewise.
+        axis: the axis.
+        density: density of frames in each bin [1/m] or [1/deg]; its integral is 1.
+        mean: mean along the axis [m] or [deg]; None for the azimuth, which is a circle.
+        std: standard deviation along the axis [m] or [deg]; None for the azimuth.
     """
 
     axis: Axis
@@ -105,14 +105,13 @@ def level_share(episodes: EpisodeRecords) -> float:
 
 
 class SphereDensity(NamedTuple):
-    """How often cameras were in each part of the upper half of the sphere, seen from above in a plane that keeps areas.
+    """How often cameras were in each part of the upper half of the sphere, seen from above in an equal-area projection.
 
-    Cameras that were anywhere alike give an even disc.
+    Cameras that are equally often in all directions give an even disc.
 
     Args:
-        edges: (31,) of the cells, the same along both axes, -1 to 1.
-        times_even: (30, 30), rows along y: how many times as often as if all directions were alike; NaN outside of
-            the disc.
+        edges: (31,) edges of the cells, the same along both axes, -1 to 1.
+        times_even: (30, 30), rows along y: the density relative to an even disc; NaN outside the disc.
     """
 
     edges: FloatArray
@@ -132,12 +131,12 @@ def from_above(viewpoint: FloatArray) -> FloatArray:
 
 
 def sphere_density(viewpoint: FloatArray) -> SphereDensity:
-    """Return the density over all viewpoints (..., 3); whatever the distance."""
+    """Return the density over all viewpoints (..., 3), at any distance."""
     points = np.clip(from_above(viewpoint).reshape(-1, 2), -1, 1)
     edges = np.linspace(-1, 1, SPHERE_CELLS + 1)
     counts, _, _ = np.histogram2d(points[:, 1], points[:, 0], bins=(edges, edges))
-    even = (2 / SPHERE_CELLS) ** 2 / np.pi * len(points)  # frames of a cell within the disc
-    nearest = np.clip(0.0, edges[:-1], edges[1:])  # of each cell to the middle
+    even = (2 / SPHERE_CELLS) ** 2 / np.pi * len(points)  # frames of a cell in an even disc
+    nearest = np.clip(0.0, edges[:-1], edges[1:])  # the point of each cell that is nearest to the middle
     outside = np.hypot(nearest[:, None], nearest) >= 1
     return SphereDensity(edges, np.where(outside & (counts == 0), np.nan, counts / even))
 
@@ -145,13 +144,13 @@ def sphere_density(viewpoint: FloatArray) -> SphereDensity:
 def recover_moves(episodes: EpisodeRecords) -> IntArray:
     """Return the moves between consecutive frames, (N, L - 1) indices into `ehar.viewpoint.MOVES`.
 
-    They are what the camera did: a move that would have led out of the workspace was none, and counts as hovering.
+    These are the moves that the camera made: an action that would have led out of the workspace counts as hovering.
 
     Raises:
-        DataError: a camera flew, is off the grid, or did something else than one move in a frame.
+        DataError: a camera flew, is off the grid, or did not make exactly one move in a frame.
     """
     if episodes.flight is not None:
-        raise DataError("moves: expected a run on the ideal track, got flights, which make none")
+        raise DataError("moves: expected a run on the ideal track, got flights, which have no moves")
     viewpoint = episodes.viewpoint
     cells = to_cells(viewpoint)
     error = viewpoint - from_cells(cells)
@@ -167,7 +166,7 @@ def recover_moves(episodes: EpisodeRecords) -> IntArray:
 
 
 def _check(right: BoolArray, episodes: EpisodeRecords, expected: str) -> None:
-    """Raise a DataError that names the first episode and frame that is not right (N, T)."""
+    """Raise a DataError that names the first episode and frame where `right` (N, T) is False."""
     if not right.all():
         episode, frame = (int(index) for index in np.argwhere(~right)[0])
         raise DataError(

@@ -1,4 +1,4 @@
-"""What classes are taken for, and which of them a planner wins or loses against another. Axis: K classes."""
+"""Confusions of classes, and the classes that one planner recognises better than another. Axis: K classes."""
 
 from typing import NamedTuple
 
@@ -38,11 +38,11 @@ def confusion(episodes: EpisodeRecords, classes: int) -> FloatArray:
 
 
 def class_gains(trainings: list[EpisodeRecords], others: list[EpisodeRecords], classes: int) -> ClassGains:
-    """Return what a planner gains over another, by class; of several trainings the mean.
+    """Return how much more accurate one planner is than another, by class, as the mean over its trainings.
 
     Args:
-        trainings: records of the trainings of the one, on the same episodes.
-        others: those of the other.
+        trainings: records of the first planner's trainings, on the same episodes.
+        others: records of the second planner's trainings.
         classes: K.
     """
     reference = trainings[0]

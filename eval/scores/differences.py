@@ -22,18 +22,18 @@ class Difference:
         planner: the one whose accuracy is the minuend.
         other: the one whose accuracy is taken away.
         acc_mean: the difference of their accuracies, the mean over all frames [percentage points].
-        ci95: its 95 % interval, bootstrap over sequences and, of planners with several, training seeds; None, like all
-            that follows from resamples, where there are none.
+        ci95: its 95 % interval, bootstrap over sequences and, of planners with several, training seeds; without
+            resamples this and all that follows from them is None.
         smallest: the smallest true difference that would have shown in 80 of 100 such runs [percentage points]; None
             where the two do not differ in any resample.
         improvement: the probability that a training of the planner is more accurate in a sequence than one of the
             other, 0 to 1; ties count half.
         improvement_ci95: its 95 % interval.
-        mcnemar_wins: episodes in which the planner is right at acc@50 and the other is not; of several trainings, in
-            which a larger share of them is.
-        mcnemar_losses: those in which it is the other way round.
-        mcnemar_p: of McNemar's exact test, which takes episodes as independent.
-        mcnemar_p_holm: the same after Holm's correction for all pairs that are compared together.
+        mcnemar_wins: number of episodes in which the planner is right at acc@50 and the other is not; with several
+            trainings, in which a larger share of its trainings is right.
+        mcnemar_losses: number of episodes in which the other planner wins in this sense.
+        mcnemar_p: p-value of McNemar's exact test, which takes episodes as independent.
+        mcnemar_p_holm: that p-value after Holm's correction for all pairs that are compared together.
     """
 
     planner: str
@@ -57,12 +57,12 @@ class Difference:
 def differences(
     planners: Sequence[PlannerAccuracy], privileged: Mapping[str, bool], resamples: Resamples
 ) -> tuple[Difference, ...]:
-    """Return what each of `SUBJECTS` that was run has more than each other planner without the truth, each pair once.
+    """Return the differences between each of `SUBJECTS` and each other planner without the truth, each pair once.
 
     Args:
-        planners: all that were run.
-        privileged: which of them were handed the truth.
-        resamples: that they share.
+        planners: all planners of the run.
+        privileged: whether each was handed the truth, by name.
+        resamples: the resamples that all planners share.
     """
     unprivileged = {planner.name: planner for planner in planners if not privileged[planner.name]}
     subjects = [subject for subject in SUBJECTS if subject in unprivileged]
@@ -78,7 +78,7 @@ def differences(
 def compare_pairs(
     pairs: Sequence[tuple[PlannerAccuracy, PlannerAccuracy]], resamples: Resamples
 ) -> tuple[Difference, ...]:
-    """Return how much more accurate the first planner of each pair is; Holm's correction is for all of them."""
+    """Return how much more accurate the first planner of each pair is; Holm's correction covers all pairs."""
     tests = [mcnemar(planner.right, other.right) for planner, other in pairs]
     adjusted = holm(np.array([test.p for test in tests]))
     found = []

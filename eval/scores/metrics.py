@@ -11,8 +11,8 @@ from ehar.viewpoint import cartesian
 from eval.records.episodes import EpisodeRecords
 
 ACC_AT = (10, 30, 50, 70, 90, 100)  # Sec. 5.1: the observation ratios that the paper reports [%]
-PROBABILITY_FLOOR = 1e-6  # what records resolve; a smaller probability of the true class counts as this
-ROUNDING = 1e-9  # accuracies that are nearer to each other are the same; one frame of an episode weighs far more
+PROBABILITY_FLOOR = 1e-6  # the resolution of records; a smaller probability of the true class counts as this
+ROUNDING = 1e-9  # accuracies that differ by less are equal; one frame of an episode makes a far larger difference
 CALIBRATION_BINS = 15  # as in Guo et al., On Calibration of Modern Neural Networks, ICML 2017
 
 
@@ -36,14 +36,14 @@ class Metric:
 
 
 class Reliability(NamedTuple):
-    """How often answers are right, given how sure they were, in `CALIBRATION_BINS` equal bins; NaN where one is empty.
+    """How often answers are right, given how sure they were, in `CALIBRATION_BINS` equal bins; NaN in empty bins.
 
     `ece` is the mean distance of this diagram from its diagonal.
 
     Args:
         confidence: (15,) mean probability of the predicted class.
         accuracy: (15,) share of right answers.
-        share: (15,) of all answers that are in the bin; sums to 1.
+        share: (15,) share of all answers in the bin; sums to 1.
     """
 
     confidence: FloatArray
@@ -57,7 +57,7 @@ def acc_at(correct: BoolArray, percent: int) -> float:
 
 
 def right_at(correct: BoolArray, percent: int) -> BoolArray:
-    """Return which episodes are recognised after `percent` of the frames, (N,): in the first frame not before it.
+    """Return which episodes are recognised in the first frame that is not before `percent` of the frames, (N,).
 
     Args:
         correct: (N, L), whether the predicted class is the true one.
@@ -86,7 +86,7 @@ def mean_acc(correct: BoolArray) -> FloatArray:
 def gap_closed(acc: FloatArray, acc_noact: FloatArray, acc_oracle: FloatArray) -> FloatArray:
     """Return (acc - acc_noact) / (acc_oracle - acc_noact); NaN where the oracle is no better than no-act.
 
-    No better is what leads by rounding alone, which another machine may round away.
+    A lead that is only a rounding error does not count: another machine may round differently.
     """
     gap = np.asarray(acc_oracle, dtype=np.float64) - acc_noact
     positive = gap > ROUNDING

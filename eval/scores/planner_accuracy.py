@@ -1,4 +1,4 @@
-"""How accurate planners were, in the forms that comparisons need, and how accurate they are in shared resamples."""
+"""The accuracy of planners in the forms that comparisons need: by sequence, by episode and in shared resamples."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,12 +19,12 @@ from eval.scores.statistics import (
 )
 from eval.scores.training_seeds import PlannerGroup, group_planners, resample_seeds, seed_counts
 
-TESTED_AT = 50  # the observation ratio of McNemar's test [%]: one that is chosen before anything is seen
+TESTED_AT = 50  # the observation ratio of McNemar's test [%], chosen before any result was seen
 
 
 @dataclass(frozen=True, eq=False)
 class Resamples:
-    """R resamples of S sequences, which all planners share; none where intervals cannot be had.
+    """R resamples of S sequences, which all planners share; R is 0 if there can be no intervals.
 
     Args:
         clusters: (N,), the sequence of each episode, 0 to S - 1.
@@ -39,10 +39,10 @@ class Resamples:
 
 @dataclass(frozen=True, eq=False)
 class PlannerAccuracy:
-    """How accurate the G trainings of a planner were; without training seeds G is 1.
+    """The accuracy of the G trainings of a planner; without training seeds G is 1.
 
     Args:
-        name: the planner's.
+        name: name of the planner.
         mean: accuracy, 0 to 1, the mean over all frames and trainings.
         resampled: (R,), the same in every resample of sequences and trainings.
         by_sequence: (G, S), the accuracy of each training in each sequence.
@@ -71,7 +71,7 @@ def resample_sequences(records: Sequence[EpisodeRecords]) -> Resamples:
 def planner_accuracy(
     group: PlannerGroup, records: Mapping[str, EpisodeRecords], resamples: Resamples
 ) -> PlannerAccuracy:
-    """Return how accurate one planner was and is in resamples; trainings are drawn by its name."""
+    """Return the accuracy of one planner; its name seeds the draws of its trainings."""
     correct = [records[name].correct for name in group.records]
     accuracy = np.stack([mean_acc(right) for right in correct])
     means = resampled_means(accuracy, resamples.clusters, resamples.counts)
@@ -90,11 +90,11 @@ def accuracy_bands(records: Mapping[str, EpisodeRecords], resamples: Resamples) 
     """Return the interval of each planner's accuracy after each frame, (L, 2), 0 to 1; NaN without resamples.
 
     Each frame's interval holds for that frame, not for the curve as a whole. The curves are those of
-    `eval.scores.training_seeds.curves`, and what is drawn is drawn as for the intervals of a summary.
+    `eval.scores.training_seeds.curves`, and the resamples are those of a summary's intervals.
 
     Args:
-        records: by record name, on the same episodes.
-        resamples: of their sequences.
+        records: records on the same episodes, by record name.
+        resamples: resamples of their sequences.
     """
     bands = {}
     for group in group_planners(records):

@@ -1,4 +1,4 @@
-"""The numbers of a planner that are columns of every table: one line in `METRICS` each."""
+"""The metrics of a planner: each entry of `METRICS` is a column of every table."""
 
 from eval.scores.metrics import Metric, ece, nll, path_length
 
@@ -9,7 +9,7 @@ NLL = Metric(
     digits=2,
 )
 ECE = Metric(
-    key="ece",  # expected calibration error, 0 to 1; each training's own, so that their errors do not cancel
+    key="ece",  # expected calibration error, 0 to 1, of each training alone, so that errors do not cancel
     header="ECE",
     of_records=lambda records: ece(records.top_probability, records.correct),
     digits=3,

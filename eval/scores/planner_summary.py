@@ -1,4 +1,4 @@
-"""What a summary says of one planner."""
+"""The summary of one planner."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -17,32 +17,32 @@ NO_ACT, ORACLE = "no-act", "oracle"  # the two ends of the gap
 
 @dataclass(frozen=True)
 class PlannerSummary:
-    """How well one planner did; of one that was trained with several seeds every number is the mean over them.
+    """How well one planner did; with several training seeds, every number is the mean over them.
 
     Args:
-        name: the planner's, without seeds.
+        name: name of the planner, without seeds.
         privileged: whether it was handed the truth.
-        training_seeds: which it was trained with, in ascending order; empty for a planner that names none.
+        training_seeds: its training seeds, in ascending order; empty for a planner whose name has none.
         acc: accuracy [%] after 10 to 100 % of the frames.
         acc_mean: accuracy [%], the mean over all frames.
         acc_mean_ci95: its 95 % interval, bootstrap over sequences and, where there are several, training seeds; None,
-            like all intervals, where they cannot be had.
+            like all intervals, if there can be no intervals.
         acc_mean_seed_sd: standard deviation (ddof 1) of `acc_mean` over training seeds [percentage points]; None below
             two seeds.
         acc_iqm: accuracy [%], the interquartile mean over sequences and training seeds, each sequence counting once.
         acc_iqm_ci95: its 95 % interval.
-        gap_closed: the share of the way from no-act to the oracle, that of the ideal track for flights which are
-            compared with it; None where one of them was not run, or the oracle was no better.
+        gap_closed: the share of the way from no-act to the oracle; flights that are compared with the ideal track use
+            its oracle. None if no-act or the oracle did not run, or the oracle was no better.
         gap_closed_ci95: its 95 % interval.
         metrics: by the keys of `METRICS`, means over trainings.
-        step_ms: planning time of one frame of one episode [ms]; like `solves` not in the records.
-        flight: what its flights demanded of the vehicle, those of all seeds; None on the ideal track.
-        accuracy_kept: the gap closed in flight over that on the ideal track, both of the ideal track's gap, so that
-            the oracle cancels: (acc in flight - acc of no-act) / (acc on the ideal track - acc of no-act), mean
-            accuracies over frames. None without a run of each of its seeds on the ideal track, or where the planner
+        step_ms: planning time of one frame of one episode [ms]; like `solves`, it is not in the records.
+        flight: the demands of its flights on the vehicle, over all seeds; None on the ideal track.
+        accuracy_kept: the gap closed in flight divided by the gap closed on the ideal track. Both are shares of the
+            ideal track's gap, so the oracle cancels: (acc in flight - acc of no-act) / (acc on the ideal track - acc of
+            no-act), mean accuracies over frames. None if not all of its seeds ran on the ideal track, or if the planner
             gained nothing there.
         accuracy_kept_ci95: its 95 % interval, over the resamples in which the planner gained on the ideal track.
-        solves: what became of its plans, those of all seeds; None for a planner that counts none.
+        solves: how its plans ended, over all seeds; None for a planner that does not count them.
     """
 
     name: str
@@ -64,7 +64,7 @@ class PlannerSummary:
     solves: Solves | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Return what summary.json holds: the same keys for every planner on every track, flat."""
+        """Return the planner's flat object in summary.json; its keys are the same for every planner and track."""
         values: dict[str, Any] = {}
         for name, value in asdict(self).items():
             if name == "metrics":

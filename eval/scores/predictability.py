@@ -1,12 +1,12 @@
 """After how much of an activity it is recognised (Table 4): instantly, early, late, or not by the end.
 
 The paper defines predictability "by the portion of an activity sequence that needs to be observed before being
-classified correctly", at 10, 50 and 100 %, and lists classes, but does not say when a class is. Decided here:
+classified correctly", at 10, 50 and 100 %, and lists classes, but does not define the level of a class. Our definition:
 
-- A class is as predictable as the smallest of the three ratios at which at least half of its episodes are
-  classified correctly. What happens at the later ones does not matter to it.
-- An episode is as predictable as the smallest of the three ratios from which on it is classified correctly at each
-  of them: one that is right at 10 % and 100 % but wrong at 50 % is predictable late.
+- A class is as predictable as the smallest of the three ratios at which at least half of its episodes are classified
+  correctly. The later ratios do not matter.
+- An episode is as predictable as the smallest of the three ratios from which on it is always classified correctly: one
+  that is right at 10 % and 100 % but wrong at 50 % is predictable late.
 
 Axes: N episodes, L frames, K classes.
 """
@@ -48,10 +48,10 @@ class Predictability:
         return np.flatnonzero(self.class_level == level).tolist()
 
     def to_json(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """Return what analysis.json holds; classes without episodes are left out."""
+        """Return the object in analysis.json; classes without episodes are left out."""
         held = np.flatnonzero(self.class_level != NO_EPISODE).tolist()
         return {
-            "classes": {name: [names[label] for label in self.classes_at(of)] for of, name in enumerate(LEVELS)},
+            "classes": {name: [names[label] for label in self.classes_at(level)] for level, name in enumerate(LEVELS)},
             "episode_share": dict(zip(LEVELS, self.total.tolist(), strict=True)),
             "by_class": {
                 names[label]: {

@@ -26,8 +26,8 @@ class SeedAccuracy:
     """How well the trainings of one planner did.
 
     Args:
-        name: the planner's.
-        seeds: how many trainings.
+        name: name of the planner.
+        seeds: number of trainings.
         acc: accuracy [%] after 10, 50 and 100 % of the frames.
         acc_mean: accuracy [%], the mean over all frames.
     """
@@ -39,12 +39,12 @@ class SeedAccuracy:
 
 
 def seeds_of(records: Mapping[str, EpisodeRecords]) -> dict[str, list[EpisodeRecords]]:
-    """Return the records of each planner's trainings, of one for a planner without seeds."""
+    """Return the records of each planner's trainings; a planner without seeds has one."""
     return {group.name: [records[name] for name in group.records] for group in group_planners(records)}
 
 
 def pool_seeds(records: Mapping[str, EpisodeRecords]) -> dict[str, EpisodeRecords]:
-    """Return the records of each planner, those of its trainings one after another."""
+    """Return the records of each planner, with its trainings one after another."""
     return {name: join_records(seeds) for name, seeds in seeds_of(records).items()}
 
 

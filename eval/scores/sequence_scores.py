@@ -9,7 +9,7 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 
-_BLOCK = 1000  # resamples at a time: keeps what is in memory small
+_BLOCK = 1000  # resamples at a time, which limits the memory
 
 
 def accuracy_by_sequence(correct: BoolArray, clusters: IntArray) -> FloatArray:
@@ -52,12 +52,12 @@ def _interquartile_means(values: FloatArray, weights: FloatArray | IntArray) -> 
 
     Args:
         values: (n,).
-        weights: (R, n), how often each is drawn, n in all.
+        weights: (R, n), how often each value is drawn, n in all.
     """
     order = np.argsort(values)
     cut = len(values) // 4
     kept = np.clip(np.cumsum(weights[:, order], axis=1), cut, len(values) - cut) - float(cut)
-    # Summed by parts: how many of the values kept are no higher than each, times the way to the next.
+    # Summation by parts: the number of kept values that are no higher than each value, times the step to the next.
     below: FloatArray = kept[:, :-1] @ np.diff(values[order])
     means: FloatArray = values[order[-1]] - below / (len(values) - 2 * cut)
     return means
@@ -67,8 +67,8 @@ def wins(by_sequence: FloatArray, other: FloatArray) -> FloatArray:
     """Return whether each training of one planner is more accurate than each of another, (G, H, S); a tie is a half.
 
     Args:
-        by_sequence: (G, S), the accuracy of each training of the one in each sequence.
-        other: (H, S), that of the other.
+        by_sequence: (G, S), the accuracy of each training of the one planner in each sequence.
+        other: (H, S), the same of the other planner.
     """
     won: FloatArray = 0.5 + 0.5 * np.sign(by_sequence[:, None] - other[None])
     return won
@@ -77,7 +77,7 @@ def wins(by_sequence: FloatArray, other: FloatArray) -> FloatArray:
 def probability_of_improvement(won: FloatArray) -> float:
     """Return the chance that a training of one planner beats one of another in a sequence, from (G, H, S) of `wins`.
 
-    P(X > Y) of Agarwal et al., averaged over sequences; it says nothing of how large an improvement is.
+    P(X > Y) of Agarwal et al., averaged over sequences; it does not say how large an improvement is.
     """
     return float(won.mean())
 
@@ -88,8 +88,8 @@ def resampled_improvements(won: FloatArray, counts: IntArray, draws: IntArray, o
     Args:
         won: (G, H, S) of `wins`.
         counts: (R, S), how often each sequence is drawn.
-        draws: (R, G), how often each training of the one is drawn.
-        other: (R, H), how often each of the other's.
+        draws: (R, G), how often each training of the one planner is drawn.
+        other: (R, H), how often each training of the other planner is drawn.
     """
     by_training = won @ (counts.T / won.shape[2])
     chances: FloatArray = np.einsum("rg,rh,ghr->r", draws / won.shape[0], other / won.shape[1], by_training)

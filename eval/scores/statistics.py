@@ -11,7 +11,7 @@ from ehar.arrays import FloatArray, IntArray
 
 RESAMPLES = 10_000  # R
 LEVEL = 95.0  # of the interval [%]
-POWER = 80.0  # with which the smallest difference is shown [%]
+POWER = 80.0  # the chance of showing the smallest difference [%]
 BOOTSTRAP_SEED = 0  # intervals are properties of the records, not of a run
 
 Interval = tuple[float, float]
@@ -40,8 +40,8 @@ def resampled_means(values: FloatArray, clusters: IntArray, counts: IntArray) ->
 def interval(resampled: FloatArray) -> FloatArray:
     """Return the percentile interval of resampled statistics, (..., 2) from (..., R).
 
-    NaN, a resample in which the statistic does not exist, is left out; the interval is NaN where nothing is left, and
-    where there are no resamples.
+    NaN marks a resample in which the statistic does not exist; it is left out. If no resample is left, the interval is
+    NaN.
     """
     if not resampled.shape[-1]:
         return np.full((*resampled.shape[:-1], 2), np.nan)
@@ -66,9 +66,9 @@ def smallest_difference(resampled: FloatArray) -> float | None:
         resampled: (R,), a paired difference in every resample.
 
     Returns:
-        In the unit of the differences; None where they do not vary, which says nothing of how much they could.
+        In the unit of the differences; None if they do not vary: then nothing says how much they could.
     """
-    # Equal differences may lie apart by a rounding error.
+    # Equal differences may differ by a rounding error.
     if not len(resampled) or np.ptp(resampled) < 1e-12:
         return None
     normal = NormalDist()
@@ -76,11 +76,11 @@ def smallest_difference(resampled: FloatArray) -> float | None:
 
 
 def why_no_intervals(sequences: int, classes: int) -> str | None:
-    """Return why a bootstrap over sequences has nothing to tell, or None where it has something.
+    """Return why a bootstrap over sequences says nothing, or None if it says something.
 
     Args:
-        sequences: that were run.
-        classes: that occur among labels and predictions.
+        sequences: number of sequences in the run.
+        classes: number of classes among labels and predictions.
     """
     if sequences < 2:
         return "all episodes are windows of one sequence, so there is nothing to resample"

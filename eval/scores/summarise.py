@@ -1,4 +1,4 @@
-"""Computes the summary of a run: each of its numbers is a pure function of the records."""
+"""Computes the summary of a run as a pure function of its records."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -33,12 +33,12 @@ def summarise(
     """Compute a summary from the records of planners that ran the same episodes.
 
     Args:
-        records: by record name; trainings of one planner, `il-ppo/0`, `il-ppo/1`, ..., are summarised as one.
-        config: what decided them.
-        privileged: which planners were handed the truth, by record name.
-        step_ms: planning time of each, by record name.
-        solves: what became of the plans of those that count them, by record name.
-        on_ideal: records of the same episodes on the ideal track, no-act among them; flights are compared with them.
+        records: records by record name; trainings of one planner, `il-ppo/0`, `il-ppo/1`, ..., are summarised as one.
+        config: configuration of the run.
+        privileged: whether each planner was handed the truth, by record name.
+        step_ms: planning time of each planner [ms], by record name.
+        solves: how the plans ended of planners that count them, by record name.
+        on_ideal: records of the same episodes on the ideal track, including no-act, to compare flights with.
 
     Raises:
         DataError: there are no records, the planners' episodes differ, or one has records with and without a seed.
@@ -65,11 +65,11 @@ def summarise(
             privileged=any(privileged[name] for name in group.records),
             training_seeds=group.seeds,
             acc={str(percent): 100 * _mean(acc_at(one.correct, percent) for one in trained) for percent in ACC_AT},
-            acc_mean=100 * of.mean,
-            acc_mean_ci95=pair(100 * interval(of.resampled)),
+            acc_mean=100 * held.mean,
+            acc_mean_ci95=pair(100 * interval(held.resampled)),
             acc_mean_seed_sd=100 * float(acc_of_record[list(group.rows)].std(ddof=1)) if len(group.rows) > 1 else None,
-            acc_iqm=100 * interquartile_mean(of.by_sequence),
-            acc_iqm_ci95=pair(100 * interval(resampled_interquartile_means(of.by_sequence, counts, of.draws))),
+            acc_iqm=100 * interquartile_mean(held.by_sequence),
+            acc_iqm_ci95=pair(100 * interval(resampled_interquartile_means(held.by_sequence, counts, held.draws))),
             gap_closed=float(gaps[row]) if np.isfinite(gaps[row]) else None,
             gap_closed_ci95=pair(gap_ends[row]) if np.isfinite(gaps[row]) else None,
             metrics={metric.key: _mean(map(metric.of_records, trained)) for metric in METRICS},
@@ -79,7 +79,7 @@ def summarise(
             accuracy_kept_ci95=pair(kept_ends[row]) if np.isfinite(kept[row]) else None,
             solves=None if solves is None else join_solves([solves[name] for name in group.records]),
         )
-        for row, (group, trained, of) in enumerate(zip(groups, trainings, compared, strict=True))
+        for row, (group, trained, held) in enumerate(zip(groups, trainings, compared, strict=True))
     )
     return Summary(
         config=config,
@@ -96,7 +96,7 @@ def _mean(values: Iterable[float]) -> float:
 
 
 def _flights(trainings: Sequence[EpisodeRecords]) -> FlightSummary | None:
-    """Return what all flights of a planner demanded; None where it did not fly."""
+    """Return the demands of all flights of a planner; None if it did not fly."""
     flights = [episodes.flight for episodes in trainings if episodes.flight is not None]
     return summarise_flights(join_flights(flights)) if flights else None
 
@@ -110,13 +110,14 @@ def _gaps(
 ) -> tuple[FloatArray, FloatArray]:
     """Return gap closed (P,) and its intervals (P, 2); NaN without both ends of the gap.
 
-    A flight's gap reaches up to the oracle on the ideal track where that was run: one that flies is no upper bound.
+    The gap of flights reaches up to the oracle on the ideal track if it ran there: an oracle that flies is no upper
+    bound.
 
     Args:
         groups: P planners.
-        accuracy: (M, N) of each episode, by record name.
-        clusters: (N,) sequence of each episode.
-        counts: of resamples.
+        accuracy: (M, N), the accuracy of each record in each episode.
+        clusters: (N,), the sequence of each episode.
+        counts: (R, S), how often each sequence is drawn in each resample.
         on_ideal: records on the ideal track.
     """
     names = [group.name for group in groups]
@@ -145,8 +146,8 @@ def _kept(
 ) -> tuple[FloatArray, FloatArray]:
     """Return accuracy kept (P,) and its intervals (P, 2); NaN without a run on the ideal track.
 
-    The arguments are those of `_gaps`. A training is compared with itself: what is drawn in flight is also drawn on
-    the ideal track, and a planner is compared only where each of its trainings was run there.
+    The arguments are those of `_gaps`. Each training is compared with itself: a resample draws the same trainings in
+    flight and on the ideal track. A planner is compared only if all of its trainings ran there.
     """
     kept, ends = np.full(len(groups), np.nan), np.full((len(groups), 2), np.nan)
     rows = [row for row, group in enumerate(groups) if on_ideal is not None and on_ideal.keys() >= {*group.records}]

@@ -1,4 +1,4 @@
-"""What summary.json says of a run: how well each planner did."""
+"""The summary of a run: how well each planner did."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -23,12 +23,12 @@ class Summary:
     """How well each planner did on the same episodes. It prints as a table, in a notebook as HTML.
 
     Args:
-        config: what decided the episodes.
-        episodes: how many each planner ran.
-        sequences: how many sequences they are cut from.
-        no_intervals: why intervals cannot be had; None where they can.
+        config: configuration of the run.
+        episodes: number of episodes of each planner.
+        sequences: number of sequences that they are cut from.
+        no_intervals: why there are no intervals; None if there are.
         planners: in the order of the run.
-        differences: those of `differences.SUBJECTS` and every other planner that is not privileged.
+        differences: paired differences between `differences.SUBJECTS` and every other planner that is not privileged.
     """
 
     config: RunConfig
@@ -45,7 +45,7 @@ class Summary:
 
     @property
     def title(self) -> str:
-        """What a table is headed with: the conditions, those that are the usual ones left out."""
+        """The title of tables: the conditions, except some that have their usual value."""
         config, told = self.config, self.config.conditions
         return (
             f"{config.data}: sensor {told.sensor}, views {told.views}, track {told.track}, "
@@ -57,7 +57,7 @@ class Summary:
 
     @property
     def lead(self) -> str | None:
-        """The planner without the truth that is most accurate, no-act left out; None where there is none."""
+        """The most accurate planner without the truth, except no-act; None if there is none."""
         rivals = [planner for planner in self.planners if not planner.privileged and planner.name != NO_ACT]
         return max(rivals, key=lambda planner: planner.acc_mean).name if rivals else None
 
@@ -65,7 +65,7 @@ class Summary:
         """Return the summary of one planner.
 
         Raises:
-            UsageError: it is not among the run's planners.
+            UsageError: the run has no such planner.
         """
         named = {planner.name: planner for planner in self.planners}
         if name not in named:
@@ -73,8 +73,8 @@ class Summary:
         return named[name]
 
     def tables(self) -> "list[Table]":
-        """Return the table of the planners and, where they exist, that of differences and the paper's."""
-        from eval.scores.summary_table import summary_tables  # here, as it brings rich
+        """Return the table of the planners and, if they exist, the tables of differences and of the paper's rows."""
+        from eval.scores.summary_table import summary_tables  # imported here: it brings rich
 
         return summary_tables(self.title, self.config.data, self.planners, self.differences, self.no_intervals)
 
@@ -99,7 +99,7 @@ class Summary:
         return "".join(html(table) for table in self.tables())
 
     def to_json(self) -> dict[str, Any]:
-        """Return what summary.json holds."""
+        """Return the content of summary.json."""
         told = self.config.conditions
         return {
             "data": self.config.data,
@@ -116,7 +116,7 @@ class Summary:
 
 @dataclass(frozen=True, kw_only=True)
 class _File:
-    """The keys of summary.json that a summary is made of; what else is there stands in config.json too."""
+    """The keys of summary.json that a summary is made of; the other keys are in config.json too."""
 
     episodes: int
     planners: tuple[dict[str, Any], ...]
@@ -128,13 +128,13 @@ def read_summary(path: Path, config: RunConfig, records: Mapping[str, EpisodeRec
     """Read summary.json.
 
     Args:
-        path: of the file.
-        config: of the run.
-        records: of the run.
+        path: the file.
+        config: configuration of the run.
+        records: records of the run.
 
     Raises:
-        UsageError: there is none, as when the run was interrupted.
-        DataError: it is not what `ehar benchmark` writes, or not of these records.
+        UsageError: the file is missing, for example because the run was interrupted.
+        DataError: the file is not from `ehar benchmark`, or does not belong to these records.
     """
     held = read_json(path, _File, "a finished run of ehar benchmark", unknown=True, defaults=True)
     planners = tuple(
@@ -146,5 +146,5 @@ def read_summary(path: Path, config: RunConfig, records: Mapping[str, EpisodeRec
             f"{path}: expected the planners of the records, {', '.join(ran)}, "
             f"got {', '.join(planner.name for planner in planners) or 'none'}"
         )
-    sequences = len({name for of in records.values() for name in of.sequence})
+    sequences = len({name for episodes in records.values() for name in episodes.sequence})
     return Summary(config, held.episodes, sequences, held.no_intervals, planners, held.differences)

@@ -1,4 +1,4 @@
-"""The benchmark's own table: one row a planner of a summary; below it paired differences, and the paper's rows."""
+"""The tables of a summary: one row per planner, paired differences, and the paper's rows."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -28,14 +28,14 @@ def summary_tables(
     differences: Sequence[Difference],
     no_intervals: str | None,
 ) -> list[Table]:
-    """Return the table of a summary and, where they exist, that of differences and the paper's.
+    """Return the table of a summary and, if they exist, the tables of differences and of the paper's rows.
 
     Args:
-        title: above the first table.
-        data: the title of the data.
-        planners: one row each.
-        differences: between them.
-        no_intervals: why intervals cannot be had; None where they can.
+        title: title of the first table.
+        data: title of the data.
+        planners: planners of the summary, one row each.
+        differences: paired differences between them.
+        no_intervals: why there are no intervals; None if there are.
     """
     tables = (
         benchmark_table(title, planners, no_intervals),
@@ -46,7 +46,7 @@ def summary_tables(
 
 
 def benchmark_table(title: str, planners: Sequence[PlannerSummary], no_intervals: str | None) -> Table:
-    """Return one row a planner, accuracies and gaps in percent; more columns for flights."""
+    """Return the table with one row per planner, accuracies and gaps in percent; flights have more columns."""
     header = ("planner", *(f"acc@{percent}" for percent in ACC_AT), "mean acc [95 %]", "gap closed % [95 %]")
     flown = any(planner.flight is not None for planner in planners)
     compared = any(planner.accuracy_kept is not None for planner in planners)
@@ -91,7 +91,7 @@ def _footnotes(planners: Sequence[PlannerSummary], *, flown: bool, compared: boo
 
 
 def _training_footnotes(planners: Sequence[PlannerSummary]) -> Iterator[str]:
-    """Yield what the numbers of planners that were trained with seeds are about."""
+    """Yield how to read the numbers of planners with training seeds."""
     several = [planner for planner in planners if len(planner.training_seeds) > 1]
     one = [planner for planner in planners if len(planner.training_seeds) == 1]
     if several:
@@ -125,7 +125,7 @@ def _row(planner: PlannerSummary, compared: bool) -> tuple[str, ...]:
 
 
 def _metric(planner: PlannerSummary, metric: Metric) -> str:
-    """Return a metric as text; a run from before it was there has none."""
+    """Return a metric as text; a run of an older version may lack it."""
     value = planner.metrics.get(metric.key)
     return NONE if value is None else f"{value:.{metric.digits}f}"
 
@@ -133,18 +133,18 @@ def _metric(planner: PlannerSummary, metric: Metric) -> str:
 def differences_table(
     planners: Sequence[PlannerSummary], differences: Sequence[Difference], no_intervals: str | None
 ) -> Table | None:
-    """Return how much more accurate each planner of interest is (columns) than each other (rows); None without any."""
+    """Return how much more accurate each planner of interest is (columns) than each other one (rows), or None."""
     if not differences:
         return None
-    found = {(of.other, of.planner): of for of in differences}
-    columns = tuple(dict.fromkeys(of.planner for of in differences))
+    found = {(pair.other, pair.planner): pair for pair in differences}
+    columns = tuple(dict.fromkeys(pair.planner for pair in differences))
     rows = [planner.name for planner in planners if any((planner.name, column) in found for column in columns)]
     cells = [[found.get((row, column)) for column in columns] for row in rows]
     return Table(
         title="Mean accuracy of the column's planner minus that of the row's, on the same episodes, in points [95 %]",
         header=("planner", *columns),
         rows=tuple(
-            (name, *("" if of is None else f"{of.acc_mean:+.1f} {interval_text(of.ci95)}" for of in row))
+            (name, *("" if pair is None else f"{pair.acc_mean:+.1f} {interval_text(pair.ci95)}" for pair in row))
             for name, row in zip(rows, cells, strict=True)
         ),
         footnotes=(
@@ -155,15 +155,15 @@ def differences_table(
         bold=frozenset(
             (row, column)
             for row, found_there in enumerate(cells)
-            for column, of in enumerate(found_there, 1)
-            if of is not None and of.is_clear
+            for column, pair in enumerate(found_there, 1)
+            if pair is not None and pair.is_clear
         ),
     )
 
 
 def smallest_footnotes(found: Sequence[Difference]) -> Iterator[str]:
-    """Yield how small true differences could have been and still have shown."""
-    smallest = sorted(of.smallest for of in found if of.smallest is not None)
+    """Yield the smallest true differences that would have shown."""
+    smallest = sorted(pair.smallest for pair in found if pair.smallest is not None)
     if smallest:
         low, high = f"{smallest[0]:.1f}", f"{smallest[-1]:.1f}"
         span = f"{low} points" if low == high else f"{low} to {high} points, depending on the pair"
@@ -171,10 +171,9 @@ def smallest_footnotes(found: Sequence[Difference]) -> Iterator[str]:
 
 
 class PaperRow(NamedTuple):
-    """One planner's row in the paper, for learned ones the mean of 5 training runs: accuracies [%].
+    """One planner's accuracies in the paper [%]; for learned planners, the mean of 5 training runs.
 
-    Its recogniser, scenarios and unpublished choices are not ours: the rows say what was reached there, not what
-    ours should equal.
+    The paper's recogniser, scenarios and unpublished choices are not ours, so our numbers need not equal these.
     """
 
     name: str
@@ -214,7 +213,7 @@ def paper_gap_closed(rows: tuple[PaperRow, ...], name: str) -> float:
 
 
 def paper_table(data: str) -> Table | None:
-    """Return the paper's own rows where the data is one of its two sets."""
+    """Return the paper's own rows if the data is one of its two sets, or None."""
     rows = PAPER_ROWS.get(data)
     if rows is None:
         return None

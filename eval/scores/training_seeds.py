@@ -1,8 +1,8 @@
-"""Planners that were trained several times: one row of a report for all trainings of one planner.
+"""Groups the trainings of one planner, which a report shows in one row.
 
-Trainings differ in their seed and enter a run as planners of their own, `il-ppo/0`, `il-ppo/1`, ... All of them meet
-the same episodes. A report's number is the mean over trainings, and its interval says what other sequences and other
-trainings would give: each resample draws both.
+Trainings differ in their seed and enter a run as separate planners, `il-ppo/0`, `il-ppo/1`, ... All of them run the
+same episodes. A report shows the mean over trainings. Its interval says what other sequences and other trainings would
+give: each resample draws both.
 """
 
 import re
@@ -24,10 +24,10 @@ class PlannerGroup:
     """The trainings of one planner among M record names; a planner without training seed is a group of one.
 
     Args:
-        name: the planner's, without seeds.
-        seeds: G training seeds in ascending order; empty for a planner that names none.
-        records: the names in the records, in the order of the seeds.
-        rows: where these are among the M names.
+        name: name of the planner, without seeds.
+        seeds: G training seeds in ascending order; empty for a planner whose name has none.
+        records: its record names, in the order of the seeds.
+        rows: indices of its record names among all M.
     """
 
     name: str
@@ -37,12 +37,12 @@ class PlannerGroup:
 
 
 def record_name(name: str, seed: int) -> str:
-    """Return what a planner that was trained with a seed is called in the records: `il-ppo/0`."""
+    """Return the record name of a planner that was trained with a seed: `il-ppo/0`."""
     return f"{name}/{seed}"
 
 
 def split_record_name(name: str) -> tuple[str, int | None]:
-    """Return a planner's name and training seed; None for one that names no seed."""
+    """Return a planner's name and training seed; the seed is None if the name has none."""
     match = _RECORD_NAME.fullmatch(name)
     return (name, None) if match is None else (match[1], int(match[2]))
 
@@ -51,7 +51,7 @@ def group_planners(names: Iterable[str]) -> tuple[PlannerGroup, ...]:
     """Return the planners behind record names, each once, in the order in which they first appear.
 
     Raises:
-        DataError: a planner is there both with and without training seeds.
+        DataError: a planner has records both with and without a training seed.
     """
     found: dict[str, list[tuple[int | None, str, int]]] = {}
     for row, record in enumerate(names):
@@ -95,9 +95,9 @@ def seed_counts(name: str, seeds: int, resamples: int) -> IntArray:
 
 
 def resample_seeds(resampled: FloatArray, groups: Sequence[PlannerGroup]) -> FloatArray:
-    """Return the mean over drawn trainings in every resample, (P, R); without several seeds nothing is drawn.
+    """Return the mean over drawn trainings in every resample, (P, R); a single training is not drawn.
 
-    As every bootstrap, that of G seeds sees (G - 1) / G of the variance between them: half of it with two.
+    Like every bootstrap, one over G seeds sees (G - 1) / G of the variance between them: half of it with two seeds.
 
     Args:
         resampled: (M, R), a statistic of each training in resamples of sequences, which all of them share.

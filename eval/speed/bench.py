@@ -47,7 +47,7 @@ TARGETS = {
 }
 
 
-def bench(out: Path, effort: Effort | None = None, report: Path | None = None) -> dict[str, float]:
+def bench(out: str | Path, effort: Effort | None = None, report: str | Path | None = None) -> dict[str, float]:
     """Measure everything and write it to `out` as JSON.
 
     Args:
@@ -72,7 +72,7 @@ def bench(out: Path, effort: Effort | None = None, report: Path | None = None) -
         shipped_weights: 1 if the streaming recogniser is the one that ships, 0 if it is untrained.
     """
     effort = effort or Effort()
-    opened = {} if report is None else {"report_interactive_s": time_report(report)}  # first: it may be missing
+    opened = {} if report is None else {"report_interactive_s": time_report(Path(report))}  # first: it may be missing
     data = load_data(DATA)
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(WORKERS, mp_context=context, initializer=torch.set_num_threads, initargs=(1,)) as pool:
@@ -96,7 +96,7 @@ def bench(out: Path, effort: Effort | None = None, report: Path | None = None) -
         **opened,
         "shipped_weights": float(streaming_recogniser(data)[1]),
     }
-    write_text(out, [json.dumps(figures, indent=1), "\n"])
+    write_text(Path(out), [json.dumps(figures, indent=1), "\n"])
     return figures
 
 

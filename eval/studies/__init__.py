@@ -7,7 +7,7 @@ from ehar.lazy import lazy_exports
 if TYPE_CHECKING:
     from eval.studies.analysis import Analysis as Analysis
     from eval.studies.belief import BeliefReport as BeliefReport
-    from eval.studies.compare import Comparison as Comparison
+    from eval.studies.compare_table import Comparison as Comparison
     from eval.studies.explanation import Explanation as Explanation
     from eval.studies.headroom import Headroom as Headroom
     from eval.studies.overview import RunOverview as RunOverview
@@ -19,7 +19,7 @@ else:
             "BeliefReport": "eval.studies.belief",
             "Explanation": "eval.studies.explanation",
             "Analysis": "eval.studies.analysis",
-            "Comparison": "eval.studies.compare",
+            "Comparison": "eval.studies.compare_table",
             "RunOverview": "eval.studies.overview",
         },
     )

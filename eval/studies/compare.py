@@ -1,16 +1,18 @@
 """Two finished runs, made at different times, compared planner by planner on the episodes that both ran."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ehar.errors import DataError, UsageError
 from eval.records.config import CONFIG, PlannerConfig
 from eval.running.run import Run, read_run, same_episodes
-from eval.scores.differences import Difference, compare_pairs
+from eval.scores.differences import compare_pairs
 from eval.scores.planner_accuracy import PlannerAccuracy, Resamples, planner_accuracy, resample_sequences
 from eval.scores.training_seeds import PlannerGroup, group_planners
+from eval.studies.compare_table import ComparedPlanners
+from eval.studies.compare_table import Comparison as Comparison
 
 SAME_EPISODES = (
     "data_sha256",
@@ -26,50 +28,6 @@ MAY_DIFFER = (  # said aloud
     *("recogniser_sha256", "views", "form", "readout", "track", "track_sha256", "gain_model_sha256", "versions"),
 )
 _SHOWN = 12  # digits of a hash
-
-
-@dataclass(frozen=True)
-class ComparedPlanners:
-    """A planner of run A and one of run B.
-
-    Args:
-        difference: A's accuracy minus B's, and how certain that is.
-        acc: accuracies [%] of A's and B's, the mean over all frames.
-        trainings: how many each has.
-        privileged: which of the two was handed the truth.
-        retrained: whether a training that goes by one name in both has other weights.
-        rewritten: whether a planner of one's own that goes by one name in both has another file or other arguments.
-    """
-
-    difference: Difference
-    acc: tuple[float, float]
-    trainings: tuple[int, int]
-    privileged: tuple[bool, bool]
-    retrained: bool
-    rewritten: bool
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Planners of run A against planners of run B on the same episodes.
-
-    Args:
-        folders: of A and B.
-        title: data, and what else is the same in both.
-        episodes: how many both ran.
-        sequences: of how many sequences.
-        differing: what is not the same in both, with both values, as text.
-        planners: what was compared.
-        no_intervals: why intervals cannot be had, or None.
-    """
-
-    folders: tuple[Path, Path]
-    title: str
-    episodes: int
-    sequences: int
-    differing: Mapping[str, tuple[str, str]]
-    planners: tuple[ComparedPlanners, ...]
-    no_intervals: str | None
 
 
 def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) -> Comparison:

@@ -1,13 +1,76 @@
-"""The table of `ehar compare`: one row a planner of run A beside one of run B."""
+"""What a comparison of two runs found, and its table: one row a planner of run A beside one of run B."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 
-from eval.render.tables import Table, interval_text, no_interval_footnotes, share_text
+from eval.render.tables import Table, html, interval_text, no_interval_footnotes, share_text
+from eval.scores.differences import Difference
 from eval.scores.planner_accuracy import TESTED_AT
-from eval.studies.compare import ComparedPlanners, Comparison
 
 _LEVEL = 0.05  # below which a p-value stands out
 _DIFFERENCE, _P = 3, 7  # columns
+
+
+@dataclass(frozen=True)
+class ComparedPlanners:
+    """A planner of run A and one of run B.
+
+    Args:
+        difference: A's accuracy minus B's, and how certain that is.
+        acc: accuracies [%] of A's and B's, the mean over all frames.
+        trainings: how many each has.
+        privileged: which of the two was handed the truth.
+        retrained: whether a training that goes by one name in both has other weights.
+        rewritten: whether a planner of one's own that goes by one name in both has another file or other arguments.
+    """
+
+    difference: Difference
+    acc: tuple[float, float]
+    trainings: tuple[int, int]
+    privileged: tuple[bool, bool]
+    retrained: bool
+    rewritten: bool
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """Planners of run A against planners of run B on the same episodes. It prints as its table, in a notebook as HTML.
+
+    Args:
+        folders: of A and B.
+        title: data, and what else is the same in both.
+        episodes: how many both ran.
+        sequences: of how many sequences.
+        differing: what is not the same in both, with both values, as text.
+        planners: what was compared.
+        no_intervals: why intervals cannot be had, or None.
+    """
+
+    folders: tuple[Path, Path]
+    title: str
+    episodes: int
+    sequences: int
+    differing: Mapping[str, tuple[str, str]]
+    planners: tuple[ComparedPlanners, ...]
+    no_intervals: str | None
+
+    def tables(self) -> list[Table]:
+        """Return what there is to read."""
+        return [compare_table(self)]
+
+    def __repr__(self) -> str:
+        """Return a line: what was compared, on how many episodes."""
+        runs = " and ".join(str(folder) for folder in self.folders)
+        return f"Comparison({self.title}: {runs}, {len(self.planners)} planners, {self.episodes} episodes)"
+
+    def __str__(self) -> str:
+        """Return the table."""
+        return str(compare_table(self))
+
+    def _repr_html_(self) -> str:
+        """Return the table for a notebook."""
+        return html(compare_table(self))
 
 
 def compare_table(comparison: Comparison) -> Table:

@@ -33,7 +33,7 @@ class RunOverview:
         return {planner.name: planner for planner in self.summary.planners}
 
 
-def overview(runs: Sequence[Path], *, planner: str | None = None, out: str | Path | None = None) -> list[Table]:
+def overview(runs: Sequence[str | Path], *, planner: str | None = None, out: str | Path | None = None) -> list[Table]:
     """Return the tables of several runs side by side.
 
     Args:
@@ -51,7 +51,7 @@ def overview(runs: Sequence[Path], *, planner: str | None = None, out: str | Pat
     return tables
 
 
-def read_overview(directories: Sequence[Path]) -> list[RunOverview]:
+def read_overview(directories: Sequence[str | Path]) -> list[RunOverview]:
     """Read the summaries of runs.
 
     Raises:

@@ -6,7 +6,7 @@ sequences, from `SELECTION_SEED`; the names and the split are in the result. If 
 genre would have no training or no test sequence. Then the result has no split (`is_test` is None) and at most 21
 sequences a genre.
 
-The floor stays where the files have it, which is not at a height of 0.
+The floor stays at its height in the files, which is not 0.
 """
 
 import pickle
@@ -165,14 +165,14 @@ def _draw(entries: list[_Entry], count: int, rng: np.random.Generator) -> list[_
 _ADMITTED = {
     ("numpy", "ndarray"): np.ndarray,
     ("numpy", "dtype"): np.dtype,
-    # numpy's own constructor of arrays, under the names of its versions before and since 2.0
+    # numpy's constructor of arrays, under its names before and since 2.0
     ("numpy.core.multiarray", "_reconstruct"): np.empty(0).__reduce__()[0],
     ("numpy._core.multiarray", "_reconstruct"): np.empty(0).__reduce__()[0],
 }
 
 
 class _ArrayUnpickler(pickle.Unpickler):
-    """Admits numpy arrays and plain containers; a name of anything else ends the reading before it is looked up."""
+    """Admits numpy arrays and plain containers; any other name raises an error before it is looked up."""
 
     def __init__(self, stream: BinaryIO, file: Path) -> None:
         super().__init__(stream)
@@ -193,6 +193,6 @@ def _unpickle(file: Path) -> Any:
             return _ArrayUnpickler(stream, file).load()
     except DataError:
         raise
-    except Exception as error:  # broken bytes make the pickle machine raise nearly anything
+    except Exception as error:  # broken bytes can raise almost any error
         problem = " ".join(str(error).split()) or type(error).__name__
         raise DataError(f"{file}: not a readable pickle: {problem}") from error

@@ -1,8 +1,8 @@
 """BVH: motion capture as a hierarchy of joints and their channels, turned into joint positions.
 
 All files of a folder, and of the folders in it, share one skeleton and one frame time. End sites have no name and no
-motion of their own: they are left out. So is a root that is not part of the body but a frame of reference, that is,
-whose only child is not at a constant distance.
+motion of their own: they are left out. A root whose only child is not at a constant distance is a frame of reference
+and not part of the body: it is left out too.
 """
 
 import math
@@ -21,7 +21,7 @@ from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError, UsageError
 
 CHANNELS = {f"{axis}{kind}" for axis in "XYZ" for kind in ("position", "rotation")}
-RIGID = 1e-3  # [m] a bone whose length changes by more than this is none
+RIGID = 1e-3  # [m]; the length of a bone changes by at most this
 
 
 def prepare_bvh(
@@ -40,13 +40,13 @@ def prepare_bvh(
 
     Args:
         source: folder of the files.
-        pattern: of the files' names: {label} is the class, other words in braces are free.
-        label_from: where the class stands: in the name, or as the folder that a file lies in.
-        unit: of length in the files [m].
+        pattern: pattern of the file names: {label} is the class, other words in braces match anything.
+        label_from: source of the class: the name of the file, or of its folder.
+        unit: unit of length in the files [m].
         up: axis that points up in the files.
 
     Raises:
-        UsageError: an option is not as described.
+        UsageError: an option has a wrong value.
         DataError: a file is malformed, differs in skeleton or frame time, or its name does not fit the pattern.
     """
     source = Path(source)
@@ -149,8 +149,8 @@ def _forward_kinematics(joints: list[_Joint], values: FloatArray) -> FloatArray:
     """Return positions (T, J, 3) from channel values (T, C).
 
     A joint's rotations apply in the order of its channels, each about the axis as turned by the ones before it, so
-    `Zrotation Xrotation Yrotation` is R_z R_x R_y on column vectors. A position channel stands in for its component
-    of the joint's offset.
+    `Zrotation Xrotation Yrotation` is R_z R_x R_y on column vectors. A position channel replaces its component of the
+    joint's offset.
     """
     rotations: list[Rotation] = []
     positions = np.empty((len(values), len(joints), 3))
@@ -176,7 +176,7 @@ def _forward_kinematics(joints: list[_Joint], values: FloatArray) -> FloatArray:
 
 
 def _parse_hierarchy(file: Path, lines: list[str]) -> list[_Joint]:
-    """Return the joints, parents first, from the lines that follow HIERARCHY; end sites are passed over."""
+    """Return the joints, parents first, from the lines that follow HIERARCHY; end sites are skipped."""
     tokens = ((number, word) for number, line in enumerate(lines, start=2) for word in line.split())
     joints: list[_Joint] = []
     open_blocks: list[int | None] = []  # the joint of each open brace, None for an end site

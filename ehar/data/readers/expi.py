@@ -1,8 +1,8 @@
 """ExPI, Extreme Pose Interaction: the original files of two couples, and the split of the paper's protocol.
 
-The 70 sequences of the protocol lie in `<source>/acro{1,2}/<activity><number>/mocap_cleaned.tsv`. A marker that is
-missing (an empty cell, or NaN) for at most `LONGEST_GAP` frames between two frames that have it is put on the straight
-line between them.
+The 70 sequences of the protocol lie in `<source>/acro{1,2}/<activity><number>/mocap_cleaned.tsv`. A marker may be
+missing (an empty cell, or NaN) for at most `LONGEST_GAP` frames between two frames that have it; it is then
+interpolated linearly.
 """
 
 from pathlib import Path
@@ -28,7 +28,7 @@ SKELETON = Skeleton(
     ),
 )
 PERSONS = 2  # the man, then the woman
-FIRST_LINE = 2  # of the frames, counted from 1: a header comes before
+FIRST_LINE = 2  # line of the first frame, counted from 1, after a header
 NUMBERS = PERSONS * len(SKELETON.joint_names) * 3
 
 # The protocol for activities that both couples perform: acro2 is trained on, acro1 is tested on.
@@ -64,7 +64,7 @@ def prepare_expi(source: str | Path) -> MotionData:
         source: folder that holds acro1 and acro2.
 
     Raises:
-        DataError: a sequence is missing, a row does not hold 108 numbers, or a marker is missing for longer.
+        DataError: a sequence is missing, a row does not hold 108 numbers, or a marker is missing for too long.
     """
     source = Path(source)
     names = [f"{TRAIN_COUPLE}/{activity}{number}" for activity, numbers in TRAIN.items() for number in numbers]
@@ -97,7 +97,7 @@ def prepare_expi(source: str | Path) -> MotionData:
 def read_sequence(file: Path) -> FloatArray:
     """Return the joints (T, 2, 18, 3) float32 [m] of one file.
 
-    The values are separated by commas, whatever the ending of the name says: a header, then a row a frame.
+    The file has a header, then one row per frame. Commas separate the values, although the file ends in .tsv.
     """
     lines = file.read_text(encoding="utf-8", errors="replace").rstrip().splitlines()
     rows = [_parse_row(file, number, line) for number, line in enumerate(lines[1:], start=FIRST_LINE)]
@@ -132,7 +132,7 @@ def _first_word(cells: list[str]) -> str:
 
 
 def _fill_gaps(file: Path, values: FloatArray) -> None:
-    """Put missing values (T, 108) on the line between their neighbours in time, in place."""
+    """Interpolate missing values (T, 108) linearly in time, in place."""
     frames = np.arange(len(values))
     for column in np.flatnonzero(np.isnan(values).any(axis=0)):
         known = np.flatnonzero(~np.isnan(values[:, column]))

@@ -1,4 +1,4 @@
-"""Two built-in motion sets, `duo` and `solo`: actors who differ perform figures that overlap."""
+"""Two built-in motion sets, `duo` and `solo`: different actors perform similar figures."""
 
 from typing import TYPE_CHECKING
 

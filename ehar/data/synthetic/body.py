@@ -1,7 +1,7 @@
-"""An articulated body of 16 joints: named movement channels in, joint positions with constant bone lengths out.
+"""A body of 16 joints, which turns named movement channels into joint positions with constant bone lengths.
 
-Arms and spine are driven by joint angles; legs by where the feet stand, with the knees solved for (two-bone
-inverse kinematics), so that feet stay on the floor however the pelvis moves. x is forward, y left, z up.
+Joint angles drive the arms and the spine. The positions of the feet drive the legs: two-bone inverse kinematics places
+the knees, so the feet stay on the floor however the pelvis moves. x is forward, y left, z up.
 """
 
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ _LATERAL = ("travel_left", "yaw", "sway_left", "lean", "twist", "tilt")
 
 ANKLE_HEIGHT = 0.08  # [m]
 STANDING_REACH = 0.985  # of a straight leg: people stand with knees not quite locked
-FULL_REACH = 0.998  # the farthest a foot is from its hip
+FULL_REACH = 0.998  # of a straight leg: the farthest a foot gets from its hip
 
 Gesture = Mapping[str, FloatArray]  # channel name -> (T,)
 
@@ -93,7 +93,7 @@ def mirrored(channels: FloatArray) -> FloatArray:
 
 
 def pose(body: Body, channels: FloatArray) -> FloatArray:
-    """Return the joints (T, 16, 3) [m] of a body that moves by channels (T, C); its rest stands at the origin."""
+    """Return the joints (T, 16, 3) [m] of a body that moves by channels (T, C); at rest it stands at the origin."""
     value = dict(zip(CHANNELS, channels.T, strict=True))
     zero = np.zeros(len(channels))
     heading = _turn(2, value["yaw"])
@@ -123,7 +123,7 @@ def pose(body: Body, channels: FloatArray) -> FloatArray:
 
 
 def _ankle(body: Body, value: Gesture, heading: FloatArray, root: FloatArray, side: str) -> FloatArray:
-    """Return where a foot's ankle is to be, (T, 3)."""
+    """Return the target positions of a foot's ankle, (T, 3)."""
     outward = 1.0 if side == "left" else -1.0
     offset = np.stack([value[f"{side}_{name}"] for name in ("step_forward", "step_out", "step_up")], axis=-1) * body.leg
     offset[:, 1] = outward * (offset[:, 1] + 1.15 * body.hip_half_width)
@@ -150,7 +150,7 @@ def _arm(body: Body, value: Gesture, trunk: FloatArray, neck: FloatArray, side: 
     shoulder = neck + _rotate(trunk, np.array([0.0, outward * body.shoulder_half_width, -0.05]))
     upper = trunk @ _turn(0, outward * value[f"{side}_abduction"]) @ _turn(1, -value[f"{side}_flexion"])
     elbow = shoulder + _rotate(upper, np.array([0.0, 0.0, -body.upper_arm]))
-    bend = np.maximum(value[f"{side}_elbow"], 0.0)  # style noise is not to break an arm
+    bend = np.maximum(value[f"{side}_elbow"], 0.0)  # style noise must not bend an elbow backwards
     lower = upper @ _turn(2, -outward * value[f"{side}_rotation"]) @ _turn(1, -bend)
     return [shoulder, elbow, elbow + _rotate(lower, np.array([0.0, 0.0, -body.forearm]))]
 

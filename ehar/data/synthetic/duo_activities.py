@@ -19,7 +19,7 @@ VERTICAL_CONTRAST = 0.8  # [rad]: the hands above or below level
 ARM_REACH = 2.0  # [rad / leg length], how far the free arm goes with a step
 ARM_FLEXION = 0.35  # [rad], of the free arm at rest
 
-CYCLE = 2.6  # [s], once through, on average
+CYCLE = 2.6  # [s], the average duration of a figure
 
 ADVANCE, PART = 1.0, -1.0  # the leader follows the partner, or both step back
 SAME_SIDE, OPPOSITE_SIDES = 1.0, -1.0

@@ -1,4 +1,4 @@
-"""What tells one synthetic activity from another, and the pulses that its movements are made of."""
+"""The three signs that tell synthetic activities apart, and the pulses that make up their movements."""
 
 from typing import NamedTuple
 

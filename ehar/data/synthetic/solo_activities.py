@@ -15,7 +15,7 @@ SAGITTAL_CONTRAST = 0.42  # [leg lengths]: the step forward or back
 LATERAL_CONTRAST = 0.35  # [leg lengths]: the step to the side
 VERTICAL_CONTRAST = 0.78  # [rad]: the forearms above or below level
 
-CYCLE = 1.1  # [s], once through, on average
+CYCLE = 1.1  # [s], the average duration of a figure
 ARM_FLEXION = 0.35  # [rad], of the upper arms at rest
 
 FORWARD, IN_PLACE, BACK = 1.0, 0.0, -1.0

@@ -129,7 +129,9 @@ def test_a_recogniser_of_your_own_has_neither_a_gain_field_nor_agents(tmp_path: 
 def test_who_is_named_has_to_be_trained(tmp_path: Path) -> None:
     save_agents(tmp_path, "il/0")
     for planners in (["il", "ppo"], ["il/1"], ["il-no-vision"]):
-        with pytest.raises(ModelError, match=r"agent-.*\.safetensors: no such file: .*`ehar train agent --data tiny.npz"):
+        with pytest.raises(
+            ModelError, match=r"agent-.*\.safetensors: no such file: .*`ehar train agent --data tiny.npz"
+        ):
             chosen(planners, place_of(tmp_path))
     for options in ({"sensor": "estimator"}, {"views": "paper"}):
         with pytest.raises(ModelError, match=f"-{next(iter(options.values()))}-.*no such file"):
