@@ -40,7 +40,7 @@ class Reliability(NamedTuple):
 
     `ece` is the mean distance of this diagram from its diagonal.
 
-    Args:
+    Attributes:
         confidence: (15,) mean probability of the predicted class.
         accuracy: (15,) share of right answers.
         share: (15,) share of all answers in the bin; sums to 1.
