@@ -1,4 +1,4 @@
-"""Recognisers of one's own: from a file or a module, made for the data that they will see."""
+"""A user's own recognisers: loaded from a file or a module, and made for the data that they will see."""
 
 import hashlib
 import json
@@ -13,20 +13,20 @@ from ehar.plugins.constructor import construct, parameters_of
 from ehar.plugins.loading import load_class, source_sha256
 from ehar.recogniser import Recogniser
 
-HANDED = ("class_names", "skeleton", "persons", "fps")  # of the data, to a constructor that has such arguments
+HANDED = ("class_names", "skeleton", "persons", "fps")  # taken from the data, for a constructor with such arguments
 PARTS = ("class_names", "embedding_size", "start", "step")
 
 
 @dataclass(frozen=True, eq=False)
 class OwnRecogniser:
-    """A recogniser that somebody brought.
+    """A user's own recogniser.
 
     Args:
-        recogniser: as the contract `ehar.recogniser.Recogniser` has it.
-        title: the class's name and what its constructor was given, for tables.
-        spec: how it was named; of an object, its class.
-        sha256: of the file of its class, its arguments, the files that they name and, where it has one, its own
-            `sha256`, which should be that of its weights.
+        recogniser: the object; it follows the contract `ehar.recogniser.Recogniser`.
+        title: name of the class and arguments of its constructor, for tables.
+        spec: the text that named it; for an object, its class.
+        sha256: hash of the file of its class, of its arguments and of the files that they name. If the object has its
+            own `sha256`, which should be the hash of its weights, this is included.
     """
 
     recogniser: Recogniser
@@ -36,19 +36,19 @@ class OwnRecogniser:
 
 
 def resolve_recogniser(brought: str | Recogniser, data: MotionData) -> OwnRecogniser:
-    """Return a recogniser of one's own that fits the data.
+    """Return a user's own recogniser that fits the data.
 
-    A constructor that has arguments called `class_names`, `skeleton`, `persons` or `fps` is handed those of the data.
-    Nothing is unpickled here: what a constructor reads, it reads itself.
+    A constructor with arguments called `class_names`, `skeleton`, `persons` or `fps` gets those of the data. Nothing is
+    unpickled here: a constructor reads its own files.
 
     Args:
-        brought: an object, which is meant as it is, or `path/to/file.py:Class` or `package.module:Class`, with or
+        brought: a recogniser, which is taken as it is; or `path/to/file.py:Class` or `package.module:Class`, with or
             without `(argument=value, ...)`.
-        data: what it will be used on.
+        data: the data that it will be used on.
 
     Raises:
-        UsageError: it cannot be loaded or made, or is no recogniser.
-        ModelError: it recognises other classes.
+        UsageError: the recogniser cannot be loaded or made, or the object is not a recogniser.
+        ModelError: the recogniser has other classes than the data.
     """
     given: dict[str, Any] = {}
     if isinstance(brought, str):
@@ -60,8 +60,8 @@ def resolve_recogniser(brought: str | Recogniser, data: MotionData) -> OwnRecogn
         missing = [part for part in ("start", "step") if not callable(getattr(cls, part, None))]
         if missing:
             raise UsageError(_no_recogniser(what, missing))
-        of_data = {name: getattr(data, name) for name in HANDED}
-        handed = {name: of_data[name] for name in parameters_of(cls, what) if name in of_data}
+        known = {name: getattr(data, name) for name in HANDED}
+        handed = {name: known[name] for name in parameters_of(cls, what) if name in known}
         recogniser, given = construct(cls, spec, what, handed)
     else:
         recogniser, cls = brought, type(brought)
@@ -73,7 +73,7 @@ def resolve_recogniser(brought: str | Recogniser, data: MotionData) -> OwnRecogn
 
 
 def _check_contract(recogniser: Any, data: MotionData, what: str) -> None:
-    """Raise unless an object has what the contract has, and knows the data's classes."""
+    """Raise an error unless an object has all parts of the contract, and the data's classes."""
     if isinstance(recogniser, type):
         raise UsageError(f"{what}: expected a recogniser, got a class; make one: {recogniser.__name__}(...)")
     missing = [part for part in PARTS if not hasattr(recogniser, part)]

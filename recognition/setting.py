@@ -1,4 +1,4 @@
-"""Conditions, loaded: the motion, the recogniser and the sensor that they name, ready to be run."""
+"""Loads conditions: the motion, the recogniser, the sensor and the track that they name, ready to run."""
 
 from dataclasses import dataclass, replace
 
@@ -13,13 +13,13 @@ from recognition.own_recogniser import resolve_recogniser
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What planners are compared in.
+    """The setting in which planners are compared.
 
     Args:
-        conditions: that were asked for, with names in place of objects, as records have them.
-        runner: rolls planners in it.
-        recogniser_sha256: of the recogniser's weights; of your own, of its file and arguments.
-        form: of the recogniser; of your own, what tables call it.
+        conditions: the conditions asked for, with names in place of objects, as in records.
+        runner: runs planners in this setting.
+        recogniser_sha256: hash of the recogniser's weights; for your own recogniser, of its file and arguments.
+        form: form of the recogniser; for your own recogniser, its name in tables.
     """
 
     conditions: Conditions
@@ -44,7 +44,7 @@ def load_motion_of(conditions: Conditions) -> MotionData:
     Raises:
         EharError: it is unknown, missing or malformed.
     """
-    from ehar.data.source import load_data  # here, as it brings scipy, which `ehar --help` does not wait for
+    from ehar.data.source import load_data  # here: it loads scipy, and `ehar --help` does not wait for that
 
     given = conditions.data
     if isinstance(given, MotionData):
@@ -56,13 +56,13 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     """Load data, recogniser, sensor and track.
 
     Args:
-        conditions: that name them, or hold them as objects.
+        conditions: names of these four, or the objects themselves.
         device: a torch device for our recogniser.
 
     Raises:
         EharError: one of them is unknown, missing or malformed, or they do not fit each other.
     """
-    # Here, as they bring torch, which `ehar --help` does not wait for.
+    # Imported here: they load torch, and `ehar --help` does not wait for that.
     from ehar.sensors.registry import make_sensor
     from recognition.storage import load_recogniser
 
