@@ -1,4 +1,4 @@
-"""What to do about it: planners that search over learned values, learned agents, heuristics and oracles."""
+"""Decides where to look from: planners that search over learned values, learned agents, heuristics and oracles."""
 
 from typing import TYPE_CHECKING
 

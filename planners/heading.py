@@ -1,4 +1,4 @@
-"""Where a camera heads in the direction of a move: the next cell, or for a vehicle farther than that."""
+"""The target of a camera in the direction of a move: the next cell, or for a vehicle a farther point."""
 
 import numpy as np
 
@@ -7,13 +7,13 @@ from ehar.flight.vehicle import Vehicle
 from ehar.planner import Context
 from ehar.viewpoint import DISTANCE, MOVES, apply_moves
 
-HEADING_TIME = 1.0  # [s]; a vehicle brakes for a target, so one that is near is approached slowly
+HEADING_TIME = 1.0  # [s]; a vehicle brakes for its target, so it approaches a near one slowly
 
 
 def axis_speeds(vehicle: Vehicle, viewpoint: FloatArray) -> FloatArray:
-    """Return how fast a vehicle may change each part of viewpoints (..., 3) alone [m/s], [rad/s], [rad/s].
+    """Return a vehicle's highest speed along each axis of viewpoints (..., 3) alone [m/s], [rad/s], [rad/s].
 
-    An angle's rate is the speed divided by the present distance; the azimuth's is the yaw rate too.
+    The rate of an angle is at most the speed divided by the present distance. The yaw rate limits the azimuth too.
     """
     speed = np.full(viewpoint.shape[:-1], vehicle.speed)
     rate = vehicle.speed / viewpoint[..., DISTANCE]
@@ -21,11 +21,11 @@ def axis_speeds(vehicle: Vehicle, viewpoint: FloatArray) -> FloatArray:
 
 
 def heading(context: Context, viewpoint: FloatArray, moves: IntArray) -> FloatArray:
-    """Return targets (..., 3) in the direction of moves (...,): the next cell, or as far as a vehicle's speed takes it.
+    """Return targets (..., 3) in the direction of moves (...,): the next cell, or for a vehicle a second's way.
 
     Args:
-        context: names the track.
-        viewpoint: (..., 3), where the cameras are.
+        context: the episodes' context, which names the track.
+        viewpoint: (..., 3), the cameras' viewpoints.
         moves: indices into `MOVES`.
     """
     if context.vehicle is None:

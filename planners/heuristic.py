@@ -1,4 +1,4 @@
-"""The paper's heuristic planners (Sec. 5.1): none of them looks at what it sees."""
+"""The paper's heuristic planners (Sec. 5.1): they ignore what the camera sees."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ class NoAct(Planner):
     name = "no-act"
 
     def reset(self, context: Context) -> None:
-        """Nothing is remembered."""
+        """Do nothing: this planner remembers nothing."""
 
     def act(self, observation: Observation) -> FloatArray:
         """Return the present viewpoints."""
@@ -22,7 +22,7 @@ class NoAct(Planner):
 
 
 class Random(Planner):
-    """Make one of the 7 moves, each as likely as the others, anew at every frame."""
+    """Draw one of the 7 moves at every frame, all with the same probability."""
 
     name = "random"
 
@@ -31,7 +31,7 @@ class Random(Planner):
         self._context = context
 
     def act(self, observation: Observation) -> FloatArray:
-        """Return where the drawn moves lead."""
+        """Return the targets of the drawn moves."""
         moves = self._context.rng.integers(0, len(MOVES), size=len(observation.viewpoint))
         return heading(self._context, observation.viewpoint, moves)
 
@@ -79,6 +79,6 @@ class VRotate(Planner):
 
 
 def _repeat(move_name: str, observation: Observation, context: Context) -> FloatArray:
-    """Return where the same move leads in every episode, (B, 3)."""
+    """Return the targets (B, 3) of the same move in every episode."""
     moves = np.full(len(observation.viewpoint), MOVE_NAMES.index(move_name))
     return heading(context, observation.viewpoint, moves)

@@ -1,7 +1,7 @@
 """Upper bounds: planners that know the label and the future, and try their moves before they make them.
 
-They try the moves of the grid on every track. A vehicle does not make such a move within a frame, so on its track they
-head for where the best moves lead, and are not upper bounds there.
+They try the moves of the grid on every track. A vehicle does not make such a move within a frame. So on a vehicle's
+track they head in the direction of the best move, and are not upper bounds.
 """
 
 from typing import Any
@@ -36,14 +36,14 @@ class Oracle(Planner):
 class OracleLookahead(Planner):
     r"""The best of 8 paths over several frames: each of the 7 moves repeated, and the greedy oracle's path.
 
-    A path of H frames is worth the mean over its frames of :math:`[\hat{y}_h = y] + p_h(y)`: how often the
-    true label y is on top, and how probable it is, so that a path is worth something that only comes near.
-    The greedy path is among the candidates, so the choice is never worse than greedy over the planned frames;
-    a repeated move crosses the viewpoints that get worse before they get better, where greed turns round.
+    The worth of a path of H frames is the mean of :math:`[\hat{y}_h = y] + p_h(y)` over its frames. It counts how
+    often the true label y is on top, and how probable the label is. So a path that only comes near has some worth too.
+    The greedy path is among the candidates, so the choice is never worse than greedy over the planned frames. A
+    repeated move gets through viewpoints that are worse before they are better; a greedy path turns round there.
 
     Args:
-        horizon: frames that are imagined, H; fewer at the end of the episode.
-        commit: frames of the best path that are flown before planning anew. A step costs 14 `horizon` /
+        horizon: number H of frames that are imagined; fewer at the end of the episode.
+        commit: number of frames of the best path that are flown before the next plan. A step costs 14 `horizon` /
             `commit` recognised frames.
     """
 
@@ -65,7 +65,7 @@ class OracleLookahead(Planner):
         self._planned_at = 0
 
     def act(self, observation: Observation) -> FloatArray:
-        """Return the next viewpoints of the best paths, planned anew every `commit` frames; in flight their ends."""
+        """Return the next viewpoints of the best paths, or in flight the paths' ends; plan every `commit` frames."""
         done = observation.frame - self._planned_at
         if done >= min(self.commit, self._path.shape[1]):
             self._path = self._plan(observation)
@@ -115,7 +115,7 @@ class OracleLookahead(Planner):
 
 
 def truth_of(planner: Planner, observation: Observation) -> Truth:
-    """Return what only a privileged planner is handed, or say that it was not."""
+    """Return the truth, which only a privileged planner gets; raise an EpisodeError if it is missing."""
     if observation.truth is None:
         raise EpisodeError(f"planner {planner.name!r}, frame {observation.frame}: expected the truth, got None")
     return observation.truth
@@ -127,7 +127,7 @@ def try_moves(
     """Try all moves from viewpoints (B, 3).
 
     Returns:
-        the candidates (B, 7, 3), the log-probabilities after `frame` from there (B, 7, K), the candidate with
+        the candidates (B, 7, 3), the log-probabilities after `frame` is seen from them (B, 7, K), the candidate with
         the lowest cross-entropy (B,), and the forked state.
     """
     candidates = neighbours(viewpoint, workspace)
@@ -142,12 +142,12 @@ def true_log_probs(log_probs: FloatArray, truth: Truth) -> FloatArray:
 
 
 def frame_worth(log_probs: FloatArray, truth: Truth, *, on_top: float = 1.0) -> FloatArray:
-    """Return what one frame is worth, (B, F): the true label's probability, and `on_top` where it is the most probable.
+    """Return the worth (B, F) of one frame: the true label's probability, plus `on_top` if it is the most probable.
 
     Args:
         log_probs: (B, F, K).
-        truth: whose labels (B,) are meant.
-        on_top: what being right is worth beside that.
+        truth: the truth, with labels (B,).
+        on_top: the extra worth of a correct recognition.
     """
     correct = np.argmax(log_probs, axis=2) == truth.labels[:, None]
     total: FloatArray = on_top * correct + np.exp(true_log_probs(log_probs, truth))

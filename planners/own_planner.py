@@ -1,4 +1,4 @@
-"""Planners of one's own: from a file, a module, or an entry point of an installed package."""
+"""A user's own planners: from a file, a module, or an entry point of an installed package."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,17 +15,17 @@ from ehar.plugins.loading import failure, load_class, source_sha256
 if TYPE_CHECKING:
     from planners.value.model import GainModel
 
-GROUP = "ehar.planners"  # of entry points, whose names are the planners'
+GROUP = "ehar.planners"  # the group of entry points; their names are the planners' names
 _GAIN_MODEL = "planners.value.model.GainModel"
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a planner of one's own comes from; recorded beside results.
+    """The origin of a user's own planner; recorded beside results.
 
     Args:
-        place: as it was named, without arguments.
-        arguments: that its constructor was given, converted.
+        place: the name that was asked for, without arguments.
+        arguments: the arguments of its constructor, converted.
     """
 
     place: str
@@ -39,40 +39,40 @@ def entry_point_names() -> tuple[str, ...]:
 
 
 def own_spec(text: str) -> ClassSpec | None:
-    """Return which planner of one's own a text names; None where it can be none.
+    """Return the spec of the user's own planner that a text names; None if it cannot name one.
 
     Raises:
-        UsageError: what stands in brackets are no arguments.
+        UsageError: the text in brackets is not a list of arguments.
     """
     spec = parse_spec(text)
     return spec if spec is not None and (spec.place or spec.name in entry_point_names()) else None
 
 
 def load_own_class(spec: ClassSpec) -> type[Any]:
-    """Return the class that is meant; its file is run for that.
+    """Return the class of a spec; this runs the file of the class.
 
     Args:
-        spec: from `own_spec`.
+        spec: a result of `own_spec`.
 
     Raises:
-        UsageError: it cannot be loaded.
+        UsageError: the class cannot be loaded.
     """
     return load_class(spec, "planner") if spec.place else _installed(spec.name)
 
 
 def make_own_planner(spec: ClassSpec, load_model: "Callable[[], GainModel] | None" = None) -> tuple[Planner, Origin]:
-    """Return a new planner of one's own, and where it comes from.
+    """Make a user's own planner; return it and its origin.
 
-    Made with arguments, it is called after them, `spiral(radius=5)`, unless `name` is one of them: so two settings
-    of one class can run side by side. One from an entry point has the entry point's name.
+    The name of a planner that is made with arguments includes them, `spiral(radius=5)`, unless `name` is one of them.
+    So two settings of one class can run side by side. A planner from an entry point has the name of the entry point.
 
     Args:
-        spec: from `own_spec`.
-        load_model: hands the trained gain model to a constructor that has an argument annotated `GainModel`.
+        spec: a result of `own_spec`.
+        load_model: loads the trained gain model, for a constructor with an argument annotated `GainModel`.
 
     Raises:
-        UsageError: it cannot be loaded or made, or is no planner.
-        ModelError: from `load_model`.
+        UsageError: the planner cannot be loaded or made, or the object is not a planner.
+        ModelError: `load_model` raises it.
     """
     cls = load_own_class(spec)
     what = f"planner {spec.title}"
@@ -99,12 +99,12 @@ def make_own_planner(spec: ClassSpec, load_model: "Callable[[], GainModel] | Non
 
 
 def check_planner_contract(planner: Any, what: str, *, name: Any = None) -> None:
-    """Raise a UsageError unless an object has what `ehar.planner.Planner` has.
+    """Raise a UsageError unless an object has all parts of `ehar.planner.Planner`.
 
     Args:
-        planner: to check.
-        what: it is called in errors.
-        name: that it is going to have; None: that it has.
+        planner: the object to check.
+        what: its name in errors.
+        name: the name that it will get; None if it keeps its own.
     """
     if isinstance(planner, type):
         raise UsageError(
@@ -119,7 +119,7 @@ def check_planner_contract(planner: Any, what: str, *, name: Any = None) -> None
 
 
 def origin_of(planner: Planner) -> Origin | None:
-    """Return where an object that was handed over comes from; None for a planner of ehar."""
+    """Return the origin of a planner object; None for a planner of ehar."""
     cls = type(planner)
     return None if cls.__module__.partition(".")[0] == "planners" else Origin(f"{cls.__module__}.{cls.__qualname__}")
 

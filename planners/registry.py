@@ -1,4 +1,4 @@
-"""The planners by name: ours, and with `own_planner` those of a user."""
+"""Makes planners by name: ours, and with `own_planner` a user's own."""
 
 import re
 from collections.abc import Callable
@@ -29,23 +29,23 @@ def planner_names() -> tuple[str, ...]:
 
 
 def needs_gain_model(spec: str) -> bool:
-    """Return whether a planner values views, for which something has to be trained."""
+    """Return whether a planner values views, and so needs a trained gain model."""
     return spec in VALUING
 
 
 def is_learned(spec: str) -> bool:
-    """Return whether a planner is a trained agent: one of `LEARNED` or `ABLATED`, or a single training of it, il/0."""
+    """Return whether a planner is a trained agent: one of `LEARNED` or `ABLATED`, or one training of it, as il/0."""
     name, slash, seed = spec.partition("/")
     return name in (*LEARNED, *ABLATED) and (not slash or re.fullmatch("0|[1-9][0-9]*", seed) is not None)
 
 
 def is_ours(spec: str) -> bool:
-    """Return whether a planner comes with the project; nobody else's is taken for one of that name."""
+    """Return whether a planner comes with the project; a user's own planner cannot take its name."""
     return spec in planner_names() or is_learned(spec)
 
 
 def check_spec(spec: str) -> None:
-    """Raise a UsageError that lists what is known unless `resolve_planner` might make a planner of this."""
+    """Raise a UsageError that lists the known planners, unless `resolve_planner` might make this one."""
     if not is_ours(spec) and own_spec(spec) is None:
         raise UsageError(_unknown(spec))
 
@@ -55,19 +55,20 @@ def resolve_planner(
     load_model: Callable[[], "GainModel"] | None = None,
     load_agent: Callable[[str], "Agent"] | None = None,
 ) -> tuple[Planner, Origin | None]:
-    """Return the planner that is meant, and where it comes from if it is none of ours.
+    """Return the planner of a spec, and its origin if it is not ours.
 
     Args:
-        spec: a planner, which is meant as it is; the name of one of ours or of an entry point in the group
+        spec: a planner, which is taken as it is; the name of one of ours or of an entry point in the group
             `ehar.planners`; or `path/to/file.py:Class` or `package.module:Class`, with or without
             `(argument=value, ...)`.
-        load_model: called for planners that value views only, and for those of one's own that ask for it.
-        load_agent: called for learned planners only, with their name.
+        load_model: loads the gain model; called only for planners that value views, and for a user's own planners
+            that ask for it.
+        load_agent: loads an agent by its name; called only for learned planners.
 
     Raises:
-        UsageError: the name is unknown, a planner cannot be made, or one that needs something trained is made
-            without `load_model` or `load_agent`.
-        ModelError: from `load_model` or `load_agent`.
+        UsageError: the name is unknown, the planner cannot be made, or it needs `load_model` or `load_agent` and
+            there is none.
+        ModelError: `load_model` or `load_agent` raises it.
     """
     if not isinstance(spec, str):
         return spec, origin_of(spec)
@@ -80,17 +81,17 @@ def make_planner(
     load_model: Callable[[], "GainModel"] | None = None,
     load_agent: Callable[[str], "Agent"] | None = None,
 ) -> Planner:
-    """Return a new planner of ours.
+    """Make one of our planners.
 
     Args:
-        spec: one of `planner_names()`, or what `is_learned`.
-        load_model: called for planners that value views only.
-        load_agent: called for learned planners only, with their name.
+        spec: one of `planner_names()`, or a name for which `is_learned` is true.
+        load_model: loads the gain model; called only for planners that value views.
+        load_agent: loads an agent by its name; called only for learned planners.
 
     Raises:
-        UsageError: the name is none of ours, or a planner that values views is made without `load_model`, or a
+        UsageError: the name is not one of ours, a planner that values views is made without `load_model`, or a
             learned one without `load_agent`.
-        ModelError: from `load_model` or `load_agent`.
+        ModelError: `load_model` or `load_agent` raises it.
     """
     for planner in (*HEURISTICS, *ORACLES):
         if planner.name == spec:
@@ -112,7 +113,7 @@ def _unknown(spec: str) -> str:
 
 
 def _make_valuing(name: str, model: "GainModel") -> Planner:
-    # Here, as they bring scipy and CasADi, which a list of names does not wait for.
+    # Imported here: they load scipy and CasADi, and a list of names does not wait for that.
     from planners.search.next_best_view import NextBestView
     from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch
 

@@ -1,6 +1,6 @@
-"""What is being seen: CTR-GCN as published, its streaming form, training and calibration.
+"""Recognises activities: CTR-GCN as published, its streaming form, training and calibration.
 
-Importing it makes `ehar/Grid-v0` and `ehar/Flight-v0` known to Gymnasium.
+The import makes `ehar/Grid-v0` and `ehar/Flight-v0` known to Gymnasium.
 """
 
 import gymnasium

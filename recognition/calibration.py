@@ -1,4 +1,4 @@
-"""Temperature scaling that depends on the observation ratio (Guo et al. 2017, one temperature a knot)."""
+"""Temperature scaling that depends on the observation ratio (Guo et al. 2017), one temperature for each knot."""
 
 from dataclasses import dataclass
 
@@ -14,21 +14,21 @@ SMOOTHNESS = 1e-2  # keeps neighbouring knots together where validation data is 
 
 @dataclass(frozen=True)
 class Temperature:
-    """Divides logits so that probabilities mean what they say, early and late.
+    """Divides logits by a temperature, so that probabilities are calibrated early and late in an episode.
 
     Args:
-        log_temperatures: one for each of `KNOTS`.
+        log_temperatures: one log-temperature for each of `KNOTS`.
     """
 
     log_temperatures: tuple[float, ...] = (0.0,) * len(KNOTS)
 
     def __post_init__(self) -> None:
-        """Raise ValueError for anything but one finite number a knot."""
+        """Raise ValueError unless there is one finite number for each knot."""
         if len(self.log_temperatures) != len(KNOTS) or not np.isfinite(self.log_temperatures).all():
             raise ValueError(f"log_temperatures: expected {len(KNOTS)} finite numbers, got {self.log_temperatures}")
 
     def at(self, ratio: FloatArray) -> FloatArray:
-        """Return the temperatures at observation ratios; beyond 1, that of 1."""
+        """Return the temperatures at observation ratios; a ratio above 1 counts as 1."""
         return np.exp(np.interp(ratio, KNOTS, self.log_temperatures))
 
 
@@ -36,8 +36,8 @@ def fit_temperature(logits: FloatArray, labels: IntArray) -> Temperature:
     """Return the temperature that minimises the NLL over all frames.
 
     Args:
-        logits: (N, L, K) of validation clips, after every frame.
-        labels: (N,).
+        logits: (N, L, K), the logits of validation clips after every frame.
+        labels: (N,), the true classes.
     """
     length = logits.shape[1]
     ratio = np.arange(1, length + 1) / length

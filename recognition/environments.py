@@ -1,4 +1,4 @@
-"""What `ehar/Grid-v0` and `ehar/Flight-v0` make for Gymnasium: the task under some conditions."""
+"""Makes the environments `ehar/Grid-v0` and `ehar/Flight-v0` for Gymnasium from conditions."""
 
 from dataclasses import replace
 
@@ -19,10 +19,10 @@ def make_env(*, conditions: Conditions = TRAINED_ON, track: str = IDEAL) -> Epis
 
     Args:
         conditions: data, sensor, recogniser, part and length.
-        track: of conditions that name none.
+        track: name of the track, for conditions that name none.
 
     Raises:
-        EharError: anything of it is unknown, missing or malformed.
+        EharError: a part of the conditions is unknown, missing or malformed.
     """
     return EpisodeEnv(_load(conditions, track))
 

@@ -18,8 +18,8 @@ def resolve_recogniser(brought: str | Recogniser, data: MotionData) -> Own:
         data: what it will be used on.
 
     Raises:
-        UsageError: it cannot be loaded or made, or is no recogniser.
-        ModelError: it recognises other classes.
+        UsageError: the recogniser cannot be loaded or made, or the object is not a recogniser.
+        ModelError: the recogniser has other classes than the data.
     """
     own = bring(brought, CONTRACT, {name: getattr(data, name) for name in HANDED})
     known, size = own.made.class_names, own.made.embedding_size

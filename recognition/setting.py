@@ -1,4 +1,4 @@
-"""Conditions, loaded: the motion, the recogniser and the sensor that they name, ready to be run."""
+"""Loads conditions: the motion, the recogniser, the sensor and the track that they name, ready to run."""
 
 from dataclasses import dataclass, field, replace
 
@@ -13,7 +13,7 @@ from recognition.own_recogniser import resolve_recogniser
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What planners are compared in.
+    """The setting in which planners are compared.
 
     Args:
         conditions: that were asked for, with names in place of objects, as records have them.
@@ -51,7 +51,7 @@ def load_motion_of(conditions: Conditions) -> MotionData:
     Raises:
         EharError: it is unknown, missing or malformed.
     """
-    from ehar.data.source import load_data  # here, as it brings scipy, which `ehar --help` does not wait for
+    from ehar.data.source import load_data  # here: it loads scipy, and `ehar --help` does not wait for that
 
     given = conditions.data
     if isinstance(given, MotionData):
@@ -63,7 +63,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     """Load data, recogniser, sensor and track.
 
     Args:
-        conditions: that name them, or hold them as objects.
+        conditions: names of these four, or the objects themselves.
         device: a torch device for our recogniser.
 
     Raises:

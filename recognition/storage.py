@@ -1,4 +1,4 @@
-"""Trained recognisers on disk: safetensors for the weights, JSON for what they were built and trained for."""
+"""Trained recognisers on disk: safetensors for the weights, JSON for their description."""
 
 import hashlib
 from dataclasses import dataclass
@@ -24,12 +24,12 @@ class RecogniserDescription:
     """The JSON beside a recogniser's weights.
 
     Args:
-        spec: what the network was built for.
-        log_temperatures: as in `Temperature`.
+        spec: the data and size that the network was built for.
+        log_temperatures: the log-temperatures of `Temperature`.
         training: how it was trained; kept for people, and to tell one run from another.
 
     Raises:
-        ValueError: the temperatures are not one finite number a knot.
+        ValueError: there is not one finite temperature for each knot.
     """
 
     spec: NetworkSpec
@@ -42,25 +42,25 @@ class RecogniserDescription:
 
     @property
     def temperature(self) -> Temperature:
-        """The temperature that was fitted."""
+        """The fitted temperature."""
         return Temperature(self.log_temperatures)
 
 
 def recogniser_path(directory: Path, conditions: Conditions) -> Path:
-    """Return where a recogniser's weights lie in a models directory; the JSON lies beside them."""
+    """Return the path of a recogniser's weights in a models directory; the JSON lies beside them."""
     return directory / f"{conditions.form}-{conditions.seen}.safetensors"
 
 
 def save_recogniser(
     path: Path, network: Network, spec: NetworkSpec, temperature: Temperature, history: dict[str, Any]
 ) -> None:
-    """Save weights, and beside them what they are for and how they came about.
+    """Save weights, and beside them a description of the network and its training.
 
     Args:
-        path: of the safetensors file.
-        network: trained.
-        spec: what it was built for.
-        temperature: fitted on validation data.
+        path: the safetensors file.
+        network: the trained network.
+        spec: the data and size that it was built for.
+        temperature: the temperature, fitted on validation data.
         history: how it was trained; kept for people, not read back.
     """
     save_weights(path, network_bytes(network), RecogniserDescription(spec, temperature.log_temperatures, history))
@@ -72,8 +72,8 @@ def load_recogniser(
     """Load a trained recogniser and check that it fits the data.
 
     Args:
-        conditions: that it was trained for: the folder, sensor, views and form.
-        data: what it will be used on.
+        conditions: conditions of the training: folder, sensor, views and form.
+        data: the data that it will be used on.
         device: a torch device.
 
     Raises:
@@ -113,7 +113,7 @@ def load_weights(path: Path, network: Network) -> None:
 
 
 def _check_fit(path: Path, spec: NetworkSpec, data: MotionData) -> None:
-    """Raise where weights and data disagree, naming what differs."""
+    """Raise a ModelError that names what differs, if weights and data disagree."""
     pairs = (
         ("class_names", spec.class_names, data.class_names),
         ("joint_names", spec.skeleton.joint_names, data.skeleton.joint_names),

@@ -19,7 +19,7 @@ from recognition.networks.spec import NetworkSpec
 
 
 class _Recogniser:
-    """What both forms share: features of arrays, and calibrated log-probabilities."""
+    """The part that both forms share: features from arrays, and calibrated log-probabilities."""
 
     def __init__(self, spec: NetworkSpec, temperature: Temperature, sha256: str, device: str) -> None:
         self.spec = spec
@@ -39,7 +39,7 @@ class _Recogniser:
         return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32)).to(self.device)
 
     def _recognition(self, logits: Tensor, embedding: Tensor, count: IntArray) -> Recognition:
-        """Return calibrated arrays of logits (B, F, K) and embeddings (B, F, D) after `count` (B,) frames."""
+        """Return calibrated arrays from logits (B, F, K) and embeddings (B, F, D) after `count` (B,) frames."""
         temperature = self._to_device(self.temperature.at(count / self.spec.length))
         log_probs = torch.log_softmax(logits / temperature[:, None, None], dim=-1)
         return Recognition(log_probs.cpu().numpy(), embedding.cpu().numpy())
@@ -52,7 +52,7 @@ class StreamingRecogniserState:
     network: StreamingState
 
     def fork(self, forks: int) -> "StreamingRecogniserState":
-        """Return a state of F alternatives an episode; nothing is copied."""
+        """Return a state with F alternatives of each episode; nothing is copied."""
         return StreamingRecogniserState(self.network.fork(forks))
 
     def select(self, choice: IntArray) -> "StreamingRecogniserState":
@@ -66,13 +66,13 @@ class StreamingRecogniserState:
 
 
 class StreamingRecogniser(_Recogniser):
-    """The causal network, one frame at a time: the same cost at every frame.
+    """The causal network, which takes one frame at a time at the same cost.
 
     Args:
-        network: trained.
-        spec: what it was built for.
-        temperature: fitted on validation data.
-        sha256: of weights and temperature, recorded beside results.
+        network: the trained network.
+        spec: the data and size that it was built for.
+        temperature: the temperature, fitted on validation data.
+        sha256: hash of weights and temperature, recorded beside results.
         device: a torch device.
     """
 
@@ -112,7 +112,7 @@ class PrefixState:
     forks: int = 1
 
     def fork(self, forks: int) -> "PrefixState":
-        """Return a state of F alternatives an episode; nothing is copied."""
+        """Return a state with F alternatives of each episode; nothing is copied."""
         return replace(self, forks=forks)
 
     def select(self, choice: IntArray) -> "PrefixState":
@@ -128,13 +128,13 @@ class PrefixState:
 
 
 class PrefixRecogniser(_Recogniser):
-    """The published network, evaluated on each prefix anew: the yardstick, whose cost grows with the frame.
+    """The published network, run on each prefix anew. It is the yardstick; its cost grows with the frame.
 
     Args:
-        network: trained.
-        spec: what it was built for.
-        temperature: fitted on validation data.
-        sha256: of weights and temperature, recorded beside results.
+        network: the trained network.
+        spec: the data and size that it was built for.
+        temperature: the temperature, fitted on validation data.
+        sha256: hash of weights and temperature, recorded beside results.
         device: a torch device.
     """
 
@@ -160,7 +160,7 @@ class PrefixRecogniser(_Recogniser):
             count = len(after.frames) - state.begin
             logits = prefix.new_empty(*prefix.shape[:2], len(self.class_names))
             embedding = prefix.new_empty(*prefix.shape[:2], self.embedding_size)
-            for frames in np.unique(count):  # episodes that began together have prefixes of one length
+            for frames in np.unique(count):  # episodes that began together have prefixes of the same length
                 rows = torch.from_numpy(np.flatnonzero(count == frames))
                 clips = prefix[rows, :, -int(frames) :]
                 embedded = self._network.embed(clips.flatten(0, 1).permute(0, 4, 1, 3, 2))

@@ -1,4 +1,4 @@
-"""One torch thread where numbers have to be the same on any machine: sums in another order end in other digits."""
+"""Holds torch to one thread where numbers must be the same on any machine: the order of a sum changes its digits."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,7 +8,7 @@ import torch
 
 @contextmanager
 def one_torch_thread() -> Iterator[None]:
-    """Let torch use one thread, and then as many as before; decorates functions too."""
+    """Let torch use one thread, and then as many as before; this is also a decorator."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -1,4 +1,4 @@
-"""Trained weights on disk: a safetensors file, and beside it the JSON that says what they are for and how they came."""
+"""Trained weights on disk: a safetensors file, and beside it a JSON file that describes the weights."""
 
 import hashlib
 import json
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def description_path(path: Path) -> Path:
-    """Return where the JSON of weights lies."""
+    """Return the path of the JSON that describes weights."""
     return path.with_suffix(".json")
 
 
@@ -27,21 +27,21 @@ def save_weights(path: Path, content: bytes, description: "DataclassInstance") -
     """Write weights and their description.
 
     Args:
-        path: of the safetensors file.
-        content: of that file.
-        description: its fields are the keys of the JSON.
+        path: the safetensors file.
+        content: the content of that file.
+        description: a dataclass; its fields are the keys of the JSON.
     """
     write_bytes(path, content)
     write_bytes(description_path(path), (json.dumps(asdict(description), indent=1) + "\n").encode())
 
 
 def network_bytes(network: nn.Module) -> bytes:
-    """Return the safetensors file of a network's weights."""
+    """Return the content of a safetensors file with a network's weights."""
     return save({name: tensor.detach().cpu().contiguous() for name, tensor in network.state_dict().items()})
 
 
 def check_files(path: Path, expected: str) -> None:
-    """Raise a ModelError, which says what is expected, where the weights or their description are missing."""
+    """Raise a ModelError that says what was expected, if the weights or their description are missing."""
     for file in (path, description_path(path)):
         if not file.is_file():
             raise ModelError(f"{file}: no such file: expected {expected}")
@@ -56,9 +56,9 @@ def load_tensors(path: Path, network: nn.Module, owner: str) -> dict[str, Tensor
     """Read the weights of a network.
 
     Args:
-        path: of the safetensors file.
-        network: that they are for; it is left as it is.
-        owner: what has such a network, as errors name it: "an agent".
+        path: the safetensors file.
+        network: the network of these weights; it is not changed.
+        owner: the owner of such a network, as named in errors: "an agent".
 
     Raises:
         ModelError: the file is missing or malformed, its tensors are not those of the network, or are not finite.
@@ -95,7 +95,7 @@ class _Trained:
 
 
 def recorded_run(path: Path) -> dict[str, Any]:
-    """Return what decided the result of the training that weights are from; nothing where the JSON does not say it."""
+    """Return the settings that decided the result of a training; empty if the JSON of the weights has none."""
     try:
         trained = read_json(description_path(path), _Trained, "the description of trained weights", unknown=True)
     except EharError:

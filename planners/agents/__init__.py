@@ -1,4 +1,4 @@
-"""What is learned instead: agents that imitate an oracle, or learn from reward."""
+"""Learned agents: they imitate an oracle, or learn from reward."""
 
 from typing import TYPE_CHECKING
 

@@ -14,13 +14,13 @@ from planners.heading import heading
 class Agent(Planner):
     """The paper's agent (Sec. 4): the most probable move of a learned policy.
 
-    A grid move is where it heads on every track; a vehicle, which does not make such a move within a frame, heads
-    a second that way.
+    On every track, the agent heads in the direction of a grid move. A vehicle does not make such a move within a
+    frame, so its target is a second away.
 
     Args:
-        name: il, ppo, il-ppo, ...
-        network: trained.
-        sha256: of its files, recorded beside results.
+        name: name of the agent: il, ppo, il-ppo, ...
+        network: the trained network.
+        sha256: hash of its files, recorded beside results.
     """
 
     privileged = False
@@ -38,14 +38,14 @@ class Agent(Planner):
         self.state: FloatArray = np.empty((context.episodes, 0), dtype=np.float32)  # s_t, (B, S)
 
     def act(self, observation: Observation) -> FloatArray:
-        """Return where the most probable moves lead, (B, 3)."""
+        """Return the targets (B, 3) of the most probable moves."""
         inputs = self._inputs.see(shown_to_agent(observation, self._context))
         moves, self.state = decide(self.network, inputs)
         return heading(self._context, observation.viewpoint, moves)
 
 
 def decide(network: AgentNetwork, inputs: Inputs) -> tuple[IntArray, FloatArray]:
-    """Return the most probable moves (B,) and the states (B, S) of inputs (B, size)."""
+    """Return the most probable moves (B,) and the states (B, S) for inputs (B, size)."""
     with torch.inference_mode():
         state = network.state({name: torch.from_numpy(values) for name, values in inputs.items()})
         moves = network.logits(state).argmax(dim=1)

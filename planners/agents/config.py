@@ -1,4 +1,4 @@
-"""How agents are trained. Without torch, so that the command line can show it at once."""
+"""The settings of agents' training; there is no torch in this module, so the command line can show them at once."""
 
 import importlib.util
 from dataclasses import dataclass, field, replace
@@ -15,23 +15,24 @@ Labels = Literal["best", "soft"]
 Scale = Literal["quick", "paper"]
 Left = Literal["none", "recognition", "vision", "position"]
 STAGES: tuple[Stage, ...] = get_args(Stage)
-LEAST_LENGTH = 3  # frames of an episode
-LEAST_LOOKAHEAD = 5  # frames of an episode in which the teacher that looks ahead is asked at all
+LEAST_LENGTH = 3  # least frames of an episode
+LEAST_LOOKAHEAD = 5  # least frames of an episode with the look-ahead teacher, which is not asked in shorter ones
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImitationSetting:
-    """What is imitated, and how; the defaults are the paper's, but for the number of episodes.
+    """The settings of imitation; the defaults are the paper's, except for the number of episodes.
 
     Args:
         teacher: oracle tries the 7 moves on the next frame; oracle-lookahead repeats each of them for 15 frames.
-        labels: best is the teacher's best move; soft is what it found each of the 7 moves worth.
-        episodes: that are demonstrated, in all rounds together.
-        rounds: the first is the teacher's, or where it only tries moves a wanderer's; in those that follow the agent
-            cloned so far acts, and the teacher says what it should have done (DAgger). 1 is plain cloning.
-        epochs: passes over the demonstrations.
-        batch: frames of a gradient step.
-        learning_rate: at first; it falls linearly.
+        labels: best is the teacher's best move; soft is the worth of each of the 7 moves according to the teacher.
+        episodes: number of demonstrated episodes, in all rounds together.
+        rounds: number of rounds. In the first the teacher acts, or a wanderer if the teacher only tries moves. In later
+            rounds the agent cloned so far acts, and the teacher says what it should have done (DAgger). 1 is plain
+            cloning.
+        epochs: number of passes over the demonstrations.
+        batch: number of frames of a gradient step.
+        learning_rate: learning rate at the start; it falls linearly.
         entropy: weight of the policy's entropy with soft labels, in standard deviations of a move's worth.
     """
 
@@ -46,29 +47,29 @@ class ImitationSetting:
 
 
 DAGGER = ImitationSetting(teacher="oracle-lookahead", labels="soft", rounds=2)
-VARIATIONS = 3  # of each sequence of the policy part, in the quick setting
+VARIATIONS = 3  # variations of each sequence of the policy part, in the quick setting
 PAPER_EPISODES = 10_000  # Sec. 4.2: "10k trajectories of oracle"
 
 
 @dataclass(frozen=True, kw_only=True)
 class PPOSetting:
-    """How the policy is optimised; the defaults were compared on validation scenarios.
+    """The settings of policy optimisation; the defaults were chosen by comparison on validation scenarios.
 
     Args:
-        frames: environment frames in all.
-        num_envs: episodes of a rollout.
-        epochs: passes over each rollout.
-        minibatches: of each pass.
-        learning_rate: at first; it falls linearly.
-        clip: of the probability ratio.
+        frames: number of environment frames in all.
+        num_envs: number of episodes of a rollout.
+        epochs: number of passes over each rollout.
+        minibatches: number of minibatches of each pass.
+        learning_rate: learning rate at the start; it falls linearly.
+        clip: clip range of the probability ratio.
         entropy: weight of the entropy bonus.
         gamma: discount of one decision, which is held for `hold` frames.
-        gae_lambda: of the generalised advantage estimate.
-        critic_rollouts: at the beginning of a fine-tuning, in which only the critic learns.
-        hindsight: whether the critic is shown the label in training; the actor never is.
-        hold: frames for which a move that was drawn is made again and again; one frame's move alone changes too little
-            for a reward to tell which was good.
-        copies: episodes that differ in the moves only, and are rewarded relative to each other.
+        gae_lambda: lambda of the generalised advantage estimate.
+        critic_rollouts: number of rollouts at the beginning of a fine-tuning in which only the critic learns.
+        hindsight: whether the critic sees the label in training; the actor never does.
+        hold: number of frames for which a drawn move is repeated. The move of a single frame changes too little for a
+            reward to tell which move was good.
+        copies: number of episodes that differ only in the moves, and are rewarded relative to each other.
     """
 
     frames: int = 300_000
@@ -101,27 +102,27 @@ PAPER_PPO = PPOSetting(
 
 @dataclass(frozen=True, kw_only=True)
 class AgentTrainingConfig:
-    """How agents are trained.
+    """The settings of agents' training.
 
-    Stages: il clones the oracle, ppo starts from scratch, il-ppo from what il has cloned; dagger clones what moves are
-    worth, in states that it comes to itself. All train on recorded motion and on variations of it: mirrored, of other
-    pace and size. Training seeds share the demonstrations.
+    Stages: il clones the oracle, ppo starts from scratch, and il-ppo starts from the agent of il. dagger clones the
+    worth of moves, in states that the agent reaches itself. All train on recorded motion and on variations of it:
+    mirrored, or with another pace and size. Training seeds share the demonstrations.
 
     Args:
-        conditions: of the episodes, and the recogniser.
+        conditions: conditions of the episodes, and the recogniser.
         out: folder to write to.
-        stages: which agents, with commas between them.
-        seeds: how many training seeds, each an agent of its own.
+        stages: the agents to train, with commas between them.
+        seeds: number of training seeds; each gives one agent.
         without: encoder that is left out (Table 3), as in il-no-vision.
         setting: quick, for 2 CPU cores; paper, as published, for a GPU.
-        teacher: whom il clones.
-        labels: what il clones: the best move, or each move's worth (soft).
-        rounds: of il's demonstrations; from the second on the agent acts.
-        episodes: demonstrated; None is 1,536, in paper 10,000.
-        frames: of PPO; None is 300,000, in paper 10 million.
-        variations: of each sequence; None is 3, in paper 0.
-        workers: processes; numbers do not depend on it.
-        device: of PPO's network: cpu or cuda.
+        teacher: the teacher that il clones.
+        labels: labels that il clones: the best move, or the worth of each move (soft).
+        rounds: number of rounds of il's demonstrations; from the second on, the agent acts.
+        episodes: number of demonstrated episodes; None is 1,536, or 10,000 in paper.
+        frames: number of frames of PPO; None is 300,000, or 10 million in paper.
+        variations: number of variations of each sequence; None is 3, or 0 in paper.
+        workers: number of processes; results do not depend on it.
+        device: device of PPO's network, cpu or cuda.
         tensorboard: folder for TensorBoard's logs.
     """
 
@@ -146,7 +147,7 @@ class AgentTrainingConfig:
         """Where agents are written to.
 
         Raises:
-            UsageError: neither `models` nor `out` says so.
+            UsageError: neither `models` nor `out` names a folder.
         """
         directory = self.out or self.conditions.directory
         if directory is None:
@@ -167,7 +168,7 @@ class AgentTrainingConfig:
         return tuple(stage for stage in STAGES if stage in named)
 
     def check(self) -> None:
-        """Raise a UsageError if an option makes no sense, or asks for what is not there."""
+        """Raise a UsageError if an option makes no sense, or needs something that is missing."""
         _ = self.directory
         stages = self.stage_names
         least = {"seeds": 1, "workers": 1, "episodes": 1, "rounds": 1, "frames": 1, "variations": 0}
@@ -190,7 +191,7 @@ class AgentTrainingConfig:
             raise UsageError(f"--tensorboard {self.tensorboard}: expected TensorBoard to be installed, it is not")
 
     def imitation(self, stage: Stage) -> ImitationSetting:
-        """How is imitated in a stage, or before it: `dagger` by its own setting, `il` and `il-ppo` as was asked for."""
+        """Return the imitation setting of a stage: `dagger` has its own, `il` and `il-ppo` have the one asked for."""
         default = ImitationSetting.episodes if self.setting == "quick" else PAPER_EPISODES
         episodes = default if self.episodes is None else self.episodes
         if stage == "dagger":
@@ -199,12 +200,12 @@ class AgentTrainingConfig:
 
     @property
     def variations_of_each(self) -> int:
-        """How many variations of each sequence are trained on beside it."""
+        """The number of variations of each sequence that are trained on beside it."""
         default = VARIATIONS if self.setting == "quick" else 0
         return default if self.variations is None else self.variations
 
     @property
     def ppo(self) -> PPOSetting:
-        """How the policy is optimised: likewise."""
+        """The setting of policy optimisation, with the number of frames asked for."""
         chosen = PPOSetting() if self.setting == "quick" else PAPER_PPO
         return chosen if self.frames is None else replace(chosen, frames=self.frames)

@@ -1,6 +1,6 @@
-"""Demonstrations: what the agent saw, and what a teacher who knows the label found its 7 moves worth.
+"""Demonstrations: the agent's inputs, and the worth of its 7 moves according to a teacher who knows the label.
 
-They are kept in a folder, batch by batch, so that a training that was stopped does not run them again.
+They are kept in a folder, batch by batch, so a training that was stopped does not run them again.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -28,23 +28,24 @@ from planners.agents.network import AgentNetwork
 from planners.oracle import frame_worth, true_log_probs, truth_of, try_moves
 from planners.value.collection import random_viewpoints
 
-EPISODES = 32  # that run in lockstep
-HORIZON = 15  # frames for which the teacher that looks ahead repeats a move
-EVERY = 5  # frames, that it looks ahead; what it finds changes slowly, and costs 7 HORIZON recognised frames
-WANDER = 0.8  # the share of its own episodes whose camera moves: the agent will come everywhere
-NEW_GOAL = 0.05  # a frame, that a wandering camera heads elsewhere
+EPISODES = 32  # episodes that run in lockstep
+HORIZON = 15  # frames for which the look-ahead teacher repeats a move
+EVERY = 5  # frames from one look ahead to the next: its result changes slowly, and costs 7 HORIZON recognised frames
+WANDER = 0.8  # the share of the wanderer's episodes whose camera moves: the agent will get everywhere
+NEW_GOAL = 0.05  # the probability in each frame that a wandering camera picks a new goal
 
 
 @dataclass(frozen=True, eq=False)
 class Demonstrations:
-    """N frames.
+    """N demonstrated frames.
 
     Args:
-        recognition: (N, ...) float16, the inputs of f^A; likewise the next two, of f^V and f^P.
-        vision: (N, ...).
-        position: (N, 4).
-        values: (N, 7), what each move is worth: the log-probability of the true label after it [nat], or with
-            foresight the sum over frames of that probability and of half a point where it is on top.
+        recognition: (N, ...) float16, the inputs of f^A.
+        vision: (N, ...) float16, the inputs of f^V.
+        position: (N, 4) float16, the inputs of f^P.
+        values: (N, 7), the worth of each move. For the oracle, it is the log-probability of the true label after the
+            move [nat]. For the look-ahead teacher, it is a sum over frames of the true label's probability, plus half a
+            point for each frame where this label is on top.
     """
 
     recognition: FloatArray
@@ -59,12 +60,12 @@ class Demonstrations:
 
 
 class Demonstrator(Planner):
-    """Asks the teacher at its frames, keeps what it says, and acts: as the agent does, or without one as the teacher.
+    """Asks the teacher, keeps its answers, and acts like the agent, or without an agent like the teacher.
 
     Args:
-        teacher: whom to ask.
-        agent: who acts (DAgger, Ross et al. 2011); None leaves it to the teacher. The one that looks ahead asks
-            for moves and makes none, so a wanderer acts in its stead.
+        teacher: the teacher to ask.
+        agent: the agent that acts (DAgger, Ross et al. 2011); None lets the teacher act. The look-ahead teacher only
+            judges moves, so a wanderer acts in its place.
     """
 
     name = "demonstrator"
@@ -85,7 +86,7 @@ class Demonstrator(Planner):
         self.values: list[FloatArray] = []
 
     def act(self, observation: Observation) -> FloatArray:
-        """Ask, keep, and act."""
+        """Ask the teacher, keep its answer, and act."""
         inputs = self._inputs.see(shown_to_agent(observation, self._context))
         best = self._ask(observation, inputs)
         if self.agent is not None:
@@ -95,7 +96,7 @@ class Demonstrator(Planner):
         return apply_moves(observation.viewpoint, best, self._context.workspace)
 
     def _ask(self, observation: Observation, inputs: Inputs) -> IntArray:
-        """Keep what the teacher says of a frame, if it is one of its frames, and return its best moves (B,)."""
+        """Return the teacher's best moves (B,), and keep its answer; on frames without one, return hover."""
         truth = truth_of(self, observation)
         if self.teacher == "oracle":
             _, log_probs, best, _ = try_moves(
@@ -120,7 +121,7 @@ class Demonstrator(Planner):
 
 
 def look_ahead(truth: Truth, observation: Observation, context: Context) -> FloatArray:
-    """Return what repeating each move for `HORIZON` frames, or to the end, is worth: (B, 7), a sum over frames."""
+    """Return the worth (B, 7) of repeating each move for `HORIZON` frames or to the end, a sum over frames."""
     episodes = len(truth.labels)
     moves = np.broadcast_to(np.arange(len(MOVES)), (episodes, len(MOVES)))
     viewpoint = np.repeat(observation.viewpoint[:, None], len(MOVES), axis=1)
@@ -136,14 +137,14 @@ def look_ahead(truth: Truth, observation: Observation, context: Context) -> Floa
 
 @dataclass(frozen=True, eq=False)
 class DemonstrationTask:
-    """What is needed to run batches of demonstrated episodes.
+    """Everything needed to run batches of demonstrated episodes.
 
     Args:
-        runner: rolls them.
-        scenarios: what episodes are drawn from.
-        teacher: whom to ask.
-        agent: who acts; None leaves it to the teacher.
-        seed: of everything drawn.
+        runner: runs the episodes.
+        scenarios: the scenarios that episodes are drawn from.
+        teacher: the teacher to ask.
+        agent: the agent that acts; None lets the teacher act.
+        seed: seed of all random numbers.
     """
 
     runner: Runner
@@ -156,7 +157,7 @@ class DemonstrationTask:
 def demonstrate(
     task: DemonstrationTask, batches: Sequence[int], *, workers: int = 1
 ) -> Iterator[tuple[int, Demonstrations]]:
-    """Run batches of episodes and yield each as it is done; the same numbers with any number of workers."""
+    """Run batches of episodes and yield each when it is done; results do not depend on `workers`."""
     if workers == 1 or len(batches) < 2:
         for batch in batches:
             yield batch, demonstrate_batch(task, batch)
@@ -169,7 +170,7 @@ def demonstrate(
 
 
 def demonstrate_batch(task: DemonstrationTask, index: int) -> Demonstrations:
-    """Run one batch of episodes; what is drawn depends on the seed and its index only."""
+    """Run one batch of episodes; its random numbers depend only on the seed and its index."""
     torch.set_num_threads(1)
     rng = np.random.default_rng([*task.seed, index])
     chosen = rng.integers(len(task.scenarios), size=EPISODES)
@@ -182,7 +183,7 @@ def demonstrate_batch(task: DemonstrationTask, index: int) -> Demonstrations:
 
 
 def join(pieces: Sequence[Demonstrations]) -> Demonstrations:
-    """Return demonstrations as one."""
+    """Join demonstrations into one."""
     return Demonstrations(
         **{
             name.name: np.concatenate([getattr(piece, name.name) for piece in pieces])
@@ -199,17 +200,16 @@ def collect(
     workers: int,
     report: Callable[[str, int, int], None],
 ) -> Demonstrations:
-    """Return the demonstrations of so many batches: those that lie in the folder, and those that are missing there.
+    """Return the demonstrations of all batches; those in the folder are read, and the missing ones are run.
 
-    A file that was cut short, or is none of ours, counts as missing and is written anew.
+    A file that was cut short, or is not ours, counts as missing and is written anew.
 
     Args:
-        task: returns what is demonstrated; called only if something is missing, as an agent that acts in it takes
-            time to clone.
-        batches: how many.
-        folder: of this very task.
-        workers: processes.
-        report: hears of progress.
+        task: returns the task; called only if a batch is missing, as it takes time to clone the agent that acts.
+        batches: number of batches.
+        folder: the folder of this task.
+        workers: number of processes.
+        report: called with progress.
     """
     pieces = {batch: piece for batch in range(batches) if (piece := read_batch(folder / f"{batch}.safetensors"))}
     missing = [batch for batch in range(batches) if batch not in pieces]
@@ -223,7 +223,7 @@ def collect(
 
 
 def read_batch(path: Path) -> Demonstrations | None:
-    """Return a batch that was kept; None if there is none, or it is not whole."""
+    """Return a batch that was kept; None if it is missing or not whole."""
     try:
         return Demonstrations(**load_file(path))
     except (OSError, SafetensorError, TypeError, ValueError):

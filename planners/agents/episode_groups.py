@@ -1,6 +1,6 @@
-"""Groups of episodes that PPO learns from: whole batches, one after another, and what the agent is given of them.
+"""Groups of episodes that PPO learns from: whole batches, one after another, shown as inputs of the agent.
 
-Each group has random numbers of its own, so that results do not depend on how many processes groups are spread over.
+Each group has its own random numbers, so results do not depend on the number of processes.
 """
 
 from collections.abc import Callable
@@ -13,37 +13,37 @@ from ehar.envs.environment import EpisodeVectorEnv
 from ehar.envs.observations import Observations
 from planners.agents.inputs import AgentInputs, Inputs
 
-HINDSIGHT = "hindsight"  # what a critic may be shown in training: label, its probability, whether it is recognised
+HINDSIGHT = "hindsight"  # extra input of the critic in training: label, its probability, whether it is recognised
 GROUP = 32  # episodes that share random numbers and a recogniser's batch
 
-MakeEnv = Callable[[int], EpisodeVectorEnv]  # of a number of episodes
+MakeEnv = Callable[[int], EpisodeVectorEnv]  # makes an environment of so many episodes
 
 
 class GroupSetting(NamedTuple):
-    """How a group is made."""
+    """The settings of a group."""
 
-    size: int  # episodes
-    seed: tuple[int, ...]  # of all that is drawn, beside the number of the batch of episodes
-    first: int  # the number of the first batch, for a run that goes on
-    hold: int  # frames for which a move is made again and again
+    size: int  # number of episodes
+    seed: tuple[int, ...]  # seed of all random numbers, beside the number of the batch of episodes
+    first: int  # the number of the first batch, for a resumed run
+    hold: int  # number of frames for which a move is repeated
 
 
 class Seen(NamedTuple):
-    """What one step of a group shows."""
+    """The result of one step of a group."""
 
     inputs: Inputs
-    rewards: FloatArray  # (B,), of Eq. 1
-    relative: FloatArray  # (B,), what they are above those of the copies
-    over: bool
-    last: Inputs | None  # the inputs after the last frame, where a new episode has begun in its place
+    rewards: FloatArray  # (B,), the rewards of Eq. 1
+    relative: FloatArray  # (B,), the rewards relative to those of the copies
+    over: bool  # whether the episodes have ended
+    last: Inputs | None  # the inputs after the last frame, if the episodes have ended
 
 
 class Group:
-    """Some of the environments: one natively batched environment, and the inputs that its episodes give.
+    """A part of the environments: one natively batched environment, and the agent's inputs from its episodes.
 
     Args:
         make_env: makes the environment.
-        setting: how.
+        setting: the settings of the group.
     """
 
     def __init__(self, make_env: MakeEnv, setting: GroupSetting) -> None:
@@ -60,7 +60,7 @@ class Group:
         return self._see(observations, info)
 
     def step(self, moves: IntArray) -> Seen:
-        """Carry out moves (B,), and begin the next episodes at once where these are over."""
+        """Carry out moves (B,); if the episodes are over, begin the next ones at once."""
         rewards: FloatArray = np.zeros(len(moves))
         over = False
         for _ in range(self._hold):
@@ -80,11 +80,11 @@ class Group:
 
 
 def relative_rewards(rewards: FloatArray, copies: int) -> FloatArray:
-    """Return by how much rewards (B,) exceed the mean of the other copies of their episode; without copies, them.
+    """Return how far rewards (B,) exceed the mean of the other copies of their episode; without copies, the rewards.
 
-    What the others were rewarded does not depend on one's own moves, so it is a baseline that leaves the policy
-    gradient unbiased (Kool et al. 2019), and one that knows the people and the noise: all that is left is where the
-    cameras went.
+    The rewards of the other copies do not depend on the moves of this one. So their mean is a baseline that leaves the
+    policy gradient unbiased (Kool et al. 2019). The copies share the people and the noise, so only the paths of the
+    cameras make a difference.
     """
     if copies == 1:
         return rewards
@@ -94,13 +94,13 @@ def relative_rewards(rewards: FloatArray, copies: int) -> FloatArray:
 
 
 def hindsight(probabilities: FloatArray, info: dict[str, Any]) -> FloatArray:
-    """Return what only a critic is shown (B, K + 2): the label as one of K, its probability, and whether it is on top.
+    """Return the critic's extra input (B, K + 2): the one-hot label, its probability, and whether it is on top.
 
     Args:
-        probabilities: (B, K), the recogniser's.
-        info: of the environment.
+        probabilities: (B, K), the recogniser's probabilities.
+        info: the info of the environment.
     """
     label, correct = info["label"], info["correct"]
-    of_label = np.take_along_axis(probabilities, label[:, None], axis=1)
+    probability = np.take_along_axis(probabilities, label[:, None], axis=1)
     one_hot = np.eye(probabilities.shape[1])[label]
-    return np.concatenate([one_hot, of_label, correct[:, None]], axis=1).astype(np.float32)
+    return np.concatenate([one_hot, probability, correct[:, None]], axis=1).astype(np.float32)

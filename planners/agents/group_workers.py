@@ -1,4 +1,4 @@
-"""Where groups of episodes run: in this process, or in one of their own behind the same calls."""
+"""Runs groups of episodes in this process, or in another process behind the same calls."""
 
 import multiprocessing
 import pickle
@@ -25,7 +25,7 @@ class GroupsHere:
         self._groups = [Group(make_env, setting) for setting in groups]
 
     def send(self, moves: IntArray | None) -> None:
-        """Carry out moves, those of all groups one after another; None begins new episodes."""
+        """Carry out the moves of all groups, which follow one another; None begins new episodes."""
         if moves is None:
             self._answer: list[Any] = [group.reset() for group in self._groups]
         else:
@@ -33,7 +33,7 @@ class GroupsHere:
             self._answer = [group.step(piece) for group, piece in zip(self._groups, pieces, strict=True)]
 
     def receive(self) -> list[Any]:
-        """Return what each group shows: `Seen`, or inputs where episodes have begun."""
+        """Return the result of each group: `Seen`, or the first inputs if episodes have begun."""
         return self._answer
 
     def close(self) -> None:
@@ -41,7 +41,7 @@ class GroupsHere:
 
 
 class GroupsThere:
-    """Groups in a process of their own, behind the same calls."""
+    """Groups in another process, behind the same calls."""
 
     def __init__(self, make_env: MakeEnv, groups: Iterable[GroupSetting]) -> None:
         """Start the process."""
@@ -58,14 +58,14 @@ class GroupsThere:
             raise self._ended() from error
 
     def send(self, moves: IntArray | None) -> None:
-        """Send moves, those of all groups one after another; None begins new episodes."""
+        """Send the moves of all groups, which follow one another; None begins new episodes."""
         try:
             self._pipe.send(moves)
         except OSError as error:
             raise self._ended() from error
 
     def receive(self) -> list[Any]:
-        """Wait, and return what each group shows: `Seen`, or inputs where episodes have begun."""
+        """Wait, and return the result of each group: `Seen`, or the first inputs if episodes have begun."""
         try:
             answer = self._pipe.recv()
         except (EOFError, OSError) as error:
@@ -76,7 +76,7 @@ class GroupsThere:
 
     def close(self) -> None:
         """End the process."""
-        self._pipe.close()  # which ends the loop over there
+        self._pipe.close()  # this ends the loop in the process
         self._process.join()
 
     def _ended(self) -> EpisodeError:
@@ -114,7 +114,7 @@ def _serve(pipe: Connection) -> None:
 
 
 def _sendable(error: Exception) -> Exception:
-    """Return the error, or where a pipe would not carry it over what it says."""
+    """Return the error; if it cannot be pickled, an EpisodeError with its message."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:

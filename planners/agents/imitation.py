@@ -1,4 +1,4 @@
-"""Imitation learning: behaviour cloning of demonstrations (Sec. 4.2), from best moves or from what all 7 are worth."""
+"""Imitation learning: behaviour cloning of demonstrations (Sec. 4.2), from best moves or from the worth of all 7."""
 
 import numpy as np
 import torch
@@ -18,21 +18,21 @@ def clone(
 ) -> list[dict[str, float]]:
     r"""Train a network's policy on demonstrations, in place; the critic is left as it is.
 
-    With best moves the loss is their cross-entropy, the standard one. With soft labels it is what the policy
-    :math:`\pi` expects to lose, :math:`-\sum_a \pi(a | s) (v_a - \bar{v}) / \sigma - \eta H(\pi)`, with values
-    v over moves a, their standard deviation :math:`\sigma` over all demonstrations, and a weight :math:`\eta` of the
-    entropy H. A teacher who knows the label does what it likes where the moves differ little; this loss counts a frame
-    by how much they do. Its minimum is the softmax of the expected values, so what the teacher knows and the agent
-    cannot is averaged over, not imitated.
+    With best moves, the loss is the standard cross-entropy. With soft labels, it is the expected loss of the policy
+    :math:`\pi`, :math:`-\sum_a \pi(a | s) (v_a - \bar{v}) / \sigma - \eta H(\pi)`. Here v are the values of moves a,
+    :math:`\sigma` is their standard deviation over all demonstrations, and :math:`\eta` is the weight of the entropy H.
+    Where the moves differ little, the choice of a teacher who knows the label is arbitrary. This loss therefore weighs
+    a frame by how much its moves differ. Its minimum is the softmax of the expected values. So the agent averages over
+    what only the teacher knows, and does not imitate it.
 
     Args:
-        network: trained in place.
+        network: the network, trained in place.
         demonstrations: N frames.
-        setting: how.
-        seed: of the order of the frames.
+        setting: the settings of imitation.
+        seed: seed of the order of the frames.
 
     Returns:
-        of each epoch the mean loss, and how often the policy's best move is the teacher's.
+        the mean loss of each epoch, and how often the policy's best move is the teacher's.
 
     Raises:
         ModelError: a demonstration or the loss is not finite; the message names the step.
@@ -60,8 +60,8 @@ def clone(
                 loss = functional.cross_entropy(logits, best[rows])
             else:
                 loss = expected_loss(logits, advantage[rows], setting.entropy)
-            if not bool(values[rows].isfinite().all()):  # the best of them would be the one that is none
-                raise ModelError(f"imitation: expected finite worths of moves, got others at step {step}")
+            if not bool(values[rows].isfinite().all()):  # argmax would pick the NaN
+                raise ModelError(f"imitation: expected finite values of moves, got NaN or infinity at step {step}")
             if not bool(loss.isfinite()):
                 raise ModelError(f"imitation: the loss is {float(loss.detach())} at step {step}: expected a finite one")
             optimiser.zero_grad(set_to_none=True)
@@ -75,7 +75,7 @@ def clone(
 
 
 def expected_loss(logits: Tensor, advantage: Tensor, entropy: float) -> Tensor:
-    """Return what a policy with logits (B, 7) expects to lose of advantages (B, 7), less its weighted entropy."""
+    """Return the expected loss of a policy with logits (B, 7) for advantages (B, 7), less its weighted entropy."""
     log_policy = torch.log_softmax(logits, dim=1)
     loss: Tensor = (log_policy.exp() * (entropy * log_policy - advantage)).sum(dim=1).mean()
     return loss

@@ -1,6 +1,6 @@
-"""What the agent's three encoders are given: the recognition so far, the present joints, the position (Sec. 4.1).
+"""The inputs of the agent's three encoders: the recognition so far, the present joints, the position (Sec. 4.1).
 
-All of it follows from one frame and a running sum, so an agent streams: nothing of the past is computed anew.
+The inputs need only one frame and a running sum, so an agent streams: nothing of the past is computed again.
 """
 
 from dataclasses import dataclass
@@ -12,18 +12,18 @@ from ehar.envs.observations import Observations
 
 RECOGNITION, VISION, POSITION = "recognition", "vision", "position"
 ENCODED = (RECOGNITION, VISION, POSITION)  # f^A, f^V and f^P
-LEAST_LOG_PROB = -8.0  # below it, how improbable a class is says nothing more
+LEAST_LOG_PROB = -8.0  # smaller log-probabilities say nothing more
 
 Inputs = dict[str, FloatArray]
 
 
 @dataclass(frozen=True)
 class InputSizes:
-    """The numbers that each encoder takes.
+    """The number of inputs of each encoder.
 
     Args:
         recognition: 2 D + K + 1: embedding, its mean over the frames so far, log-probabilities, observation ratio.
-        vision: P (3 J + 4): a person's joints, their confidence, where the person is and how large.
+        vision: P (3 J + 4): a person's joints, their confidence, the person's place and size, the share of seen joints.
         position: 4, the azimuth as sine and cosine.
     """
 
@@ -38,14 +38,14 @@ class InputSizes:
 
 
 class AgentInputs:
-    """Turns what is shown of each frame into what the encoders take, for B episodes in lockstep.
+    """Turns the observations of each frame into inputs of the encoders, for B episodes in lockstep.
 
-    f^A is a function of all embeddings so far, e_0 to e_t: it is given the last, which is itself pooled over time,
-    and the running mean, from which the last differs by what is new.
+    f^A is a function of all embeddings so far, e_0 to e_t. Its inputs are the last embedding, which is itself pooled
+    over time, and the running mean. Their difference shows what is new.
     """
 
     def __init__(self) -> None:
-        """Create the memory of episodes of which nothing has been seen."""
+        """Create an empty memory."""
         self._total: FloatArray | None = None
         self._frames = 0
 
@@ -53,7 +53,7 @@ class AgentInputs:
         """Return the inputs after one more frame, each (B, size) in float32.
 
         Args:
-            shown: of that frame, as `ehar.envs.observations.shown` returns it.
+            shown: the observations of that frame, as `ehar.envs.observations.shown` returns them.
         """
         embedding = shown["embedding"].astype(np.float64)
         self._total = embedding if self._total is None else self._total + embedding
@@ -68,7 +68,7 @@ class AgentInputs:
 
 
 def _bodies(joints: FloatArray, confidence: FloatArray) -> FloatArray:
-    """Return each person's shape, free of place and size, and place, size and share of seen joints beside it.
+    """Return each person's shape without place and size, then confidence, place, size and share of seen joints.
 
     Args:
         joints: (B, P, J, 2).

@@ -10,18 +10,18 @@ from ehar.errors import ModelError
 from ehar.viewpoint import MOVES
 from planners.agents.inputs import ENCODED, RECOGNITION, InputSizes
 
-WIDTH = 96  # of each encoder
-STATE = 128  # S, of the state s_t
+WIDTH = 96  # width of each encoder
+STATE = 128  # S, the size of the state s_t
 
 
 @dataclass(frozen=True)
 class AgentSpec:
-    """What a network is built for.
+    """The inputs that a network is built for.
 
     Args:
-        sizes: of its inputs.
+        sizes: sizes of the inputs.
         without: encoders that are left out (Table 3).
-        hindsight: numbers that the critic is shown in training beside the state; none plays a part in acting.
+        hindsight: number of extra inputs of the critic in training; they play no part in acting.
 
     Raises:
         ModelError: a size is not positive, hindsight is negative, or an encoder is unknown or none is left.
@@ -32,7 +32,7 @@ class AgentSpec:
     hindsight: int = 0
 
     def __post_init__(self) -> None:
-        """Check it."""
+        """Check sizes and encoders."""
         if min(vars(self.sizes).values()) < 1 or self.hindsight < 0:
             raise ModelError(f"agent: expected sizes of at least 1, got {self.sizes}, hindsight {self.hindsight}")
         if not set(self.without) <= set(ENCODED) or not self.encoded:
@@ -45,11 +45,11 @@ class AgentSpec:
 
 
 class AgentNetwork(nn.Module):
-    """Policy over the 7 moves, and value, of inputs as `AgentInputs` makes them.
+    """A policy over the 7 moves, and a value, from the inputs of `AgentInputs`.
 
     Args:
-        spec: what it is built for.
-        seed: of the initial weights.
+        spec: the inputs that it is built for.
+        seed: seed of the initial weights.
     """
 
     def __init__(self, spec: AgentSpec, *, seed: int = 0) -> None:
@@ -69,7 +69,7 @@ class AgentNetwork(nn.Module):
                 self.actor.bias.zero_()
 
     def state(self, inputs: Mapping[str, Tensor]) -> Tensor:
-        """Return s_t (B, S) of inputs (B, size)."""
+        """Return s_t (B, S) for inputs (B, size)."""
         encoded = [self.encoders[name](inputs[name]) for name in self.spec.encoded]
         state: Tensor = self.state_encoder(torch.cat(encoded, dim=1))
         return state
@@ -80,7 +80,7 @@ class AgentNetwork(nn.Module):
         return logits
 
     def value(self, state: Tensor, hindsight: Tensor | None = None) -> Tensor:
-        """Return the value (B,) of states (B, S), where the spec has it with hindsight (B, hindsight)."""
+        """Return the value (B,) of states (B, S), with hindsight (B, hindsight) if the spec has it."""
         seen = state if hindsight is None else torch.cat([state, hindsight], dim=1)
         value: Tensor = self.critic(seen)[:, 0]
         return value

@@ -18,15 +18,15 @@ class AgentPolicy(ActorCriticPolicy):
     """Actor and critic of an `AgentNetwork`, over the observations of `AgentVecEnv`.
 
     Args:
-        observation_space: of the environment.
+        observation_space: the environment's observation space.
         action_space: the 7 moves.
-        lr_schedule: of the learning rate.
-        network: what is trained, in place.
-        generator: of the moves that are drawn.
-        **others: what every policy of stable-baselines3 is handed.
+        lr_schedule: schedule of the learning rate.
+        network: the network, trained in place.
+        generator: generator that draws the moves.
+        **others: the other arguments of a policy of stable-baselines3.
 
     Raises:
-        ModelError: moves are to be drawn, and their probabilities are not finite.
+        ModelError: a move is drawn, and the probabilities of moves are not finite.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class AgentPolicy(ActorCriticPolicy):
         self.optimizer = torch.optim.Adam(network.parameters(), lr=lr_schedule(1), eps=1e-5)
 
     def _build(self, lr_schedule: Schedule) -> None:
-        """Build nothing: the network that is trained was given."""
+        """Build nothing: the network is an argument."""
 
     def forward(self, obs: PyTorchObs, deterministic: bool = False) -> tuple[Tensor, Tensor, Tensor]:
         """Return moves (B,), values (B, 1) and the moves' log-probabilities (B,)."""
@@ -79,13 +79,13 @@ class AgentPolicy(ActorCriticPolicy):
 
     def _drawn(self, log_probs: Tensor, deterministic: bool) -> Tensor:
         if not bool(log_probs.isfinite().all()):
-            raise ModelError("policy: expected finite probabilities of the moves, got others")
+            raise ModelError("policy: expected finite probabilities of the moves, got NaN or infinity")
         if deterministic:
             return log_probs.argmax(dim=1)
         return torch.multinomial(log_probs.exp(), 1, generator=self.generator)[:, 0]
 
     def _value(self, obs: PyTorchObs, state: Tensor) -> Tensor:
-        """Return values (B,); one with hindsight teaches the policy's state nothing."""
+        """Return values (B,); a value with hindsight does not train the policy's state."""
         assert isinstance(obs, dict)
         if self.network.spec.hindsight:
             return self.network.value(state.detach(), obs[HINDSIGHT])

@@ -1,7 +1,7 @@
 """Proximal policy optimisation of the agent (Sec. 4.2), by stable-baselines3, on the natively batched environment.
 
-One rollout is one batch of whole episodes. Everything that is drawn in it follows from the seed and its number, so a
-run that was stopped ends as one that ran through.
+One rollout is one batch of whole episodes. Its random numbers follow from the seed and the rollout's number, so a run
+that was stopped ends like one that ran through.
 """
 
 import math
@@ -24,7 +24,7 @@ from planners.agents.network import AgentNetwork
 from planners.agents.policy import AgentPolicy
 from planners.agents.vector_env import AgentVecEnv
 
-DIAGNOSTICS = {  # of each rollout, by the names that people know, and what stable-baselines3 logs them as
+DIAGNOSTICS = {  # diagnostics of each rollout: our names, and the names in the logs of stable-baselines3
     "return": "rollout/ep_rew_mean",
     "entropy": "train/entropy_loss",
     "approx_kl": "train/approx_kl",
@@ -37,14 +37,14 @@ DIAGNOSTICS = {  # of each rollout, by the names that people know, and what stab
 
 @dataclass
 class PPOProgress:
-    """Where a run stands: all that the rollouts to come depend on.
+    """The progress of a run: everything that later rollouts depend on.
 
     Args:
-        network: its weights are trained in place.
-        rollouts: that are done.
+        network: the network, trained in place.
+        rollouts: number of finished rollouts.
         optimiser: the state of Adam; None before the first rollout.
         history: the diagnostics of each rollout.
-        frames_per_s: of the environment, since this process began; kept with nothing, as it decides nothing.
+        frames_per_s: environment frames per second since this process began; it is not saved, as it decides nothing.
     """
 
     network: AgentNetwork
@@ -67,22 +67,22 @@ def train_ppo(
     device: str = "cpu",
     tensorboard: str | None = None,
 ) -> None:
-    """Train the network of `progress` on, until the setting's frames are done.
+    """Go on training the network of `progress` until the setting's frames are done.
 
     Args:
-        progress: where to begin.
+        progress: the progress to start from.
         make_env: makes a natively batched environment of so many episodes.
-        moves: in an episode, L - 1.
-        setting: how.
-        seed: of episodes, moves and minibatches.
-        fine_tune: whether the policy has been cloned before: its critic, which has not, then learns first.
-        keep: handed the progress after every rollout; its tensors change with the next one.
-        workers: processes that environments run in; 0 runs them here.
+        moves: number of moves in an episode, L - 1.
+        setting: the settings of policy optimisation.
+        seed: seed of episodes, moves and minibatches.
+        fine_tune: whether the policy has been cloned before. The critic has not, so it then learns first.
+        keep: called with the progress after every rollout; the next rollout changes its tensors.
+        workers: number of processes that environments run in; 0 runs them here.
         device: a torch device.
-        tensorboard: a folder for TensorBoard's logs, where it is installed.
+        tensorboard: a folder for TensorBoard's logs, if TensorBoard is installed.
 
     Raises:
-        ModelError: a loss or a weight is not finite, and what was kept before stays; or TensorBoard is not installed.
+        ModelError: a loss or a weight is not finite, or TensorBoard is not installed. Earlier progress stays as kept.
     """
     if progress.rollouts >= rollouts_of(setting, moves):
         return
@@ -126,7 +126,7 @@ def _learn(
     logger: Logger,
 ) -> None:
     """Let stable-baselines3 go on from the progress."""
-    steps = math.ceil(moves / setting.hold)  # each holds its move for several frames
+    steps = math.ceil(moves / setting.hold)  # each step holds its move for several frames
     per_rollout = steps * setting.num_envs
     total = rollouts_of(setting, moves) * per_rollout
     generator = torch.Generator(device)
@@ -134,10 +134,10 @@ def _learn(
     model = PPO(
         AgentPolicy,
         env,
-        # What remains is counted after a rollout: that of the last is none, and it is to be learned from too.
+        # `remaining` is counted after a rollout, so it is 0 for the last one. We learn from that one too.
         learning_rate=lambda remaining: setting.learning_rate * min(1.0, remaining + per_rollout / total),
         n_steps=steps,
-        batch_size=max(2, math.ceil(per_rollout / setting.minibatches)),  # of one, no advantage can be normalised
+        batch_size=max(2, math.ceil(per_rollout / setting.minibatches)),  # a batch of one has no normalised advantage
         n_epochs=setting.epochs,
         gamma=setting.gamma,
         gae_lambda=setting.gae_lambda,
@@ -156,18 +156,18 @@ def _learn(
 
 
 def rollouts_of(setting: PPOSetting, moves: int) -> int:
-    """Return how many rollouts of episodes of so many moves make up the setting's frames."""
+    """Return the number of rollouts that make up the setting's frames, for episodes of `moves` moves."""
     return max(1, round(setting.frames / (moves * setting.num_envs)))
 
 
 def diagnostics_line(progress: PPOProgress, total: int) -> str:
-    """Return what is shown of the last rollout, of so many."""
+    """Return a line about the last rollout, of `total` rollouts."""
     shown = ", ".join(f"{name} {value:.3g}" for name, value in progress.history[-1].items())
     return f"rollout {progress.rollouts} of {total}: {shown}, {progress.frames_per_s:,.0f} frames/s"
 
 
 class _Rollouts(BaseCallback):
-    """Seeds each rollout, and keeps what the one before it has led to."""
+    """Seeds each rollout, and keeps the progress after each update."""
 
     def __init__(
         self, progress: PPOProgress, keep: Callable[[PPOProgress], None], seed: int, critic_rollouts: int, frames: int
@@ -202,7 +202,7 @@ class _Rollouts(BaseCallback):
         return bool(self.model.num_timesteps // per_rollout > self.progress.rollouts)
 
     def _note(self) -> None:
-        """Take the diagnostics over and keep the progress, unless something is not finite."""
+        """Record the diagnostics and keep the progress, unless something is not finite."""
         rollout = self.progress.rollouts + 1
         logged = self.logger.name_to_value
         loss = float(logged.get("train/loss", 0.0))
@@ -222,7 +222,7 @@ class _Rollouts(BaseCallback):
 
 
 def _logger(tensorboard: str | None) -> Logger:
-    """Return a logger that prints nothing, and writes for TensorBoard where it is wanted and installed."""
+    """Return a logger that prints nothing; it writes for TensorBoard if there is a folder for it."""
     if tensorboard is None:
         return Logger(folder=None, output_formats=[])
     try:
@@ -233,7 +233,7 @@ def _logger(tensorboard: str | None) -> Logger:
 
 @contextmanager
 def _global_numpy_state() -> Iterator[None]:
-    """Give numpy's global random state back as it was found."""
+    """Restore numpy's global random state at the end."""
     before = np.random.get_state()  # noqa: NPY002
     try:
         yield

@@ -1,4 +1,4 @@
-"""One stage of one agent's training: where its result and its checkpoint lie, and how it is run."""
+"""One stage of one agent's training: its result, its checkpoint, and its run."""
 
 import hashlib
 import json
@@ -24,16 +24,16 @@ from recognition.weight_files import description_path, recorded_run
 if TYPE_CHECKING:
     from planners.agents.ppo import PPOProgress
 
-KEEP_EVERY = 5  # rollouts, that a checkpoint is kept
+KEEP_EVERY = 5  # rollouts from one checkpoint to the next
 
 
 @dataclass(frozen=True)
 class _Held:
-    """What a checkpoint holds beside tensors: which training it is of, and how far that has come."""
+    """The JSON of a checkpoint: the identity and the progress of its training."""
 
     run: dict[str, Any]
     rollouts: int
-    history: list[dict[str, Any]]  # of numbers, and NaN where a diagnostic has no value
+    history: list[dict[str, Any]]  # numbers, with NaN for a diagnostic that has no value
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +42,10 @@ class StageRun:
 
     Args:
         stage: il, ppo, il-ppo or dagger.
-        seed: of the training.
-        config: how all agents are trained.
-        path: where the agent's weights will lie.
-        identity: all that decides the result, for JSON.
+        seed: seed of the training.
+        config: the settings of all agents' training.
+        path: the file for the agent's weights.
+        identity: everything that decides the result, for JSON.
     """
 
     stage: Stage
@@ -61,19 +61,19 @@ class StageRun:
 
     @property
     def title(self) -> str:
-        """What lines that are shown call it."""
+        """The name of this run in messages."""
         return f"{agent_name(self.stage, self.config.without)} seed {self.seed}"
 
     @property
     def checkpoint(self) -> Path:
-        """Where a run that was stopped left off."""
+        """The checkpoint of a run that was stopped."""
         return self.path.with_suffix(".checkpoint")
 
     def finished(self) -> bool:
-        """Return whether this very run has finished.
+        """Return whether this run has finished.
 
         Raises:
-            UsageError: the result of another run lies in its place.
+            UsageError: the result of another run is in its place.
         """
         description = description_path(self.path)
         if not description.is_file() or not self.path.is_file():
@@ -87,7 +87,7 @@ class StageRun:
         )
 
     def imitate(self, world: TrainingWorld, demonstrations: Demonstrations) -> None:
-        """Clone, and save the result."""
+        """Clone the demonstrations, and save the result."""
         network = world.network(self.config, self.seed)
         with _named(self.title):
             history = clone(network, demonstrations, self.config.imitation(self.stage), seed=self.seed)
@@ -113,8 +113,8 @@ class StageRun:
             seed=self.seed,
         ).network
         if (cloned.spec.sizes, cloned.spec.without) != (network.spec.sizes, network.spec.without):
-            raise ModelError(f"{path}: expected an agent of other inputs, or encoders")
-        # But for the critic, which cloning does not train, and which a setting may show more than that of il did.
+            raise ModelError(f"{path}: expected the inputs and encoders of {self.title}, got others")
+        # We leave out the critic: cloning does not train it, and its inputs may differ from those in il.
         policy = {name: w for name, w in cloned.state_dict().items() if not name.startswith("critic.")}
         network.load_state_dict(policy, strict=False)
         return network
@@ -131,12 +131,12 @@ class StageRun:
         """Train by PPO from the start or the checkpoint, and save the result.
 
         Args:
-            world: that episodes are drawn from.
-            workers: processes that environments run in; 0 runs them here.
-            note: hears the diagnostics, in lines.
-            report: hears of which run how many rollouts are done, of how many.
+            world: the world that episodes are drawn from.
+            workers: number of processes that environments run in; 0 runs them here.
+            note: called with lines of diagnostics.
+            report: called with the name of the run, the rollouts done, and the total.
         """
-        # Here, as stable-baselines3 takes a second to import.
+        # Imported here: stable-baselines3 takes a second to import.
         from planners.agents.ppo import PPOProgress, diagnostics_line, rollouts_of, train_ppo
 
         network = self.start(world)
@@ -170,7 +170,7 @@ class StageRun:
         self.checkpoint.unlink(missing_ok=True)
 
     def save(self, world: TrainingWorld, network: AgentNetwork, history: list[dict[str, float]]) -> None:
-        """Write the agent, with how it came about beside it."""
+        """Write the agent, and beside it a description of its training."""
         save_agent(
             self.path,
             network,
@@ -180,13 +180,13 @@ class StageRun:
         )
 
     def _save_checkpoint(self, progress: "PPOProgress") -> None:
-        """Keep everything that the rollouts to come depend on."""
+        """Keep everything that later rollouts depend on."""
         held = asdict(_Held(self.identity, progress.rollouts, progress.history))
         states = {"network": progress.network.state_dict()}
         save_checkpoint(self.checkpoint, Checkpoint(states, progress.optimiser, held))
 
     def _resume(self, progress: "PPOProgress") -> None:
-        """Go on from the checkpoint, if there is one of this very run."""
+        """Go on from the checkpoint, if this run has one."""
         if not self.checkpoint.is_file():
             return
         try:
@@ -197,7 +197,7 @@ class StageRun:
                 progress.network.load_state_dict(kept.states["network"])
                 progress.optimiser, progress.rollouts = kept.optimiser, reached.rollouts
                 progress.history = reached.history
-        except Exception as error:  # of the kind that the damage happens to cause, at length
+        except Exception as error:  # the damage decides its type, and it may be long
             reason = f"{type(error).__name__}: {error}".splitlines()[0][:120]
             raise ModelError(
                 f"{self.checkpoint}: expected a training checkpoint, got {reason}: remove it to start anew"
@@ -211,7 +211,7 @@ class StageRun:
 
 @contextmanager
 def _named(title: str) -> Iterator[None]:
-    """Say in an error which of several trainings ended."""
+    """Put the name of a training before the message of its error."""
     try:
         yield
     except ModelError as error:
@@ -219,7 +219,7 @@ def _named(title: str) -> Iterator[None]:
 
 
 def _differing(held: dict[str, Any], wanted: dict[str, Any]) -> str:
-    """Return the names of what two identities differ in, those of settings with the options within."""
+    """Return the names of the fields in which two identities differ; for settings, the names of their options."""
     names: list[str] = []
     for key in sorted(wanted.keys() | held.keys()):
         one, other = held.get(key), wanted.get(key)
@@ -236,7 +236,7 @@ def _path(config: AgentTrainingConfig, stage: Stage, seed: int) -> Path:
 
 
 def _identity(config: AgentTrainingConfig, world: TrainingWorld, stage: Stage, seed: int) -> dict[str, Any]:
-    """Return what decides the result of a stage, for JSON: neither where files lie nor on what it is computed."""
+    """Return everything that decides the result of a stage, for JSON; paths and the device do not."""
     decisive: dict[str, Any] = {
         "stage": stage,
         "seed": seed,

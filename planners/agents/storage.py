@@ -1,4 +1,4 @@
-"""Trained agents on disk: safetensors for the weights, JSON for what they were built and trained for."""
+"""Trained agents on disk: safetensors for the weights, JSON for their description."""
 
 import re
 from dataclasses import dataclass
@@ -29,11 +29,11 @@ class AgentDescription:
     """The JSON beside an agent's weights.
 
     Args:
-        spec: what the network was built for.
-        recogniser_sha256: of the recogniser that it was trained with.
-        data_sha256: of the data that it was trained on.
-        skeleton: names of the joints of these data.
-        classes: names of their classes.
+        spec: the inputs that the network was built for.
+        recogniser_sha256: hash of the recogniser that it was trained with.
+        data_sha256: hash of the data that it was trained on.
+        skeleton: names of the data's joints.
+        classes: names of the data's classes.
         training: how it was trained; kept for people, and to tell one run from another.
     """
 
@@ -46,17 +46,17 @@ class AgentDescription:
 
 
 def agent_name(stage: str, without: str = "none") -> str:
-    """Return what the agent of a training stage is called; one that goes without an encoder is named after it."""
+    """Return the name of a training stage's agent; the name says which encoder is left out, if any."""
     return stage if without == "none" else f"{stage}-no-{without}"
 
 
 def agent_path(directory: Path, name: str, conditions: Conditions, seed: int) -> Path:
-    """Return where an agent's weights lie in a models directory; the JSON lies beside them."""
+    """Return the path of an agent's weights in a models directory; the JSON lies beside them."""
     return directory / f"agent-{name}-{conditions.seen}-seed{seed}.safetensors"
 
 
 def agent_seeds(conditions: Conditions, data: MotionData, name: str) -> tuple[int, ...]:
-    """Return the training seeds of which there is an agent of that name, in order."""
+    """Return the training seeds for which there is an agent of that name, in order."""
     folder = conditions.directory or SHIPPED / data.name
     first = agent_path(folder, name, conditions, seed=0).stem
     form = re.compile(re.escape(first.removesuffix("0")) + r"(0|[1-9][0-9]*)")
@@ -67,13 +67,13 @@ def agent_seeds(conditions: Conditions, data: MotionData, name: str) -> tuple[in
 def save_agent(
     path: Path, network: AgentNetwork, data: MotionData, *, recogniser_sha256: str, history: dict[str, Any]
 ) -> None:
-    """Save an agent, and beside it for which data and recogniser it was trained, and how.
+    """Save an agent, and beside it a description of its data, its recogniser and its training.
 
     Args:
-        path: of the safetensors file.
-        network: trained.
-        data: that it was trained on.
-        recogniser_sha256: of the recogniser that it was trained with.
+        path: the safetensors file.
+        network: the trained network.
+        data: the data that it was trained on.
+        recogniser_sha256: hash of the recogniser that it was trained with.
         history: how it was trained; not read back with the agent.
     """
     description = AgentDescription(
@@ -91,11 +91,11 @@ def load_agent(conditions: Conditions, data: MotionData, name: str, *, recognise
     """Load an agent and check that it belongs to the data and the recogniser.
 
     Args:
-        conditions: that it was trained for: the folder, sensor and views.
-        data: what it will be used on.
-        name: il, ppo, il-ppo, or one of these with what it goes without.
-        recogniser_sha256: of the recogniser that it will work with.
-        seed: of its training.
+        conditions: conditions of the training: folder, sensor and views.
+        data: the data that it will be used on.
+        name: name of the agent, as from `agent_name`.
+        recogniser_sha256: hash of the recogniser that it will work with.
+        seed: seed of its training.
 
     Raises:
         ModelError: the files are missing or malformed, or belong to another data set or recogniser.
@@ -112,7 +112,7 @@ def load_agent(conditions: Conditions, data: MotionData, name: str, *, recognise
 
 
 def _check_fit(path: Path, held: AgentDescription, data: MotionData, recogniser_sha256: str) -> None:
-    """Raise a ModelError that names what differs; names before hashes, as they say more."""
+    """Raise a ModelError that names what differs; names come before hashes, as they say more."""
     for what, trained, given in (
         ("skeleton", held.skeleton, data.skeleton.joint_names),
         ("set of classes", held.classes, data.class_names),

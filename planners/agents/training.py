@@ -1,4 +1,4 @@
-"""Train agents for one recogniser: demonstrations, imitation, and policy optimisation, for each of several seeds."""
+"""Trains agents for one recogniser: demonstrations, imitation, and policy optimisation, for each of several seeds."""
 
 import hashlib
 import json
@@ -20,25 +20,25 @@ from planners.agents.imitation import clone
 from planners.agents.stages import StageRun
 from planners.agents.world import TrainingWorld
 
-Report = Callable[[str, int, int], None]  # what is done, how much of it, of how much
+Report = Callable[[str, int, int], None]  # the name of the task, the amount done, and the total
 Note = Callable[[str], None]
-DAGGER_SEED = 0  # of the agent that acts in demonstrations, and of all that is drawn in them
+DAGGER_SEED = 0  # seed of the agent that acts in demonstrations, and of all random numbers in them
 
 
 def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> list[Path]:
-    """Train and save agents; what is done is skipped, and what was stopped goes on from its last checkpoint.
+    """Train and save agents; finished trainings are skipped, and stopped ones go on from their last checkpoint.
 
     Args:
-        config: how.
-        report: hears of progress: what is done, how much of it, of how much.
-        note: hears lines: which stages are skipped, and the diagnostics of those that are not.
+        config: the settings of the training.
+        report: called with progress: the name of the task, the amount done, and the total.
+        note: called with lines about the stages: the finished seeds, and the diagnostics of the others.
 
     Returns:
         the files of all agents that were asked for, stage by stage and seed by seed.
 
     Raises:
         EharError: data or recogniser are missing or do not fit, an option makes no sense, a loss is not finite, or
-            the result of another training lies where one would be written.
+            the result of another training is in the way.
     """
     config.check()
     world = TrainingWorld.load(config)
@@ -62,8 +62,8 @@ def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> lis
 def demonstrations_of(
     config: AgentTrainingConfig, setting: ImitationSetting, world: TrainingWorld, report: Report
 ) -> Demonstrations:
-    """Return all rounds of demonstrations; from the second on an agent acts that was cloned from those before."""
-    acts = config.without if setting.rounds > 1 else "none"  # without which encoder, where an agent acts
+    """Return all rounds of demonstrations; from the second on, an agent cloned from the earlier rounds acts."""
+    acts = config.without if setting.rounds > 1 else "none"  # the left-out encoder of the acting agent
     key = json.dumps(
         [asdict(setting), config.variations_of_each, config.conditions.length, config.conditions.fps, acts],
         sort_keys=True,
@@ -75,7 +75,7 @@ def demonstrations_of(
     rounds: list[Demonstrations] = []
 
     def task() -> DemonstrationTask:
-        """Return the next round's."""
+        """Return the task of the next round."""
         agent = None
         if rounds:
             agent = world.network(config, DAGGER_SEED)
@@ -97,7 +97,7 @@ def demonstrations_of(
 def _imitate(
     runs: Sequence[StageRun], world: TrainingWorld, demonstrations: Demonstrations, workers: int, report: Report
 ) -> None:
-    """Clone for several seeds, each in a process of its own."""
+    """Clone for several seeds, each in its own process."""
     if len(runs) == 1 or workers == 1:
         for done, run in enumerate(runs, 1):
             run.imitate(world, demonstrations)
@@ -127,9 +127,9 @@ def _imitate_here(run: StageRun) -> None:
 
 
 def _optimise(runs: Sequence[StageRun], world: TrainingWorld, workers: int, report: Report, note: Note) -> None:
-    """Run PPO for several seeds: each in a process of its own or, if there is but one, its environments in several."""
+    """Run PPO for several seeds, each in its own process; a single seed has its environments in several processes."""
     for run in runs:
-        run.start(world)  # so that what is missing is said at once
+        run.start(world)  # raises at once if something is missing
     if len(runs) == 1 or workers == 1:
         for run in runs:
             run.optimise(
@@ -168,7 +168,7 @@ _heard: "Queue[Any]"
 
 
 def _start(heard: "Queue[Any]") -> None:
-    """Receive where progress is reported to, once a process."""
+    """Receive the queue for progress, once for each process."""
     global _heard
     _heard = heard
 

@@ -1,4 +1,4 @@
-"""The natively batched environment as stable-baselines3 wants it: a VecEnv that shows the agent's inputs."""
+"""The natively batched environment as a VecEnv of stable-baselines3, which shows the agent's inputs."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -19,17 +19,17 @@ from planners.agents.inputs import Inputs, InputSizes
 class AgentVecEnv(VecEnv):
     """Groups of environments in lockstep, here or in worker processes.
 
-    Rewards are those of Eq. 1, relative to an episode's copies where there are any; the returns in `infos` are not.
-    As stable-baselines3 expects, an episode's end is followed by the next one's first frame in the same step; the
-    last frame's inputs are in `terminal_observation`. Nothing is ever truncated.
+    Rewards are those of Eq. 1. If an episode has copies, rewards are relative to them; the returns in `infos` are not.
+    As stable-baselines3 expects, the step that ends an episode returns the first frame of the next one. The inputs of
+    the last frame are in `terminal_observation`. Nothing is ever truncated.
 
     Args:
         make_env: makes a natively batched environment of so many episodes.
-        num_envs: episodes at a time, 1 to `GROUP` or a multiple of it.
-        seed: of all that is drawn.
-        first: the number of the first batch of episodes: what follows does not depend on those before.
-        hold: frames for which each move is made again and again.
-        workers: processes beside this one; 0 runs everything here.
+        num_envs: number of episodes at a time, 1 to `GROUP` or a multiple of it.
+        seed: seed of all random numbers.
+        first: number of the first batch of episodes; a batch does not depend on earlier ones.
+        hold: number of frames for which each move is repeated.
+        workers: number of processes beside this one; 0 runs everything here.
 
     Raises:
         UsageError: the number of environments is not as described.
@@ -93,18 +93,18 @@ class AgentVecEnv(VecEnv):
         """Return an attribute of this object for each environment; there are no objects behind them.
 
         Raises:
-            AttributeError: there is none of that name, as `has_attr` wants to know.
+            AttributeError: there is no such attribute; `has_attr` relies on this error.
         """
         return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Refuse: environments have no objects of their own."""
+        """Refuse: a single environment is not an object."""
         raise UsageError(f"set_attr {attr_name!r}: environments of a batch cannot be changed one by one")
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Refuse: environments have no objects of their own."""
+        """Refuse: a single environment is not an object."""
         raise UsageError(f"env_method {method_name!r}: environments of a batch cannot be called one by one")
 
     def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:

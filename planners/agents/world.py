@@ -1,4 +1,4 @@
-"""What agents are trained in: motion, recogniser and sensor, and the environments and networks that fit them."""
+"""The world in which agents are trained: motion, recogniser, sensor, and the environments and networks that fit."""
 
 from dataclasses import dataclass
 
@@ -18,14 +18,14 @@ from recognition.setting import Setting, load_setting
 
 @dataclass(frozen=True, eq=False)
 class TrainingWorld:
-    """What agents are trained in: the policy part of some data and variations of it, seen by a recogniser."""
+    """The world in which agents are trained: the policy part of some data with variations, seen by a recogniser."""
 
     setting: Setting
     scenarios: Scenarios
 
     @staticmethod
     def load(config: AgentTrainingConfig) -> "TrainingWorld":
-        """Load it.
+        """Load the world of a training.
 
         Raises:
             EharError: data or recogniser are missing or malformed, or no policy sequence is long enough.

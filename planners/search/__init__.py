@@ -1,4 +1,4 @@
-"""Where to go for it: search over views, and optimal control over trajectories."""
+"""Searches for the best views, and for trajectories to them by optimal control."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Where a solver starts from: smooth trajectories to several goals, and the previous solution moved on in time."""
+"""The guesses that a solver starts from: smooth trajectories to goals, and the previous solution moved on in time."""
 
 import numpy as np
 
@@ -14,15 +14,15 @@ def trajectories_to(goals: FloatArray, task: TrajectoryTask) -> Trajectory:
     """Return a trajectory from the present state to rest at each of the goals (G, 3), the short way round.
 
     Each is the quintic in time that matches position, velocity and acceleration at both ends. It takes about as long
-    as the limits ask for, and stands still afterwards; where that is longer than the horizon, it is cut off. A guess:
-    it may exceed limits.
+    as the limits ask for, and stands still afterwards. A trajectory longer than the horizon is cut off. These are
+    guesses: they may exceed limits.
     """
     way = goals - task.position
     way[:, AZIMUTH] = wrap_difference(way[:, AZIMUTH])
     duration = _duration(way, task)[:, None, None]
     times = np.minimum(np.arange(task.horizon + 1)[:, None] * task.node_time, duration)
     share = times / duration
-    # Coefficients of the quintic in `share`, from both ends' conditions.
+    # The coefficients of the quintic in `share` follow from the conditions at both ends.
     first, second = task.velocity * duration, task.acceleration * duration**2 / 2
     way = way[:, None]
     third = 10 * way - 6 * first - 3 * second
@@ -39,7 +39,7 @@ def trajectories_to(goals: FloatArray, task: TrajectoryTask) -> Trajectory:
 
 
 def _duration(way: FloatArray, task: TrajectoryTask) -> FloatArray:
-    """Return how long (G,) [s] quintics take for ways (G, 3) within the limits, at least two nodes."""
+    """Return the durations (G,) [s] of quintics over ways (G, 3) within the limits, at least two nodes."""
     limits, far = task.limits, task.workspace.distance_max
     along = np.abs(way)
     path = np.linalg.norm(way * np.array([1.0, far, far]), axis=1)
@@ -60,16 +60,17 @@ def _duration(way: FloatArray, task: TrajectoryTask) -> FloatArray:
 
 
 def moved_on(trajectory: Trajectory, elapsed: float, task: TrajectoryTask) -> Trajectory:
-    """Return a trajectory as it looks `elapsed` seconds later, standing still once its end is passed.
+    """Return a trajectory as it is `elapsed` seconds later; after its end it stands still.
 
-    The azimuth is unwrapped as the task's is, so that the present one may have been wrapped in between.
+    The azimuth is moved by full turns to the task's azimuth, which may have been wrapped in between.
     """
     times = elapsed + np.arange(task.horizon + 1) * task.node_time
     node = np.minimum((times / task.node_time + 1e-9).astype(int), task.horizon)
     after = (times - node * task.node_time)[:, None]
-    # The last node: no velocity and no acceleration any more.
+    # At the last node, the motion has ended.
     ended = (node == task.horizon)[:, None]
-    velocity, acceleration = (np.where(ended, 0.0, of[node]) for of in (trajectory.velocity, trajectory.acceleration))
+    velocity = np.where(ended, 0.0, trajectory.velocity[node])
+    acceleration = np.where(ended, 0.0, trajectory.acceleration[node])
     jerk = np.vstack([trajectory.jerk, np.zeros(3)])[node]
     position = trajectory.position[node] + after * (velocity + after * (acceleration / 2 + after * jerk / 6))
     velocity = velocity + after * (acceleration + after * jerk / 2)
@@ -80,12 +81,12 @@ def moved_on(trajectory: Trajectory, elapsed: float, task: TrajectoryTask) -> Tr
 
 
 def at_rest_at_the_end(trajectory: Trajectory, task: TrajectoryTask) -> Trajectory:
-    """Return the trajectory from the task's state to rest, by exact integration, whose jerk is nearest to another's.
+    """Return the trajectory from the task's state to rest whose jerk is nearest to that of a given trajectory.
 
-    It may exceed limits by about what was wrong with the other one.
+    It is integrated exactly. It may exceed limits by about as much as the given one violates its equations.
     """
     time, remaining = task.node_time, np.arange(task.horizon)[::-1] + 0.5  # nodes from the middle of each jerk on
-    effect = np.stack([np.ones(task.horizon), remaining])  # of a jerk on the last acceleration and velocity
+    effect = np.stack([np.ones(task.horizon), remaining])  # effect of a jerk on the last acceleration and velocity
     last_acceleration = task.acceleration / time + trajectory.jerk.sum(0)
     last_velocity = (task.velocity / time + task.horizon * task.acceleration) / time + remaining @ trajectory.jerk
     jerk = trajectory.jerk - np.linalg.lstsq(effect, np.stack([last_acceleration, last_velocity]))[0]
@@ -101,7 +102,7 @@ def at_rest_at_the_end(trajectory: Trajectory, task: TrajectoryTask) -> Trajecto
 
 
 def best_guesses(goals: FloatArray, task: TrajectoryTask, count: int) -> list[Trajectory]:
-    """Return the trajectories to the `count` goals of (G, 3) whose guess collects most, best first."""
+    """Return the trajectories to those `count` of the goals (G, 3) whose guesses collect most, best first."""
     guesses = trajectories_to(goals, task)
     order = np.argsort(-task.objective(guesses), kind="stable")[:count]
     return [Trajectory(*(part[index] for part in guesses)) for index in order]

@@ -1,4 +1,4 @@
-"""How fast a trajectory may go on a track: the grid's rates, or what a vehicle can do from where it is."""
+"""The limits of a trajectory on a track: the grid's rates, or those of the vehicle at its viewpoint."""
 
 import numpy as np
 
@@ -10,15 +10,15 @@ from planners.search.task import TrajectoryLimits, grid_limits
 
 
 def camera_limits(context: Context, viewpoint: FloatArray, node_time: float) -> TrajectoryLimits:
-    """Return the limits of a trajectory from a viewpoint (3,), per axis of it and Cartesian.
+    """Return the limits of a trajectory from a viewpoint (3,), for each axis and Cartesian.
 
-    An angle's limits are the vehicle's divided by the present distance; the azimuth's rate is the yaw rate too. The
-    centripetal part of the acceleration is left to the motion, which keeps all limits whatever is planned.
+    The limits of an angle are the vehicle's limits divided by the present distance. The yaw rate limits the azimuth
+    too. The centripetal part of the acceleration is not planned: the motion keeps all limits anyway.
 
     Args:
-        context: names the track.
-        viewpoint: where the camera is.
-        node_time: [s] from one node of the trajectory to the next.
+        context: the episodes' context, which names the track.
+        viewpoint: the camera's viewpoint.
+        node_time: time from one node of the trajectory to the next [s].
     """
     vehicle = context.vehicle
     if vehicle is None:

@@ -17,29 +17,29 @@ from planners.value.model import FULL, GainModel
 from planners.value.view_value import ViewValue, node_gains
 
 GRID_LOOKAHEAD = 8  # frames: on the grid the target is a point of the plan this far ahead
-SEEDS = 1  # goals that a plan is started from, beside the plan before it
-FEWEST_NODES = 4  # a plan ends at rest, and with a constant jerk between fewer nodes there is no way but to stay
-LEAST_NODE_FRAMES = 4  # and as many as the default horizon needs to reach the end of the episode
+SEEDS = 1  # goals that a plan is started from, beside the previous plan
+FEWEST_NODES = 4  # a plan ends at rest; with a constant jerk between fewer nodes, it could only stay
+LEAST_NODE_FRAMES = 4  # least frames between nodes; more if the default horizon is too short for the episode otherwise
 DEFAULT_HORIZON = 15
-FLIGHT_PLAN_TIME = 4.0  # [s]; a plan of a vehicle that has to stop sooner hardly goes anywhere
+FLIGHT_PLAN_TIME = 4.0  # [s]; a vehicle that has to stop sooner hardly gets anywhere
 
 
 class NextBestView(Planner):
     """Plan a smooth trajectory that collects the gain field, follow it for a while, and plan anew.
 
-    The field depends on what is believed by then, and is taken to stay as it is over the horizon; planning anew makes
-    up for that. Without a valid plan the camera holds its viewpoint, and the plan is counted as a fallback.
+    The field depends on the present belief. A plan assumes that the field does not change over the horizon; the next
+    plan makes up for that. Without a valid plan the camera holds its viewpoint, and the plan is counted as a fallback.
 
     Args:
         model: trained gain fields and belief.
-        horizon: nodes of a plan. The last one also stands for the rest of the episode, those behind its end for
-            nothing. 15 nodes reach to the end of the episode.
-        effort_weight: what a trajectory at the limits of jerk costs, in gained probability.
-        replan: frames from one plan to the next.
+        horizon: number of nodes of a plan. The last node also stands for the rest of the episode. Nodes after the end
+            of the episode count for nothing. 15 nodes reach to the end of the episode.
+        effort_weight: cost of a trajectory at the limits of jerk, in gained probability.
+        replan: number of frames from one plan to the next.
         solver: `fatrop`, with ipopt as its fallback, or `ipopt`.
-        max_iterations: of the solver, the real-time mode; None: until it has converged.
-        variant: which of the model's gain fields; all but `full` are for ablations.
-        name: what reports call the planner.
+        max_iterations: largest number of solver iterations, for the real-time mode; None lets the solver converge.
+        variant: name of one of the model's gain fields; all but `full` are for ablations.
+        name: name of the planner in reports.
 
     Raises:
         UsageError: a number is too small or not finite, or the model has no such field.
@@ -71,7 +71,7 @@ class NextBestView(Planner):
 
     @property
     def statistics(self) -> SolverStatistics:
-        """What became of all plans since the last reset."""
+        """The statistics of all plans since the last reset."""
         return SolverStatistics() if self._solver is None else self._solver.statistics
 
     def reset(self, context: Context) -> None:
@@ -92,7 +92,7 @@ class NextBestView(Planner):
         self._solver.statistics = SolverStatistics()
 
     def act(self, observation: Observation) -> FloatArray:
-        """Return where the plans lead, made anew every `replan` frames."""
+        """Return the targets of the plans; plan every `replan` frames."""
         self._value.update(observation)
         if observation.frame % self.replan == 0:
             self._target = self._plan(observation)
@@ -121,7 +121,7 @@ class NextBestView(Planner):
                 workspace=context.workspace,
                 spread_weight=self._value.field.spread,
             )
-            if context.vehicle is not None:  # which does not follow plans to the letter
+            if context.vehicle is not None:  # a vehicle does not follow plans exactly
                 task = stoppable(task)
             plan = self._solver.solve_best(
                 task, goals[episode, order[episode]], self._plans[episode], self.replan * frame_time
@@ -131,10 +131,11 @@ class NextBestView(Planner):
         return targets
 
     def _targets(self, plan: Solution, last: int) -> FloatArray:
-        """Return the points of a plan that the camera heads for in the next frames, (replan, 3).
+        """Return the points (replan, 3) of a plan that the camera heads for in the next frames.
 
-        A vehicle brakes for its target, so it is given the plan's end. The grid is given a point so little ahead that
-        it takes the plan's way, and none after the `last` node that counts: what lies behind it, nothing pays for.
+        A vehicle brakes for its target, so its target is the end of the plan. On the grid, the target is only a little
+        ahead, so that the camera follows the plan. It is never after the `last` node that counts: the solver gains
+        nothing from later nodes.
         """
         nodes = np.arange(self._nodes + 1)
         ahead = np.full(self.replan, float(self._nodes))

@@ -1,8 +1,8 @@
-"""The receding-horizon optimal control problem in CasADi: built once, its numbers are parameters.
+"""The receding-horizon optimal control problem in CasADi, built once with its numbers as parameters.
 
-States are position, velocity and acceleration of (distance, azimuth, polar angle), the control is the jerk, constant
-between nodes, so that the discretisation of the triple integrator is exact. Three more states add up the directions
-looked from, so that their spread can be paid for at the last node. The azimuth is unwrapped: the field is
+States are position, velocity and acceleration of (distance, azimuth, polar angle). The control is the jerk. It is
+constant between nodes, so the discretisation of the triple integrator is exact. Three more states add up the
+directions of view, so that a lack of spread has a cost at the last node. The azimuth is unwrapped, because the field is
 periodic. All variables and constraints are in units of their limits, positions in units of 5 m and 1 rad.
 """
 
@@ -19,16 +19,17 @@ from planners.value.view_basis import BASIS_SIZE, HALF_RANGE, view_basis
 
 POSITION_UNIT = np.array([HALF_RANGE, 1.0, 1.0])  # [m], [rad], [rad]
 REGULARISATION = 1e-5  # on the squared jerk: without gain and effort any trajectory would be a solution
-SMOOTHING = 0.1  # of the root in the pace, under which 1 is the square at the limit
+SMOOTHING = 0.1  # added under the root of the pace, where the square is 1 at the limit
 STATE, CONTROL = 12, 3  # position, velocity, acceleration, sum of directions; jerk
 STAGE = STATE + CONTROL
 
 
 class TrajectoryProblem:
-    """The symbols of the problem, and the ways from a task to their numbers and back to a trajectory.
+    """The symbols of the problem, with conversions of a task to numbers, and of numbers to a trajectory.
 
-    `nlp` is what `casadi.nlpsol` takes. Its order is the one fatrop asks for: variables x_0, u_0, x_1, ... x_H, and
-    of the constraints first the gap to the next node, then the stage's others. `equality` marks which are equations.
+    `nlp` is the argument of `casadi.nlpsol`, in the order that fatrop asks for. The variables are x_0, u_0, x_1, ...
+    x_H. The constraints of a stage begin with the gap to the next node. `equality` marks the constraints that are
+    equations.
     """
 
     def __init__(self, horizon: int) -> None:
@@ -61,7 +62,7 @@ class TrajectoryProblem:
                 distance, azimuth, polar = ca.vertsplit(state[:3] * POSITION_UNIT)
                 cost -= gains[node - 1] * ca.dot(weights, ca.vertcat(*view_basis(distance, azimuth, polar, ca)))
         cost += spread * ca.sumsqr(states[-1][9:] + gains[-1] * _direction(states[-1]))
-        constraints.append(states[-1][3:9])  # at rest: then staying there continues every plan, so a next one exists
+        constraints.append(states[-1][3:9])  # at rest: the camera can stay there, so the next plan exists
         equality += [True] * 6
         parameters = ca.vertcat(start, weights, gains, effort, spread, time, *units, inverse_speed, shared)
         self.nlp = {"x": ca.vertcat(*variables), "f": cost, "g": ca.vertcat(*constraints), "p": parameters}
@@ -71,7 +72,7 @@ class TrajectoryProblem:
         self._constraint_bounds = np.where(is_equality, 0.0, -np.inf), np.where(is_equality, 0.0, 1.0)
 
     def arguments(self, task: TrajectoryTask, guess: Trajectory) -> dict[str, FloatArray]:
-        """Return the numbers that a CasADi solver is called with: x0, p, lbx, ubx, lbg, ubg.
+        """Return the arguments of a CasADi solver: x0, p, lbx, ubx, lbg, ubg.
 
         Raises:
             UsageError: the task is for another horizon.
@@ -127,11 +128,11 @@ class TrajectoryProblem:
         return lower.ravel()[:-CONTROL], upper.ravel()[:-CONTROL]
 
     def violation(self, variables: FloatArray, numbers: dict[str, FloatArray]) -> float:
-        """Return the largest violation of any bound or constraint, 0 if there is none, NaN if a value is.
+        """Return the largest violation of any bound or constraint, 0 if there is none, NaN if a value is NaN.
 
         Args:
-            variables: of the problem.
-            numbers: the `arguments` that say what the bounds are.
+            variables: the problem's variables.
+            numbers: a result of `arguments`, which holds the bounds.
         """
         constraints = self._constraints(variables, numbers["p"]).full().ravel()
         low = np.concatenate([numbers["lbx"] - variables, numbers["lbg"] - constraints])
@@ -164,7 +165,7 @@ class TrajectoryProblem:
 
 
 def _next_state(state: Any, control: Any, time: Any, units: list[Any], gain: Any) -> Any:
-    """Return the state one node later, exactly, for a constant jerk; `gain` is what the present node's view weighs."""
+    """Return the exact state one node later, for a constant jerk; `gain` is the weight of the present node's view."""
     position, (velocity, acceleration, jerk) = state[:3], (state[3:6], state[6:9], control)
     velocity, acceleration, jerk = velocity * units[0], acceleration * units[1], jerk * units[2]
     travelled = time * velocity + time**2 / 2 * acceleration + time**3 / 6 * jerk
@@ -183,10 +184,10 @@ def _direction(state: Any) -> Any:
 
 
 def _pace(state: Any, velocity_limit: Any, inverse_speed: Any, shared: Any) -> Any:
-    """Return what the camera uses of its Cartesian speed, or of what its axes share; at most 1 within the limits.
+    """Return the used share of the Cartesian speed limit, or of the axes' common budget; at most 1 within the limits.
 
     The squared speed of (distance, azimuth, polar) = (r, a, p) is r'^2 + (r sin(p) a')^2 + (r p')^2. The root of the
-    squared share is what is nearly linear, so that a solver's steps land near the limit; smoothed where it is small.
+    squared share is nearly linear, so a solver's steps land near the limit. The root is smoothed where it is small.
     """
     distance, _, polar = ca.vertsplit(state[:3] * POSITION_UNIT)
     radial, azimuthal, polar_rate = ca.vertsplit(state[3:6] * velocity_limit)

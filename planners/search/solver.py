@@ -1,4 +1,4 @@
-"""Solves the optimal control problem: fatrop first, ipopt where it fails, the present viewpoint where both do."""
+"""Solves the optimal control problem: fatrop first, ipopt if fatrop fails, the present viewpoint if both fail."""
 
 import time
 from collections import Counter
@@ -16,9 +16,9 @@ from planners.search.problem import TrajectoryProblem
 from planners.search.task import Trajectory, TrajectoryTask
 
 TOLERANCE = 1e-6  # on every constraint, in units of its limit (positions: 5 m and 1 rad)
-OPTIMALITY = 1e-4  # in units of what is at stake: a tenth of it costs half as much time again and wins 0.02 %
+OPTIMALITY = 1e-4  # in units of the stake; a tenth of this takes 1.5 times as long and gains 0.02 %
 BACK_OFF = (1.0, 0.998, 0.98, 0.9, 0.7, 0.4, 0.0)  # shares of a capped solve's step that are tried in turn
-ITERATIONS = 100  # of a solve that is not capped
+ITERATIONS = 100  # limit of a solve that is not capped
 START_TOLERANCE = 1e-6  # [m], [rad]: how far outside the workspace the camera may already be
 
 
@@ -37,8 +37,8 @@ class Solution:
     """A trajectory and how it came about."""
 
     trajectory: Trajectory
-    objective: float  # what it collects less what it costs, see `TrajectoryTask.objective`
-    violation: float  # the largest of any constraint, in units of its limit; of a held viewpoint NaN
+    objective: float  # gain less cost, see `TrajectoryTask.objective`
+    violation: float  # the largest of any constraint, in units of its limit; NaN for a held viewpoint
     status: SolveStatus
     seconds: float  # wall time, all seeds and fallbacks together
 
@@ -50,9 +50,9 @@ class Solution:
 
 @dataclass
 class SolverStatistics:
-    """What became of all plans since it was made; a plan is one solve for each seed, and the fallback's."""
+    """Counts and times of all plans so far; a plan is one solve for each seed, and the solve of the fallback."""
 
-    counts: Counter[SolveStatus] = field(default_factory=Counter)  # of plans
+    counts: Counter[SolveStatus] = field(default_factory=Counter)  # number of plans by status
     plan_seconds: list[float] = field(default_factory=list)
     solve_seconds: list[float] = field(default_factory=list)
     violation: float = 0.0  # the largest of any plan that is not a held viewpoint
@@ -71,7 +71,7 @@ class SolverStatistics:
 
 
 class TrajectorySolver:
-    """Finds trajectories for tasks of one horizon. `statistics` counts what became of them."""
+    """Finds trajectories for tasks of one horizon; `statistics` counts how the plans ended."""
 
     def __init__(
         self,
@@ -84,11 +84,11 @@ class TrajectorySolver:
         """Build the problem and its solvers, which takes about 0.1 s.
 
         Args:
-            horizon: nodes after the present one, H.
-            solver: the one to ask first; ipopt is the fallback of fatrop.
-            max_iterations: the real-time mode: stop there, and repair what does not keep the limits yet; hold the
-                viewpoint where that fails. None: iterate until optimal.
-            seeds: how many of the goals a plan is solved from, the most promising, beside the previous solution.
+            horizon: number H of nodes after the present one.
+            solver: the solver to call first; ipopt is the fallback of fatrop.
+            max_iterations: largest number of iterations, for the real-time mode. A trajectory that does not keep the
+                limits by then is repaired; if the repair fails, the viewpoint is held. None: iterate until optimal.
+            seeds: number of goals that a plan is solved from, beside the previous solution: the most promising ones.
         """
         self.statistics = SolverStatistics()
         self.horizon = horizon
@@ -106,14 +106,14 @@ class TrajectorySolver:
     def solve_best(
         self, task: TrajectoryTask, goals: FloatArray, previous: Solution | None = None, elapsed: float = 0.0
     ) -> Solution:
-        """Return the best of the trajectories found from several guesses, since the problem has many local optima.
+        """Return the best of the trajectories from several guesses, as the problem has many local optima.
 
         Args:
-            task: what to plan for.
-            goals: (G, 3) viewpoints that may be worth going to.
-            previous: the solution before this one, of the same horizon and node time, if there is one; otherwise the
-                first guess is to stay.
-            elapsed: [s] since then.
+            task: the planning task.
+            goals: (G, 3) promising viewpoints.
+            previous: the previous solution, of the same horizon and node time. Without one, the first guess is to
+                stay.
+            elapsed: time since the previous solution [s].
         """
 
         def guesses() -> list[Trajectory]:
@@ -124,7 +124,7 @@ class TrajectorySolver:
         return self._solve_from(task, guesses)
 
     def _solve_from(self, task: TrajectoryTask, guesses: Callable[[], list[Trajectory]]) -> Solution:
-        """Return the best solution from several guesses, which are not made for a task that has none, and count it."""
+        """Return the best solution from several guesses, and count it; a task without a solution needs no guesses."""
         begin = time.perf_counter()
         best = None
         if not np.isfinite([*task.field_weights, *task.gain_weights]).all():
@@ -143,10 +143,10 @@ class TrajectorySolver:
         return solution
 
     def _best_attempt(self, task: TrajectoryTask, guesses: list[Trajectory]) -> "_Attempt | None":
-        """Return the attempt that collects most of those that keep the limits; ipopt is asked if all seeds failed.
+        """Return the best attempt of those that keep the limits; ipopt is called if all seeds failed.
 
-        The first guess is kept where nothing beats it by more than a solver can tell: where nothing is to win, the
-        camera stays, or goes on as it was going to.
+        The first guess is kept if no attempt beats it by more than the solver's tolerance. So if there is nothing to
+        gain, the camera stays, or follows its previous plan.
         """
         first = at_rest_at_the_end(guesses[0], task) if self._capped else guesses[0]
         attempts = [self._attempt(self._solver, task, guess, first) for guess in guesses]
@@ -164,7 +164,7 @@ class TrajectorySolver:
         return best
 
     def _attempt(self, solver: Any, task: TrajectoryTask, guess: Trajectory, first: Trajectory) -> "_Attempt":
-        """Ask a solver once, and judge what it returns by the constraints, not by what it says of itself."""
+        """Call a solver once, and judge its result by the constraints, not by its own report."""
         begin = time.perf_counter()
         numbers = self._problem.arguments(task, guess)
         variables = solver(**numbers)["x"].full().ravel()
@@ -181,9 +181,9 @@ class TrajectorySolver:
     def _repaired(self, variables: FloatArray, task: TrajectoryTask, first: Trajectory) -> tuple[FloatArray, float]:
         """Return the trajectory within the limits that is nearest to the result of a capped solve, and its violation.
 
-        What the solver left open of the motion's equations is closed exactly. The rest are inequalities, nearly all
-        of them convex, which the first guess keeps: it is the previous plan, moved on in time, or to stay at rest.
-        Something between it and the result does as well. Where not even the first guess keeps them, it is returned.
+        The motion's equations are integrated exactly. The other constraints are inequalities, nearly all of them
+        convex. The first guess keeps them: it is the previous plan moved on in time, or a stay at rest. So a trajectory
+        between the first guess and the result keeps them too. If not even the first guess does, it is returned.
         """
         found = at_rest_at_the_end(self._problem.unpack(variables, task), task)
         for share in BACK_OFF:
@@ -215,6 +215,6 @@ class _Attempt(NamedTuple):
 
 
 def _can_start(task: TrajectoryTask) -> bool:
-    """Return whether the present state is one that a trajectory can start from."""
+    """Return whether a trajectory can start from the present state."""
     state = [*task.position, *task.velocity, *task.acceleration]
     return bool(np.isfinite(state).all() and task.workspace.contains(task.position, START_TOLERANCE))

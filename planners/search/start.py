@@ -1,4 +1,4 @@
-"""Where to plan from when a camera does not follow its plans exactly: the nearest state that it can stop from."""
+"""The start of a plan for a camera that does not follow plans exactly: the nearest state that it can stop from."""
 
 from dataclasses import replace
 
@@ -8,17 +8,19 @@ from ehar.arrays import FloatArray
 from ehar.viewpoint import DISTANCE, POLAR
 from planners.search.task import TrajectoryTask
 
-PACE_SHARE = 0.99  # of the limit, so that a solver has room to begin
-TIME_SHARE = 0.5  # of the horizon, for an axis alone; the others have to stop as well, and nodes are coarse
+PACE_SHARE = 0.99  # share of the limit; a solver needs room to begin
+TIME_SHARE = 0.5  # share of the horizon for one axis alone; the others have to stop as well, and nodes are coarse
 
 
 def stoppable(task: TrajectoryTask) -> TrajectoryTask:
-    """Return the task from the velocity and acceleration nearest to its own from which it has a solution.
+    """Return the task with the nearest velocity and acceleration from which it has a solution.
 
     A camera that another controller flies may be faster than the task's limits, or nearer to the workspace's bounds
-    than a plan would ever get at its speed. Then no plan exists; the one from here is the nearest to it. Under limits
-    A and J, a stop from velocity v takes at most the way v^2 / 2 A + v A / 2 J and the time v / A + A / J; ending an
-    acceleration a first takes the way a / J (v + a^2 / 3 J) and adds a^2 / 2 J to v. Slow states stay as they are.
+    than a plan would ever get at its speed. Then no plan exists, so the plan begins at the state returned here.
+
+    Let A and J be the limits of acceleration and jerk. A stop from velocity v takes at most the way
+    v^2 / 2 A + v A / 2 J and the time v / A + A / J. An acceleration a has to end first: this takes the way
+    a / J (v + a^2 / 3 J) and adds a^2 / 2 J to v. Slow states stay as they are.
     """
     limits, workspace = task.limits, task.workspace
     rise, fall = np.full(3, np.inf), np.full(3, np.inf)
@@ -40,7 +42,7 @@ def stoppable(task: TrajectoryTask) -> TrajectoryTask:
 
 
 def _fastest(room: FloatArray, task: TrajectoryTask) -> FloatArray:
-    """Return the speeds (3,) from which a stop takes no more than the room (3,), nor than a part of the horizon."""
+    """Return the highest speeds (3,) from which a stop fits into the room (3,), and into a part of the horizon."""
     strongest, half_ramp = task.limits.acceleration, task.limits.acceleration**2 / (2 * task.limits.jerk)
     in_room = np.sqrt(half_ramp**2 + 2 * strongest * room) - half_ramp
     in_time = TIME_SHARE * (task.horizon * task.node_time * strongest - 2 * half_ramp)
@@ -49,7 +51,7 @@ def _fastest(room: FloatArray, task: TrajectoryTask) -> FloatArray:
 
 
 def _pace(velocity: FloatArray, task: TrajectoryTask) -> float:
-    """Return what a velocity (3,) uses of the Cartesian speed, or of what the axes share."""
+    """Return the share that a velocity (3,) uses of the Cartesian speed limit, or of the axes' common budget."""
     distance, _, polar = task.position
     speed = np.linalg.norm(velocity * np.array([1.0, distance * np.sin(polar), distance])) / task.limits.speed
     shared = np.linalg.norm(velocity / task.limits.velocity) * task.limits.shared

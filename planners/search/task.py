@@ -1,4 +1,4 @@
-"""What a trajectory is planned for: where the camera is, what each viewpoint is worth, and what limits it."""
+"""The task of a trajectory: the state of the camera, the worth of each viewpoint, and the limits."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -28,11 +28,11 @@ class TrajectoryLimits:
         velocity: (3,) [m/s], [rad/s], [rad/s].
         acceleration: (3,) [m/s^2], [rad/s^2], [rad/s^2].
         jerk: (3,) [m/s^3], [rad/s^3], [rad/s^3].
-        speed: Cartesian [m/s]; infinite where only the axes are limited.
-        shared: the axes share one budget: the squared shares of the velocity limits add up to at most 1.
+        speed: Cartesian speed [m/s]; infinite if only the axes have limits.
+        shared: whether the axes share one budget: the squared shares of the velocity limits then add up to at most 1.
 
     Raises:
-        UsageError: a limit is not positive, or one of an axis is not finite.
+        UsageError: a limit is not positive, or the limit of an axis is not finite.
     """
 
     velocity: FloatArray
@@ -52,14 +52,14 @@ class TrajectoryLimits:
 
 
 def grid_limits(frame_time: float, node_time: float) -> TrajectoryLimits:
-    """Return limits that a smooth trajectory needs for a camera on the paper's grid to keep up with it.
+    """Return the limits of a smooth trajectory that a camera on the paper's grid can keep up with.
 
-    The grid moves one axis by one step a frame, so the axes share that rate. It knows no acceleration: the limits
-    let a trajectory reach the full rate within one node.
+    The grid moves one axis by one step a frame, so the axes share that rate. The grid has no limit of acceleration, so
+    a trajectory may reach the full rate within one node.
 
     Args:
-        frame_time: [s].
-        node_time: [s].
+        frame_time: time of one frame [s].
+        node_time: time from one node to the next [s].
     """
     velocity = STEP / frame_time
     return TrajectoryLimits(
@@ -73,18 +73,18 @@ class TrajectoryTask:
 
     Args:
         position: (3,) the camera's viewpoint at node 0: distance [m], azimuth [rad], polar angle [rad].
-        velocity: (3,) at node 0.
-        acceleration: (3,) at node 0.
-        field_weights: (21,) of the gain field, see `view_basis`.
-        gain_weights: (H,) how much the field counts at nodes 1 to H; the last may carry the time after the horizon.
-        effort_weight: what a mean squared jerk of one axis at its limit costs, in the unit of the objective.
-        node_time: [s] from one node to the next.
-        limits: of velocity, acceleration, jerk and speed.
+        velocity: (3,) the velocity at node 0.
+        acceleration: (3,) the acceleration at node 0.
+        field_weights: (21,) the weights of the gain field, see `view_basis`.
+        gain_weights: (H,) the weight of the field at nodes 1 to H; the last may carry the time after the horizon.
+        effort_weight: cost of a mean squared jerk of one axis at its limit, in the unit of the objective.
+        node_time: time from one node to the next [s].
+        limits: the limits of velocity, acceleration, jerk and speed.
         workspace: the bounds of distance and polar angle.
-        spread_weight: what it costs to look from one direction all the time, in the unit of the objective.
+        spread_weight: cost of looking from one direction all the time, in the unit of the objective.
 
     Raises:
-        UsageError: a shape is wrong, the node time is not positive, or a weight of effort or spread negative.
+        UsageError: a shape is wrong, the node time is not positive, or the weight of effort or spread is negative.
     """
 
     position: FloatArray
@@ -99,7 +99,7 @@ class TrajectoryTask:
     spread_weight: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check shapes and signs; values that are not finite are the solver's to report."""
+        """Check shapes and signs; the solver reports values that are not finite."""
         for name, size in (("position", 3), ("velocity", 3), ("acceleration", 3), ("field_weights", BASIS_SIZE)):
             if np.shape(getattr(self, name)) != (size,):
                 raise UsageError(f"trajectory task: expected {size} values of {name}, got {getattr(self, name)}")
@@ -118,12 +118,12 @@ class TrajectoryTask:
 
     @property
     def stake(self) -> float:
-        """The size of what there is to win or to pay, in the unit of the objective; 1 if there is nothing."""
+        """The size of the possible gain or cost, in the unit of the objective; 1 if there is none."""
         gain = np.linalg.norm(self.field_weights[1:]) * np.abs(self.gain_weights).sum()
         return float(max(gain, self.effort_weight, self.spread_weight)) or 1.0
 
     def objective(self, trajectory: Trajectory) -> FloatArray:
-        """Return what trajectories collect less what they cost, () or (G,); more is better.
+        """Return the gain of trajectories less their cost, () or (G,); more is better.
 
         sum_h gain_weights[h] field(position[h]) - effort_weight mean_h sum_axes (jerk / limit)^2
         - spread_weight |sum_h gain_weights[h] direction(position[h])|^2

@@ -1,4 +1,4 @@
-"""Planners that search the gain field without optimal control: one step of it, or straight ways to a grid of goals."""
+"""Planners that search the gain field without optimal control: one step ahead, or along straight ways to goals."""
 
 import numpy as np
 
@@ -14,11 +14,11 @@ from planners.value.view_value import ViewValue, node_gains
 
 GOALS = (4, 16, 6)  # distances, azimuths, polar angles of the grid of goals
 WAY_POINTS = 15  # nodes along a straight way, over the rest of the episode
-LEAST_FRAMES = 1e-9  # to stay
+LEAST_FRAMES = 1e-9  # takes the place of 0, because we divide by it
 
 
 class NextBestViewGreedy(Planner):
-    """Go where the gain field rises most in one step: the 7 moves, whatever lies behind them.
+    """Make the one of the 7 moves that raises the gain field most, without looking further ahead.
 
     Args:
         model: trained gain fields and belief.
@@ -36,7 +36,7 @@ class NextBestViewGreedy(Planner):
         self._value.reset(context)
 
     def act(self, observation: Observation) -> FloatArray:
-        """Return the best of the neighbouring viewpoints; a vehicle's lie a second away, where it can be heading.
+        """Return the best neighbouring viewpoints; for a vehicle they are a second away.
 
         Raises:
             EpisodeError: the field is not finite.
@@ -52,11 +52,11 @@ class NextBestViewGreedy(Planner):
 
 
 class NextBestViewSearch(Planner):
-    """Head for the goal of a grid to which the straight way collects most gain to the end of the episode.
+    """Head for the goal on a grid whose straight way collects most gain until the end of the episode.
 
     Args:
         model: trained gain fields and belief.
-        replan: frames from one search to the next.
+        replan: number of frames from one search to the next.
     """
 
     name = "nbv-search"
@@ -74,7 +74,7 @@ class NextBestViewSearch(Planner):
         self._value.reset(context)
 
     def act(self, observation: Observation) -> FloatArray:
-        """Return the goals, chosen anew every `replan` frames.
+        """Return the goals; search every `replan` frames.
 
         Raises:
             EpisodeError: the field is not finite.
@@ -88,7 +88,7 @@ class NextBestViewSearch(Planner):
 
 
 def _check_finite(values: FloatArray, name: str, frame: int) -> None:
-    """Raise EpisodeError unless all values (B, ...) of views are finite: the best of NaN would be any."""
+    """Raise EpisodeError unless all values (B, ...) of views are finite: NaN has no best view."""
     finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
     if not finite.all():
         raise EpisodeError(
@@ -106,17 +106,17 @@ def goal_grid(workspace: Workspace) -> FloatArray:
 
 
 def search_goals(value: ViewValue, observation: Observation, context: Context) -> tuple[FloatArray, FloatArray]:
-    """Return what straight ways to a grid of goals collect; the first goal is to stay.
+    """Return the gain of straight ways to a grid of goals; the first goal is to stay.
 
-    Straight in the three coordinates, from rest to rest, at the pace of the grid or of the vehicle.
+    The ways are straight in the three coordinates. They go from rest to rest, at the pace of the grid or the vehicle.
 
     Args:
-        value: of the views, after the present frame.
-        observation: of the present frame.
-        context: of the episodes.
+        value: the value of views after the present frame.
+        observation: the observation of the present frame.
+        context: the context of the episodes.
 
     Returns:
-        goals (B, G, 3) and what the way to each collects, (B, G), in the field's unit.
+        goals (B, G, 3), and the gain along the way to each, (B, G), in the field's unit.
     """
     here = observation.viewpoint
     grid = np.broadcast_to(goal_grid(context.workspace), (len(here), int(np.prod(GOALS)), 3))
@@ -137,7 +137,7 @@ def search_goals(value: ViewValue, observation: Observation, context: Context) -
 
 
 def _frames_needed(way: FloatArray, here: FloatArray, context: Context) -> tuple[FloatArray, float]:
-    """Return how many frames ways (B, G, 3) take at full speed, (B, G), and how many it takes to reach that."""
+    """Return the frames (B, G) that ways (B, G, 3) take at full speed, and the frames to get up to full speed."""
     if context.vehicle is None:
         frames: FloatArray = np.abs(way / STEP).sum(axis=-1)
         return frames, 0.0
@@ -147,20 +147,20 @@ def _frames_needed(way: FloatArray, here: FloatArray, context: Context) -> tuple
 
 
 def share_made(frames: float, needed: FloatArray, ramp: float) -> FloatArray:
-    """Return the share of ways that lies behind after some frames, from rest to rest, of the shape of `needed`.
+    """Return the share of ways that is covered after some frames, from rest to rest, in the shape of `needed`.
 
-    Speeding up takes its time whatever the goal: at a mean pace, the goals behind a good view would be the best,
-    because the way to them passes it sooner.
+    A camera speeds up in the same way for every goal. At a constant mean pace, the goals behind a good view would seem
+    best, because the camera would pass that view sooner.
 
     Args:
-        frames: since the start.
-        needed: at full speed.
-        ramp: to get up to full speed, and to brake from it.
+        frames: number of frames since the start.
+        needed: number of frames for the ways at full speed.
+        ramp: number of frames to get up to full speed, or to brake from it.
     """
     needed, ramp = np.maximum(needed, LEAST_FRAMES), max(ramp, LEAST_FRAMES)
     top = np.minimum(np.sqrt(needed / ramp), 1.0)  # the share of the full speed that is reached
     duration = needed / top + ramp * top
-    # What is made after a time, up to the middle of the way, and by symmetry what is left before the end.
+    # Up to the middle of the way, this is the way covered; after it, by symmetry, the way that is left.
     time = np.maximum(np.minimum(frames, duration - frames), 0.0)
     made = np.where(time < ramp * top, time**2 / (2 * ramp), top * (time - ramp * top / 2))
     share: FloatArray = np.where(frames < duration / 2, made, needed - made) / needed

@@ -1,4 +1,4 @@
-"""What a view is worth: the belief, where people are, and the gain field over views."""
+"""The value of a view: the belief, the place of people, and the gain field over views."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""What is believed about the activity: a Kalman filter over class log-odds, many episodes at once."""
+"""The belief about the activity: a Kalman filter over class log-odds, many episodes at once."""
 
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, get_args
@@ -15,42 +15,43 @@ Evidence = Literal["difference", "accumulated"]
 
 NOISE_BASIS = 5  # the terms of `noise_basis`
 MIDDLE_DISTANCE, HALF_RANGE = 10.0, 5.0  # [m], of the paper's workspace
-CERTAIN = -8.0  # log-variance of evidence next to which the default prior is flat, and the moderation is none
+CERTAIN = -8.0  # log-variance of evidence beside which the default prior is flat and moderation has no effect
 
 
 @dataclass(frozen=True)
 class BeliefModel:
-    r"""How evidence about an activity comes in; fitted on training data (`planners.value.belief_fit`).
+    r"""The parameters of the belief about an activity; fitted on training data (`planners.value.belief_fit`).
 
-    The state :math:`x_t \in R^K` are the centred log-odds of the classes, a random walk, since an activity unfolds:
+    The state :math:`x_t \in R^K` holds the centred log-odds of the classes. It is a random walk, since an activity
+    unfolds:
 
     .. math:: x_t = x_{t-1} + w_t, \quad w_t \sim N(0, q I), \quad x_0 \sim N(0, p_0 I).
 
-    The recogniser averages over the frames so far. Its outputs are therefore not independent evidence, and to
-    multiply them would count early frames many times. With :math:`y_n` its centred log-probabilities, scaled by
-    :math:`e^{a(n / L)}`, the evidence of frame n alone is the difference
+    The recogniser averages over the frames so far. Its outputs are therefore not independent evidence, and a product
+    of them would count early frames many times. Let :math:`y_n` be its centred log-probabilities, scaled by
+    :math:`e^{a(n / L)}`. The evidence of frame n alone is the difference
 
     .. math:: z_n = n y_n - (n - 1) y_{n-1} = x_n + v_n, \quad v_n = \rho v_{n-1} + e_n, \quad e_n \sim N(0, R_n I),
 
-    whose noise is still coloured, because neighbouring frames are seen through overlapping windows. It is whitened by
-    measurement differencing (Bryson and Henrikson 1968): :math:`z_n - \rho z_{n-1} = (1 - \rho) x_n + \rho w_n + e_n`,
-    whose noise is correlated with that of the process. The noise depends on where one looks from and on the
+    Its noise is still coloured, because neighbouring frames are seen through overlapping windows. Measurement
+    differencing (Bryson and Henrikson 1968) whitens it: :math:`z_n - \rho z_{n-1} = (1 - \rho) x_n + \rho w_n + e_n`.
+    The noise of this measurement is correlated with that of the process. The noise depends on the viewpoint and on the
     observation ratio: :math:`R_n = \exp(r \cdot \psi)` with the terms of `noise_basis`.
 
     Probabilities are the softmax of :math:`e^{g(n / L)} \kappa(P) x_n`. The factor
     :math:`\kappa(P) = (1 + \pi P / 8)^{-1/2}` moderates an uncertain mean (MacKay 1992, The evidence framework applied
     to classification networks). Functions a and g are linear between the knots of `recognition.calibration`.
 
-    The default believes the recogniser: its mean is the recogniser's, and so are its probabilities.
+    The default believes the recogniser: its mean and its probabilities are the recogniser's.
 
     Args:
-        log_scale: a at the knots: what the recogniser's temperature did to its logits, undone.
+        log_scale: a at the knots; it undoes the effect of the recogniser's temperature.
         log_gain: g at the knots.
         noise_weights: r, one for each term of `noise_basis`.
-        process_noise: q, a frame.
+        process_noise: q, for each frame.
         correlation: rho, in [0, 1).
         prior_variance: p_0.
-        evidence: "difference" as above; "accumulated" takes :math:`y_n` itself for new evidence (for comparison).
+        evidence: "difference" as above; "accumulated" takes :math:`y_n` itself as new evidence (for comparison).
     """
 
     log_scale: tuple[float, ...] = (0.0,) * len(KNOTS)
@@ -62,7 +63,7 @@ class BeliefModel:
     evidence: Evidence = "difference"
 
     def __post_init__(self) -> None:
-        """Raise ModelError for a parameter that no filter can have."""
+        """Raise ModelError if a parameter is out of range."""
         for name, size in (("log_scale", len(KNOTS)), ("log_gain", len(KNOTS)), ("noise_weights", NOISE_BASIS)):
             values = getattr(self, name)
             if len(values) != size or not np.isfinite(values).all():
@@ -83,7 +84,7 @@ class FilterState(NamedTuple):
     mean: Any  # (B, K)
     variance: Any  # (B,)
     total: Any  # (B, K), the evidence of all frames so far
-    evidence: Any  # (B, K), that of the last frame
+    evidence: Any  # (B, K), the evidence of the last frame
 
 
 def noise_basis(viewpoint: FloatArray, ratio: FloatArray | float) -> FloatArray:
@@ -91,7 +92,7 @@ def noise_basis(viewpoint: FloatArray, ratio: FloatArray | float) -> FloatArray:
 
     Args:
         viewpoint: (..., 3). The distance enters as s, in [-1, 1] over the paper's workspace.
-        ratio: of the observation, broadcasts against (...,).
+        ratio: the observation ratio; it broadcasts against (...,).
     """
     distance = (viewpoint[..., DISTANCE] - MIDDLE_DISTANCE) / HALF_RANGE
     height = np.cos(viewpoint[..., POLAR])
@@ -114,15 +115,15 @@ def filter_frame(
     correlation: Any,
     evidence: Evidence,
 ) -> FilterState:
-    """Return the state after one more frame; one formula for numpy, and for torch, which fits it.
+    """Return the state after one more frame; the formula serves numpy, and torch for the fit.
 
     Transition, measurement and every covariance are multiples of the K x K identity. Products, sums and inverses of
-    such matrices are so too, hence one variance an episode is the exact covariance of all K classes.
+    such matrices are multiples of it too. So one variance for each episode is the exact covariance of all K classes.
 
     Args:
-        state: before the frame.
-        logits: (B, K), the recogniser's, centred and scaled.
-        frame: 0 for an episode's first.
+        state: the state before the frame.
+        logits: (B, K), the recogniser's logits, centred and scaled.
+        frame: index of the frame, 0 for the first of an episode.
         noise: R (B,).
         process_noise: q.
         correlation: rho.
@@ -135,7 +136,7 @@ def filter_frame(
         gain = state.variance / (state.variance + stationary)
         return FilterState(state.mean + gain[:, None] * (new - state.mean), gain * stationary, total, new)
     sensitivity = 1 - correlation
-    # The new state's covariance with what is measured, and the latter's variance.
+    # The covariance of the new state with the measurement; divided by the variance of the measurement, it is the gain.
     covariance = sensitivity * state.variance + process_noise
     gain = covariance / (sensitivity**2 * state.variance + process_noise + noise)
     innovation = new - correlation * state.evidence - sensitivity * state.mean
@@ -144,11 +145,11 @@ def filter_frame(
 
 
 def moderated(state: FilterState, log_gain: Any) -> Any:
-    """Return the logits (B, K) of which the believed probabilities are the softmax, as an array of the state's kind.
+    """Return the logits (B, K) whose softmax gives the believed probabilities, as an array of the state's kind.
 
     Args:
-        state: after a frame.
-        log_gain: g there, a number or a tensor.
+        state: the state after a frame.
+        log_gain: g at that frame, a number or a tensor.
     """
     return np.e**log_gain * (1 + np.pi / 8 * state.variance)[:, None] ** -0.5 * state.mean
 
@@ -157,7 +158,7 @@ class Belief:
     """The filter over B episodes in lockstep, in float64.
 
     Args:
-        model: fitted.
+        model: the fitted parameters.
     """
 
     def __init__(self, model: BeliefModel) -> None:
@@ -166,19 +167,19 @@ class Belief:
         self.start(0, 1)
 
     def start(self, episodes: int, classes: int) -> None:
-        """Forget everything: B episodes of which nothing has been seen, K classes."""
+        """Forget everything, and begin B episodes with K classes."""
         nothing = np.zeros((episodes, classes))
         self._state = FilterState(nothing, np.full(episodes, self.model.prior_variance), nothing, nothing)
         self._log_gain = 0.0
 
     def update(self, log_probs: FloatArray, viewpoint: FloatArray, ratio: float, frame: int) -> None:
-        """Take in what was recognised after one more frame.
+        """Take in the recognition after one more frame.
 
         Args:
-            log_probs: (B, K), the recogniser's.
-            viewpoint: (B, 3), where the camera was.
+            log_probs: (B, K), the recogniser's log-probabilities.
+            viewpoint: (B, 3), the camera's viewpoint.
             ratio: the share of the episode that has been observed, in (0, 1].
-            frame: 0 for the first; frames come one by one.
+            frame: index of the frame, 0 for the first; frames come one by one.
         """
         wide = np.asarray(log_probs, dtype=np.float64)
         knots = knot_weights(np.asarray(ratio))
@@ -201,7 +202,7 @@ class Belief:
 
     @property
     def variance(self) -> FloatArray:
-        """Their variance, (B,), the same for every class."""
+        """The variance of the log-odds, (B,), the same for every class."""
         variance: FloatArray = self._state.variance
         return variance
 
@@ -213,11 +214,11 @@ class Belief:
 
 
 def readout(model: BeliefModel, log_probs: FloatArray, viewpoints: FloatArray) -> FloatArray:
-    """Return what would have been believed in recorded rollouts.
+    """Return the belief after every frame of recorded rollouts.
 
     Args:
-        model: of the belief.
-        log_probs: (B, L, K), the recogniser's, after every frame.
+        model: the parameters of the belief.
+        log_probs: (B, L, K), the recogniser's log-probabilities after every frame.
         viewpoints: (B, L, 3).
 
     Returns:

@@ -1,4 +1,4 @@
-"""Fit the belief to recorded rollouts of training data, and show what each part of it is worth."""
+"""Fits the belief to recorded rollouts of training data, and shows the effect of each of its parts."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -23,17 +23,17 @@ from planners.value.belief import (
 )
 from recognition.calibration import KNOTS
 
-STEPS = 60  # of L-BFGS, which mostly needs fewer
+STEPS = 60  # most steps of L-BFGS, which usually needs fewer
 MOST_CORRELATION = 0.98
 
-# Where parameters shrink to, and how firmly: means and standard deviations of a normal prior. It is worth as much as
-# one sequence, and centred on the recogniser: what scarce data does not show is not believed.
+# Means and standard deviations of a normal prior on the parameters. The prior weighs as much as one sequence. It is
+# centred on the recogniser, so scarce data changes little.
 SCALE_PRIOR = (0.0, 0.5)  # log_scale
 GAIN_PRIOR = (0.0, 0.3)  # log_gain + log_scale: together they leave the recogniser as it is
 NOISE_PRIOR = (-2.0, 2.0)  # the constant log-variance
 NOISE_SLOPE_PRIOR = (0.0, 0.5)  # the log-variance's other weights
 PROCESS_PRIOR = (-8.0, 1.5)  # log of process noise over measurement noise
-CORRELATION_PRIOR = (0.0, 2.0)  # its logit: receptive fields of neighbouring frames overlap, by how much is open
+CORRELATION_PRIOR = (0.0, 2.0)  # its logit: receptive fields of neighbouring frames overlap by an unknown amount
 VARIANCE_PRIOR = (2.0, 2.0)  # log of the prior variance
 PRIORS = (
     (len(KNOTS), SCALE_PRIOR),
@@ -45,18 +45,18 @@ PRIORS = (
     (1, VARIANCE_PRIOR),
 )
 PARAMETERS = sum(size for size, _ in PRIORS)
-WORSE_WEIGHT = 3.0  # of a frame at which the belief is worse than the recogniser: no frame is to pay for the others
+WORSE_WEIGHT = 3.0  # extra weight of a frame where the belief is worse than the recogniser: no frame should lose
 KNOT_STEP = 0.2  # standard deviation of the change from one knot to the next
 
 
 @dataclass(frozen=True)
 class BeliefParts:
-    """Which parts of the belief are fitted; a part that is not is as in a filter that does not know of it.
+    """The parts of the belief that are fitted; the filter does without the others.
 
     Args:
         evidence: "difference", or "accumulated" for the recogniser's outputs as they are.
         whitening: the correlation of neighbouring frames' noise.
-        process_noise: of the walk of the log-odds.
+        process_noise: noise of the random walk of the log-odds.
         viewpoint: measurement noise that depends on viewpoint and observation ratio.
     """
 
@@ -77,7 +77,7 @@ ABLATIONS = {
 
 
 class BeliefAblation(NamedTuple):
-    """What is believed on sequences that the belief was not fitted to, with and without each of its parts."""
+    """The belief on held-out sequences, with and without each of its parts."""
 
     labels: IntArray  # (n,)
     log_probs: dict[str, FloatArray]  # of the recogniser and of each of `ABLATIONS`, (n, L, K)
@@ -97,13 +97,13 @@ class _Parameters(NamedTuple):
 def fit_belief(
     log_probs: FloatArray, viewpoints: FloatArray, labels: IntArray, groups: IntArray, parts: BeliefParts | None = None
 ) -> BeliefModel:
-    """Return the belief that is most probable given rollouts: the mean NLL over all frames, and a weak prior.
+    """Return the belief that minimises the mean NLL of rollouts over all frames, with a weak prior.
 
-    A frame at which the belief is worse than the recogniser counts several times. Frames of one sequence say much the
-    same, so a sequence, not a frame, weighs as one observation against the prior. One set of rollouts gives one belief.
+    A frame where the belief is worse than the recogniser counts several times. Frames of one sequence are similar, so a
+    sequence, not a frame, weighs as one observation against the prior. The same rollouts always give the same belief.
 
     Args:
-        log_probs: (N, L, K), the recogniser's, after every frame.
+        log_probs: (N, L, K), the recogniser's log-probabilities after every frame.
         viewpoints: (N, L, 3).
         labels: (N,), the true classes.
         groups: (N,), the sequence that each rollout was cut from.
@@ -114,7 +114,9 @@ def fit_belief(
     """
     if not len(log_probs) or any(len(array) != len(log_probs) for array in (viewpoints, labels, groups)):
         counts = ", ".join(str(len(array)) for array in (log_probs, viewpoints, labels, groups))
-        raise DataError(f"belief: expected as many log_probs, viewpoints, labels and groups, at least 1, got {counts}")
+        raise DataError(
+            f"belief: expected log_probs, viewpoints, labels and groups in equal number, at least 1, got {counts}"
+        )
     parts = parts or BeliefParts()
     length = log_probs.shape[1]
     ratio = np.arange(1, length + 1) / length
@@ -157,12 +159,12 @@ def fit_belief(
 def ablate_belief(
     log_probs: FloatArray, viewpoints: FloatArray, labels: IntArray, groups: IntArray, rng: np.random.Generator
 ) -> BeliefAblation:
-    """Fit the belief without some of its parts to the rollouts of one half of the sequences; read it out on the other.
+    """Fit the belief without some of its parts on one half of the sequences; read it out on the other half.
 
     Each "+" adds one part to "difference" alone. Scores are computed as for any other planner.
 
     Args:
-        log_probs: (N, L, K), the recogniser's.
+        log_probs: (N, L, K), the recogniser's log-probabilities.
         viewpoints: (N, L, 3).
         labels: (N,).
         groups: (N,), the sequence that each rollout was cut from.
@@ -185,7 +187,7 @@ def ablate_belief(
 
 
 class _Rollouts(NamedTuple):
-    """What the belief is fitted to, frames first."""
+    """The data of the fit, frames first."""
 
     logits: Tensor  # (L, N, K), centred
     terms: Tensor  # (L, N, NOISE_BASIS)
@@ -194,7 +196,7 @@ class _Rollouts(NamedTuple):
 
 
 def _parameters(deviations: Tensor, parts: BeliefParts) -> _Parameters:
-    """Return the parameters that lie so many standard deviations from their prior means."""
+    """Return the parameters that lie `deviations` standard deviations from their prior means."""
     blocks = torch.split(deviations, [size for size, _ in PRIORS])
     scale, gain, noise, slopes, process, correlation, variance = (
         mean + deviation * block for (_, (mean, deviation)), block in zip(PRIORS, blocks, strict=True)

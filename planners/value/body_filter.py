@@ -1,4 +1,4 @@
-"""Where people stand and which way they face, tracked from 2D joints and the known motion of the camera."""
+"""Tracks where people stand and which way they face, from 2D joints and the known motion of the camera."""
 
 import numpy as np
 
@@ -8,35 +8,33 @@ from ehar.data.motion_data import MotionData
 from ehar.errors import DataError
 from ehar.viewpoint import DISTANCE, POLAR, wrap_difference
 
-RIGID_VARIATION = 0.15  # a trunk's left and right stay this steadily apart, actors' sizes included
-LEAST_WIDTH = 0.05  # [m]; nearer pairs say nothing about a direction
+RIGID_VARIATION = 0.15  # largest standard deviation of a trunk's width over its mean, over actors of all sizes
+LEAST_WIDTH = 0.05  # [m]; closer pairs say nothing about a direction
 
-TRUNK_WIDTH = (
-    0.25  # [m], the prior standard deviation of the lateral vector, and where nothing better is known its length
-)
+TRUNK_WIDTH = 0.25  # [m], the prior standard deviation of the lateral vector, and its length by default
 POSITION_SPREAD = 0.7  # [m], the prior standard deviation of a person's position
 SPEED_SPREAD = 0.5  # [m/s], of a person's velocity
 JOINT_NOISE = 0.02  # [m], of a joint in plain view, from any distance
-PIXEL_NOISE = 1.5  # [px], what a joint's noise is at least
+PIXEL_NOISE = 1.5  # [px], the least noise of a joint
 LEAN = 0.08  # [m], how far the two sides of a trunk differ in height: real people bend, and lie down
 PAIR_SPREAD = 0.08  # [m], how far one pair's lateral vector lies from the mean of all: hips are narrower than shoulders
 JOINT_SPREAD = 0.35  # [m], how far a joint lies from the mean of all
 DEPTH_ERROR = 0.03  # [m], of the mean joint, since people are not all at the centre's depth
-SWAP_PROBABILITY = 0.25  # that left and right are taken for each other where a person is seen edge-on
-SWAP_WIDTH = 0.4  # the seen share of the trunk's width from which on they never are
-LEAST_DEVIATION = 1e-6  # [m], keeps the covariance regular where noise is declared to be none
-UNIFORM_STD = float(np.pi / np.sqrt(3))  # [rad], of an angle of which nothing is known
+SWAP_PROBABILITY = 0.25  # probability that left and right are swapped for a person seen edge-on
+SWAP_WIDTH = 0.4  # they are never swapped if at least this share of the trunk's width is seen
+LEAST_DEVIATION = 1e-6  # [m], keeps the covariance regular if the noise is set to zero
+UNIFORM_STD = float(np.pi / np.sqrt(3))  # [rad], the standard deviation of a uniform angle
 
 
 def trunk_pairs(data: MotionData, sequences: IntArray) -> IntArray:
-    """Return the joints whose left and right make up the trunk, (pairs, 2) of [left, right].
+    """Return the pairs of joints that make up the trunk, (pairs, 2) of [left, right].
 
-    Those are the mirrored joints whose distance hardly changes over all frames: hips and shoulders, not hands.
-    Where no pair is that steady, the steadiest one.
+    These are the mirrored joints whose distance hardly changes over all frames: hips and shoulders, not hands. If no
+    pair is that steady, the steadiest pair is taken.
 
     Args:
         data: the motion.
-        sequences: those to look at, of a training part.
+        sequences: the sequences to look at, from a training part.
 
     Raises:
         DataError: the skeleton has no mirrored joints that are apart, or there are no sequences.
@@ -64,7 +62,7 @@ def trunk_pairs(data: MotionData, sequences: IntArray) -> IntArray:
 
 
 class BodyFilter:
-    r"""Two Kalman filters a person, over B episodes and P persons at once; both linear, hence exact.
+    r"""Two Kalman filters for each of P persons in B episodes at once; both are linear, so they are exact.
 
     The first tracks the trunk's lateral vector (a, b) [m], the horizontal mean of left minus right over `pairs`,
     as a random walk. A person faces the azimuth :math:`\mathrm{atan2}(b, a) - \pi/2`. The state has no angle, so
@@ -74,20 +72,20 @@ class BodyFilter:
 
     .. math:: z = r \cdot v + e_r, \qquad z' = d \cdot v + e_d .
 
-    A level camera sees of the lateral vector only r, that is the cosine; as it moves, it gets to see the rest.
-    Noise is that of a joint in plain view divided by its confidence; a missing joint is not used. Where a pose
-    estimator may have swapped left and right, with probability p, the measured value is its own error: with
-    variance :math:`4 p (1 - p) z^2` it can't lock the filter in, whichever of the two came first.
+    A level camera sees only the part of the lateral vector along r, which is the cosine. As it moves, it sees the rest.
+    The noise of a joint is its noise in plain view divided by its confidence; a missing joint is not used. A pose
+    estimator may swap left and right with probability p. The error is then as large as the measured value, so its
+    variance is :math:`4 p (1 - p) z^2`. With this variance the first measurement can't lock the filter in.
 
     Args:
         pairs: (pairs, 2) [left, right], as from `trunk_pairs`.
-        frame_time: [s].
+        frame_time: time of one frame [s].
         camera: the intrinsics; the default is the documented camera.
         turning: spectral density of the lateral vector's random walk [m^2/s].
         acceleration: spectral density of the white acceleration [m^2/s^3].
         joint_noise: standard deviation of a joint in plain view [m], on top of `pixel_noise`.
         pixel_noise: standard deviation of a joint in plain view [px].
-        swap_probability: of left and right for a person seen edge-on.
+        swap_probability: probability that left and right are swapped for a person seen edge-on.
     """
 
     def __init__(
@@ -103,7 +101,7 @@ class BodyFilter:
         swap_probability: float = SWAP_PROBABILITY,
     ) -> None:
         """Create the filter; `start` it before the first frame."""
-        # Here, as filterpy takes half a second to import, which every process would wait for.
+        # Imported here: filterpy takes half a second to import, and every process would wait for it.
         from filterpy.common import Q_continuous_white_noise
 
         self.pairs = pairs
@@ -132,7 +130,7 @@ class BodyFilter:
         Args:
             joints_2d: (B, P, J, 2) [px].
             confidence: (B, P, J) in [0, 1], 0 where a joint is missing.
-            viewpoint: (B, 3), where the camera is.
+            viewpoint: (B, 3), the camera's viewpoint.
         """
         if self._begun:
             self.lateral_covariance = self.lateral_covariance + self.turning_noise
@@ -143,7 +141,7 @@ class BodyFilter:
         lateral, lateral_variance = self.measure_lateral(joints_2d, confidence, viewpoint)
         position, position_variance = self.measure_position(joints_2d, confidence, viewpoint)
         still = np.zeros((*axes.shape[:2], 3))
-        for axis in range(2):  # independent noise: one after the other is the same as both at once
+        for axis in range(2):  # the noise is independent, so two updates in turn equal one update with both
             self.lateral, self.lateral_covariance = _update(
                 self.lateral,
                 self.lateral_covariance,
@@ -217,12 +215,12 @@ class BodyFilter:
 
 
 def _mean_of_seen(values: FloatArray, variance: FloatArray, spread: float) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Average what is seen of n things of which each lies `spread` from their mean.
+    """Average the seen ones of n values, each of which lies about `spread` from the mean of all n.
 
     Args:
         values: (B, P, n, 2).
-        variance: (B, P, n), inf for what is not seen.
-        spread: standard deviation.
+        variance: (B, P, n), inf for a value that is not seen.
+        spread: standard deviation of the values around their mean.
 
     Returns:
         means (B, P, 2), their variances as estimates of the mean of all n (B, P), and whether any was seen (B, P).
@@ -237,7 +235,7 @@ def _mean_of_seen(values: FloatArray, variance: FloatArray, spread: float) -> tu
 def _update(
     mean: FloatArray, covariance: FloatArray, axis: FloatArray, measured: FloatArray, variance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return mean (..., n) and covariance (..., n, n) after measuring axis . state; infinite variance: unchanged."""
+    """Return mean (..., n) and covariance (..., n, n) after measuring axis . state; inf variance changes nothing."""
     projected = np.einsum("...ij,...j->...i", covariance, np.broadcast_to(axis, mean.shape))
     innovation_variance = (projected * axis).sum(axis=-1) + variance
     gain = projected / innovation_variance[..., None]

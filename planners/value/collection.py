@@ -1,4 +1,4 @@
-"""What looking from elsewhere would have given: rollouts on training scenarios that branch to many viewpoints."""
+"""Rollouts on training scenarios that branch to many viewpoints, to learn what other views would have given."""
 
 from collections.abc import Iterator, Sequence
 from concurrent.futures import as_completed
@@ -20,11 +20,11 @@ from planners.value.body_filter import BodyFilter
 from planners.value.situation import frame_gains
 from planners.value.view_basis import basis_at
 
-EPISODES = 32  # that run in lockstep
-PATHS = 8  # that branch off at a fork, one of which stays where it is
-FORK_SPANS = ((0.0, 0.12), (0.12, 0.35), (0.35, 0.7))  # of the episode; one fork in each: early choices weigh most
+EPISODES = 32  # episodes that run in lockstep
+PATHS = 8  # paths from a fork, one of which stays where it is
+FORK_SPANS = ((0.0, 0.12), (0.12, 0.35), (0.35, 0.7))  # shares of the episode, one fork each: early choices weigh most
 WANDER = 0.6  # the share of episodes whose camera moves before it forks
-NEW_GOAL = 0.04  # a frame, that a wandering camera heads elsewhere
+NEW_GOAL = 0.04  # the probability in each frame that a wandering camera picks a new goal
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,17 +32,17 @@ class Collection:
     """E episodes of L frames, and N forks in them with M paths each.
 
     Args:
-        log_probs: (E, L, K), the recogniser's.
+        log_probs: (E, L, K), the recogniser's log-probabilities.
         viewpoints: (E, L, 3).
-        labels: (E,).
-        sequences: (E,), which sequence of the data each is cut from.
+        labels: (E,), the true classes.
+        sequences: (E,), the sequence of the data that each episode is cut from.
         episode: (N,), the episode of each fork.
         frame: (N,), the last frame before the paths part.
-        facing: (N, P) [rad], as believed there; likewise the next two.
-        facing_std: (N, P) [rad].
-        position: (N, P, 3) [m].
-        embedding: (N, D).
-        worth: (N, M), the true class's probability along each path, the mean over the frames that were left.
+        facing: (N, P) [rad], the azimuths that people face, as estimated at the fork.
+        facing_std: (N, P) [rad], their standard deviations.
+        position: (N, P, 3) [m], the positions of people, as estimated at the fork.
+        embedding: (N, D), the recogniser's embedding at the fork.
+        worth: (N, M), the mean probability of the true class along each path, over the remaining frames.
         path: (N, M, 21), the view basis along each path, weighted by `frame_gains`.
     """
 
@@ -61,10 +61,10 @@ class Collection:
 
 
 class Forker(Planner):
-    """Wanders or stays, and at its forks tries paths to random viewpoints, to the end of the episode.
+    """Wanders or stays; at its forks it tries paths to random viewpoints until the end of the episode.
 
     Args:
-        pairs: of the trunk, for the body filter.
+        pairs: pairs of joints of the trunk, for the body filter.
     """
 
     name = "forker"
@@ -78,7 +78,7 @@ class Forker(Planner):
         """Draw when to fork, and who wanders."""
         self._context = context
         self._body = BodyFilter(pairs=self.pairs, frame_time=context.frame_time)
-        # The last frame is not planned upon, and a fork needs one to go to.
+        # There is no plan at the last frame, and a fork needs a frame after it.
         spans = [sorted(int(share * (context.length - 2)) for share in span) for span in FORK_SPANS]
         self._at = {int(context.rng.integers(low, high + 1)) for low, high in spans}
         self._wanders = context.rng.random(context.episodes) < WANDER
@@ -86,7 +86,7 @@ class Forker(Planner):
         self.forks: list[dict[str, Any]] = []
 
     def act(self, observation: Observation) -> FloatArray:
-        """Follow the people, fork where it is time to, and wander on."""
+        """Track the people, fork if it is time, and wander on."""
         rng, workspace = self._context.rng, self._context.workspace
         if observation.frame == 0:
             self._body.start(*observation.joints_2d.shape[:2])
@@ -150,14 +150,14 @@ def random_viewpoints(rng: np.random.Generator, leading: tuple[int, ...], worksp
 
 @dataclass(frozen=True, eq=False)
 class CollectionTask:
-    """What is needed to run batches of branching episodes.
+    """Everything needed to run batches of branching episodes.
 
     Args:
-        runner: rolls them.
-        sequences: those of the policy part that are long enough.
-        length: L, frames.
-        pairs: of the trunk.
-        seed: of everything drawn.
+        runner: runs the episodes.
+        sequences: the sequences of the policy part that are long enough.
+        length: number L of frames of an episode.
+        pairs: pairs of joints of the trunk.
+        seed: seed of all random numbers.
     """
 
     runner: Runner
@@ -168,7 +168,7 @@ class CollectionTask:
 
 
 def run_batches(task: CollectionTask, batches: Sequence[int], *, workers: int = 1) -> Iterator[tuple[int, Collection]]:
-    """Run batches of branching episodes and yield each as it is done; the same numbers with any number of workers.
+    """Run batches of branching episodes and yield each when it is done; results do not depend on `workers`.
 
     Raises:
         DataError: no sequence has `length` frames.
@@ -189,11 +189,11 @@ def run_batches(task: CollectionTask, batches: Sequence[int], *, workers: int = 
 
 
 def collect_batch(task: CollectionTask, index: int) -> Collection:
-    """Run one batch of episodes; what is drawn depends on the seed and its index only."""
+    """Run one batch of episodes; its random numbers depend only on the seed and its index."""
     torch.set_num_threads(1)
     rng = np.random.default_rng([task.seed, index])
     data = task.runner.data
-    # As in what is tested: a sequence as often as its length yields windows.
+    # As in tests, the probability of a sequence is proportional to the number of its windows.
     weights = data.lengths[task.sequences] // task.length
     sequence = rng.choice(task.sequences, size=EPISODES, p=weights / weights.sum())
     first = rng.integers(data.lengths[sequence] - task.length + 1)
@@ -208,7 +208,7 @@ def collect_batch(task: CollectionTask, index: int) -> Collection:
 
 
 def join(pieces: Sequence[Collection]) -> Collection:
-    """Return collections as one."""
+    """Join collections into one."""
     begins = np.cumsum([0, *(len(piece.labels) for piece in pieces)])
     joined = {
         field.name: np.concatenate([getattr(piece, field.name) for piece in pieces]) for field in fields(Collection)

@@ -1,4 +1,4 @@
-"""How gain fields are trained. Without torch, so that the command line can show it at once."""
+"""The settings of gain fields' training; there is no torch in this module, so the command line shows them at once."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,13 +9,13 @@ from ehar.processes import cores
 
 @dataclass(frozen=True, kw_only=True)
 class GainTrainingConfig:
-    """How gain fields and belief are trained.
+    """The settings for the training of gain fields and belief.
 
     Args:
-        conditions: of the episodes, and the recogniser; its seed is that of episodes, forks and noise.
+        conditions: conditions of the episodes, and the recogniser; the seed is for episodes, forks and noise.
         out: folder to write to.
-        batches: of 32 episodes with 3 forks of 8 paths each.
-        workers: processes; numbers do not depend on it.
+        batches: number of batches, each of 32 episodes with 3 forks of 8 paths.
+        workers: number of processes; results do not depend on it.
     """
 
     conditions: Conditions

@@ -1,4 +1,4 @@
-"""The gain field: how much recognition is gained by looking from a viewpoint, given what is known of an episode."""
+"""The gain field: the recognition gained by looking from a viewpoint, given what is known of an episode."""
 
 from dataclasses import dataclass
 
@@ -16,25 +16,24 @@ class GainField:
 
     .. math:: g(v; c) = \Phi(v)^T A^T f(c) + \Phi(v - r_c)^T R^T f(c)
 
-    with the basis :math:`\Phi` of `planners.value.view_basis`, the features f of `Situation.features` after a
-    constant 1, and azimuths counted as they are (A) and from the reference r_c, where people face (R): where all of
-    a data set face the same way, A knows it before anybody has been seen. What a path over the frames to come is
-    expected to gain in
-    the probability of the true class, the mean over those frames, is
+    with the basis :math:`\Phi` of `planners.value.view_basis`, and the features f of `Situation.features` after a
+    constant 1. A counts azimuths as they are. R counts them from the reference r_c, the direction that people face. If
+    everybody in a data set faces the same way, A knows that before anybody has been seen. The
+    expected gain of a path, in the mean probability of the true class over the frames to come, is
 
     .. math:: \sum_f \gamma_f g(v_f; c) - \beta |\sum_f \gamma_f u_f|^2
 
-    with the weights of `frame_gains` and the unit vectors u towards the camera: views that spread tell more than the
-    same view again. Only differences between paths mean anything.
+    with the weights of `frame_gains` and the unit vectors u towards the camera. The last term is there because views
+    that spread tell more than the same view again. Only differences between paths have a meaning.
 
     Args:
-        parts: of the situation, that the field depends on; one that does without "facing" has no R.
+        parts: the parts of the situation that the field depends on; without "facing" there is no R.
         absolute: (1 + F, 21) A, for the constant and the features of the parts in the order of `PARTS`.
         relative: (1 + F, 21) R; zeros without "facing".
         spread: beta, at least 0.
 
     Raises:
-        ModelError: a part is unknown, shapes are not those, or a number is not finite.
+        ModelError: a part is unknown, a shape is wrong, a number is not finite, or the spread is negative.
     """
 
     parts: tuple[str, ...]
@@ -58,7 +57,7 @@ class GainField:
             raise ModelError("gain field: expected finite weights, and a spread of at least 0")
 
     def weights(self, situation: Situation) -> FloatArray:
-        """Return the weights (B, 21) of the view basis at viewpoints as they are, for `view_basis.field_value`.
+        """Return the weights (B, 21) of the view basis, with azimuths as they are, for `view_basis.field_value`.
 
         Raises:
             ModelError: the situation has other features than the field was trained with.

@@ -1,4 +1,4 @@
-"""Fit gain fields to what branching rollouts gave: ridge regression of gained probability on paths and situations."""
+"""Fits gain fields to branching rollouts: ridge regression of gained probability on paths and situations."""
 
 from dataclasses import dataclass, fields
 from typing import NamedTuple
@@ -19,29 +19,29 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     "no-embedding": tuple(part for part in PARTS if part != "embedding"),
     "no-facing": tuple(part for part in PARTS if part != "facing"),
 }
-EMBEDDING_DIRECTIONS = 12  # of most variance, that the regression sees
-PENALTIES = (1.0, 3.0, 10.0, 30.0, 100.0)  # tried, as a share of the mean curvature
-CONSTANT_SHARES = (0.003, 0.01, 0.03, 0.1, 0.3)  # of it for what is the same in all situations, tried
-HANDEDNESS = 4.0  # times the penalty for what tells left from right: people are nearly symmetric
+EMBEDDING_DIRECTIONS = 12  # directions of most variance that the regression sees
+PENALTIES = (1.0, 3.0, 10.0, 30.0, 100.0)  # candidates, as a share of the mean curvature
+CONSTANT_SHARES = (0.003, 0.01, 0.03, 0.1, 0.3)  # candidates: share of the penalty for terms that do not vary
+HANDEDNESS = 4.0  # factor of the penalty for functions that tell left from right: people are nearly symmetric
 FOLDS = 5
-SMALLEST_DEVIATION = 1e-9  # of a feature that tells anything
+SMALLEST_DEVIATION = 1e-9  # least standard deviation of a feature that is used
 CHUNK = 256  # forks at a time, to save memory
 SIZE = BASIS_SIZE - 1  # without the constant function, which is no reason to go anywhere
 
 
 class Fit(NamedTuple):
-    """A field, and how it did on sequences that it was not fitted on, in cross-validation."""
+    """A field and its scores in cross-validation, on sequences that it was not fitted on."""
 
     field: GainField
-    penalties: tuple[float, float]  # of what depends on the situation, and of what does not
-    explained: float  # share of the squared gains
-    chosen_gain: float  # gained probability of the path that it picks among a fork's, staying included
-    best_gain: float  # that of the best path of each fork, which only hindsight knows
+    penalties: tuple[float, float]  # for terms that depend on the situation, and for those that do not
+    explained: float  # explained share of the squared gains
+    chosen_gain: float  # gained probability of the path that the field picks at a fork, which may be to stay
+    best_gain: float  # gained probability of the best path at a fork, known only in hindsight
 
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """The regression: N forks of M - 1 paths, against staying."""
+    """The data of the regression: N forks of M - 1 paths, each compared with staying."""
 
     features: FloatArray  # (N, C) standardised, the first column 1
     path: FloatArray  # (N, M - 1, 20 or 40): the basis along each path less that of staying
@@ -54,15 +54,15 @@ class _Rows:
 
 
 class _Moments(NamedTuple):
-    """What a ridge solution is computed from; those of two sets of rows add up. S is 20 or 40."""
+    """The sums behind a ridge solution; those of two sets of rows add up. S is 20 or 40."""
 
-    moments: FloatArray  # (C * S + 1, C * S + 1) of features x path, and of the spread
-    response: FloatArray  # (C * S + 1,), with the gain
+    moments: FloatArray  # (C * S + 1, C * S + 1), second moments of features x path, and of the spread
+    response: FloatArray  # (C * S + 1,), their moments with the gain
     curvature: FloatArray  # (), the mean of the moments' diagonal over the constant's block
 
 
 def fork_situations(collection: Collection, belief: BeliefModel) -> Situation:
-    """Return what was known at all N forks of a collection."""
+    """Return the situations at all N forks of a collection."""
     episode, frame = collection.episode, collection.frame
     believed = np.exp(readout(belief, collection.log_probs, collection.viewpoints))
     seen = np.cumsum(basis_at(collection.viewpoints), axis=1)
@@ -97,7 +97,8 @@ def fit_field(collection: Collection, belief: BeliefModel, parts: tuple[str, ...
     penalties, explained, chosen = _cross_validate(rows, collection.sequences[collection.episode])
     situated, spread_weight = _solve(_moments(rows), penalties, rows.features.shape[1])
     solution = standardise @ situated
-    # Of the constant function nothing is known; without a frame of reference, of none that is relative to it.
+    # The constant function has weight 0: only differences are fitted. Without a reference direction, the field has no
+    # relative terms.
     absolute, relative = np.zeros((2, len(solution), BASIS_SIZE))
     absolute[:, 1:] = solution[:, :SIZE]
     if "facing" in parts:
@@ -107,7 +108,7 @@ def fit_field(collection: Collection, belief: BeliefModel, parts: tuple[str, ...
 
 
 def _standardiser(raw: FloatArray, situation: Situation, parts: tuple[str, ...]) -> FloatArray:
-    """Return the map (1 + F, C) to a constant and features of mean 0 and variance 1, embeddings reduced."""
+    """Return the map (1 + F, C) to a constant and features of mean 0 and variance 1, with embeddings reduced."""
     mean, deviation = raw.mean(axis=0), raw.std(axis=0)
     scale = np.diag(np.where(deviation > SMALLEST_DEVIATION, 1 / np.maximum(deviation, SMALLEST_DEVIATION), 0.0))
     scale[0, 0] = 1.0
@@ -141,20 +142,20 @@ def _moments(rows: _Rows) -> _Moments:
     return _Moments(moments, response, np.trace(moments[:size, :size]) / size)
 
 
-def _solve(of: _Moments, penalties: tuple[float, float], features: int) -> tuple[FloatArray, float]:
+def _solve(sums: _Moments, penalties: tuple[float, float], features: int) -> tuple[FloatArray, float]:
     """Return the ridge solution for C features, (C, S), and the weight of the spread, which no penalty shrinks."""
     harmonics = np.ones(SIZE)
     harmonics[SINES - 1] = HANDEDNESS
-    size = (len(of.response) - 1) // features
+    size = (len(sums.response) - 1) // features
     penalty = np.tile(harmonics, (features, size // SIZE)) * penalties[0]
     penalty[0] *= penalties[1] / penalties[0]
-    ridge = of.moments + of.curvature * np.diag(np.append(penalty.ravel(), 0.0))
-    solution: FloatArray = solve(ridge, of.response, assume_a="pos")
+    ridge = sums.moments + sums.curvature * np.diag(np.append(penalty.ravel(), 0.0))
+    solution: FloatArray = solve(ridge, sums.response, assume_a="pos")
     return solution[:-1].reshape(features, size), float(solution[-1])
 
 
 def _cross_validate(rows: _Rows, sequence: IntArray) -> tuple[tuple[float, float], float, float]:
-    """Return the best penalties, the share of squared gain explained with them, and the gain of what they pick."""
+    """Return the best penalties, the share of squared gain that they explain, and the gain of the paths they pick."""
     names, number = np.unique(sequence, return_inverse=True)
     fold = (np.random.default_rng(0).permutation(len(names)) % FOLDS)[number]
     penalties = [(penalty, share * penalty) for penalty in PENALTIES for share in CONSTANT_SHARES]

@@ -1,4 +1,4 @@
-"""All that a planner which values views has learned, and where it lies on disk: safetensors, with JSON beside them."""
+"""The trained model of the planners that value views; on disk it is safetensors, with JSON beside them."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,13 +23,13 @@ FULL = "full"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GainModel:
-    """What is learned on the policy part of the training data, for one recogniser and sensor.
+    """Gain fields and belief, trained on the policy part of the training data for one recogniser and sensor.
 
     Args:
-        fields: gain fields by variant; `full` knows all of the situation, the others are for ablations.
-        belief: how evidence comes in.
+        fields: gain fields by variant; `full` sees the whole situation, the others are for ablations.
+        belief: the parameters of the belief.
         pairs: (pairs, 2) of [left, right], the joints of the trunk.
-        sha256: of the files, recorded beside results.
+        sha256: hash of the files, recorded beside results.
     """
 
     fields: dict[str, GainField]
@@ -42,7 +42,7 @@ class GainModel:
 
 @dataclass(frozen=True)
 class FieldDescription:
-    """What the JSON says of one gain field, as in `GainField`."""
+    """The entry of one gain field in the JSON; see `GainField`."""
 
     parts: tuple[str, ...]
     spread: float
@@ -53,10 +53,10 @@ class GainDescription:
     """The JSON beside the weights of gain fields.
 
     Args:
-        recogniser_sha256: of the recogniser whose outputs they were trained on.
-        fields: by variant.
+        recogniser_sha256: hash of the recogniser whose outputs they were trained on.
+        fields: the fields by variant.
         trunk: pairs of [left, right], the joints of the trunk.
-        belief: how evidence comes in.
+        belief: the parameters of the belief.
         training: how they were trained; kept for people, not read back.
     """
 
@@ -68,17 +68,17 @@ class GainDescription:
 
 
 def gain_model_path(directory: Path, conditions: Conditions) -> Path:
-    """Return where the fields' weights lie in a models directory; the JSON lies beside them."""
+    """Return the path of the fields' weights in a models directory; the JSON lies beside them."""
     return directory / f"gain-field-{conditions.seen}.safetensors"
 
 
 def save_gain_model(path: Path, model: GainModel, *, recogniser_sha256: str, history: dict[str, Any]) -> None:
-    """Save a model, and beside it which recogniser it belongs to and how it came about.
+    """Save a model, and beside it a description of its recogniser and its training.
 
     Args:
-        path: of the safetensors file.
-        model: trained.
-        recogniser_sha256: of the recogniser whose outputs it was trained on.
+        path: the safetensors file.
+        model: the trained model.
+        recogniser_sha256: hash of the recogniser whose outputs it was trained on.
         history: how it was trained; kept for people, not read back.
     """
     tensors = {
@@ -100,9 +100,9 @@ def load_gain_model(conditions: Conditions, data: MotionData, recogniser_sha256:
     """Load a gain model and check that it belongs to the recogniser.
 
     Args:
-        conditions: that it was trained for: the folder, sensor and views.
-        data: what it will be used on.
-        recogniser_sha256: of the recogniser that it will work with.
+        conditions: conditions of the training: folder, sensor and views.
+        data: the data that it will be used on.
+        recogniser_sha256: hash of the recogniser that it will work with.
 
     Raises:
         ModelError: the files are missing or malformed, or belong to another recogniser.

@@ -1,4 +1,4 @@
-"""What a planner that values views knows of an episode: facing, belief, what was seen from where, as numbers."""
+"""The situation in an episode, as numbers: the belief, the place of people, and the views so far."""
 
 from dataclasses import dataclass
 
@@ -10,8 +10,8 @@ from planners.value.belief import Belief, BeliefModel
 from planners.value.body_filter import BodyFilter
 from planners.value.view_basis import BASIS_SIZE, basis_at, turned
 
-PARTS = ("ratio", "history", "belief", "embedding", "facing")  # of a situation, that a gain field may depend on
-_HISTORY = (1, 2, 3, 4, 5, 6, 7, 8, 16)  # of the basis: harmonics of degree 1 and 2, and the distance
+PARTS = ("ratio", "history", "belief", "embedding", "facing")  # parts of a situation that a gain field may use
+_HISTORY = (1, 2, 3, 4, 5, 6, 7, 8, 16)  # places in the basis: harmonics of degree 1 and 2, and the distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,11 +21,11 @@ class Situation:
     Args:
         ratio: (B,) observation ratio.
         belief: (B, K) probabilities.
-        embedding: (B, D), the recogniser's.
+        embedding: (B, D), the recogniser's embedding.
         facing: (B, P) [rad], the azimuths that people face.
-        facing_std: (B, P) [rad].
-        position: (B, P, 3) [m], where people are relative to the centre.
-        seen: (B, 21), the view basis, the mean over the frames so far.
+        facing_std: (B, P) [rad], their standard deviations.
+        position: (B, P, 3) [m], the positions of people relative to the centre.
+        seen: (B, 21), the mean of the view basis over the frames so far.
     """
 
     ratio: FloatArray
@@ -40,8 +40,8 @@ class Situation:
     def reference(self) -> FloatArray:
         """The azimuth that a gain field counts from, (B,) [rad].
 
-        Where the person faces; where there are several, the way from the first to the second, which says better
-        how they hide each other, and is better known from a distance.
+        For one person, it is the azimuth that the person faces. For several, it is the direction from the first to the
+        second. This direction says more about how they hide each other, and is better known from a distance.
         """
         if self.facing.shape[1] == 1:
             return self.facing[:, 0]
@@ -74,11 +74,11 @@ class Situation:
 
 
 class Tracker:
-    """Follows B episodes frame by frame: what is believed, and where people are and face.
+    """Tracks B episodes frame by frame: the belief, and where people are and face.
 
     Args:
-        belief: fitted.
-        pairs: of the trunk, (pairs, 2) of [left, right].
+        belief: the fitted parameters of the belief.
+        pairs: (pairs, 2) of [left, right], the joints of the trunk.
     """
 
     def __init__(self, *, belief: BeliefModel, pairs: IntArray) -> None:
@@ -103,7 +103,7 @@ class Tracker:
 
     @property
     def situation(self) -> Situation:
-        """What is known after the last frame."""
+        """The situation after the last frame."""
         observation = self._observation
         return Situation(
             ratio=np.full(len(observation.viewpoint), observation.ratio),
@@ -117,10 +117,10 @@ class Tracker:
 
 
 def frame_gains(frame: int, length: int) -> FloatArray:
-    r"""Return how much the view in each frame to come weighs, (L - 1 - frame,), summing to 1.
+    r"""Return the weight of the view in each frame to come, (L - 1 - frame,); the weights sum to 1.
 
-    What is recognised after frame s averages the evidence of its s frames, so evidence of frame f enters all
-    frames from f on, each with weight 1/s: :math:`\gamma_f \propto \sum_{s \ge f} 1/s`. Early views weigh most.
+    The recognition after frame s averages the evidence of s frames. So the evidence of frame f enters every frame s
+    from f on, with weight 1/s: :math:`\gamma_f \propto \sum_{s \ge f} 1/s`. Early views weigh most.
     """
     after = np.arange(frame + 2, length + 1)  # counted from 1, as s above
     gains = np.cumsum(1 / after[::-1])[::-1]

@@ -1,4 +1,4 @@
-"""Train gain fields and belief for one recogniser: branching rollouts on the policy part, then regressions."""
+"""Trains gain fields and belief for one recogniser: branching rollouts on the policy part, then regressions."""
 
 import hashlib
 from collections.abc import Callable
@@ -26,7 +26,7 @@ LEAST_LENGTH = 3  # frames of an episode: views along a path spread only if ther
 
 @dataclass(frozen=True)
 class GainTraining:
-    """What a training gave: where it was written to, and how each field did in cross-validation."""
+    """The result of a training: the path of the weights, and the fields with their scores in cross-validation."""
 
     path: Path
     fits: dict[str, Fit]
@@ -36,8 +36,8 @@ def train_gain_field(config: GainTrainingConfig, report: Callable[[str, int, int
     """Train and save; batches of rollouts that a stopped run has finished are not run again.
 
     Args:
-        config: how.
-        report: hears of progress: what is done, how much of it, of how much.
+        config: the settings of the training.
+        report: called with progress: the name of the task, the amount done, and the total.
 
     Raises:
         EharError: data or recogniser are missing or do not fit, or a number is too small.
@@ -56,7 +56,7 @@ def train_gain_field(config: GainTrainingConfig, report: Callable[[str, int, int
     setting = load_setting(conditions)
     data, policy = setting.data, split_parts(setting.data).policy
     sequences = policy[data.lengths[policy] >= conditions.length]
-    if len(sequences) < 2:  # a field is judged on others than it was fitted on
+    if len(sequences) < 2:  # a field is judged on sequences that it was not fitted on
         raise DataError(
             f"{data.name}: expected at least 2 policy sequences of at least {conditions.length} frames, "
             f"got {len(sequences)}"
@@ -116,7 +116,7 @@ def _collect(
     key: str,
     report: Callable[[str, int, int], None],
 ) -> Collection:
-    """Return the branching rollouts; each batch is kept in a folder, and read from there by a run that goes on."""
+    """Return the branching rollouts; each batch is kept in a folder, and a resumed run reads it from there."""
     folder = folder.with_name(f"{folder.name}-rollouts-{key[:8]}")
     pieces: dict[int, Collection] = {}
     for batch in range(config.batches):
@@ -134,7 +134,7 @@ def _collect(
 
 
 def _read(path: Path) -> Collection | None:
-    """Return a batch that was kept; None if there is none, or it is not whole."""
+    """Return a batch that was kept; None if it is missing or not whole."""
     try:
         return Collection(**load_file(path))
     except (OSError, SafetensorError, TypeError):

@@ -1,4 +1,4 @@
-"""The functions of a viewpoint that a gain field is a linear combination of: one formula for numpy and CasADi.
+"""The basis functions of a gain field, which is a linear combination of them; one formula for numpy and CasADi.
 
 They are real spherical harmonics up to degree 3, written as polynomials of the unit vector towards the camera, and
 distance terms. So a field is smooth, periodic in the azimuth, and has one value at the pole whatever the azimuth.
@@ -20,7 +20,7 @@ HALF_RANGE = 5.0  # [m] ... to 15 m
 
 
 class Trigonometry(Protocol):
-    """What the formula needs of numpy or casadi: hand it the module."""
+    """The functions that the formula takes from numpy or casadi; the argument is the module."""
 
     @property
     def sin(self) -> Any:
@@ -79,13 +79,13 @@ def basis_at(viewpoint: FloatArray) -> FloatArray:
 
 
 def mean_direction(basis: FloatArray) -> FloatArray:
-    """Return the mean unit vector (..., 3) towards cameras of which the mean basis is (..., 21)."""
+    """Return the mean unit vector (..., 3) towards cameras whose mean basis is (..., 21)."""
     x, y, z = basis[..., 3], basis[..., 1], basis[..., 2]
     return np.stack([x, y, z], axis=-1) / sqrt(3)
 
 
 def turned(basis: FloatArray, angle: FloatArray) -> FloatArray:
-    """Return the basis (..., 21) as it is at azimuths less `angle` (...,) [rad]; sums and weights turn alike.
+    """Return the basis (..., 21) at azimuths less `angle` (...,) [rad]; sums and weights turn in the same way.
 
     Each order's sine and cosine turn into each other: sin m(a - b) = sin ma cos mb - cos ma sin mb.
     """

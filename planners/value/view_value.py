@@ -1,4 +1,4 @@
-"""What each viewpoint is worth at the present frame: the situation, tracked, and the gain field that fits it."""
+"""The value of viewpoints at the present frame, from the tracked situation and the gain field."""
 
 import numpy as np
 
@@ -10,11 +10,11 @@ from planners.value.situation import Situation, Tracker, frame_gains
 
 
 class ViewValue:
-    """Follows B episodes and says what views are worth.
+    """Tracks B episodes, and gives the value of views.
 
     Args:
-        model: trained.
-        variant: which of its fields; all but `full` are for ablations.
+        model: the trained model.
+        variant: name of one of its fields; all but `full` are for ablations.
 
     Raises:
         UsageError: the model has no such field.
@@ -37,7 +37,7 @@ class ViewValue:
 
     @property
     def situation(self) -> Situation:
-        """What is known after the last frame."""
+        """The situation after the last frame."""
         return self._tracker.situation
 
     @property
@@ -47,10 +47,10 @@ class ViewValue:
 
 
 def node_gains(frame: int, length: int, nodes: int, node_frames: int) -> FloatArray:
-    """Return how much the view at each node weighs, (nodes,), summing to 1: `frame_gains` of the frames it stands for.
+    """Return the weight of the view at each node, (nodes,): the sum of `frame_gains` over the node's frames.
 
-    Node h stands for the `node_frames` frames up to its own, the last one for all that follow too. Nodes beyond the
-    end of the episode weigh nothing, so that a horizon may be longer than what is left.
+    The weights sum to 1. Node h stands for the `node_frames` frames up to its own. The last node also stands for all
+    frames after it. Nodes after the end of the episode have weight 0, so the horizon may be longer than the episode.
     """
     gains = frame_gains(frame, length)
     node = np.minimum(np.arange(len(gains)) // node_frames, nodes - 1)

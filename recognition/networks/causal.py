@@ -1,4 +1,4 @@
-"""CTR-GCN in streaming form: over whole clips in one pass, or one frame at a time with the same result."""
+"""The streaming form of CTR-GCN: it takes whole clips in one pass, or one frame at a time with the same result."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -25,12 +25,12 @@ class BlockState:
 
 @dataclass(frozen=True)
 class StreamingState:
-    """All that the network remembers of B episodes. Tensors are never changed in place.
+    """Everything that the network remembers of B episodes. Tensors are never changed in place.
 
     Args:
-        forks: F, alternatives of every episode; tensors that they still share have a fork axis of 1.
-        count: (B,) frames seen.
-        blocks: one state a block, over B * P bodies.
+        forks: number F of alternatives of each episode. A tensor that they still share has a fork axis of size 1.
+        count: (B,) number of frames seen.
+        blocks: the state of each block, over B * P bodies.
         pooled: (B, D, F') the sum of pooled features over the frames seen.
     """
 
@@ -40,7 +40,7 @@ class StreamingState:
     pooled: Tensor
 
     def fork(self, forks: int) -> "StreamingState":
-        """Return a state of F alternatives an episode; nothing is copied.
+        """Return a state with F alternatives of each episode; nothing is copied.
 
         Raises:
             ValueError: the state is forked already.
@@ -52,12 +52,12 @@ class StreamingState:
     def select(self, choice: Tensor) -> "StreamingState":
         """Return the unforked state of alternative `choice` (B,) of each episode."""
         bodies = len(self.blocks[0].graph.total) // len(choice)
-        of_body = choice.repeat_interleave(bodies)
+        body_choice = choice.repeat_interleave(bodies)
 
         def pick(tensor: Tensor) -> Tensor:
             if tensor.shape[2] == 1:
                 return tensor
-            index = choice if len(tensor) == len(choice) and tensor is self.pooled else of_body
+            index = choice if len(tensor) == len(choice) and tensor is self.pooled else body_choice
             return tensor[torch.arange(len(tensor)), :, index].unsqueeze(2)
 
         return self._map(pick, forks=1)
@@ -65,10 +65,10 @@ class StreamingState:
     def reset(self, mask: Tensor) -> "StreamingState":
         """Return a state in which the episodes of `mask` (B,) bool have seen nothing."""
         bodies = len(self.blocks[0].graph.total) // len(mask)
-        of_body = mask.repeat_interleave(bodies)
+        body_mask = mask.repeat_interleave(bodies)
 
         def clear(tensor: Tensor) -> Tensor:
-            rows = mask if tensor is self.pooled else of_body
+            rows = mask if tensor is self.pooled else body_mask
             return tensor.masked_fill(rows.view(-1, *[1] * (tensor.dim() - 1)), 0.0)
 
         return replace(self._map(clear, forks=self.forks), count=self.count.masked_fill(mask, 0))
@@ -119,17 +119,17 @@ class CausalBlock(nn.Module):
 
 
 class CausalCTRGCN(nn.Module):
-    """CTR-GCN whose every operation over time is replaced by its running counterpart.
+    """CTR-GCN with a running counterpart for every operation over time.
 
-    The logits after frame t depend on frames up to t only, so one pass over a clip gives those of every prefix,
-    and training sees all observation ratios at once.
+    The logits after frame t depend only on the frames up to t. So one pass over a clip gives the logits of every
+    prefix, and training sees all observation ratios at once.
 
     Args:
-        classes: K.
-        channels: features of a joint.
+        classes: number K of classes.
+        channels: number C of features of a joint.
         partition: (3, J, J) the spatial partition of the skeleton.
         widths: output channels of each block, multiples of 4.
-        dropout: on the pooled features.
+        dropout: rate of dropout on the pooled features.
     """
 
     def __init__(
@@ -149,14 +149,14 @@ class CausalCTRGCN(nn.Module):
         self.classify = nn.Linear(widths[-1], classes)
 
     def _bodies(self, x: Tensor) -> Tensor:
-        """Return normalised bodies (B * P, C, T, J) of features (B, T, P, J, C); T may be the fork axis."""
+        """Turn features (B, T, P, J, C) into normalised bodies (B * P, C, T, J); T may be the fork axis."""
         batch, frames, persons, joints, channels = x.shape
         flat = x.transpose(1, 2).reshape(batch * persons, frames, joints * channels)
         normed: Tensor = self.input_norm(flat.transpose(1, 2))
         return normed.view(batch * persons, joints, channels, frames).permute(0, 2, 3, 1)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return the logits after every frame, (B, T, K), of features (B, T, P, J, C)."""
+        """Return the logits (B, T, K) after every frame, from features (B, T, P, J, C)."""
         batch, frames, persons = x.shape[:3]
         bodies = self._bodies(x)
         for block in self.blocks:
@@ -178,7 +178,7 @@ class CausalCTRGCN(nn.Module):
         )
 
     def step(self, x: Tensor, state: StreamingState) -> tuple[Tensor, Tensor, StreamingState]:
-        """Take one frame: features (B, F, P, J, C), F = 1 for an unforked state.
+        """Take one frame: features (B, F, P, J, C), with F = 1 for an unforked state.
 
         Returns:
             logits (B, F, K), embedding (B, F, D), and the state after the frame.

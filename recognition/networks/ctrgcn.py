@@ -1,7 +1,7 @@
 """CTR-GCN as published (Chen et al., "Channel-wise Topology Refinement Graph Convolution", ICCV 2021).
 
 Parameters and buffers are named as in the public implementation, so that its checkpoints load with `strict=True`.
-Axis letters of this module are the paper's: N samples, C channels, T frames, V joints, M persons.
+This module uses the paper's letters for axes: N samples, C channels, T frames, V joints, M persons.
 """
 
 import math
@@ -22,9 +22,9 @@ BRANCHES = 4
 class CTRGC(nn.Module):
     """Channel-wise topology refinement graph convolution (Sec. 3.2).
 
-    Each channel c of a sample has a topology of its own, the shared one refined by a correlation of joints i and j:
+    Each channel c of a sample has its own topology. It is the shared one, refined by a correlation of joints i and j:
 
-        M_ij = tanh(psi(x_i) - phi(x_j))    correlation (M1 in the paper), of the features' mean over time
+        M_ij = tanh(psi(x_i) - phi(x_j))    correlation (M1 in the paper) of the features' means over time
         R_c  = A + alpha * xi(M)_c          channel-wise topology
         z_c  = R_c T(x)_c                   channel-wise aggregation of the transformed features
 
@@ -32,7 +32,7 @@ class CTRGC(nn.Module):
     """
 
     def __init__(self, *, in_channels: int, out_channels: int) -> None:
-        """Create the convolution; `relation_channels` says how wide psi and phi are."""
+        """Create the convolution; `relation_channels` gives the width of psi and phi."""
         super().__init__()
         relation = relation_channels(in_channels)
         self.conv1 = nn.Conv2d(in_channels, relation, 1)
@@ -41,22 +41,23 @@ class CTRGC(nn.Module):
         self.conv4 = nn.Conv2d(relation, out_channels, 1)
 
     def correlation(self, mean: Tensor) -> Tensor:
-        """Return xi(M), (N, C', V, V), of features with `mean` (N, C, 1, V) over time.
+        """Return xi(M) (N, C', V, V) for features whose mean over time is `mean` (N, C, 1, V).
 
-        The published code averages psi(x) and phi(x) over time; they are affine, so their value at the mean is that.
+        The published code averages psi(x) and phi(x) over time. Both are affine, so their value at the mean is their
+        average.
         """
         correlation: Tensor = self.conv4(torch.tanh(self.conv1(mean).transpose(2, 3) - self.conv2(mean)))
         return correlation
 
     def forward(self, x: Tensor, topology: Tensor) -> Tensor:
-        """Transform x (N, C, T, V) and gather it over joints by the `topology` (N, C', V, V), to (N, C', T, V)."""
+        """Transform x (N, C, T, V) and gather it over joints with the `topology` (N, C', V, V), to (N, C', T, V)."""
         return torch.matmul(self.conv3(x), topology.transpose(2, 3))
 
 
 class SpatialUnit(nn.Module):
     """Spatial modelling (Sec. 3.4): the sum of one CTR-GC for each part of the partition, with a residual.
 
-    The shared topology `PA` (3, V, V) is learned. So is `alpha`, from 0, so that no refinement is made at first.
+    The shared topology `PA` (3, V, V) and `alpha` are learned. `alpha` starts at 0, so there is no refinement at first.
     """
 
     def __init__(self, *, in_channels: int, out_channels: int, adjacency: Tensor) -> None:
@@ -80,7 +81,7 @@ class SpatialUnit(nn.Module):
 
 
 class TemporalConvolution(nn.Module):
-    """A convolution over time, padded so that only the stride shortens it, and its normalisation."""
+    """A convolution over time and its normalisation, padded so that only the stride shortens a clip."""
 
     def __init__(self, *, in_channels: int, out_channels: int, kernel: int, stride: int, dilation: int = 1) -> None:
         """Create the convolution over `kernel` frames that are `dilation` apart."""
@@ -102,13 +103,13 @@ class TemporalConvolution(nn.Module):
 
 
 class TemporalUnit(nn.Module):
-    """Multi-scale temporal modelling (Sec. 3.4): four branches of a quarter of the channels each.
+    """Multi-scale temporal modelling (Sec. 3.4): four branches, each with a quarter of the channels.
 
-    Convolutions of 5 frames with dilations 1 and 2, the maximum of 3 frames, and the frame itself.
+    The branches are convolutions of 5 frames with dilations 1 and 2, the maximum of 3 frames, and the frame itself.
     """
 
     def __init__(self, *, channels: int, stride: int) -> None:
-        """Create the unit of `channels`, a multiple of 4."""
+        """Create the unit; the number of `channels` is a multiple of 4."""
         super().__init__()
         width = channels // BRANCHES
 
@@ -135,7 +136,7 @@ class Block(nn.Module):
     def __init__(
         self, *, in_channels: int, out_channels: int, stride: int, adjacency: Tensor, residual: bool = True
     ) -> None:
-        """Create the block; the published network's first has no residual."""
+        """Create the block; the first block of the published network has no residual."""
         super().__init__()
         self.gcn1 = SpatialUnit(in_channels=in_channels, out_channels=out_channels, adjacency=adjacency)
         self.tcn1 = TemporalUnit(channels=out_channels, stride=stride)
@@ -156,7 +157,7 @@ class Block(nn.Module):
 class CTRGCN(nn.Module):
     """CTR-GCN: blocks of channel-wise refined graph convolution and multi-scale temporal convolution (Sec. 3.4).
 
-    Clips may be of any length T from 1 on. Persons share all weights but the input normalisation, as published.
+    A clip may have any length T of at least 1. Persons share all weights except the input normalisation, as published.
     """
 
     def __init__(
@@ -175,22 +176,22 @@ class CTRGCN(nn.Module):
 
         Args:
             classes: number K of activities.
-            joints: number V of joints a person.
+            joints: number V of joints of a person.
             persons: number M of persons.
-            in_channels: number C of values a joint.
+            in_channels: number C of values of a joint.
             adjacency: the partition of the skeleton, (3, V, V); see `recognition.networks.graph.partition`.
             widths: channels of each block, each a multiple of 4.
-            strides: by how much each block shortens time.
-            generator: draws the first weights; by default one of a fixed seed.
+            strides: the factor by which each block shortens time.
+            generator: draws the first weights; by default a generator with a fixed seed.
 
         Raises:
-            ModelError: if the sizes contradict each other.
+            ModelError: the sizes contradict each other.
         """
         super().__init__()
         if adjacency.shape[1:] != (joints, joints):
             raise ModelError(f"adjacency has shape {adjacency.shape}, expected (3, {joints}, {joints})")
         if not widths or len(widths) != len(strides):
-            raise ModelError(f"{len(widths)} widths and {len(strides)} strides, expected one of each a block")
+            raise ModelError(f"{len(widths)} widths and {len(strides)} strides, expected one of each for every block")
         if any(width <= 0 or width % BRANCHES for width in widths):
             raise ModelError(f"widths are {tuple(widths)}, expected positive multiples of {BRANCHES}")
         start = torch.as_tensor(adjacency, dtype=torch.float32)
@@ -213,7 +214,7 @@ class CTRGCN(nn.Module):
         return logits
 
     def embed(self, x: Tensor) -> Tensor:
-        """Return what the logits are linear in: the features of clips x averaged over T, V and M, (N, D)."""
+        """Return the embeddings (N, D) of clips x: features averaged over T, V and M. The logits are linear in them."""
         samples, channels, frames, joints, persons = x.shape
         x = x.permute(0, 4, 3, 1, 2).reshape(samples, persons * joints * channels, frames)
         x = self.data_bn(x).reshape(samples, persons, joints, channels, frames).permute(0, 1, 3, 4, 2)
@@ -223,7 +224,7 @@ class CTRGCN(nn.Module):
         return x.mean(dim=(2, 3)).reshape(samples, persons, -1).mean(dim=1)
 
     def _initialise(self, generator: torch.Generator) -> None:
-        """Draw convolutions by He et al. (2015), fan out, and the classifier from N(0, 2 / K); as published."""
+        """Draw convolutions as in He et al. (2015), with fan-out, and the classifier from N(0, 2 / K), as published."""
         for module in self.modules():
             if isinstance(module, nn.Conv2d):
                 nn.init.kaiming_normal_(module.weight, mode="fan_out", generator=generator)
@@ -236,9 +237,9 @@ class CTRGCN(nn.Module):
 
 
 def relation_channels(in_channels: int) -> int:
-    """Return in how many channels joints are correlated.
+    """Return the number of channels in which joints are correlated.
 
-    As published, 8 for raw input (3 or 9 channels there) and an eighth of features otherwise. The floor is ours: below
-    a width of 32, which is narrower than any published one, an eighth leaves too few.
+    As published, it is 8 for raw input, which has 3 or 9 channels there, and an eighth of the features otherwise. The
+    floor of 4 is ours: below a width of 32, an eighth leaves too few. No published width is that narrow.
     """
     return 8 if in_channels <= 9 else max(4, in_channels // 8)

@@ -1,4 +1,4 @@
-"""What the networks see of a frame: joints, bones and partners in the image, in metres at the centre's depth."""
+"""The features of a frame: joints, bones and partners in the image, in metres at the centre's depth."""
 
 import torch
 from torch import Tensor
@@ -11,23 +11,23 @@ PARTNER_CHANNELS = 2  # x and y to the same joint of the other persons, where th
 
 
 def channel_count(persons: int) -> int:
-    """Return C, the features of a joint in scenes of P persons."""
+    """Return the number C of features of a joint in scenes of P persons."""
     return JOINT_CHANNELS + BONE_CHANNELS + (PARTNER_CHANNELS if persons > 1 else 0)
 
 
 def features(joints_2d: Tensor, confidence: Tensor, distance: Tensor, parents: Tensor, camera: Camera) -> Tensor:
     """Return the joint, bone and partner streams of frames, side by side.
 
-    Pixels are scaled by distance / focal length: the size of a body then does not depend on how far the camera
-    stands, only its noise does. Joints are given relative to the mean of the person's seen joints, and that mean
-    beside them, so a network need not learn one from the other. The network takes in one person at a time, so
-    where there are several each joint also gets the way to the same joint of the others: without it, what two
-    persons do to each other could not be told from what each does alone. What is missing is 0, with confidence 0.
+    Pixels are scaled by distance / focal length. The size of a body then does not depend on the camera's distance;
+    only its noise does. Joints are given relative to the mean of the person's seen joints. That mean is given beside
+    them, so a network need not learn one from the other. The network takes one person at a time. So in scenes of
+    several persons, each joint also gets the vector to the same joint of the others. Without this vector, the network
+    could not see what two persons do to each other. A missing value is 0, with confidence 0.
 
     Args:
         joints_2d: (..., P, J, 2) [px].
         confidence: (..., P, J) in [0, 1], 0 where the joint is missing.
-        distance: (...,) from the camera to the centre [m].
+        distance: (...,), the distance from the camera to the centre [m].
         parents: (J,) each joint's neighbour towards the skeleton's centre.
         camera: the intrinsics.
 

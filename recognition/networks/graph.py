@@ -10,9 +10,10 @@ from ehar.data.skeleton import Skeleton
 def partition(skeleton: Skeleton) -> FloatArray:
     """Return the spatial partition that CTR-GCN starts its adjacency from, (3, J, J) float32.
 
-    Identity, inward and outward edges (Yan et al., ST-GCN, AAAI 2018, Sec. 3.3, as the public CTR-GCN has it).
-    Inward, `[1, parent, child]` is 1; outward is its transpose; the columns of each are divided by their sums.
-    An edge between two joints that are equally far from the centre, as in a loop of odd length, is in both, both ways.
+    The parts are identity, inward edges and outward edges (Yan et al., ST-GCN, AAAI 2018, Sec. 3.3, as in the public
+    CTR-GCN). In the inward part, `[1, parent, child]` is 1. The outward part is its transpose. The columns of each
+    part are divided by their sums. A loop of odd length has an edge between two joints that are equally far from the
+    centre; such an edge is in both parts, in both directions.
     """
     adjacency, depth, _ = _rooted(skeleton)
     inward = (adjacency & (depth[:, None] <= depth[None, :])).astype(np.float32)
@@ -21,9 +22,9 @@ def partition(skeleton: Skeleton) -> FloatArray:
 
 
 def parents(skeleton: Skeleton) -> IntArray:
-    """Return each joint's neighbour toward the centre, (J,); itself for the centre of each connected part.
+    """Return each joint's neighbour toward the centre, (J,); the centre of a connected part is its own neighbour.
 
-    A joint in a loop may have two such neighbours: the one of lower index is taken.
+    A joint in a loop may have two such neighbours; the one with the lower index is taken.
     """
     adjacency, depth, centre = _rooted(skeleton)
     nearer = adjacency & (depth[None, :] < depth[:, None])
@@ -31,10 +32,10 @@ def parents(skeleton: Skeleton) -> IntArray:
 
 
 def _rooted(skeleton: Skeleton) -> tuple[BoolArray, FloatArray, IntArray]:
-    """Return the symmetric adjacency (J, J), each joint's bones to the centre (J,), and that centre (J,).
+    """Return the symmetric adjacency (J, J), each joint's distance to its centre in bones (J,), and the centre (J,).
 
-    The centre is the joint of least eccentricity; of several, the one with the least total distance, then the lowest
-    index. A part that no bone connects to the rest has a centre of its own.
+    The centre is the joint of least eccentricity. Of several such joints, it is the one with the least total distance,
+    and then with the lowest index. A part that no bone connects to the rest has its own centre.
     """
     joints = len(skeleton.joint_names)
     start, end = skeleton.bone_indices.T

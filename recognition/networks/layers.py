@@ -1,8 +1,8 @@
-"""The two layers of CTR-GCN in causal form, each over whole clips and, equally, one frame at a time.
+"""The two layers of CTR-GCN in causal form; each takes whole clips, or one frame at a time with the same result.
 
-A graph convolution whose topology follows the running mean, and a left-padded multi-scale temporal convolution.
-Tensors are (N, C, T, J) over clips and (N, C, F, J) over one frame, N = B * P bodies, F forks. What a state
-holds is (N, C, F', ...) with F' = 1 as long as the forks share it.
+One layer is a graph convolution whose topology follows the running mean. The other is a left-padded multi-scale
+temporal convolution. Tensors are (N, C, T, J) over clips and (N, C, F, J) over one frame, with N = B * P bodies and F
+forks. A tensor of a state is (N, C, F', ...), with F' = 1 as long as the forks share it.
 """
 
 from typing import NamedTuple
@@ -28,32 +28,32 @@ class GraphState(NamedTuple):
 def refreshes(count: int) -> bool:
     """Return whether the topology is refreshed at the `count`-th frame (from 1): at 1, 4, 16, 64, ...
 
-    A mean over t frames moves by 1/t a frame, so growing intervals keep a held topology as fresh, relatively,
-    late in an episode as early, and an episode of 60 frames costs 3 topologies instead of 60.
+    A mean over t frames moves by 1/t a frame. So the intervals can grow: a held topology drifts as little late in an
+    episode as early in it. An episode of 60 frames costs 3 topologies instead of 60.
     """
     return count & (count - 1) == 0 and count.bit_length() % 2 == 1
 
 
 class Pointwise(nn.Conv2d):
-    """A 1 x 1 convolution as a matrix product: about twice as fast as a convolution's kernel, in training too.
+    """A 1 x 1 convolution as a matrix product: about twice as fast as the convolution kernel, in training too.
 
     Args:
-        inputs: C_in.
-        outputs: C_out.
+        inputs: number C_in of input channels.
+        outputs: number C_out of output channels.
     """
 
     def __init__(self, inputs: int, outputs: int) -> None:
-        """Create the convolution, initialised as any other."""
+        """Create the convolution, initialised like any other."""
         super().__init__(inputs, outputs, 1)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return (N, C_out, T, J) of x (N, C_in, T, J)."""
+        """Return (N, C_out, T, J) for x (N, C_in, T, J)."""
         return _product(self.weight.flatten(1), _bias(self), x)
 
 
 def _product(weight: Tensor, bias: Tensor, x: Tensor) -> Tensor:
-    """Return a weight (C_out, C_in) and a bias (C_out,) applied to the channels of x (N, C_in, T, J)."""
-    # Shapes instead of len(): a call of that on a tensor costs as much as a small product.
+    """Apply a weight (C_out, C_in) and a bias (C_out,) to the channels of x (N, C_in, T, J)."""
+    # Shapes instead of len(): a call of len() on a tensor costs as much as a small product.
     product = torch.baddbmm(bias[:, None], weight.expand(x.shape[0], -1, -1), x.flatten(2))
     return product.view(x.shape[0], weight.shape[0], *x.shape[2:])
 
@@ -71,8 +71,8 @@ class CausalGraphConvolution(nn.Module):
     so far; the embeddings are linear, so one running mean of the input serves all three subsets.
 
     Args:
-        inputs: C_in.
-        outputs: C_out.
+        inputs: number C_in of input channels.
+        outputs: number C_out of output channels.
         partition: (3, J, J) initial topologies, normalised; entry [s, i, j] carries joint j to joint i.
     """
 
@@ -95,16 +95,17 @@ class CausalGraphConvolution(nn.Module):
         nn.init.constant_(self.norm.weight, 1e-6)  # as published: a block starts as its residual
 
     def refined(self, mean: Tensor) -> Tensor:
-        """Return the topologies (n, C_out, 3 J, J), source to target, that a mean input (n, C_in, J) calls for.
+        """Return the topologies (n, C_out, 3 J, J), source to target, for a mean input (n, C_in, J).
 
-        The three subsets stand side by side as sources: their products with the values are one product, summed.
+        The three subsets stand side by side as sources, so one product with the values sums over the subsets.
         """
         n, j, relations = len(mean), self.joints, 3 * self.relations
         target = _product(self.relate_target.weight[:, :, 0], _bias(self.relate_target), mean)
         source = _product(self.relate_source.weight[:, :, 0], _bias(self.relate_source), mean)
         relation = torch.tanh(target[:, :, None] - source[..., None]).view(n, relations, j * j)
-        # Scaling the small weight instead of the large refinement saves a pass over it, and so does adding in the
-        # product. Each subset refines its own relations: a grouped convolution, or with zeros between a product.
+        # We scale the small weight instead of the large refinement, and add within the product. Each saves a pass over
+        # the refinement. Each subset refines its own relations, as in a grouped convolution; a weight with zeros
+        # between the groups makes it one product.
         grouped = (self.refine.weight * self.strength).view(3, self.outputs, self.relations)
         weight = torch.diag_embed(grouped.permute(1, 2, 0)).permute(0, 2, 3, 1).reshape(-1, relations)
         bias = (_bias(self.refine) * self.strength).view(3, self.outputs, 1, 1)
@@ -113,7 +114,7 @@ class CausalGraphConvolution(nn.Module):
         return refined.view(n, self.outputs, 3 * j, j)
 
     def finish(self, product: Tensor, x: Tensor) -> Tensor:
-        """Return normalisation, residual and activation of the graph product."""
+        """Normalise the graph product, add the residual, and activate."""
         return functional.relu(self.norm(product) + self.residual(x))
 
     def forward(self, x: Tensor) -> Tensor:
@@ -147,10 +148,10 @@ class CausalGraphConvolution(nn.Module):
         """Take one frame.
 
         Args:
-            x: (N, C_in, F, J).
-            state: before the frame.
-            count: (N,) frames seen, this one included.
-            due: (N,) bool, whose topology is refreshed.
+            x: (N, C_in, F, J), the frame.
+            state: the state before the frame.
+            count: (N,) number of frames seen, this one included.
+            due: (N,) bool, true for bodies whose topology is refreshed.
         """
         total = state.total + x
         topology = state.topology
@@ -179,8 +180,8 @@ class CausalGraphConvolution(nn.Module):
         if forks == 1:
             return self.refined(total[:, :, 0] / count[:, None, None])[:, :, None]
         fresh = total.new_empty(n, self.outputs, forks, 3 * j, j)
-        # Forks stand behind channels, as in all of the state. Piece by piece: what the copy below reads is still in the
-        # cache. Half the time, and no second gigabyte.
+        # Forks stand behind channels, as in the whole state. We go piece by piece, so the data that the copy below
+        # reads is still in the cache. This takes half the time, and no second gigabyte.
         size = max(1, PIECE // forks)
         for sums, counts, piece in zip(*(torch.split(t, size) for t in (total, count, fresh)), strict=True):
             mean = (sums / counts[:, None, None, None]).transpose(1, 2).reshape(-1, inputs, j)
@@ -190,7 +191,7 @@ class CausalGraphConvolution(nn.Module):
 
 
 class CausalTemporalConvolution(nn.Module):
-    """Multi-scale temporal convolution (Chen et al. 2021, Fig. 3c) that looks only back; no strides.
+    """Multi-scale temporal convolution (Chen et al. 2021, Fig. 3c) that looks only back and has no strides.
 
     Four branches of C / 4 channels: two dilated convolutions, a max-pool, and the frame itself.
 
@@ -217,7 +218,7 @@ class CausalTemporalConvolution(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """Return (N, C, T, J) for whole clips (N, C, T, J)."""
         back, present = self._reduced(x)
-        # What precedes a clip is zero, and an activated branch is never below it: the pool may see the padding too.
+        # The padding is zero, and an activated branch is never below zero, so the pool may see the padding too.
         padded = functional.pad(back, (0, 0, HISTORY, 0))
         outputs = []
         for i, (convolution, dilation) in enumerate(zip(self.convolutions, DILATIONS, strict=True)):
@@ -246,12 +247,12 @@ class CausalTemporalConvolution(nn.Module):
 
 
 def _tap(convolution: nn.Module, past: list[Tensor], present: Tensor) -> Tensor:
-    """Return one output frame of a temporal convolution; what forks share of the past is convolved once."""
+    """Return one output frame of a temporal convolution; the past that forks share is convolved once."""
     weight, bias = convolution.weight, _bias(convolution)
     assert isinstance(weight, Tensor)
     forks = max(frame.shape[2] for frame in past)
     taps = weight[:, :, :, 0]
-    if forks == present.shape[2]:  # all of one size: a single product
+    if forks == present.shape[2]:  # all have the same size: a single product
         same = [frame.expand(-1, -1, forks, -1) for frame in past] if forks > 1 else past
         return _product(taps.transpose(1, 2).flatten(1), bias, torch.cat([*same, present], dim=1))
     joined = torch.cat([frame.expand(-1, -1, forks, -1) for frame in past], dim=1)

@@ -1,4 +1,4 @@
-"""The sizes of a network. Without torch, so that the command line can show them at once."""
+"""The sizes of a network; there is no torch in this module, so the command line can show them at once."""
 
 from typing import Literal
 

@@ -1,4 +1,4 @@
-"""Which network: the causal form or the published one, in the small or the published size."""
+"""The choice of a network: causal or published form, small or published size."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -22,16 +22,16 @@ DROPOUT = 0.3
 
 @dataclass(frozen=True)
 class NetworkSpec:
-    """What a network is built for; saved beside its weights, and compared with the data it is used on.
+    """The data that a network is built for, and its size; saved beside its weights, and compared with other data.
 
     Args:
         form: "causal" streams; "ctrgcn" is the published network, evaluated on each prefix.
         size: "published" widths, or "small" ones for 2 CPU cores.
-        class_names: K names.
-        skeleton: of one person.
-        persons: P.
-        fps: of the motion it was trained on.
-        length: L, frames of the clips it was trained on.
+        class_names: names of the K classes.
+        skeleton: skeleton of one person.
+        persons: number P of persons.
+        fps: frame rate of the training motion.
+        length: number L of frames of a training clip.
     """
 
     form: Form

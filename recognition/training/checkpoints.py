@@ -1,4 +1,4 @@
-"""Checkpoints of trainings: one safetensors file, whose metadata hold as JSON what is not a tensor."""
+"""Checkpoints of trainings: one safetensors file, with JSON in its metadata for everything that is not a tensor."""
 
 import json
 from collections.abc import Mapping
@@ -16,12 +16,12 @@ OPTIMISER = "optimiser"
 
 
 class Checkpoint(NamedTuple):
-    """What a training stopped with.
+    """The state of a training that was stopped.
 
     Args:
-        states: of networks, by names without a slash.
-        optimiser: state_dict of the optimiser; None where it has made no step.
-        held: all else, for JSON.
+        states: state_dicts of networks, by names without a slash.
+        optimiser: state_dict of the optimiser; None if it has made no step.
+        held: everything else, for JSON.
     """
 
     states: Mapping[str, Mapping[str, Tensor]]
@@ -30,7 +30,7 @@ class Checkpoint(NamedTuple):
 
 
 def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
-    """Write a checkpoint; a reader finds the one before or this one, and never half of it."""
+    """Write a checkpoint; a reader finds the previous checkpoint or this one, never half of one."""
     tensors = {f"{name}/{key}": value for name, state in checkpoint.states.items() for key, value in state.items()}
     held = {**checkpoint.held, OPTIMISER: None}
     if checkpoint.optimiser is not None:
@@ -45,11 +45,11 @@ def load_checkpoint(path: Path, device: str = "cpu") -> Checkpoint:
     """Read a checkpoint.
 
     Args:
-        path: of the file.
-        device: of its tensors.
+        path: the file.
+        device: device of the tensors.
 
     Raises:
-        Exception: it is no checkpoint, or damaged; of the kind that the damage happens to cause.
+        Exception: the file is damaged, or is not a checkpoint; the damage decides the type of the error.
     """
     states: dict[str, dict[str, Tensor]] = {}
     moments: dict[int, dict[str, Tensor]] = {}

@@ -16,7 +16,7 @@ from recognition.networks.features import features
 from recognition.networks.graph import parents
 from recognition.training.views import training_viewpoints
 
-BODY_SCALE = 0.1  # training bodies are scaled by a factor drawn from 1 - this to 1 + this: actors differ in size
+BODY_SCALE = 0.1  # training bodies are scaled by a random factor from 1 - this to 1 + this: actors differ in size
 
 
 class Clips(NamedTuple):
@@ -29,14 +29,14 @@ class Clips(NamedTuple):
 class ClipSource:
     """Draws clips from some sequences.
 
-    A sequence is drawn in proportion to the test windows that one of its length would yield, its first frame
-    uniformly (stride 1), so that training clips are distributed as what is tested.
+    The probability of a sequence is proportional to the number of test windows that its length would yield. The first
+    frame of a clip is uniform (stride 1). So training clips have the distribution of test windows.
 
     Args:
         data: the motion.
-        sequences: those of one part.
-        length: L, frames.
-        sensor: what sees the clips.
+        sequences: the sequences of one part.
+        length: number L of frames of a clip.
+        sensor: the sensor that sees the clips.
         views: the training regime.
         augment: whether bodies are scaled.
     """
@@ -47,7 +47,7 @@ class ClipSource:
         """Collect the sequences that are long enough.
 
         Raises:
-            DataError: none is.
+            DataError: no sequence is long enough.
         """
         long_enough = sequences[data.lengths[sequences] >= length]
         if len(long_enough) == 0:
@@ -74,7 +74,7 @@ class ClipSource:
         return Clips(self._see(positions, viewpoints, rng), torch.from_numpy(scenarios.labels.astype(np.int64)))
 
     def _see(self, positions: FloatArray, viewpoints: FloatArray, rng: np.random.Generator) -> Tensor:
-        """Return the features (B, L, P, J, C) of what the sensor makes of the clips."""
+        """Return the features (B, L, P, J, C) of the clips as the sensor sees them."""
         noise = draw_noise(rng, positions.shape[:2], *positions.shape[2:4])
         sensed = sense(self._sensor, positions, viewpoints, noise)
         return features(

@@ -1,4 +1,4 @@
-"""How a recogniser is trained. Without torch, so that the command line can show it at once."""
+"""The settings of a recogniser's training; there is no torch in this module, so the command line shows them at once."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,21 +9,21 @@ from recognition.networks.sizes import Size
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingConfig:
-    """How a recogniser is trained.
+    """The settings of a recogniser's training.
 
     Args:
-        conditions: of the clips, and the form that is trained; its seed is that of initial weights, clips and dropout.
+        conditions: conditions of the clips, and the form to train; the seed is for initial weights, clips and dropout.
         out: folder to write to.
         size: small, for 2 CPU cores, or the published widths.
-        clips: training clips in all, each drawn anew.
-        batch: clips a step.
+        clips: number of training clips in all; each is drawn anew.
+        batch: number of clips in a step.
         learning_rate: peak of the schedule (AdamW).
-        weight_decay: of AdamW.
-        evaluations: on validation scenarios, each with a checkpoint.
-        patience: evaluations without a better validation NLL after which training stops.
-        init: .safetensors of the same shape to start from, instead of random weights.
-        device: of torch: cpu or cuda.
-        threads: CPU threads of torch; 0 leaves it to torch.
+        weight_decay: weight decay of AdamW.
+        evaluations: number of evaluations on validation scenarios; each writes a checkpoint.
+        patience: number of evaluations without a better validation NLL after which training stops.
+        init: .safetensors file of the same shape to start from, instead of random weights.
+        device: torch device, cpu or cuda.
+        threads: number of CPU threads of torch; with 0, torch decides.
     """
 
     conditions: Conditions

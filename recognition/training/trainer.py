@@ -1,4 +1,4 @@
-"""Train a recogniser: all observation ratios at once, early stopping, checkpoints that a stopped run resumes from."""
+"""Trains a recogniser on all observation ratios at once, with early stopping and checkpoints to resume from."""
 
 import ctypes
 import hashlib
@@ -30,15 +30,15 @@ from recognition.training.config import TrainingConfig
 from recognition.weight_files import description_path, recorded_run
 
 WARM_UP = 0.05  # share of the steps in which the learning rate rises
-GRADIENT_NORM = 1.0  # gradients are clipped to it
+GRADIENT_NORM = 1.0  # gradients are clipped to this norm
 VALIDATION_CLIPS = 384
-VALIDATION_SEED = 1_000_003  # clips drawn once, the same for every run on the same data
-PREFIXES = 10  # observation ratios at which the published form, which has no cheap prefixes, is validated
+VALIDATION_SEED = 1_000_003  # draws the same clips for every run on the same data
+PREFIXES = 10  # observation ratios at which the published form is validated: its prefixes are not cheap
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """One look at the validation clips."""
+    """The result of one evaluation on the validation clips."""
 
     step: int
     train_loss: float
@@ -48,7 +48,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class _Held:
-    """What a checkpoint holds beside tensors: which run it is of, and how far that has come."""
+    """The JSON of a checkpoint: the identity and the progress of its run."""
 
     run: dict[str, Any]
     step: int
@@ -61,12 +61,12 @@ Report = Callable[[int, int, "Evaluation | None"], None]  # (step, steps, an eva
 def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Evaluation:
     """Train, calibrate and save a recogniser; return its best evaluation.
 
-    A step's clips, dropout and learning rate depend on its number and the seed only, so a run that is stopped
-    and started again ends as one that ran through.
+    The clips, dropout and learning rate of a step depend only on its number and the seed. So a run that is stopped and
+    started again ends like one that ran through.
 
     Args:
-        config: what to train on, and how.
-        report: told about every step.
+        config: the settings of the training.
+        report: called after every step.
 
     Raises:
         UsageError: an option is unknown or below 1, or `out` holds a checkpoint of another run.
@@ -88,7 +88,7 @@ def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Ev
 
 
 class _Run:
-    """One training run: its data, network, optimiser, and what it has seen on validation."""
+    """One training run: its data, network, optimiser and evaluations."""
 
     def __init__(self, config: TrainingConfig) -> None:
         self.config = config
@@ -107,7 +107,7 @@ class _Run:
             )
 
         self.source = source(parts.recogniser, augment=True)
-        # Where the validation part has no sequence that is long enough, the recogniser's own part has to do.
+        # If no sequence of the validation part is long enough, we validate on the recogniser's own part.
         self.held_out = bool((data.lengths[parts.validation] >= config.conditions.length).any())
         held_out = source(parts.validation if self.held_out else parts.recogniser, augment=False)
         self.validation = held_out.draw(np.random.default_rng(VALIDATION_SEED), VALIDATION_CLIPS)
@@ -166,7 +166,7 @@ class _Run:
         return value
 
     def _loss(self, clips: Clips, rng: np.random.Generator) -> Tensor:
-        """Return the cross-entropy, averaged over clips and frames (over clips, of one prefix, as published)."""
+        """Return the mean cross-entropy over clips and frames; for the published form, over clips at one prefix."""
         seen, labels = clips.features.to(self.device), clips.labels.to(self.device)
         if isinstance(self.network, CausalCTRGCN):
             logits = self.network(seen)
@@ -176,7 +176,7 @@ class _Run:
         return functional.cross_entropy(self.network(seen[:, :prefix].permute(0, 4, 1, 3, 2)), labels)
 
     def _logits(self, clips: Clips) -> FloatArray:
-        """Return validation logits (N, L, K); the published form fills the frames between its prefixes."""
+        """Return validation logits (N, L, K); for the published form, a frame takes those of the next prefix."""
         self.network.eval()
         pieces = []
         length = self.config.conditions.length
@@ -192,7 +192,7 @@ class _Run:
         return torch.cat(pieces).numpy()
 
     def _evaluate(self, train_loss: float) -> Evaluation:
-        """Look at the validation clips and remember the best weights."""
+        """Evaluate on the validation clips, and remember the best weights."""
         logits = torch.from_numpy(self._logits(self.validation))
         labels = self.validation.labels[:, None].expand(logits.shape[:2])
         nll = float(functional.cross_entropy(logits.flatten(0, 1), labels.flatten()))
@@ -235,7 +235,7 @@ class _Run:
         save_checkpoint(self.checkpoint, Checkpoint(states, self.optimiser.state_dict(), held))
 
     def _resume(self) -> None:
-        """Go on from the checkpoint, if there is one of this very run."""
+        """Go on from the checkpoint, if this run has one."""
         if not self.checkpoint.is_file():
             return
         try:
@@ -247,7 +247,7 @@ class _Run:
                 self.optimiser.load_state_dict(saved.optimiser or {})
                 self.best, self.step = dict(saved.states["best"]), held.step
                 self.evaluations = list(held.evaluations)
-        except Exception as error:  # of the kind that the damage happens to cause, at length
+        except Exception as error:  # the damage decides its type, and it may be long
             reason = f"{type(error).__name__}: {error}".splitlines()[0][:120]
             raise ModelError(f"{self.checkpoint}: expected a training checkpoint, got {reason}") from error
         if not same:
@@ -257,11 +257,11 @@ class _Run:
             )
 
 
-NOT_DECISIVE = ("conditions", "out", "threads", "device", "init")  # in themselves
+NOT_DECISIVE = ("conditions", "out", "threads", "device", "init")  # their decisive parts are added in `_identify`
 
 
 def _identify(config: TrainingConfig, data_sha256: str) -> dict[str, Any]:
-    """Return what decides the result of a run, for JSON: neither where files lie nor on what it is computed."""
+    """Return everything that decides the result of a run, for JSON; paths and the device do not."""
     told, own = vars(config.conditions), vars(config)
     identity = {name: told[name] for name in ("views", "form", "length", "fps", "seed")}
     identity |= {name: value for name, value in own.items() if name not in NOT_DECISIVE}
@@ -271,7 +271,7 @@ def _identify(config: TrainingConfig, data_sha256: str) -> dict[str, Any]:
 
 
 def _refuse_finished(path: Path, identity: dict[str, Any]) -> None:
-    """Raise UsageError where a finished recogniser lies already; nobody's weights are overwritten."""
+    """Raise UsageError if there is a finished recogniser already: weights are never overwritten."""
     description = description_path(path)
     if not description.is_file():
         return
@@ -287,7 +287,7 @@ def _schedule(progress: float) -> float:
 
 
 def _keep_freed_memory() -> None:
-    """Have glibc keep large freed blocks: mapping them anew for every layer took half of the time."""
+    """Make glibc keep large freed blocks: new mappings for every layer took half of the time."""
     if sys.platform == "linux":
         trim_threshold, mmap_threshold, gigabyte = -1, -3, 1 << 30
         libc = ctypes.CDLL(None)

@@ -1,4 +1,4 @@
-"""Where the cameras stand that a recogniser is trained with: the paper's static grid, or moving ones."""
+"""The cameras of a recogniser's training: the paper's static grid, or moving cameras."""
 
 import numpy as np
 
@@ -12,8 +12,8 @@ PAPER_DISTANCES = (7.5, 12.5)  # [m]
 PAPER_AZIMUTHS = 8
 PAPER_POLARS = (np.pi / 8, 3 * np.pi / 8)  # [rad]
 
-STATIC_SHARE = 0.5  # of the clips in the moving regime
-TURN_PROBABILITY = 0.1  # that a moving camera picks another move at a frame
+STATIC_SHARE = 0.5  # share of clips with a static camera in the moving regime
+TURN_PROBABILITY = 0.1  # probability that a moving camera picks another move at a frame
 
 
 def paper_viewpoints() -> FloatArray:
@@ -27,11 +27,11 @@ def training_viewpoints(regime: str, rng: np.random.Generator, clips: int, lengt
     """Draw the cameras of training clips.
 
     Args:
-        regime: "paper": each clip from one of the 32 viewpoints; "moving": half of the clips from a random start
-            viewpoint, half from a camera that makes random grid moves, each held for 10 frames on average.
+        regime: "paper" takes each clip from one of the 32 viewpoints; "moving" takes half of the clips from a random
+            start viewpoint, and half from a camera that makes random grid moves, each for 10 frames on average.
         rng: the generator.
-        clips: B.
-        length: L, frames.
+        clips: number B of clips.
+        length: number L of frames.
 
     Returns:
         viewpoints (B, L, 3).
