@@ -1,4 +1,4 @@
-"""How well a batch of episodes went: pure functions of arrays. Axes: N episodes, L frames."""
+"""Metrics of a batch of episodes: pure functions of arrays. Axes: N episodes, L frames."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ CALIBRATION_BINS = 15  # as in Guo et al., On Calibration of Modern Neural Netwo
 
 
 class Reliability(NamedTuple):
-    """How often answers are right, given how sure they were, in `CALIBRATION_BINS` equal bins; NaN in empty bins.
+    """The share of right answers by their confidence, in `CALIBRATION_BINS` equal bins; NaN in empty bins.
 
     `ece` is the mean distance of this diagram from its diagonal.
 
