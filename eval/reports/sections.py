@@ -1,4 +1,4 @@
-"""The sections of a report that show figures: one line in `SECTIONS` each."""
+"""The sections of a report that show figures: each is an entry of `SECTIONS`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,13 +19,13 @@ class ReportFigure:
     """A figure.
 
     Args:
-        key: by which the page's script finds it.
-        label: for screen readers.
-        draw: it, for the planner in focus; None where it cannot be had.
-        focused: whether it is another one for each planner in focus.
-        heading: above it, where a section has several.
-        text: what it shows, as HTML; or a function of the data.
-        missing: what stands in its place.
+        key: key by which the page's script finds the figure.
+        label: label for screen readers.
+        draw: draws the figure for the planner in focus, or returns None if there is none.
+        focused: whether the figure depends on the planner in focus.
+        heading: heading above the figure, if a section has several.
+        text: description of the figure as HTML, or a function of the data that returns it.
+        missing: text in place of a missing figure.
     """
 
     key: str
@@ -42,11 +42,11 @@ class Section:
     """A part of the page.
 
     Args:
-        anchor: of its links.
-        link: what the page's head calls it.
-        heading: above it.
-        text: below the heading, as HTML.
-        figures: row by row; those of a row stand beside each other.
+        anchor: anchor of its links.
+        link: text of its link at the head of the page.
+        heading: heading of the section.
+        text: text below the heading, as HTML.
+        figures: figures, row by row; figures of one row are side by side.
         before: HTML between text and figures.
         after: HTML below the figures.
     """
@@ -235,7 +235,7 @@ def section_html(section: Section, data: ReportData) -> str:
 
 
 def _figure_html(figure: ReportFigure, data: ReportData, *, alone: bool) -> str:
-    """Return where a figure is drawn, below what is said of it."""
+    """Return the HTML of a figure's place, below its heading and text."""
     group = ' data-group="focus"' if figure.focused else ""
     place = (
         f'<div class="figure" data-figure="{figure.key}"{group} role="img" aria-label="{escape(figure.label)}"></div>'
@@ -248,7 +248,7 @@ def _figure_html(figure: ReportFigure, data: ReportData, *, alone: bool) -> str:
 
 
 def drawn(sections: tuple[Section, ...], data: ReportData) -> dict[str, Any]:
-    """Return all figures for the page's script: those of their own, and those of a planner that the reader picks."""
+    """Return all figures for the page's script: fixed figures, and those for each planner that a reader may pick."""
     figures = [figure for section in sections for row in section.figures for figure in row]
     names = list(data.planners)
     focused = {name: _of_planner(figures, data, name, focused=True) for name in names}
