@@ -57,7 +57,7 @@ def move_towards(viewpoint: FloatArray, target: FloatArray, workspace: Workspace
 
 
 class GridMotion:
-    """The paper's ideal camera: one of 7 moves a frame, whatever the frame rate (Sec. 3)."""
+    """The paper's ideal camera: one of 7 moves per frame, at any frame rate (Sec. 3)."""
 
     def __init__(self, *, workspace: Workspace | None = None) -> None:
         """Create the motion; `workspace` defaults to the paper's."""

@@ -16,7 +16,7 @@ from ehar.viewpoint import Workspace
 
 @dataclass(frozen=True, repr=False)
 class Context:
-    """What a planner is told before a batch of B episodes begins."""
+    """The information that a planner gets before a batch of B episodes begins."""
 
     episodes: int  # B
     length: int  # L, frames in an episode
@@ -33,7 +33,7 @@ class Context:
 
 @dataclass(frozen=True, repr=False)
 class Truth:
-    """What only privileged planners get: the label, the future, and a recogniser to imagine with."""
+    """The information for privileged planners only: the label, the future, and a recogniser to imagine with."""
 
     labels: IntArray  # (B,)
     recogniser: Recogniser
@@ -45,7 +45,7 @@ class Truth:
 
 @dataclass(frozen=True, repr=False)
 class Observation:
-    """What a planner may know at one frame. All arrays start with B."""
+    """The information that a planner gets in each frame. All arrays start with B."""
 
     frame: int  # 0 to L - 1
     length: int  # L

@@ -7,7 +7,7 @@ from ehar.sensors.sensor import Sensed
 
 
 class Recognition(NamedTuple):
-    """What is recognised after the frames seen so far."""
+    """The answer of a recogniser after the frames seen so far."""
 
     log_probs: FloatArray  # (B, K), calibrated; (B, F, K) from a forked state
     embedding: FloatArray  # (B, D); (B, F, D) from a forked state

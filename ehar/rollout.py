@@ -83,7 +83,7 @@ def noise_of(scenarios: Scenarios, episodes: int, rng: np.random.Generator) -> S
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """What happened in each frame of B episodes."""
+    """The viewpoints and the recognition in each frame of B episodes."""
 
     viewpoints: FloatArray  # (B, L, 3), where the camera was
     log_probs: FloatArray  # (B, L, K), after each frame

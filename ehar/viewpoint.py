@@ -28,7 +28,7 @@ HOVER = 6
 
 @dataclass(frozen=True)
 class Workspace:
-    """Where a camera may be: the closed hull of the start viewpoints (Sec. 5.1), with any azimuth.
+    """The viewpoints that a camera may take: the closed hull of the start viewpoints (Sec. 5.1), with any azimuth.
 
     Args:
         distance_min: nearest distance to the centre [m].

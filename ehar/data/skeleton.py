@@ -39,7 +39,7 @@ class Skeleton:
     def mirror(self) -> IntArray:
         """The joint on the other side of the body for every joint, (J,); a joint in the middle has itself.
 
-        Read from the names: `left_hip`/`right_hip`, `lhip`/`rhip`, `Hand_L`/`Hand_R`, whatever their case.
+        Read from the names: `left_hip`/`right_hip`, `lhip`/`rhip`, `Hand_L`/`Hand_R`, in upper or lower case.
         """
         return counterparts(self.joint_names)
 

@@ -1,4 +1,4 @@
-"""Where motion data comes from: a built-in name, or the path of a prepared .npz."""
+"""The sources of motion data: a built-in name, or the path of a prepared .npz."""
 
 from collections.abc import Callable
 from pathlib import Path

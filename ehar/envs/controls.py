@@ -1,4 +1,4 @@
-"""What an agent's actions mean in the Gymnasium environments: grid moves, or a target to fly to."""
+"""The actions of the Gymnasium environments: grid moves, or a target to fly to."""
 
 from typing import Any, Protocol
 
@@ -19,7 +19,7 @@ class Controls(Protocol):
 
     @property
     def motion(self) -> Motion:
-        """What carries the camera."""
+        """The motion that carries the camera."""
         ...
 
     @property
@@ -82,7 +82,7 @@ class FlightControls:
     that the vehicle can reach.
 
     Args:
-        vehicle: what carries the camera.
+        vehicle: the vehicle that carries the camera.
         workspace: where the camera may be; the paper's by default.
     """
 

@@ -57,7 +57,7 @@ class EpisodeTask:
         scenarios: the scenarios that episodes are drawn from, uniformly.
         recogniser: sees every frame.
         sensor: gives the recogniser its joints.
-        controls: what actions mean, and where the camera may be.
+        controls: define the actions and the workspace.
         copies: number of successive episodes with the same scenario, start and noise; only the agent's actions differ.
 
     Raises:

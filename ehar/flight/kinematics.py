@@ -1,4 +1,4 @@
-"""How a camera moves through space: Cartesian velocity, acceleration and jerk of viewpoints that change in time."""
+"""The motion of a camera in space: Cartesian velocity, acceleration and jerk of viewpoints that change in time."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -32,7 +32,7 @@ class FlightMotion:
     brakes or keeps its plan. So a flight always keeps all limits, and it reaches any target that is held.
 
     Args:
-        vehicle: what carries the camera.
+        vehicle: the vehicle that carries the camera.
         workspace: where it may be; the paper's by default.
     """
 

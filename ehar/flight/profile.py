@@ -28,7 +28,7 @@ class Samples(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class JerkProfile:
-    """The time and the state at the begin of each phase; the last phase is rest and has no end.
+    """The time and the state at the start of each phase; the last phase is rest and has no end.
 
     Args:
         times: (B, N, 3) [s], from 0.
@@ -64,7 +64,7 @@ class JerkProfile:
 
     @property
     def duration(self) -> FloatArray:
-        """When the last phase begins on the slowest axis, (B,) [s]."""
+        """The time at which the last phase begins on the slowest axis, (B,) [s]."""
         duration: FloatArray = self.times[:, -1].max(axis=1)
         return duration
 

@@ -1,4 +1,4 @@
-"""What flights demand of a vehicle: peaks, effort, and how often it is at a limit."""
+"""The demands of flights on a vehicle: peaks, effort, and the share of frames at a limit."""
 
 from dataclasses import dataclass
 

@@ -17,7 +17,7 @@ PHASES = 9  # of a Ruckig profile on one axis: 2 to get within the limits, and 7
 
 
 class AxisLimits(NamedTuple):
-    """What each axis may do, in either direction, (..., 3)."""
+    """The limits of each axis, in either direction, (..., 3)."""
 
     velocity: FloatArray
     acceleration: FloatArray

@@ -1,4 +1,4 @@
-"""What a vehicle can do: the limits that a flight keeps, three named vehicles, and vehicle files."""
+"""Vehicles: the limits that a flight keeps, three named vehicles, and vehicle files."""
 
 import math
 from dataclasses import asdict, dataclass, fields
@@ -21,7 +21,7 @@ def _is_positive(value: object) -> bool:
 class Vehicle:
     """The limits of one vehicle.
 
-    Speed, acceleration and jerk limit the length of the camera's Cartesian vectors, whatever their direction.
+    Speed, acceleration and jerk limit the length of the camera's Cartesian vectors, in any direction.
 
     Args:
         name: name of the vehicle in reports.

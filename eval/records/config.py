@@ -24,7 +24,7 @@ PACKAGES = ("ehar", "numpy", "torch", "casadi", "filterpy", "ruckig")  # their v
 
 @dataclass(frozen=True)
 class PlannerConfig:
-    """Which planner ran, and whether it was handed the truth."""
+    """The configuration of a planner that ran."""
 
     name: str
     privileged: bool

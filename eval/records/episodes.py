@@ -19,7 +19,7 @@ DIGITS = 6  # decimals of recorded viewpoints and probabilities; metrics are com
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EpisodeRecords:
-    """What happened in N episodes of one planner.
+    """The records of N episodes of one planner.
 
     Args:
         sequence: N names.

@@ -1,4 +1,4 @@
-"""What flights demanded of the vehicle, episode by episode: the part of the records that only a flight track has."""
+"""The demands of flights on the vehicle, episode by episode; only the records of flights have this part."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields

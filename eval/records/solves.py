@@ -12,12 +12,12 @@ class Statistics(Protocol):
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """How many plans ended in each status."""
+        """The number of plans that ended in each status."""
         ...
 
     @property
     def fallbacks(self) -> int:
-        """How many plans the chosen solver did not find itself."""
+        """The number of plans that the chosen solver did not find itself."""
         ...
 
 
@@ -32,7 +32,7 @@ class CountsPlans(Protocol):
 
 
 class Solves(NamedTuple):
-    """How plans ended."""
+    """The number of plans by status, and of those that fell back."""
 
     counts: dict[str, int]  # by status, in alphabetical order
     fallbacks: int

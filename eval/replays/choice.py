@@ -1,4 +1,4 @@
-"""Which episodes and planners are replayed: a report shows few episodes, chosen by a rule that it states."""
+"""Chooses the episodes and planners of a replay: a report shows few episodes and states the rule."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -27,11 +27,11 @@ class Chosen(NamedTuple):
 
 
 def choose_planners(names: Sequence[str], lead: str | None) -> tuple[str, ...]:
-    """Return whom to show first, one planner or two: the one that leads, or else the first, beside no-act.
+    """Return the one or two planners to show first: the leading planner, or else the first one, beside no-act.
 
     Args:
-        names: of the run's planners, at least one.
-        lead: the most accurate without the truth; None where there is none.
+        names: names of the run's planners, at least one.
+        lead: name of the most accurate planner without the truth; None if there is none.
     """
     first = lead or names[0]
     return (first, NO_ACT) if NO_ACT in names and first != NO_ACT else (first,)
@@ -43,10 +43,10 @@ def choose_episodes(
     """Return the most telling episodes, none twice, and of different classes until every class has one.
 
     Args:
-        records: on the same episodes, by the names that `planner` and `other` are among.
-        planner: whose best, worst and typical episode against `other` come first; None leaves these out.
-        other: likewise.
-        most: at most so many.
+        records: records on the same episodes, by record name.
+        planner: planner whose best, worst and typical episode against `other` come first; None leaves these out.
+        other: planner to compare with; None leaves these episodes out.
+        most: largest number of episodes.
     """
     accuracy = np.stack([mean_acc(episodes.correct) for episodes in records.values()])
     label = next(iter(records.values())).label
@@ -75,16 +75,16 @@ def choose_episodes(
 
 
 def _free(label: IntArray, taken: list[int]) -> BoolArray:
-    """Return which episodes may be taken next: of the classes that have fewest so far."""
+    """Return which episodes may be taken next: those of the classes with the fewest so far."""
     classes = np.unique(label)
     count = dict.fromkeys(classes.tolist(), 0)
     for episode in taken:
         count[int(label[episode])] += 1
     left = np.ones(len(label), dtype=bool)
     left[taken] = False
-    remaining = [count[int(of)] for of in label[left]]
+    remaining = [count[int(true_class)] for true_class in label[left]]
     if not remaining:
         return left
     fewest = min(remaining)
-    free: BoolArray = left & np.array([count[int(of)] == fewest for of in label])
+    free: BoolArray = left & np.array([count[int(true_class)] == fewest for true_class in label])
     return free

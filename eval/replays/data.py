@@ -1,4 +1,4 @@
-"""What the replay of a report holds, as JSON: some episodes, with arrays as base64 of small integers."""
+"""The replay of a report as JSON: some episodes, with arrays as base64 of small integers."""
 
 import base64
 import json
@@ -33,15 +33,15 @@ def replay_data(
     models: str | Path | None,
     advance: Callable[[str], None],
 ) -> dict[str, Any]:
-    """Return the replays of a run; `episodes` is empty, and `missing` says why, where they cannot be had.
+    """Return the replays of a run; if there can be none, `episodes` is empty and `missing` says why.
 
     Args:
         run: the run.
-        chosen: which episodes.
-        planners: by name, the record that is shown.
-        data: where the run's data lie now; None is where they lay.
-        models: where its weights lie now; None is where they lay.
-        advance: told of each record that is done.
+        chosen: the episodes.
+        planners: record name of each planner, by name.
+        data: path of the run's data; None takes the path in config.json.
+        models: folder of the run's weights; None takes the folder in config.json.
+        advance: is told of each record that is done.
     """
     try:
         inputs = check_inputs(run.config, data, models, run_own_code=True)
@@ -92,23 +92,23 @@ def _episode(run: Run, replays: Replays, row: int, one: Chosen, planners: Mappin
     }
 
 
-def _planner(of: PlannerReplay, row: int) -> dict[str, Any]:
-    """Return what one planner did in one episode."""
-    target, weights = of.targets[row], of.weights[row]
+def _planner(replay: PlannerReplay, row: int) -> dict[str, Any]:
+    """Return the replay of one planner in one episode."""
+    target, weights = replay.targets[row], replay.weights[row]
     return {
-        "path": viewpoints(of.viewpoints[row]),
+        "path": viewpoints(replay.viewpoints[row]),
         "target": None if target is None else viewpoints(Workspace().clip(target)),
-        "sensed": integers(of.joints_2d[row], np.int16),
-        "missed": integers(of.confidence[row] <= 0, np.uint8),
-        "belief": integers(of.probabilities[row] * BASIS_POINTS, np.uint16),
-        "field": None if weights is None else _field(weights, of.viewpoints[row]),
+        "sensed": integers(replay.joints_2d[row], np.int16),
+        "missed": integers(replay.confidence[row] <= 0, np.uint8),
+        "belief": integers(replay.probabilities[row] * BASIS_POINTS, np.uint16),
+        "field": None if weights is None else _field(weights, replay.viewpoints[row]),
     }
 
 
 def _field(weights: FloatArray, path: FloatArray) -> dict[str, Any]:
     """Return the gain field of every frame but the last, over all directions at the camera's distance.
 
-    Values are differences to where the camera is, in percent of probability; 0 to 255 stand for low to high.
+    Values are differences to the camera's own direction, in percent of probability; 0 to 255 stand for low to high.
     """
     gain = 100 * gain_over_directions(weights, path[: len(weights)], _AROUND, _DOWN)
     low, high = float(gain.min()), float(gain.max())

@@ -1,4 +1,4 @@
-"""One episode of a run as it is replayed: the people, what one or two planners' cameras did, saw and made of it."""
+"""One replayed episode: the people, and what one or two planners' cameras did, saw and recognised."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,21 +18,21 @@ from eval.verification.inputs import Inputs
 MAP_STEP = 5.0  # [deg], from one azimuth or polar angle of a field map to the next
 MAP_AZIMUTHS = np.arange(0.0, 360.0 + MAP_STEP, MAP_STEP)  # [deg]
 MAP_POLARS = np.arange(0.0, 90.0 + MAP_STEP, MAP_STEP)  # [deg], 0 is straight above
-MOST_CLASSES = 6  # that a replay has room for
+MOST_CLASSES = 6  # the classes that a replay has room for
 
 
 @dataclass(frozen=True, eq=False)
 class CameraReplay:
-    """What one planner's camera did in L frames.
+    """The replay of one planner's camera over L frames.
 
     Args:
-        name: of the planner's record.
+        name: name of the planner's record.
         path: (L, 3) viewpoints.
-        target: (L - 1, 3), where the planner wanted to be, inside of the workspace; None where that is not known.
+        target: (L - 1, 3), the planner's targets in the workspace; None if they are unknown.
         gain: (L - 1, 19, 73) [%], its gain field over `MAP_POLARS` and `MAP_AZIMUTHS`; None without one.
         joints_2d: (L, P, J, 2) [px], as sensed.
         seen: (L, P, J), whether a joint was found.
-        probabilities: (L, K), those that were scored.
+        probabilities: (L, K), the scored probabilities.
     """
 
     name: str
@@ -44,7 +44,7 @@ class CameraReplay:
     probabilities: FloatArray
 
     def wanted(self, frame: int) -> FloatArray | None:
-        """Where the planner wanted to be, (3,), after a frame; None where that is here, not known, or past the end."""
+        """The planner's target after a frame, (3,); None if it is the present viewpoint, unknown, or past the end."""
         if self.target is None or frame >= len(self.target):
             return None
         away = np.linalg.norm(cartesian(self.target[frame]) - cartesian(self.path[frame]))
@@ -56,17 +56,17 @@ class EpisodeReplay:
     """One episode, with one or two planners.
 
     Args:
-        index: which of the run's episodes.
-        conditions: what the run is headed with.
-        sequence: the episode's, and its first frame in it.
+        index: number of the episode in the run.
+        conditions: title of the run.
+        sequence: name of the sequence, and the episode's first frame in it.
         class_names: K names.
         label: the true class.
         positions: (L, P, J, 3) [m], relative to the scenario's centre.
-        skeleton: of one person.
-        fps: frames a second.
-        camera: through which all of them look.
-        cameras: of the planners.
-        notes: what could not be had, one sentence each.
+        skeleton: the skeleton of one person.
+        fps: frames per second.
+        camera: the intrinsics of all cameras.
+        cameras: cameras of the planners.
+        notes: what is missing, one sentence each.
     """
 
     index: int
@@ -98,17 +98,17 @@ class EpisodeReplay:
 def replay_episode(
     run: Run, inputs: Inputs, index: int, records: Sequence[str], *, advance: Callable[[str], None]
 ) -> EpisodeReplay:
-    """Replay one episode on its recorded way.
+    """Replay one episode along its recorded path.
 
     Args:
         run: the run.
-        inputs: what it was made from.
-        index: of the episode.
-        records: the names of the planners' records.
-        advance: told of each planner that is done.
+        inputs: data and models of the run.
+        index: number of the episode in the run.
+        records: names of the planners' records.
+        advance: is told of each planner that is done.
 
     Raises:
-        DataError: the data or the recogniser are not at hand, or what is seen is not what was recorded.
+        DataError: the data or the recogniser is missing, or the replay differs from the records.
         EharError: something that the run needed cannot be read.
     """
     replays = replay_run(run, inputs, [index], records, advance=advance)
@@ -128,16 +128,16 @@ def replay_episode(
     )
 
 
-def _camera(name: str, of: PlannerReplay) -> CameraReplay:
-    """Return the first episode of a planner's."""
-    path, target, weights = of.viewpoints[0], of.targets[0], of.weights[0]
+def _camera(name: str, replay: PlannerReplay) -> CameraReplay:
+    """Return the camera in the first episode of a planner's replay."""
+    path, target, weights = replay.viewpoints[0], replay.targets[0], replay.weights[0]
     around, down = np.radians(MAP_AZIMUTHS), np.radians(MAP_POLARS)
     return CameraReplay(
         name=name,
         path=path,
         target=None if target is None else Workspace().clip(target),
         gain=None if weights is None else 100 * gain_over_directions(weights, path[:-1], around, down),
-        joints_2d=of.joints_2d[0],
-        seen=of.confidence[0] > 0,
-        probabilities=of.probabilities[0],
+        joints_2d=replay.joints_2d[0],
+        seen=replay.confidence[0] > 0,
+        probabilities=replay.probabilities[0],
     )

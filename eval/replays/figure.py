@@ -1,4 +1,4 @@
-"""The frames of a replay: pictures of 1280 x 720 pixels, drawn once but for what moves."""
+"""The frames of a replay, of 1280 x 720 pixels; only the parts that move are drawn for every frame."""
 
 from typing import Any, Protocol
 
@@ -20,7 +20,7 @@ from eval.replays.scene import Scene
 
 WIDTH, HEIGHT = 1280, 720  # [px]
 DPI = 100
-COLUMN, GAP, MARGIN = 332, 26, 24  # [px], what one camera has, between two of them, and around all
+COLUMN, GAP, MARGIN = 332, 26, 24  # [px], the column of one camera, the gap between columns, and the margin around all
 
 
 class Panel(Protocol):
@@ -37,11 +37,11 @@ class ReplayFigure:
 
     Args:
         replay: the episode.
-        slower: how many times slower than life it is shown, to say so.
+        slower: how many times slower than life it is shown, for the title.
     """
 
     def __init__(self, replay: EpisodeReplay, slower: float) -> None:
-        """Draw all that stays."""
+        """Draw all parts that do not move."""
         self._replay, self._slower = replay, slower
         self._figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI, facecolor="white")
         self._canvas = FigureCanvasAgg(self._figure)
@@ -89,7 +89,7 @@ class ReplayFigure:
         self._text(MARGIN, 62, shortened(told, 160), fontsize=9.5, color=SOFT)
 
     def _draw_left(self, width: float) -> None:
-        """Draw the scene, what its marks mean, and below it how recognition went."""
+        """Draw the scene, its legend, and below it the course of recognition."""
         scene = Scene(self._axes(MARGIN, 84, width - MARGIN, 416), self._replay)
         self._panels.append(scene)
         key = [
@@ -112,7 +112,7 @@ class ReplayFigure:
         self._panels.append(Course(self._axes(MARGIN + 34, 570, width - MARGIN - 34, 114), self._replay))
 
     def _draw_column(self, left: float, camera: CameraReplay, look: Look) -> Text:
-        """Draw what one camera has, and return the text that says where it is."""
+        """Draw the column of one camera, and return the text for its position."""
         self._text(left, 98, shortened(camera.name, 24), fontsize=14, fontweight="bold", color=look.colour)
         replay = self._replay
         across, height = [left / WIDTH, (left + COLUMN) / WIDTH], 1 - 107 / HEIGHT
@@ -134,7 +134,7 @@ class ReplayFigure:
         return self._figure.add_axes((left / WIDTH, 1 - (top + height) / HEIGHT, width / WIDTH, height / HEIGHT))
 
     def _text(self, left: float, baseline: float, text: str, **options: Any) -> Text:
-        """Write text at pixels from the top left, as it is."""
+        """Write plain text at pixels from the top left."""
         return self._figure.text(
             left / WIDTH, 1 - baseline / HEIGHT, text, parse_math=False, **{"color": TEXT, **options}
         )

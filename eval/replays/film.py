@@ -11,10 +11,10 @@ from ehar.errors import UsageError
 from ehar.files import replacing
 
 FORMATS = (".mp4", ".gif")
-HOLD = 1.5  # [s] that the last frame stays
+HOLD = 1.5  # [s], how long the last frame stays
 QUALITY = ("-crf", "20", "-preset", "veryfast", "-tune", "animation", "-movflags", "+faststart")  # of x264
 COLOURS = 128  # of a GIF
-SHORTEST = 0.02  # [s] that a frame of a GIF lasts: browsers take what is shorter for a tenth of a second
+SHORTEST = 0.02  # [s], the shortest frame of a GIF: browsers show shorter ones for a tenth of a second
 
 Draw = Callable[[int], NDArray[np.uint8]]
 
@@ -37,12 +37,12 @@ def write_film(draw: Draw, frames: int, fps: float, path: Path) -> None:
 
     Args:
         draw: returns a frame, counted from 0, as pixels (height, width, 3).
-        frames: how many there are.
-        fps: frames a second. A GIF shows at most 50.
-        path: of the film; its ending says which kind.
+        frames: number of frames.
+        fps: frames per second. A GIF shows at most 50.
+        path: path of the film; its suffix decides the format.
 
     Raises:
-        UsageError: it cannot be written.
+        UsageError: the film cannot be written.
     """
     write = _write_mp4 if path.suffix == ".mp4" else _write_gif
     with replacing(path) as temporary:

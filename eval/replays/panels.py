@@ -1,4 +1,4 @@
-"""What one camera sees, what is believed, and what directions are worth, as panels of a replay's frames."""
+"""The panels of a replay's frames: what a camera sees, what is believed, and what directions are worth."""
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -23,7 +23,7 @@ RIGHT_STRIP = (-14.0, 10.0)  # [%], top of the first strip below a course, and f
 
 
 class Image:
-    """What a camera sees: the joints that were found, and the bones between two that were."""
+    """The image of a camera: the joints that were found, and the bones between two found joints."""
 
     def __init__(self, axes: Axes, replay: EpisodeReplay, camera: CameraReplay) -> None:
         """Frame the people, and prepare what moves."""
@@ -110,9 +110,9 @@ class Beliefs:
 
 
 class DirectionMap:
-    """All directions at the camera's distance: what they are worth, where it came from, is, and is wanted.
+    """All directions at the camera's distance: their worth, and the camera's path, position and target.
 
-    Colours reach from the least to the most that a direction is worth in this frame.
+    Colours span the worth of all directions in this frame, from the least to the greatest.
     """
 
     def __init__(self, axes: Axes, camera: CameraReplay, look: Look) -> None:
@@ -167,7 +167,7 @@ class DirectionMap:
 
 
 class Course:
-    """The probability of the true class so far, one line a planner, and below it where each was right."""
+    """The probability of the true class so far, one line per planner, and below it when each was right."""
 
     def __init__(self, axes: Axes, replay: EpisodeReplay) -> None:
         """Draw the axes, and prepare what moves."""
@@ -223,7 +223,7 @@ def unbroken(path: FloatArray) -> tuple[FloatArray, FloatArray, list[int]]:
         path: (L, 3).
 
     Returns:
-        azimuths and polar angles, each (M,), NaN in gaps; and at which of the M points each of the L frames is.
+        azimuths and polar angles, each (M,), NaN in gaps; and which of the M points belongs to each of the L frames.
     """
     azimuth, polar = np.degrees(wrap_azimuth(path[:, AZIMUTH])), np.degrees(path[:, POLAR])
     gaps = np.flatnonzero(np.abs(np.diff(azimuth)) > 180) + 1

@@ -1,4 +1,4 @@
-"""A replay as a recording for Rerun's viewer, which turns, scrubs and measures it: rerun-sdk, an optional extra."""
+"""A replay as a recording for Rerun's viewer; this needs rerun-sdk, an optional extra."""
 
 import importlib.util
 from pathlib import Path
@@ -25,7 +25,7 @@ FORMAT = ".rrd"
 SECONDS, FRAME = "seconds", "frame"  # the timelines; frames are counted from 1, as in a film
 JOINT, BONE, PATH, TARGET, CELL = 0.04, 0.02, 0.04, 0.2, 0.12  # [m], radii
 IMAGE_DISTANCE = 1.5  # [m], of the image from its camera
-EVERY = 2  # of the field map's directions that is logged
+EVERY = 2  # step between the directions of the field map that are logged
 
 
 def check_recording(path: Path | None) -> None:
@@ -39,16 +39,16 @@ def check_recording(path: Path | None) -> None:
 def write_recording(replay: EpisodeReplay, path: Path) -> None:
     """Write a recording.
 
-    In space (`world`) it holds the people, and of each planner its camera with what it sees, its path, its target and
-    its gain field at the camera's distance; beside it the probabilities of all classes (`belief`, `bars`), that of the
-    true one (`true`), and whether the true one was recognised (`right`, 0 or 1).
+    The space (`world`) holds the people and, for each planner, its camera with the image, its path, its target and its
+    gain field at the camera's distance. The recording also holds the probabilities of all classes (`belief`, `bars`),
+    that of the true class (`true`), and whether the true class was recognised (`right`, 0 or 1).
 
     Args:
         replay: the episode.
-        path: of the recording.
+        path: path of the recording.
 
     Raises:
-        UsageError: it cannot be written.
+        UsageError: the recording cannot be written.
     """
     import rerun as rr
 
@@ -119,8 +119,8 @@ def _log_camera(
     bones = np.array(replay.skeleton.bones)
     found = seen[:, bones].all(axis=-1).ravel()
     persons, count = seen.shape
-    joint_colours = np.array([_rgba(of) for of in bone_colours(persons, count)])[seen.ravel()]
-    colours = np.array([_rgba(of) for of in bone_colours(persons, len(bones))])[found]
+    joint_colours = np.array([_rgba(named) for named in bone_colours(persons, count)])[seen.ravel()]
+    colours = np.array([_rgba(named) for named in bone_colours(persons, len(bones))])[found]
     stream.log([*place, "joints"], rr.Points2D(joints[seen], colors=joint_colours, radii=3.0))
     strips = joints[:, bones].reshape(-1, 2, 2)[found]
     stream.log([*place, "bones"], rr.LineStrips2D(strips, colors=colours, radii=1.5))
@@ -135,7 +135,7 @@ def _log_camera(
 
 
 def _directions(distance: float) -> FloatArray:
-    """Return where the directions of a field map that are logged lie at a distance [m], (N, 3) [m]."""
+    """Return the positions of a field map's logged directions at a distance [m], (N, 3) [m]."""
     polar, azimuth = np.meshgrid(np.radians(MAP_POLARS[::EVERY]), np.radians(MAP_AZIMUTHS[:-1:EVERY]), indexing="ij")
     return cartesian(np.stack([np.full(polar.shape, distance), azimuth, polar], axis=-1)).reshape(-1, 3)
 
@@ -152,7 +152,7 @@ def _log_belief(stream: "rr.RecordingStream", replay: EpisodeReplay, camera: Cam
 
 
 def _blueprint(replay: EpisodeReplay) -> "rrb.Blueprint":
-    """Return how the viewer lays it out: space at the left, a column for each planner at the right."""
+    """Return the layout of the viewer: space at the left, a column for each planner at the right."""
     import rerun as rr
     import rerun.blueprint as rrb
 

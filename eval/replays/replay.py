@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 
 TELLING = ("gain", "loss", "typical")  # the first three episodes of a report, in this order
 MOST_PLANNERS = 2
-SLOWER = 4.0  # than life: an episode lasts a second or two, too short to look at all that a frame shows
+SLOWER = 4.0  # times slower than life: an episode lasts a second or two, too short to look at everything
 
 
 @dataclass(frozen=True)
 class WrittenReplay:
-    """What was written.
+    """A film or a recording that was written.
 
     Args:
-        path: of the film or the recording.
-        episode: which one it is.
-        planners: who is shown.
-        why: this episode, and these planners, where that was left to us.
+        path: path of the film or the recording.
+        episode: number of the episode.
+        planners: planners that it shows.
+        why: reasons for this episode and these planners, if the user did not choose them.
     """
 
     path: Path
@@ -49,22 +49,22 @@ def make_replay(
     models: str | Path | None = None,
     reporter: Reporter | None = None,
 ) -> WrittenReplay:
-    """Replay one episode of a run on its recorded way, and write it.
+    """Replay one episode of a run along its recorded path, and write it.
 
-    Planners and a recogniser of one's own are made again: the files that the run's config.json names are run.
+    Your own planners and recogniser are made again: their files, which config.json names, are run.
 
     Args:
         run: folder of a finished run.
         episode: counted from 0, in the order of episodes.jsonl; or `gain`, `loss`, `typical`: the one in which the
             first planner gains most or loses most against the second, or is at its median, as in a report.
         planners: one or two; none takes the most accurate one that is not handed the truth, beside no-act.
-        out: the file to write, .mp4 or .gif, or .rrd for Rerun; None is replay-<episode>.mp4 or .rrd in the folder of
-            the run.
+        out: the file to write, .mp4 or .gif, or .rrd for Rerun; None means replay-<episode>.mp4 or .rrd in the run's
+            folder.
         slower: how many times slower than life a film is.
         rerun: write a Rerun recording, not a film.
-        data: where the run's data lie now; None is where they lay.
-        models: where its weights lie now; None is where they lay.
-        reporter: hears of progress; None reports on standard error.
+        data: path of the run's data; None takes the path in config.json.
+        models: folder of the run's weights; None takes the folder in config.json.
+        reporter: is told of progress; None reports on standard error.
 
     Raises:
         EharError: one line that says what was got and what was expected.
@@ -99,7 +99,7 @@ def make_replay(
 
 
 def _records(run: Run, planners: Sequence[str]) -> tuple[tuple[str, ...], str]:
-    """Return the record names of the planners to show, and why these where none was asked for."""
+    """Return the record names of the planners to show, and the reason if the user named none."""
     if planners:
         return tuple(run.record_name(name) for name in planners), ""
 
@@ -110,7 +110,7 @@ def _records(run: Run, planners: Sequence[str]) -> tuple[tuple[str, ...], str]:
 
 
 def _choose(run: Run, episode: int | str, records: Sequence[str]) -> Chosen:
-    """Return which episode is meant, and why it where that was not said by its number."""
+    """Return the chosen episode, and the reason if the user did not give its number."""
     count = len(run.records[records[0]])
     expected = f"episode: expected 0 to {count - 1}, or {', '.join(TELLING)}"
     if isinstance(episode, str) and episode in TELLING:
@@ -138,7 +138,7 @@ def _replay(
     records: Sequence[str],
     reporter: Reporter,
 ) -> "EpisodeReplay":
-    """Return an episode, and say what could not be had."""
+    """Return an episode, and note what is missing."""
     from eval.replays.episode import replay_episode
     from eval.verification.inputs import check_inputs
 

@@ -1,7 +1,7 @@
-"""Episodes of a finished run once more, along the paths that were recorded: what was sensed, recognised and wanted.
+"""Runs episodes of a finished run again along their recorded paths, to see what was sensed, recognised and wanted.
 
-Records hold neither joints nor all probabilities nor targets. The camera is led along its recorded path, so that the
-recogniser sees what it saw, and the planner, asked once more, says where it wanted to go.
+Records hold neither joints nor all probabilities nor targets. The camera follows its recorded path, so the recogniser
+sees the same as before. The planner is asked again where it wants to go.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -34,15 +34,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PlannerReplay:
-    """What one planner did in E episodes.
+    """The replay of one planner in E episodes.
 
     Args:
         viewpoints: (E, L, 3), where the camera was.
         joints_2d: (E, L, P, J, 2) [px], as sensed.
         confidence: (E, L, P, J), 0 where a joint was missed.
-        probabilities: (E, L, K), those that were scored.
-        targets: E of (L - 1, 3), where it wanted to be; None where that is not known.
-        weights: E of (L - 1, 21) of its gain field, see `planners.value.view_basis.field_value`; None without one.
+        probabilities: (E, L, K), the scored probabilities.
+        targets: E arrays (L - 1, 3), its targets; None if they are unknown.
+        weights: E arrays (L - 1, 21), the weights of its gain field, see `planners.value.view_basis.field_value`; None
+            without a gain field.
     """
 
     viewpoints: FloatArray
@@ -59,12 +60,12 @@ class Replays:
 
     Args:
         positions: (E, L, P, J, 3) [m], relative to each scenario's centre.
-        skeleton: of one person.
-        class_names: K.
-        fps: frames a second.
-        camera: through which they were seen.
-        planners: by record name.
-        notes: what could not be had, one sentence each.
+        skeleton: the skeleton of one person.
+        class_names: K class names.
+        fps: frames per second.
+        camera: intrinsics of all cameras.
+        planners: replay of each planner, by record name.
+        notes: what is missing, one sentence each.
     """
 
     positions: FloatArray
@@ -81,19 +82,18 @@ def replay_run(
 ) -> Replays:
     """Replay some episodes of a run.
 
-    They run side by side, not in the chunks that they ran in: a planner that draws random numbers draws others, and its
-    targets, which do not lead where it went, are left out.
+    They run as one batch and not in their original chunks, so a planner that draws random numbers draws other ones. Its
+    targets are left out if they do not lead along the recorded path.
 
     Args:
         run: the run.
-        inputs: what it was made from.
-        indices: of E episodes.
-        names: of the planners, by record name.
-        advance: told of each planner that is done.
+        inputs: data and models of the run.
+        indices: numbers of E episodes in the run.
+        names: record names of the planners.
+        advance: is told of each planner that is done.
 
     Raises:
-        DataError: the data or the recogniser are not at hand, or what is recognised along the recorded paths is not
-            what was recorded.
+        DataError: the data or the recogniser is missing, or the replay does not recognise what was recorded.
         EharError: something that the run needed cannot be read.
     """
     conditions = run.conditions
@@ -139,21 +139,21 @@ def _replay(
     batch: Batch,
     indices: Sequence[int],
 ) -> tuple[PlannerReplay, int]:
-    """Return what one planner did, and in how many episodes its targets lead elsewhere.
+    """Return the replay of one planner, and in how many episodes its targets lead elsewhere.
 
     Args:
         run: the run.
-        name: of the planner's record.
-        planner: to ask; None where it cannot be made again.
-        model: of its gain field; None where it has none.
-        workload: of the run.
+        name: name of the planner's record.
+        planner: the planner to ask; None if it cannot be made again.
+        model: model of its gain field; None if it has none.
+        workload: workload of the run.
         batch: the episodes.
-        indices: of them in the run.
+        indices: their numbers in the run.
     """
     records, sensor = run.records[name], workload.runner.sensor
     way = records.viewpoint[list(indices)]
     motion = FollowedWay(workload.runner.track.new_motion(), way)
-    recorder = Recorder(planner or NoAct(), name=name)  # from a recorded way one sees the same, whoever is asked
+    recorder = Recorder(planner or NoAct(), name=name)  # the recorded path decides the view, not the planner
     record = workload.roll(recorder, batch, 0, motion)
     weights = [] if model is None else _field_weights(model, recorder.context, recorder.observations)
     difference = first_difference(name, records, np.array(indices), record)
@@ -189,8 +189,8 @@ def _field_weights(model: "GainModel", context: Context, observations: Sequence[
 
 
 def _by_episode(frames: list[FloatArray], kept: BoolArray) -> tuple[FloatArray | None, ...]:
-    """Return what was heard in each episode, from an array a frame; None where it is not kept, or was not heard."""
+    """Return an array for each episode from an array for each frame; None for episodes that are not kept."""
     if not frames:
         return (None,) * len(kept)
     heard = np.stack(frames, axis=1)
-    return tuple(of if keep else None for of, keep in zip(heard, kept, strict=True))
+    return tuple(episode if keep else None for episode, keep in zip(heard, kept, strict=True))

@@ -15,11 +15,11 @@ from eval.render.figures import outlined, shortened
 from eval.render.palette import EDGE, FAINT, LINE, PAIR, STRONG, THIN, Look, bone_colours
 from eval.replays.episode import CameraReplay, EpisodeReplay
 
-TILT = np.radians(28)  # of the view, from level
+TILT = np.radians(28)  # of the view, above the horizontal
 SIDES = np.radians(np.arange(0.0, 360.0, 15.0))  # azimuths from which it may be seen
-CLEAR = 0.45  # of the farthest camera's distance, that cameras keep from the people in the picture
-PEOPLE_REACH = 0.3  # of the farthest camera's distance; people as small as they are could not be made out
-CAMERA_SIZE = 0.075  # of that distance
+CLEAR = 0.45  # share of the farthest camera's distance that cameras keep from the people in the picture
+PEOPLE_REACH = 0.3  # share of the farthest camera's distance: people are enlarged to be visible
+CAMERA_SIZE = 0.075  # share of that distance
 LONGEST_NAME = 16  # letters of a planner's name
 WIRE_POLARS = np.radians([30.0, 60.0, 90.0])
 WIRE_AZIMUTHS = np.radians(np.arange(0.0, 180.0, 45.0))
@@ -29,12 +29,12 @@ class Scene:
     """The panel.
 
     Args:
-        axes: to draw in, emptied.
+        axes: the axes to draw in, which are cleared.
         replay: the episode.
     """
 
     def __init__(self, axes: Axes, replay: EpisodeReplay) -> None:
-        """Draw what stays, and prepare what moves."""
+        """Draw the parts that do not move, and prepare those that do."""
         self._replay, self._axes = replay, axes
         views = [camera.path for camera in replay.cameras]
         views += [camera.target for camera in replay.cameras if camera.target is not None]
@@ -101,7 +101,7 @@ class _CameraGlyph:
     def __init__(
         self, axes: Axes, camera: CameraReplay, look: Look, to_plane: FloatArray, reach: float, *, above: bool
     ) -> None:
-        # Cameras start in one place: the name of one stands above it, that of the other below.
+        # Cameras start at one place: one name is above it, the other below.
         self._path = cartesian(camera.path) @ to_plane.T
         self._camera, self._to_plane = camera, to_plane
         self._bodies = _bodies(camera.path, CAMERA_SIZE * reach) @ to_plane.T  # (L, 8, 2, 2)
@@ -131,7 +131,7 @@ class _CameraGlyph:
             parse_math=False,
         )
         box = self._name.get_window_extent().transformed(axes.transData.inverted())
-        self._farthest = max(0.0, axes.get_xlim()[1] - box.width / 2)  # from the middle, that the name fits in
+        self._farthest = max(0.0, axes.get_xlim()[1] - box.width / 2)  # from the middle; the name still fits there
         self.moving: list[Artist] = [self._sight, self._trail, self._name, self._way, self._goal, self._body]
 
     def show(self, frame: int) -> None:
@@ -150,10 +150,11 @@ class _CameraGlyph:
 
 
 def view_from_aside(ways: Sequence[FloatArray]) -> FloatArray:
-    """Return the matrix (2, 3) that shows space `TILT` above the level, from where most can be made out of the cameras.
+    """Return the matrix (2, 3) of an orthographic view, `TILT` above the horizontal, that shows the cameras best.
 
-    The view is orthographic. Of all sides it is the one on which no camera comes nearer than `CLEAR` to the people, who
-    are in the middle, or else the one on which they stay clear best; of several such sides that with the longest ways.
+    It is a view from a side on which no camera comes nearer than `CLEAR` to the people, who are in the middle. Without
+    such a side, it is the one on which cameras stay farthest from them. If several sides are equally good, it is the
+    one with the longest paths.
 
     Args:
         ways: positions of each camera, (L, 3) [m].

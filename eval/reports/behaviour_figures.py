@@ -1,4 +1,4 @@
-"""The figures of a report about what one planner does: where its camera goes, and which moves it makes."""
+"""The figures of a report about one planner's behaviour: where its camera goes, and which moves it makes."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,7 +16,7 @@ FULL_COLOUR = 0.99  # the share of cells that the colours tell apart
 
 
 def position(row: int) -> Callable[[ReportData, str], Figure]:
-    """Return what draws the histogram of distance (0), azimuth (1) or polar angle (2) of a planner."""
+    """Return a function that draws a planner's histogram of distance (0), azimuth (1) or polar angle (2)."""
 
     def draw(data: ReportData, name: str) -> Figure:
         return _positions(data, name, row)
@@ -59,8 +59,8 @@ def _positions(data: ReportData, name: str, row: int) -> Figure:
 
 def sphere(data: ReportData, name: str) -> Figure:
     """Return the density of a planner's directions, seen from above."""
-    of = data.planners[name]
-    middles = (of.sphere.edges[:-1] + of.sphere.edges[1:]) / 2
+    density = data.planners[name].sphere
+    middles = (density.edges[:-1] + density.edges[1:]) / 2
     turn = np.radians(np.arange(0, 361, 5))
     rings: list[dict[str, Any]] = []
     labels: list[dict[str, Any]] = []
@@ -83,9 +83,9 @@ def sphere(data: ReportData, name: str) -> Figure:
         "type": "heatmap",
         "x": finite(middles, 3),
         "y": finite(middles, 3),
-        "z": finite(of.sphere.times_even, 2),
+        "z": finite(density.times_even, 2),
         "zmin": 0,
-        "zmax": round(float(np.nanquantile(of.sphere.times_even, FULL_COLOUR)), 2),
+        "zmax": round(float(np.nanquantile(density.times_even, FULL_COLOUR)), 2),
         "colorscale": [[0, "@paper"], [1, "@0"]],
         "colorbar": colour_scale("times as often as if even"),
         "hovertemplate": "%{z:.1f} times as often as if even<extra></extra>",
@@ -103,14 +103,14 @@ def sphere(data: ReportData, name: str) -> Figure:
 
 def moves(data: ReportData, name: str) -> Figure | None:
     """Return which moves a planner made in each third of the episode; None for flights and very short episodes."""
-    of = data.planners[name]
-    if of.moves is None:
+    shares = data.planners[name].moves
+    if shares is None:
         return None
     traces = [
         {
             "type": "bar",
             "x": list(MOVE_NAMES),
-            "y": finite(100 * of.moves[stage], 2),
+            "y": finite(100 * shares[stage], 2),
             "name": STAGES[stage],
             "marker": {
                 "color": f"@{(0, 4, 1)[stage - 1]}",

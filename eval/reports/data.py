@@ -1,4 +1,4 @@
-"""What a report shows of a finished run, as plain data: everything but the replay."""
+"""The data of a report on a finished run, except its replay."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -33,17 +33,17 @@ STAGED_FROM = 4  # frames that an episode needs for three stages
 
 @dataclass(frozen=True, eq=False)
 class PlannerData:
-    """What a report shows of one planner, the records of all its trainings together.
+    """The data of one planner, from the records of all its trainings together.
 
     Args:
-        reliability: the diagram.
-        confusion: (K, K).
-        gains: over no-act, by class; None where that did not run, and for no-act itself.
+        reliability: reliability diagram.
+        confusion: (K, K) confusion of classes.
+        gains: gains over no-act, by class; None for no-act itself, or if no-act did not run.
         positions: histograms of distance, azimuth and polar angle.
-        level_share: the share of frames about level with the people.
-        sphere: where cameras were, seen from above.
-        moves: (4, 7), by stage; None in flight and for episodes that are too short.
-        predictability: after how much classes are recognised.
+        level_share: share of frames about level with the people.
+        sphere: density of camera directions, seen from above.
+        moves: (4, 7), shares of moves by stage; None for flights and for episodes that are too short.
+        predictability: predictability of classes.
     """
 
     reliability: Reliability
@@ -58,16 +58,16 @@ class PlannerData:
 
 @dataclass(frozen=True, eq=False)
 class ReportData:
-    """What a report shows.
+    """The data of a report.
 
     Args:
-        run: with conditions and records.
-        class_names: K.
-        differences: paired ones, those of summary.json; where it has none, of each planner without the truth and
-            no-act, or else the first.
+        run: the run, with conditions and records.
+        class_names: K class names.
+        differences: paired differences of summary.json; if it has none, those between each planner without the truth
+            and no-act, or the first planner if no-act did not run.
         curves: (L,) accuracy after each frame, by planner.
-        bands: (L, 2) its 95 % interval; NaN where there is none.
-        planners: by name, in the order of the run.
+        bands: (L, 2) 95 % interval of that accuracy, by planner; NaN without an interval.
+        planners: data of each planner by name, in the order of the run.
     """
 
     run: Run
@@ -97,8 +97,8 @@ def report_data(run: Run, class_names: tuple[str, ...]) -> ReportData:
     """Compute what a report shows.
 
     Args:
-        run: with records, conditions and summary.
-        class_names: K.
+        run: the run, with records, conditions and summary.
+        class_names: K class names.
     """
     trainings, pooled = seeds_of(run.records), pool_seeds(run.records)
     classes = len(class_names)
@@ -109,7 +109,9 @@ def report_data(run: Run, class_names: tuple[str, ...]) -> ReportData:
         differences=run.summary.differences or _differences(run, resamples),
         curves=curves(run.records),
         bands=accuracy_bands(run.records, resamples),
-        planners={name: _planner(name, of, trainings, classes, staged=not run.flown) for name, of in pooled.items()},
+        planners={
+            name: _planner(name, held, trainings, classes, staged=not run.flown) for name, held in pooled.items()
+        },
     )
 
 
@@ -131,17 +133,17 @@ def _planner(
 
 
 def _differences(run: Run, resamples: Resamples) -> Sequence[Difference]:
-    """Return what every planner without the truth has more than no-act, or than the first where that did not run."""
+    """Return the differences of all planners without the truth to no-act, or to the first if no-act did not run."""
     able = [planner.name for planner in run.summary.planners if not planner.privileged]
     compared = {group.name: group for group in group_planners(run.records) if group.name in able}
     accuracy = {name: planner_accuracy(group, run.records, resamples) for name, group in compared.items()}
     base = NO_ACT if NO_ACT in accuracy else next(iter(accuracy), None)
-    pairs = [(of, accuracy[base]) for name, of in accuracy.items() if base is not None and name != base]
+    pairs = [(held, accuracy[base]) for name, held in accuracy.items() if base is not None and name != base]
     return compare_pairs(pairs, resamples) if pairs else ()
 
 
 def finite(values: FloatArray, digits: int) -> list[Any]:
-    """Return numbers for JSON, rounded; None where they are not finite."""
+    """Return rounded numbers for JSON, with None in place of those that are not finite."""
     rounded = np.round(np.asarray(values, dtype=np.float64), digits)
     listed: list[Any] = np.where(np.isfinite(rounded), rounded.astype(object), np.array(None)).tolist()
     return listed

@@ -17,7 +17,7 @@ LEAST_MS = 1e-4  # planning times below are drawn here, as the axis is logarithm
 
 
 def accuracy_figure(data: ReportData, focus: str) -> Figure:
-    """Return accuracy against the observation ratio: all planners, with bands of the one in focus and both ends."""
+    """Return accuracy over the observation ratio; no-act, the oracle and the planner in focus have bands."""
     styles = looks(data.privileged)
     length = data.run.conditions.length
     ratios = finite(100 * np.arange(1, length + 1) / length, 2)

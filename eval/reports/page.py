@@ -45,10 +45,10 @@ def make_report(
 
     Args:
         run: folder of a finished run.
-        out: the file to write; None is report.html in the run's folder.
-        data: where the run's data lie now; None is where they lay.
-        models: where its weights lie now; None is where they lay.
-        reporter: hears of progress; None reports on standard error.
+        out: the file to write; None means report.html in the run's folder.
+        data: path of the run's data; None takes the path in config.json.
+        models: folder of the run's weights; None takes the folder in config.json.
+        reporter: is told of progress; None reports on standard error.
 
     Raises:
         EharError: one line that says what was got and what was expected.
@@ -67,11 +67,11 @@ def page(data: ReportData, replays: dict[str, Any], rule: str) -> str:
     """Return the report as HTML.
 
     Args:
-        data: what it shows.
-        replays: from `replay_data`.
-        rule: by which the replayed episodes were chosen.
+        data: data of the report.
+        replays: result of `replay_data`.
+        rule: rule that chose the replayed episodes.
     """
-    from plotly.offline import get_plotlyjs  # 5 MB that nothing else waits for
+    from plotly.offline import get_plotlyjs  # imported here: 5 MB that nothing else needs
 
     names = list(data.planners)
     focus = data.lead or names[0]
@@ -94,7 +94,7 @@ def page(data: ReportData, replays: dict[str, Any], rule: str) -> str:
 
 
 def for_script(value: Any) -> str:
-    """Return JSON that may stand in a script element, whatever its strings hold: they cannot end it."""
+    """Return JSON that is safe in a script element: no string in it can end the element."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
@@ -130,8 +130,8 @@ def _replay_part(data: ReportData, replays: dict[str, Any], rule: str) -> str:
             f"{escape(replays['missing'])}</p>"
         )
     episodes = {
-        str(row): f"{data.class_names[of['label']]}: {of['title']} (episode {of['episode']})"
-        for row, of in enumerate(replays["episodes"])
+        str(row): f"{data.class_names[episode['label']]}: {episode['title']} (episode {episode['episode']})"
+        for row, episode in enumerate(replays["episodes"])
     }
     names = list(data.planners)
     first, second = (*choose_planners(names, data.lead), "")[:2]

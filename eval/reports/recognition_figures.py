@@ -1,4 +1,4 @@
-"""The figures of a report about what is recognised under one planner: how surely, and which classes."""
+"""The figures of a report about recognition with one planner: how sure answers are, and which classes win."""
 
 from typing import Any
 
@@ -37,11 +37,11 @@ def calibration(data: ReportData, name: str) -> Figure:
         },
     ]
     for one in beside_no_act(data.planners, name):
-        of, look = data.planners[one].reliability, styles[one]
+        diagram, look = data.planners[one].reliability, styles[one]
         traces.append(
             {
-                "x": finite(100 * of.confidence, 2),
-                "y": finite(100 * of.accuracy, 2),
+                "x": finite(100 * diagram.confidence, 2),
+                "y": finite(100 * diagram.accuracy, 2),
                 "mode": "lines+markers",
                 "connectgaps": True,
                 "line": {"color": look.token, "dash": look.dash},
@@ -59,15 +59,15 @@ def calibration(data: ReportData, name: str) -> Figure:
 
 
 def confused(data: ReportData, name: str) -> Figure:
-    """Return what each class is taken for under a planner."""
-    of, names = data.planners[name], data.class_names
+    """Return the confusion of classes with a planner."""
+    planner, names = data.planners[name], data.class_names
     ticks = [plain(name) for name in names]
     few, short = len(names) <= 12, shortened(names)
     trace: dict[str, Any] = {
         "type": "heatmap",
         "x": ticks,
         "y": ticks,
-        "z": finite(100 * of.confusion, 1),
+        "z": finite(100 * planner.confusion, 1),
         "zmin": 0,
         "zmax": 100,
         "colorscale": [[0, "@paper"], [1, "@0"]],
@@ -88,11 +88,11 @@ def confused(data: ReportData, name: str) -> Figure:
 
 
 def gains(data: ReportData, name: str) -> Figure | None:
-    """Return how much more accurate a planner is than no-act in each class; None where there is nothing to compare."""
-    of, names = data.planners[name], data.class_names
-    if of.gains is None:
+    """Return how much more accurate a planner is than no-act in each class; None without a comparison."""
+    planner, names = data.planners[name], data.class_names
+    if planner.gains is None:
         return None
-    gain, ends = 100 * of.gains.gain, 100 * of.gains.ci95
+    gain, ends = 100 * planner.gains.gain, 100 * planner.gains.ci95
     order = [row for row in np.argsort(gain, kind="stable") if np.isfinite(gain[row])]
     traces = []
     for label, symbol, colour, chosen in (
@@ -141,13 +141,13 @@ def gains(data: ReportData, name: str) -> Figure | None:
 
 
 def classes(data: ReportData, name: str) -> Figure:
-    """Return after how much each class is recognised under a planner."""
-    of, names = data.planners[name], data.class_names
-    held = [row for row in range(len(names)) if np.isfinite(of.predictability.accuracy[row]).all()]
-    order = sorted(held, key=lambda row: tuple(of.predictability.accuracy[row]))
+    """Return how early each class is recognised with a planner."""
+    planner, names = data.planners[name], data.class_names
+    held = [row for row in range(len(names)) if np.isfinite(planner.predictability.accuracy[row]).all()]
+    order = sorted(held, key=lambda row: tuple(planner.predictability.accuracy[row]))
     traces = [
         {
-            "x": finite(100 * of.predictability.accuracy[order, column], 1),
+            "x": finite(100 * planner.predictability.accuracy[order, column], 1),
             "y": [plain(names[row]) for row in order],
             "mode": "markers",
             "marker": {
@@ -175,7 +175,7 @@ def classes(data: ReportData, name: str) -> Figure:
 
 
 def predictability_figure(data: ReportData, _: str) -> Figure:
-    """Return the share of episodes at each level of predictability, one bar a planner."""
+    """Return the share of episodes at each level of predictability, one bar per planner."""
     names = list(data.planners)[::-1]
     traces = [
         {

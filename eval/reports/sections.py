@@ -1,4 +1,4 @@
-"""The sections of a report that show figures: one line in `SECTIONS` each."""
+"""The sections of a report that show figures: each is an entry of `SECTIONS`."""
 
 from eval.reports.behaviour_figures import moves, moves_text, position, sphere
 from eval.reports.figures import accuracy_figure, cost_against_motion, cost_against_time

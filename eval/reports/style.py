@@ -1,7 +1,7 @@
-"""The plain Plotly figures that the figures of a report are drawn into.
+"""The common style of a report's Plotly figures.
 
 A figure is a dict of Plotly's JSON schema. Its colours are tokens that the page replaces by those of its light or dark
-theme, see `eval.render.palette`: `@0` to `@5`, `@neutral`, `@text`, `@grid`, `@paper`; `@0/0.2` is a fifth opaque.
+theme, see `eval.render.palette`: `@0` to `@5`, `@neutral`, `@text`, `@grid`, `@paper`; `@0/0.2` has an opacity of 0.2.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,12 +16,12 @@ LONGEST_LABEL = 24  # characters of an axis's label; from 45 on Plotly cannot dr
 
 
 def plain(text: str) -> str:
-    """Return text that Plotly shows as it is: it takes some HTML for markup."""
+    """Return text that Plotly shows unchanged, because Plotly takes some HTML for markup."""
     return escape(text, quote=False)
 
 
 def pattern(shape: str) -> dict[str, Any]:
-    """Return a pattern over a bar's own colour, for who cannot tell colours."""
+    """Return a pattern over a bar's own colour, for readers who cannot tell colours apart."""
     return {"shape": shape, "fillmode": "overlay", "fgcolor": "@paper", "size": 7, "solidity": 0.25}
 
 
@@ -32,13 +32,13 @@ def colour_scale(title: str) -> dict[str, Any]:
 
 
 def shortened(names: Sequence[str]) -> dict[str, str]:
-    """Return what an axis shows in place of each name that would leave no room for the plot: its start and its end."""
+    """Return the short form, start and end, of each name that is so long that it leaves no room for the plot."""
     long = [name for name in names if len(name) > LONGEST_LABEL]
     return {plain(name): plain(f"{name[:14]}…{name[-9:]}") for name in long}
 
 
 def beside_no_act(planners: Iterable[str], name: str) -> list[str]:
-    """Return the planners of a figure about one: it, behind no-act where that ran."""
+    """Return the planners of a figure about one planner: no-act, if it ran, and that planner."""
     ran = set(planners)
     return list(dict.fromkeys(one for one in (NO_ACT, name) if one in ran))
 
@@ -55,8 +55,8 @@ def figure(
 
     Args:
         data: its traces.
-        x: the title of the axis, or all of its options.
-        y: likewise.
+        x: title of the x axis, or all of its options.
+        y: title of the y axis, or all of its options.
         height: [px].
         layout: more of Plotly's options.
     """

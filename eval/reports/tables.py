@@ -1,4 +1,4 @@
-"""The parts of a report that are text: what ran, the sortable tables of planners, differences and levels, as HTML."""
+"""The text of a report as HTML: what ran, and the sortable tables of planners, differences and levels."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
@@ -65,7 +65,7 @@ def is_synthetic(data: ReportData) -> bool:
 
 
 def lead_sentence(data: ReportData) -> str:
-    """Return what came out, in two sentences."""
+    """Return the result of the run in two sentences."""
     planners = {planner.name: planner for planner in data.summary.planners}
     if data.lead is None:
         return "No planner without the truth ran beside no-act: there is nothing to compare with it."
@@ -232,7 +232,7 @@ def picker(group: str, label: str, names: Sequence[str], chosen: str) -> str:
 
 
 def options(names: Sequence[str] | Mapping[str, str], chosen: str) -> str:
-    """Return the options of a choice; a mapping gives values and what is shown."""
+    """Return the options of a choice; a mapping gives their values and their texts."""
     shown = names if isinstance(names, Mapping) else {name: name for name in names}
     return "".join(
         f'<option value="{escape(value)}"{_SELECTED * (value == chosen)}>{escape(text)}</option>'

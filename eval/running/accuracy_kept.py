@@ -1,4 +1,4 @@
-"""What a flight is compared with: the finished run of the same planners on the same episodes, on the ideal track."""
+"""Reads the run that a flight is compared with: the same planners and episodes on the ideal track."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,13 +18,13 @@ def read_ideal_run(directory: Path, config: RunConfig) -> Mapping[str, EpisodeRe
     """Return the records of each planner of a run on the ideal track that a flight may be compared with.
 
     Args:
-        directory: of the run.
-        config: of the flight.
+        directory: folder of the run.
+        config: configuration of the flight.
 
     Raises:
-        UsageError: the flight's track is `ideal`, the folder holds no run, one on another track or under other
-            conditions or with other weights of a learned planner, or one without no-act.
-        DataError: its files cannot be read, or it is incomplete.
+        UsageError: the flight's track is `ideal`; or the folder holds no run, or a run on another track, under other
+            conditions, with other weights of a learned planner, or without no-act.
+        DataError: the files of the run cannot be read, or the run is incomplete.
     """
     if config.conditions.track == IDEAL:
         raise UsageError(f"{directory}: a run to compare flights with, but the track is {IDEAL}; expected a vehicle")
@@ -53,7 +53,7 @@ def _check_weights(directory: Path, held: RunConfig, config: RunConfig) -> None:
 
 
 def _decided(config: RunConfig) -> dict[str, object]:
-    """Return what the runs have to share, and the track."""
+    """Return the values that both runs have to share, and the track."""
     own = {name: getattr(config, name) for name in (*SAME, "gain_model_sha256")}
     return own | {name: getattr(config.conditions, name) for name in (*TOLD, "track")}
 

@@ -40,19 +40,19 @@ def benchmark(
 
     Args:
         planners: names, or your own: file.py:Class or module:Class, then --argument value; from Python, objects too.
-        conditions: that all of them run under; None is the usual ones.
-        readout: whose probabilities count: recogniser or belief.
+        conditions: conditions of the run; None means the usual ones.
+        readout: source of the scored probabilities: recogniser or belief.
         ideal: finished run on the ideal track to compare flights with.
         out: folder for records, tables and the accuracy curve.
         workers: processes; numbers do not depend on it.
-        reporter: hears of progress; None reports on standard error.
+        reporter: is told of progress; None reports on standard error.
 
     Returns:
         the run: its `summary`, `records`, `to_dataframe()` and `save(folder)`.
 
     Raises:
         EharError: one line that says what was got and what was expected.
-        KeyboardInterrupt: after what was finished has been written to `out`.
+        KeyboardInterrupt: Ctrl-C; finished episodes are first written to `out`.
     """
     conditions, reporter = conditions or Conditions(), reporter or ConsoleReporter()
     if readout not in READOUTS:
@@ -90,7 +90,7 @@ def benchmark(
 def summarise_runs(
     runs: Mapping[str, PlannerRun], config: RunConfig, on_ideal: Mapping[str, EpisodeRecords] | None
 ) -> Summary:
-    """Return the summary of what planners did; flights are compared with what planners did on the ideal track."""
+    """Return the summary of planners' runs; flights are compared with the records on the ideal track."""
     return summarise(
         {name: run.records for name, run in runs.items()},
         config,
@@ -108,7 +108,7 @@ def _keep_finished(
     out: Path | None,
     on_ideal: Mapping[str, EpisodeRecords] | None,
 ) -> str:
-    """Write what was finished when the user stopped the run, and return a line that says what was kept."""
+    """Write the finished episodes of a run that the user stopped, and return a line that says what was kept."""
     finished = {name: run for name, run in runs.items() if run.chunks == workload.episodes.chunks}
     if out is None or not runs:
         return "nothing was written"

@@ -1,4 +1,4 @@
-"""Which planners run: those that are named, or all that can; and the trained weights that some of them need."""
+"""Chooses the planners of a run, named ones or all that can run, and loads the weights that they need."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -26,13 +26,13 @@ _CAUSAL_AGENTS = "agents are trained for the causal recogniser"
 
 @dataclass(frozen=True, eq=False)
 class ModelPlace:
-    """Where gain models and agents lie, and what they have to fit.
+    """The place of gain models and agents, and the conditions, data and recogniser that they have to fit.
 
     Args:
-        conditions: that planners are compared under.
-        data: what they are compared on.
-        form: the recogniser's; of your own, its title.
-        recogniser_sha256: that they were trained for.
+        conditions: conditions of the run.
+        data: data of the run.
+        form: form of the recogniser; for your own, its title.
+        recogniser_sha256: hash of the recogniser that they were trained for.
     """
 
     conditions: Conditions
@@ -42,7 +42,7 @@ class ModelPlace:
 
     @staticmethod
     def of(setting: Setting) -> "ModelPlace":
-        """Return the place of what was trained for a setting."""
+        """Return the place of the models for a setting."""
         return ModelPlace(setting.conditions, setting.data, setting.form, setting.recogniser_sha256)
 
     @property
@@ -65,10 +65,11 @@ class ModelPlace:
         return load_gain_model(self.conditions, self.data, self.recogniser_sha256)
 
     def load_agent(self, spec: str) -> "Agent":
-        """Return one training of a learned planner, `il-ppo/0`; of `il-ppo` alone the first, by that name.
+        """Return one training of a learned planner: `il-ppo/0`; `il-ppo` alone gives the first, under that name.
 
         Raises:
-            ModelError: there is none, it belongs to another data set or recogniser, or none could be trained.
+            ModelError: the agent is missing or belongs to another data set or recogniser, or agents do not support this
+                recogniser.
         """
         from planners.agents.storage import load_agent  # brings torch
 
@@ -84,18 +85,18 @@ class ModelPlace:
         return agent
 
     def seeds(self, name: str) -> tuple[int, ...]:
-        """Return with which seeds a learned planner was trained here."""
+        """Return the seeds with which a learned planner was trained here."""
         from planners.agents.storage import agent_seeds  # brings torch
 
         return () if self._untrained else agent_seeds(self.conditions, self.data, name)
 
     def expanded(self, spec: str) -> tuple[str, ...]:
-        """Return the trainings of a learned planner that is named without one, or at least the first."""
+        """Return the record names of all trainings of a learned planner; a name with a seed stands for itself."""
         name, seed = split_record_name(spec)
         return (spec,) if seed is not None else tuple(record_name(name, seed) for seed in self.seeds(name) or (0,))
 
     def reason_for_no_gain_model(self) -> str | None:
-        """Return why there can be no gain model here, and what to do about it; None where there is one."""
+        """Return why there is no gain model here, and what to do about it; None if there is one."""
         from planners.value.model import SHIPPED, gain_model_path
 
         if self.form != "causal":
@@ -110,7 +111,7 @@ class ModelPlace:
         return None
 
     def reason_for_no_agent(self, name: str) -> str | None:
-        """Return why a learned planner cannot run here, and what to do about it; None where it can."""
+        """Return why a learned planner cannot run here, and what to do about it; None if it can."""
         if self.form != "causal":
             return f"{_CAUSAL_AGENTS}, and this is {self.form}"
         seeds = self.seeds(name)
@@ -142,10 +143,10 @@ class ModelPlace:
 
 
 def listed(planners: str | Planner | Sequence[str | Planner] | None) -> Sequence[str | Planner] | None:
-    """Return planners as a list: one alone may be given without one; None is all of ours.
+    """Return planners as a list; a single planner needs no list, and None means all of ours.
 
     Raises:
-        UsageError: a name is unknown, or an instance is no planner; nothing is loaded for that.
+        UsageError: a name is unknown, or an object is not a planner; this check loads nothing.
     """
     if planners is None:
         return None
@@ -159,12 +160,12 @@ def listed(planners: str | Planner | Sequence[str | Planner] | None) -> Sequence
 
 
 class Choice(NamedTuple):
-    """Who runs.
+    """The planners that run.
 
     Args:
-        planners: each with a name of its own.
-        origins: of those that are not ours, by name.
-        model: the gain model, where a planner or the readout needs it.
+        planners: the planners, with different names.
+        origins: origins of planners that are not ours, by name.
+        model: the gain model, if a planner or the readout needs it.
     """
 
     planners: list[Planner]
@@ -175,19 +176,18 @@ class Choice(NamedTuple):
 def choose_planners(
     planners: Sequence[str | Planner] | None, place: ModelPlace, *, readout: str, note: Callable[[str], None]
 ) -> Choice:
-    """Return the planners that run and, where one of them or the readout needs it, the gain model.
+    """Return the planners that run, and the gain model if one of them or the readout needs it.
 
     Args:
-        planners: names and instances, all of which have to run; None is all of ours that can.
-        place: of gain models and agents.
+        planners: names and instances, which all have to run; None means all of ours that can.
+        place: place of gain models and agents.
         readout: one of `READOUTS`.
-        note: told who is left out where `planners` is None.
+        note: is told which planners are left out if `planners` is None.
 
     Raises:
         UsageError: a planner cannot be made, or two share a name.
-        ModelError: a planner that was named, or the readout, needs what was not trained; or what was trained
-            belongs to another recogniser.
-        DataError: a planner is there both with and without a training seed.
+        ModelError: a named planner or the readout needs a model that is missing, or that belongs to another recogniser.
+        DataError: a planner is named both with and without a training seed.
     """
     load_model = cache(place.load_gain_model)
     if readout == "belief":
@@ -198,8 +198,8 @@ def choose_planners(
 
 
 def _those_that_can(place: ModelPlace, note: Callable[[str], None]) -> list[str]:
-    """Return the names of our planners for which something was trained, or nothing has to be; tell of the others."""
-    missing: dict[str, list[str]] = {}  # what is missing, and who would need it
+    """Return the names of our planners that can run here, and note why the others cannot."""
+    missing: dict[str, list[str]] = {}  # what is missing, and the planners that need it
     can: list[str] = []
     for name in planner_names():
         reason = None
@@ -221,12 +221,12 @@ def make_planners(
     load_model: "Callable[[], GainModel] | None" = None,
     place: ModelPlace | None = None,
 ) -> Choice:
-    """Return planners, made where they were named; of a learned one, each training that lies in `place`.
+    """Return planners, made from their names where needed; a learned planner gives each of its trainings in `place`.
 
     Raises:
         UsageError: one cannot be made, there are none, or two share a name.
         ModelError: an agent is missing, or belongs to another data set or recogniser.
-        DataError: a planner is there both with and without a training seed.
+        DataError: a planner is named both with and without a training seed.
     """
     if place is not None:
         specs = [one for spec in specs for one in (place.expanded(str(spec)) if _learned(spec) else (spec,))]
@@ -236,7 +236,7 @@ def make_planners(
     twice = sorted({name for name in names if names.count(name) > 1})
     if not names or twice:
         raise UsageError(f"planners: expected each once, got {twice[0]!r} twice" if twice else "planners: got none")
-    group_planners(names)  # so that what no summary could be made of does not run
+    group_planners(names)  # raises an error now if no summary could be made later
     origins = {planner.name: origin for planner, origin in made if origin is not None}
     return Choice([planner for planner, _ in made], origins)
 

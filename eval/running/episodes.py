@@ -17,7 +17,7 @@ from ehar.viewpoint import sample_starts
 # and an oracle that forks each of them 7 ways then needs three times the memory (2.7 GB a worker instead of 0.9).
 CHUNK = 32
 
-# What the random numbers are for; with the run's seed it begins every generator's seed.
+# The purposes of random numbers: every generator's seed begins with one of these and the run's seed.
 _STARTS, _NOISE, _PLANNER = range(3)
 
 
@@ -29,7 +29,7 @@ class Episodes:
         scenarios: the motions.
         scenario: (N,) index into `scenarios`.
         starts: (N, 3) start viewpoints.
-        seed: of the sensor's noise and the planners' generators.
+        seed: seed of the sensor's noise and of the planners' generators.
     """
 
     scenarios: Scenarios
@@ -81,13 +81,13 @@ class Episodes:
         return Batch.joined(pieces)
 
     def planner_rng(self, name: str, index: int) -> np.random.Generator:
-        """Return the generator that a planner is given for one chunk."""
+        """Return a planner's generator for one chunk."""
         word = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
         return np.random.default_rng([self.seed, _PLANNER, word, index])
 
 
 def cut_scenarios(data: MotionData, sequences: IntArray, length: int, note: Callable[[str], None]) -> Scenarios:
-    """Cut sequences into windows that do not overlap (Sec. 5.1: stride L); say what is too short for one.
+    """Cut sequences into windows that do not overlap (Sec. 5.1: stride L); note the sequences that are too short.
 
     Raises:
         DataError: a class has no sequence among them, or no sequence has `length` frames.
@@ -117,5 +117,5 @@ def random_starts(scenarios: Scenarios, starts: int, seed: int) -> Episodes:
 
 
 def draw_starts(count: int, seed: int) -> FloatArray:
-    """Return the start viewpoints of so many episodes, (count, 3), which depend on nothing else."""
+    """Return the start viewpoints of `count` episodes, (count, 3); they depend only on the count and the seed."""
     return sample_starts(np.random.default_rng([seed, _STARTS]), count)

@@ -1,7 +1,7 @@
-"""Running planners over episodes, one (planner, chunk) after another, here or in worker processes.
+"""Runs planners over episodes in jobs of one planner and one chunk, here or in worker processes.
 
-Whatever the number of workers, a job computes the same numbers: its chunk, its seeds and its single torch thread
-do not depend on where it runs.
+A job computes the same numbers for any number of workers: its chunk, its seeds and its single torch thread do not
+depend on where it runs.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Workload:
-    """All that a job needs beside its planner and its chunk's index.
+    """All that jobs share: a job adds its planner and the index of its chunk.
 
     Args:
-        runner: rolls all planners.
-        episodes: which all planners run.
-        belief: what is scored, in place of the recogniser's own words; planners act the same with it.
+        runner: runs all planners.
+        episodes: the episodes that all planners run.
+        belief: gives the scored probabilities in place of the recogniser; planners act the same with it.
     """
 
     runner: Runner
@@ -41,36 +41,36 @@ class Workload:
     belief: "BeliefModel | None" = None
 
     def roll(self, planner: Planner, batch: Batch, chunk: int, motion: Motion) -> Record:
-        """Run one planner over a batch; what is scored is in the record.
+        """Run one planner over a batch; the record has the scored probabilities.
 
         Args:
             planner: decides where to look from.
-            batch: of episodes.
-            chunk: whose generator the planner is given.
+            batch: the episodes.
+            chunk: index of the chunk, which decides the planner's generator.
             motion: carries the camera.
         """
-        from recognition.torch_threads import one_torch_thread  # here, as torch takes seconds to import
+        from recognition.torch_threads import one_torch_thread  # imported here: torch takes seconds
 
         with one_torch_thread():
             record = self.runner.roll(planner, batch, self.episodes.planner_rng(planner.name, chunk), motion)
             if self.belief is not None:
-                from planners.value.belief import readout  # here, as it brings scipy, which `ehar --help` would await
+                from planners.value.belief import readout  # imported here: it brings scipy, too slow for `ehar --help`
 
                 record = replace(record, log_probs=readout(self.belief, record.log_probs, record.viewpoints))
         return record
 
 
 class PlannerRun(NamedTuple):
-    """What one planner did in all chunks, or in those that were finished when the run was interrupted."""
+    """The records of one planner in all chunks, or in those that were finished when the run was interrupted."""
 
     records: EpisodeRecords
     plan_seconds: float
     chunks: int
-    solves: Solves | None = None  # of a planner that counts its plans
+    solves: Solves | None = None  # only of a planner that counts its plans
 
     @property
     def step_ms(self) -> float:
-        """Planning time of one frame of one episode [ms]; the last frame is not planned upon."""
+        """Planning time of one frame of one episode [ms]; the last frame needs no plan."""
         steps = len(self.records) * max(self.records.predicted.shape[1] - 1, 1)
         return float(1000 * self.plan_seconds / steps)
 
@@ -87,7 +87,7 @@ class _Done(NamedTuple):
 
 
 class Interrupted(KeyboardInterrupt):
-    """The user stopped the run; `runs` is what each planner had finished by then."""
+    """The user stopped the run; `runs` holds the chunks that each planner had finished."""
 
     def __init__(self, runs: dict[str, PlannerRun]) -> None:
         """Keep what was finished."""
@@ -137,7 +137,7 @@ def _join(planners: Sequence[Planner], done: dict[_Job, _Done]) -> dict[str, Pla
 
 
 def _run_chunk(workload: Workload, planner: Planner, chunk: int) -> _Done:
-    """Run one planner over one chunk, and keep what is recorded."""
+    """Run one planner over one chunk, and return its records."""
     episodes = workload.episodes.chunk(chunk)
     motion = workload.runner.track.new_motion()
     record = workload.roll(planner, workload.episodes.batch(chunk), chunk, motion)

@@ -1,4 +1,4 @@
-"""What is said while a run goes on: a progress bar where there is a terminal, lines where there is none."""
+"""Reports the progress of a run: a bar on a terminal, lines without one."""
 
 from typing import TYPE_CHECKING, Protocol
 
@@ -10,19 +10,19 @@ if TYPE_CHECKING:
 
 
 class Reporter(Protocol):
-    """Hears of a run's progress."""
+    """Is told of a run's progress."""
 
     def note(self, line: str) -> None:
-        """Hear what the user should know."""
+        """Take a line that the user should read."""
 
     def begin(self, jobs: int) -> None:
-        """Hear that so many jobs begin."""
+        """Note that a number of jobs begin."""
 
     def advance(self, planner: str) -> None:
-        """Hear that one job of a planner is done."""
+        """Note that one job of a planner is done."""
 
     def end(self) -> None:
-        """Hear that no more jobs follow."""
+        """Note that no more jobs follow."""
 
 
 def _bar() -> "tuple[Console, Progress]":
@@ -56,7 +56,7 @@ class ConsoleReporter:
         self._console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     def begin(self, jobs: int) -> None:
-        """Start a bar of so many jobs."""
+        """Start a bar for a number of jobs."""
         self._bar.start()
         self._bar.add_task("", total=jobs)
 
@@ -90,7 +90,7 @@ class TrainingProgress:
         self._bar.stop()
 
     def report(self, step: int, steps: int, evaluation: "Evaluation | None") -> None:
-        """Advance to a step; say what an evaluation found."""
+        """Advance to a step, and print the results of an evaluation."""
         self._bar.update(self._task, completed=step, total=steps)
         if evaluation is not None:
             self._console.print(

@@ -1,4 +1,4 @@
-"""A planner that does what another does, and keeps what that one was shown and what it answered."""
+"""A planner that asks another one, and keeps its observations and its answers."""
 
 import time
 from collections.abc import Callable
@@ -15,15 +15,16 @@ class Recorder(Planner):
     """Asks a planner, and keeps the observations and targets of the present batch.
 
     Args:
-        planner: to ask.
-        name: that it runs under; None is its own.
-        answered: called after each answer with the observation that the planner was handed, which it may have spoiled.
+        planner: the planner to ask.
+        name: name in the run; None keeps the planner's own.
+        answered: called after each answer with the planner's copy of the observation, which the planner may have
+            changed.
 
     Attributes:
-        context: of the batch.
-        observations: of each frame so far, without the truth, as they were before the planner saw them.
-        targets: of each frame so far, (B, 3) if the planner keeps its contract.
-        seconds: that the planner took for its answers.
+        context: context of the batch.
+        observations: observation of each frame so far, without the truth, as it was before the planner saw it.
+        targets: targets of each frame so far, (B, 3) if the planner keeps its contract.
+        seconds: time that the planner took for its answers [s].
     """
 
     def __init__(
@@ -44,7 +45,7 @@ class Recorder(Planner):
             self.planner.reset(context)
 
     def act(self, observation: Observation) -> FloatArray:
-        """Return the planner's targets; it is handed a copy of the observation."""
+        """Return the planner's targets; the planner gets a copy of the observation."""
         shown, kept = _copied(observation), _copied(observation)
         begin = time.perf_counter()
         with blamed(self.planner, f"planner {self.name!r}, frame {observation.frame}"):
@@ -63,7 +64,7 @@ class Recorder(Planner):
 
 
 def array_names(observation: Observation) -> list[str]:
-    """Return which parts of an observation are arrays."""
+    """Return the names of an observation's arrays."""
     return [name for name, value in vars(observation).items() if isinstance(value, np.ndarray)]
 
 

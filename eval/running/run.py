@@ -1,4 +1,4 @@
-"""A run of the benchmark: its configuration, records and summary, as `benchmark` returns it or a folder holds it."""
+"""A run of the benchmark, in memory or in a folder: its configuration, records and summary."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -31,11 +31,11 @@ class Run:
     """A run of the benchmark. It prints as its table, in a notebook as HTML.
 
     Args:
-        config: what decided it.
-        records: of each planner, by the name that it ran under; arrays start with N, its episodes.
-        class_names: K.
-        made: the summary; None reads that of the folder.
-        directory: the folder that it was read from; None for one that has not been.
+        config: its configuration.
+        records: records of each planner, by record name; arrays start with N episodes.
+        class_names: K class names.
+        made: the summary; None reads it from the folder.
+        directory: folder that the run was read from; None for a run in memory.
     """
 
     config: RunConfig
@@ -46,11 +46,11 @@ class Run:
 
     @cached_property
     def summary(self) -> Summary:
-        """How well each planner did.
+        """The results of each planner.
 
         Raises:
-            UsageError: the folder has no summary.json, as when the run was interrupted.
-            DataError: it is not that of the records.
+            UsageError: the folder has no summary.json, for example because the run was interrupted.
+            DataError: summary.json does not belong to the records.
         """
         if self.made is not None:
             return self.made
@@ -61,7 +61,7 @@ class Run:
         """The folder that the run was read from.
 
         Raises:
-            UsageError: it is in memory only.
+            UsageError: the run is only in memory.
         """
         if self.directory is None:
             raise UsageError("expected a run in a folder, this one is in memory: save it, or give the benchmark `out`")
@@ -69,7 +69,7 @@ class Run:
 
     @property
     def conditions(self) -> Conditions:
-        """What the run was told, with names in place of objects."""
+        """The conditions of the run, with names in place of objects."""
         return self.config.conditions
 
     @property
@@ -78,18 +78,18 @@ class Run:
         return self.config.vehicle is not None or self.conditions.track != IDEAL
 
     def episodes(self, name: str) -> EpisodeRecords:
-        """Return the records of a planner, those of all its training seeds together.
+        """Return the records of a planner, with all its training seeds together.
 
         Raises:
-            UsageError: it is not among the run's planners.
+            UsageError: the run has no such planner.
         """
         return self._of({**pool_seeds(self.records), **self.records}, name)
 
     def record_name(self, name: str) -> str:
-        """Return the name of a planner's record, that of the first training where several go by this name.
+        """Return the record name of a planner; with several trainings, that of the first.
 
         Raises:
-            UsageError: it is not among the run's planners.
+            UsageError: the run has no such planner.
         """
         return self._of({**first_trainings(self.records), **{record: record for record in self.records}}, name)
 
@@ -111,7 +111,7 @@ class Run:
         return out
 
     def to_dataframe(self) -> "pandas.DataFrame":
-        """Return one row an episode and planner: names, accuracy over the frames, and what was recorded once.
+        """Return one row per episode and planner: names, accuracy over the frames, and numbers that are recorded once.
 
         Raises:
             UsageError: pandas is not installed.
@@ -151,7 +151,7 @@ class Run:
 
 
 def write_records(out: Path, config: RunConfig, records: Mapping[str, EpisodeRecords], summary: Summary | None) -> None:
-    """Write a run; `records` may hold more than `summary` covers where the run was interrupted."""
+    """Write a run; after an interruption, `records` may hold more than `summary` covers."""
     write_text(out / CONFIG, [json_text(config.to_json())])
     write_text(out / EPISODES, episode_lines(records))
     if summary is None:
@@ -186,8 +186,8 @@ def read_run(directory: str | Path) -> Run:
 
     Raises:
         UsageError: the folder holds no such run, or one of another schema.
-        DataError: its files cannot be read, it is incomplete, as one that was interrupted, or planners ran different
-            episodes.
+        DataError: the files cannot be read, the run is incomplete, for example because it was interrupted, or planners
+            ran different episodes.
     """
     directory = Path(directory)
     config = read_config(directory)
@@ -205,7 +205,7 @@ def read_run(directory: str | Path) -> Run:
 
 
 def why_incomplete(directory: Path, config: RunConfig, records: Mapping[str, EpisodeRecords]) -> str | None:
-    """Return what a run lacks, such as one that was interrupted; None where it was finished."""
+    """Return what an interrupted run lacks; None for a finished run."""
     absent = [planner.name for planner in config.planners if planner.name not in records]
     if absent or not records:
         return f"no episodes of {', '.join(absent) or 'any planner'}"
@@ -217,7 +217,7 @@ def why_incomplete(directory: Path, config: RunConfig, records: Mapping[str, Epi
 
 
 def same_episodes(one: EpisodeRecords, other: EpisodeRecords) -> bool:
-    """Return whether records are of the same windows of the same sequences, from the same starts, in one order."""
+    """Return whether records have the same windows of the same sequences and the same starts, in the same order."""
     return (
         one.sequence == other.sequence
         and one.predicted.shape == other.predicted.shape
@@ -226,15 +226,15 @@ def same_episodes(one: EpisodeRecords, other: EpisodeRecords) -> bool:
 
 
 def class_names(run: Run, note: Callable[[str], None], source: str | Path | None = None) -> tuple[str, ...]:
-    """Return the names of the run's classes; numbers, and a note why, where its data is not here any more.
+    """Return the names of the run's classes; if its data cannot be read, return numbers and note why.
 
     Args:
         run: the run.
-        note: told the reason.
-        source: where its data lie now; None is where they lay.
+        note: is told the reason.
+        source: path of the run's data; None takes the path in config.json.
 
     Raises:
-        EharError: what was asked for by `source` cannot be read.
+        EharError: the data at `source` cannot be read.
     """
     from ehar.data.source import load_data
 
@@ -252,4 +252,4 @@ def class_names(run: Run, note: Callable[[str], None], source: str | Path | None
     if reason is None:
         return data.class_names
     note(f"classes are numbered, as their names cannot be read: {reason}")
-    return tuple(f"class {label}" for label in range(max(int(of.label.max()) for of in run.records.values()) + 1))
+    return tuple(f"class {label}" for label in range(max(int(held.label.max()) for held in run.records.values()) + 1))

@@ -19,7 +19,7 @@ PAPER_CLIPS = 200_000  # about as many as 32 views of each training scenario of 
 
 @dataclass(frozen=True)
 class _Run:
-    """What the JSON of a recogniser says about its training; None where it does not say it."""
+    """The training that a recogniser's JSON describes; None for anything that it leaves out."""
 
     data_sha256: str | None = None
     size: str | None = None
@@ -37,11 +37,11 @@ class _Trained:
 
 @dataclass(frozen=True)
 class Trained:
-    """What a training gave.
+    """The result of a training.
 
     Args:
-        paths: of the weights.
-        lines: what there is to say of it.
+        paths: paths of the weights.
+        lines: lines that describe the result.
     """
 
     paths: tuple[Path, ...]
@@ -50,15 +50,15 @@ class Trained:
 
 @dataclass(frozen=True, kw_only=True)
 class TrainAllConfig:
-    """How everything is trained.
+    """The configuration of all trainings together.
 
     Args:
-        conditions: of all trainings.
+        conditions: conditions of all trainings.
         out: folder to write to.
-        seeds: how many training seeds, each an agent of its own.
+        seeds: number of training seeds; each trains separate agents.
         setting: quick, for 2 CPU cores; paper, as published, for a GPU.
-        workers: processes; numbers do not depend on it.
-        device: of the recogniser's and of PPO's network: cpu or cuda.
+        workers: number of processes; results do not depend on it.
+        device: device of the recogniser's and of PPO's network: cpu or cuda.
     """
 
     conditions: Conditions
@@ -75,7 +75,7 @@ class TrainAllConfig:
 
     @property
     def benchmark_options(self) -> str:
-        """The options with which a benchmark runs under these conditions; its own defaults are left out."""
+        """The options of a benchmark under these conditions, without those that equal its defaults."""
         usual, told = Conditions(), self.with_models
         options = {name: getattr(told, name) for name in ("data", "models", "sensor", "views", "length", "fps")}
         said = (name for name in options if name in ("data", "models") or options[name] != getattr(usual, name))
@@ -83,7 +83,7 @@ class TrainAllConfig:
 
     @property
     def recogniser(self) -> TrainingConfig:
-        """How the recogniser is trained."""
+        """The configuration of the recogniser's training."""
         return TrainingConfig(
             conditions=self.conditions,
             out=self.out,
@@ -94,12 +94,12 @@ class TrainAllConfig:
 
     @property
     def gain_field(self) -> GainTrainingConfig:
-        """How the gain field is trained."""
+        """The configuration of the gain field's training."""
         return GainTrainingConfig(conditions=self.with_models, workers=self.workers)
 
     @property
     def agents(self) -> AgentTrainingConfig:
-        """How the agents are trained."""
+        """The configuration of the agents' training."""
         return AgentTrainingConfig(
             conditions=self.with_models,
             seeds=self.seeds,
@@ -151,10 +151,10 @@ def train_agents(config: AgentTrainingConfig) -> Trained:
 
 
 def train_all(config: TrainAllConfig) -> Trained:
-    """Train recogniser, gain field and the four agents; what is there is kept, what was stopped goes on.
+    """Train recogniser, gain field and the four agents; finished parts are kept, and stopped parts go on.
 
     Raises:
-        EharError: as the trainings do; an option of the agents that makes no sense is refused before anything begins.
+        EharError: a training raised it, or an option of the agents is wrong, which is checked before anything begins.
     """
     config.agents.check()
     stages: tuple[tuple[str, Callable[[TrainAllConfig], bool], Callable[[], Trained]], ...] = (
@@ -172,10 +172,10 @@ def train_all(config: TrainAllConfig) -> Trained:
 
 
 def has_recogniser(config: TrainAllConfig) -> bool:
-    """Return whether a recogniser that fits the data is there.
+    """Return whether there is a recogniser that fits the data.
 
     Raises:
-        EharError: there is one, and it does not fit.
+        EharError: there is a recogniser that does not fit.
     """
     from recognition.storage import load_recogniser, recogniser_path
 
@@ -185,7 +185,7 @@ def has_recogniser(config: TrainAllConfig) -> bool:
         return False
     data = load_motion_of(config.conditions)
     load_recogniser(config.with_models, data)
-    # Classes and joints can be the same where recordings were added: other sequences are then held out for the test.
+    # Added recordings may leave classes and joints unchanged, but then other sequences are held out for the test.
     run = read_json(description, _Trained, "a recogniser", unknown=True, defaults=True, wrong=ModelError).training.run
     sha256 = run.data_sha256
     if sha256 not in (None, data.sha256):
@@ -203,7 +203,7 @@ def has_recogniser(config: TrainAllConfig) -> bool:
 
 
 def has_gain_field(config: TrainAllConfig) -> bool:
-    """Return whether a gain field for the recogniser is there; one for another recogniser is trained anew."""
+    """Return whether there is a gain field for the recogniser; a gain field for another one is trained anew."""
     from planners.value.model import load_gain_model
 
     setting = load_setting(config.with_models)

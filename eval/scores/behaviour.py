@@ -1,4 +1,4 @@
-"""What planners do with the camera: where it is (Fig. 6), and which moves it makes (Fig. 7a-d).
+"""The behaviour of planners: where the camera is (Fig. 6), and which moves it makes (Fig. 7a-d).
 
 Axes: N episodes, L frames, M moves.
 """
@@ -63,7 +63,7 @@ AXES = (
 
 
 class PositionHistogram(NamedTuple):
-    """Where the camera was along one axis, over all frames.
+    """The histogram of the camera's positions along one axis, over all frames.
 
     Args:
         axis: the axis.
@@ -105,7 +105,7 @@ def level_share(episodes: EpisodeRecords) -> float:
 
 
 class SphereDensity(NamedTuple):
-    """How often cameras were in each part of the upper half of the sphere, seen from above in an equal-area projection.
+    """The density of cameras on the upper half of the sphere, seen from above in an equal-area projection.
 
     Cameras that are equally often in all directions give an even disc.
 

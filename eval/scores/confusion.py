@@ -11,7 +11,7 @@ from eval.scores.statistics import BOOTSTRAP_SEED, RESAMPLES, interval, resample
 
 
 class ClassGains(NamedTuple):
-    """How much more accurate one planner is than another, class by class; NaN for a class without episodes.
+    """The difference in accuracy between two planners, class by class; NaN for a class without episodes.
 
     Args:
         gain: (K,), the difference of the accuracies over all frames, -1 to 1.

@@ -22,8 +22,8 @@ class Difference:
         planner: the one whose accuracy is the minuend.
         other: the one whose accuracy is taken away.
         acc_mean: the difference of their accuracies, the mean over all frames [percentage points].
-        ci95: its 95 % interval, bootstrap over sequences and, of planners with several, training seeds; without
-            resamples this and all that follows from them is None.
+        ci95: its 95 % interval, bootstrap over sequences and, of planners with several, training seeds; None without
+            resamples, like every other number that needs them.
         smallest: the smallest true difference that would have shown in 80 of 100 such runs [percentage points]; None
             where the two do not differ in any resample.
         improvement: the probability that a training of the planner is more accurate in a sequence than one of the

@@ -1,4 +1,4 @@
-"""How well a batch of episodes went: pure functions of arrays. Axes: N episodes, L frames."""
+"""Metrics of a batch of episodes: pure functions of arrays. Axes: N episodes, L frames."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class Metric:
 
 
 class Reliability(NamedTuple):
-    """How often answers are right, given how sure they were, in `CALIBRATION_BINS` equal bins; NaN in empty bins.
+    """The share of right answers by their confidence, in `CALIBRATION_BINS` equal bins; NaN in empty bins.
 
     `ece` is the mean distance of this diagram from its diagonal.
 

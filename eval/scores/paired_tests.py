@@ -12,7 +12,7 @@ from ehar.arrays import FloatArray
 
 
 class McNemar(NamedTuple):
-    """What McNemar's exact test found.
+    """The result of McNemar's exact test.
 
     Args:
         wins: episodes in which the first planner is right more often than the second.

@@ -17,7 +17,7 @@ NO_ACT, ORACLE = "no-act", "oracle"  # the two ends of the gap
 
 @dataclass(frozen=True)
 class PlannerSummary:
-    """How well one planner did; with several training seeds, every number is the mean over them.
+    """The results of one planner; with several training seeds, every number is the mean over them.
 
     Args:
         name: name of the planner, without seeds.
@@ -34,7 +34,7 @@ class PlannerSummary:
         gap_closed: the share of the way from no-act to the oracle; flights that are compared with the ideal track use
             its oracle. None if no-act or the oracle did not run, or the oracle was no better.
         gap_closed_ci95: its 95 % interval.
-        metrics: by the keys of `METRICS`, means over trainings.
+        metrics: means over trainings, by the keys of `METRICS`.
         step_ms: planning time of one frame of one episode [ms]; like `solves`, it is not in the records.
         flight: the demands of its flights on the vehicle, over all seeds; None on the ideal track.
         accuracy_kept: the gap closed in flight divided by the gap closed on the ideal track. Both are shares of the
@@ -42,7 +42,7 @@ class PlannerSummary:
             no-act), mean accuracies over frames. None if not all of its seeds ran on the ideal track, or if the planner
             gained nothing there.
         accuracy_kept_ci95: its 95 % interval, over the resamples in which the planner gained on the ideal track.
-        solves: how its plans ended, over all seeds; None for a planner that does not count them.
+        solves: counts of its plans by status, over all seeds; None for a planner that does not count them.
     """
 
     name: str

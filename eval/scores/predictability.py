@@ -29,7 +29,7 @@ ENOUGH = 0.5  # the share of a class's episodes that have to be right
 
 @dataclass(frozen=True, eq=False)
 class Predictability:
-    """How predictable activities are with one planner.
+    """The predictability of activities with one planner.
 
     Args:
         class_level: (K,) index into `LEVELS` by class, `NO_EPISODE` where there is none.

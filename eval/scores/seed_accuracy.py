@@ -23,7 +23,7 @@ class Spread(NamedTuple):
 
 @dataclass(frozen=True)
 class SeedAccuracy:
-    """How well the trainings of one planner did.
+    """The accuracy of one planner's trainings.
 
     Args:
         name: name of the planner.

@@ -37,7 +37,7 @@ def summarise(
         config: configuration of the run.
         privileged: whether each planner was handed the truth, by record name.
         step_ms: planning time of each planner [ms], by record name.
-        solves: how the plans ended of planners that count them, by record name.
+        solves: counts of plans by status, for planners that count them, by record name.
         on_ideal: records of the same episodes on the ideal track, including no-act, to compare flights with.
 
     Raises:

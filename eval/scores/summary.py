@@ -1,4 +1,4 @@
-"""The summary of a run: how well each planner did."""
+"""The summary of a run, with the results of each planner."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Summary:
-    """How well each planner did on the same episodes. It prints as a table, in a notebook as HTML.
+    """The results of each planner on the same episodes. It prints as a table, in a notebook as HTML.
 
     Args:
         config: configuration of the run.
         episodes: number of episodes of each planner.
         sequences: number of sequences that they are cut from.
         no_intervals: why there are no intervals; None if there are.
-        planners: in the order of the run.
+        planners: results of each planner, in the order of the run.
         differences: paired differences between `differences.SUBJECTS` and every other planner that is not privileged.
     """
 

@@ -1,1 +1,1 @@
-"""How fast everything is: `ehar bench`."""
+"""Speed measurements: `ehar bench`."""

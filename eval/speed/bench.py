@@ -1,6 +1,6 @@
-"""How fast recognition, the world and planning are: ratios that hold on any machine, and times on this one.
+"""The speed of recognition, the world and planning: ratios that hold on any machine, and times on this one.
 
-Every measurement runs in processes of its own with one torch thread each, as the benchmark's workers do.
+Every measurement runs in separate processes with one torch thread each, like the benchmark's workers.
 """
 
 import json
@@ -22,7 +22,7 @@ from eval.speed.report import time_report
 
 
 class Target(NamedTuple):
-    """What a figure is to reach."""
+    """The bound that a figure should reach."""
 
     bound: float
     at_most: bool = False
@@ -52,23 +52,24 @@ def bench(out: str | Path, effort: Effort | None = None, report: str | Path | No
 
     Args:
         out: the file.
-        effort: how much is measured.
-        report: a report.html, which is opened too.
+        effort: how much to measure.
+        report: a report.html to open as well.
 
     Returns:
-        flops_ratio, time_ratio: what the published form costs over an episode, evaluated on every prefix, over
-            what the streaming form costs, at the small widths; and, with `_published_widths` behind their names,
-            at the published ones, where the published form also strides over time.
-        late_over_early_frame: the streaming recogniser's time for the last frame over that for the 5th.
-        refresh_over_plain_frame: its time for a frame that refreshes the topologies over that for another.
-        recognised_frames_per_s: of `WORKERS` processes together, from sensing to calibrated probabilities.
-        world_frames_per_s: of as many, moving cameras and sensing alone.
-        nbv_solve_ms_median, nbv_solve_ms_p95: one solve at the default horizon, over the plans on the grid and those
-            of a PX4 in mission mode.
-        nbv_fallback_share: of those plans, the share that was not what the solver that was asked for has found.
+        flops_ratio, time_ratio: the cost of the published form over an episode, evaluated on every prefix, divided by
+            the cost of the streaming form, at the small widths. Keys that end in `_published_widths` are for the
+            published widths, where the published form also strides over time.
+        late_over_early_frame: the streaming recogniser's time for the last frame divided by that for the 5th.
+        refresh_over_plain_frame: its time for a frame that refreshes the topologies divided by that for another frame.
+        recognised_frames_per_s: frames of `WORKERS` processes together, from sensing to calibrated probabilities.
+        world_frames_per_s: frames of `WORKERS` processes together that only move cameras and sense.
+        nbv_solve_ms_median, nbv_solve_ms_p95: one solve at the default horizon, over plans on the grid and plans of a
+            PX4 in mission mode.
+        nbv_fallback_share: the share of those plans that the chosen solver did not find itself.
         ruckig_us_per_call: one flight of that vehicle on three axes.
         ppo_frames_per_s: environment frames of PPO's training, with the recogniser in the loop and 64 environments.
-        report_interactive_s: from opening the report until its table is sorted and its replay has moved; only with one.
+        report_interactive_s: from opening the report until its table is sorted and its replay has moved; only with a
+            report.
         shipped_weights: 1 if the streaming recogniser is the one that ships, 0 if it is untrained.
     """
     effort = effort or Effort()
@@ -101,7 +102,7 @@ def bench(out: str | Path, effort: Effort | None = None, report: str | Path | No
 
 
 def bench_table(figures: dict[str, float]) -> Table:
-    """Return the figures beside what they are to reach."""
+    """Return the figures beside their targets."""
     rows = []
     for name, figure in figures.items():
         target = TARGETS.get(name)

@@ -1,4 +1,4 @@
-"""How much is measured by `ehar bench`, and on what."""
+"""The effort of `ehar bench`: the data, the processes and the number of measurements."""
 
 from dataclasses import dataclass
 
@@ -8,18 +8,18 @@ WORKERS = 2  # processes side by side, one a core, that are timed together
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is measured; the defaults take about two minutes.
+    """The number of measurements; the defaults take about two minutes.
 
     Args:
         length: L, frames of an episode.
-        episodes: run in lockstep by the streaming recogniser.
-        repeats: of each episode; medians are taken over them.
-        small_episodes: run by both forms of the small network, which see every prefix.
-        published_episodes: the same for the published widths.
-        cameras: moved and seen through together when the world is measured alone.
-        flights: that Ruckig is asked for at once.
-        plans: that are solved on each track, each from the one before it, 15 in a row.
-        rollouts: of PPO that are timed, after one that is not.
+        episodes: episodes that the streaming recogniser runs in lockstep.
+        repeats: repeats of each episode, over which medians are taken.
+        small_episodes: episodes that both forms of the small network run, evaluated on every prefix.
+        published_episodes: episodes for the same with the published widths.
+        cameras: cameras that move and sense together when the world is measured alone.
+        flights: flights that Ruckig plans at once.
+        plans: plans on each track, 15 in a row, each from the one before it.
+        rollouts: rollouts of PPO that are timed, after one that is not timed.
     """
 
     length: int = 60

@@ -1,4 +1,4 @@
-"""How fast planning is: solves of the optimal control problem, Ruckig's flights, and PPO's training."""
+"""The speed of planning: solves of the optimal control problem, Ruckig's flights, and PPO's training."""
 
 import math
 import time
@@ -32,8 +32,8 @@ from planners.value.view_basis import BASIS_SIZE
 from recognition.torch_threads import one_torch_thread
 
 VEHICLE = VEHICLES["px4-auto"]
-ENVIRONMENTS = 64  # of which the frames a second of PPO are told
-PACE = 0.1  # share of the vehicle's speed and acceleration that each axis begins a flight with, at most
+ENVIRONMENTS = 64  # in which the frames per second of PPO are measured
+PACE = 0.1  # largest share of the vehicle's speed and acceleration on each axis at the start of a flight
 EFFORT_WEIGHT = 0.01
 FIELD_MEMORY = 0.97  # how much of a random gain field is left one node later; the rest is new
 
@@ -83,7 +83,7 @@ def measure_solves(
     episodes: int,
     plans: int,
 ) -> SolverStatistics:
-    """Return what became of `episodes * plans` solves, each warm-started from the one before it.
+    """Return the statistics of `episodes * plans` solves, each warm-started from the one before it.
 
     They plan over random gain fields that change as they go. In each episode the camera starts at rest at one of the
     paper's starts and follows every plan for one node.
@@ -123,7 +123,7 @@ def time_ruckig(effort: Effort) -> float:
 
 
 def time_ppo(data: MotionData, effort: Effort) -> float:
-    """Return the environment frames a second of PPO at its default setting, with the recogniser in the loop.
+    """Return the environment frames per second of PPO at its default setting, with the recogniser in the loop.
 
     Its environments run in `WORKERS` processes, and its updates between them in one thread, as in training.
     """

@@ -1,4 +1,4 @@
-"""How fast recognition and the world are: both forms of the network, the streaming recogniser, cameras alone."""
+"""The speed of recognition and the world: both forms of the network, the streaming recogniser, cameras alone."""
 
 import time
 from functools import partial
@@ -30,19 +30,19 @@ EARLY = 5  # the frame, counted from 1, that the last one is compared with
 
 
 class FormRatios(NamedTuple):
-    """What the published form costs over what the streaming form costs."""
+    """The cost of the published form divided by the cost of the streaming form."""
 
     flops_ratio: float
     time_ratio: float
 
 
 def compare_forms(data: MotionData, size: Size, episodes: int, length: int) -> FormRatios:
-    """Run both forms, untrained, over the same episodes: frame by frame in turn, so that both meet the same machine."""
+    """Run both forms, untrained, over the same episodes: frame by frame in turn, for a fair comparison."""
     forms = [_untrained(data, "ctrgcn", size, length), _untrained(data, "causal", size, length)]
     positions, viewpoint, noise = _episodes(data, episodes, length)
     sensor = PerfectSensor()
     states: list[Any] = [form.start(episodes) for form in forms]
-    single: list[Any] = [form.start(1) for form in forms]  # the ratio of operations is that of one episode
+    single: list[Any] = [form.start(1) for form in forms]  # operations are counted for one episode
     flops, seconds = np.zeros(2), np.zeros(2)
     for frame in range(length):
         sensed = sensor.sense(positions[:, frame], viewpoint, noise.frame(frame))
@@ -97,7 +97,7 @@ def streaming_recogniser(data: MotionData) -> tuple[Recogniser, bool]:
 
 
 def frame_ratios(seconds: FloatArray) -> dict[str, float]:
-    """Return how the seconds of frames (L,) compare; the first frame, which nothing precedes, stands apart."""
+    """Return ratios of the seconds of frames (L,), without the first frame, which has no predecessor."""
     refresh = np.array([refreshes(count) for count in range(1, len(seconds) + 1)])
     plain, refreshing = seconds[1:][~refresh[1:]], seconds[1:][refresh[1:]]
     return {

@@ -1,4 +1,4 @@
-"""How soon a report can be used: from opening it to a sorted table and a replay that moves, in headless Chromium."""
+"""Times how soon a report responds, in headless Chromium: its table is sorted and its replay moves."""
 
 import shutil
 import time
@@ -14,7 +14,7 @@ REPEATS = 5
 def time_report(report: Path) -> float:
     """Return the seconds from opening a report until its table has been sorted and its replay moved on.
 
-    Each of `REPEATS` openings has a browser of its own, with nothing in its caches; the median counts.
+    Each of `REPEATS` openings uses a new browser with empty caches; the median counts.
 
     Args:
         report: `report.html`, with a replay.
