@@ -58,22 +58,21 @@ class ModelPlace:
         """
         from planners.value.model import load_gain_model  # brings torch
 
-        if self.form != "causal":
+        if self.conditions.form != "causal":
             raise ModelError(f"{_CAUSAL_FIELDS}, and this is {self.form}")
         if self._untrained:
             raise ModelError(self._no_gain_field)
         return load_gain_model(self.conditions, self.data, self.recogniser_sha256)
 
     def load_agent(self, spec: str) -> "Agent":
-        """Return one training of a learned planner: `il-ppo/0`; `il-ppo` alone gives the first, under that name.
+        """Return one training of a learned planner, `il-ppo/0`; of `il-ppo` alone the first, by that name.
 
         Raises:
-            ModelError: the agent is missing or belongs to another data set or recogniser, or agents do not support this
-                recogniser.
+            ModelError: there is none, it belongs to another data set or recogniser, or none could be trained.
         """
         from planners.agents.storage import load_agent  # brings torch
 
-        if self.form != "causal":
+        if self.conditions.form != "causal":
             raise ModelError(f"planner {spec!r}: {_CAUSAL_AGENTS}, and this is {self.form}")
         if self._untrained:
             raise ModelError(f"planner {spec!r}: {self._no_agent}")
@@ -85,21 +84,21 @@ class ModelPlace:
         return agent
 
     def seeds(self, name: str) -> tuple[int, ...]:
-        """Return the seeds with which a learned planner was trained here."""
+        """Return with which seeds a learned planner was trained here."""
         from planners.agents.storage import agent_seeds  # brings torch
 
         return () if self._untrained else agent_seeds(self.conditions, self.data, name)
 
     def expanded(self, spec: str) -> tuple[str, ...]:
-        """Return the record names of all trainings of a learned planner; a name with a seed stands for itself."""
+        """Return the trainings of a learned planner that is named without one, or at least the first."""
         name, seed = split_record_name(spec)
         return (spec,) if seed is not None else tuple(record_name(name, seed) for seed in self.seeds(name) or (0,))
 
     def reason_for_no_gain_model(self) -> str | None:
-        """Return why there is no gain model here, and what to do about it; None if there is one."""
+        """Return why there can be no gain model here, and what to do about it; None where there is one."""
         from planners.value.model import SHIPPED, gain_model_path
 
-        if self.form != "causal":
+        if self.conditions.form != "causal":
             return f"{_CAUSAL_FIELDS}, and this is {self.form}"
         path = gain_model_path(self.models or SHIPPED / self.data.name, self.conditions)
         if self.conditions.recogniser is None and path.is_file():
@@ -111,8 +110,8 @@ class ModelPlace:
         return None
 
     def reason_for_no_agent(self, name: str) -> str | None:
-        """Return why a learned planner cannot run here, and what to do about it; None if it can."""
-        if self.form != "causal":
+        """Return why a learned planner cannot run here, and what to do about it; None where it can."""
+        if self.conditions.form != "causal":
             return f"{_CAUSAL_AGENTS}, and this is {self.form}"
         seeds = self.seeds(name)
         if not seeds:

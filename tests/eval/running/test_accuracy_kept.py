@@ -21,7 +21,7 @@ def test_the_records_of_a_run_under_the_same_conditions_are_read(tmp_path: Path)
     np.testing.assert_array_equal(records["mine"].predicted, three_planners()["mine"].predicted)
 
 
-WORDS = {"sensor": "estimator", "views": "paper", "part": "validation", "form": "ctrgcn"}
+WORDS = {"sensor": "estimator", "sensor_sha256": "8", "views": "paper", "part": "validation", "form": "ctrgcn"}
 
 
 @pytest.mark.parametrize("name", [*SAME, *TOLD])

@@ -93,7 +93,7 @@ def test_without_names_all_run_for_whom_something_was_trained(tmp_path: Path) ->
     assert agents.startswith(
         "left out: ppo, il-ppo, dagger: no agent was trained for this recogniser: expected those of "
     )
-    assert f"`ehar train agent --data tiny.npz --sensor perfect --views moving --models {tmp_path}`" in agents
+    assert f"`ehar train agent --data X.npz --sensor perfect --views moving --models {tmp_path}`" in agents
     save_field(tmp_path)
     save_agents(tmp_path, "ppo/0", "il-ppo/0", "dagger/0")
     names, model, notes = chosen(None, place_of(tmp_path))
@@ -112,26 +112,25 @@ def test_the_published_recogniser_has_no_agents(tmp_path: Path) -> None:
         chosen(["no-act", "il"], place)
 
 
-def test_a_recogniser_of_your_own_has_neither_a_gain_field_nor_agents(tmp_path: Path) -> None:
+def test_what_was_trained_for_another_recogniser_is_left_out_beside_your_own(tmp_path: Path) -> None:
     save_field(tmp_path)
     save_agents(tmp_path, "il/0")
-    place = place_of(tmp_path, form="mine.py:Mine(gain=2)", recogniser_sha256="mine")
-    names, model, (field, agents) = chosen(None, place)
+    place = place_of(tmp_path, form="Mine(gain=2)", recogniser="mine.py:Mine(gain=2)", recogniser_sha256="mine")
+    names, model, (field, agent, others) = chosen(None, place)
     assert not [name for name in names if name.startswith(("nbv", "il", "ppo", "dagger"))]
     assert model is None
-    assert field.endswith("gain fields are trained for the causal recogniser, and this is mine.py:Mine(gain=2)")
-    assert agents.endswith("agents are trained for the causal recogniser, and this is mine.py:Mine(gain=2)")
+    assert "trained for another recogniser: its sha256 was fake..., this one's is mine..." in field
+    assert "trained for another recogniser: its sha256 was fake..., this one's is mine..." in agent
+    assert "no agent was trained for this recogniser: expected those of `ehar train agent " in others
     for planners in (["il"], ["nbv"]):
-        with pytest.raises(ModelError, match=r"trained for the causal recogniser, and this is mine\.py:Mine"):
+        with pytest.raises(ModelError, match=r"trained for another recogniser"):
             chosen(planners, place)
 
 
 def test_who_is_named_has_to_be_trained(tmp_path: Path) -> None:
     save_agents(tmp_path, "il/0")
     for planners in (["il", "ppo"], ["il/1"], ["il-no-vision"]):
-        with pytest.raises(
-            ModelError, match=r"agent-.*\.safetensors: no such file: .*`ehar train agent --data tiny.npz"
-        ):
+        with pytest.raises(ModelError, match=r"agent-.*\.safetensors: no such file: .*`ehar train agent --data X.npz"):
             chosen(planners, place_of(tmp_path))
     for options in ({"sensor": "estimator"}, {"views": "paper"}):
         with pytest.raises(ModelError, match=f"-{next(iter(options.values()))}-.*no such file"):

@@ -13,10 +13,9 @@ from eval import benchmark
 from eval.records.config import KEYS, read_config
 from eval.running.run import read_run
 from eval.running.training import train_agents, train_gain_field, train_recogniser
-from planners.agents.config import AgentTrainingConfig
 from planners.value.config import GainTrainingConfig
 from recognition.training.config import TrainingConfig
-from tests.helpers.agent_trainings import train_little
+from tests.helpers.agent_trainings import TinyTraining
 from tests.helpers.commands import fails_with
 from tests.helpers.fakes import FakeRecogniser, tiny_data
 from tests.helpers.own_recogniser import OWN as RECOGNISER
@@ -127,24 +126,27 @@ def test_a_recogniser_is_trained_to_see_through_a_sensor_of_ones_own(lab: Path) 
     trained = told(sensor="world.py:Blurred(pixels='8')", recogniser=None, models="models")
     run = benchmark(["no-act"], trained, reporter=Log())
     assert run.config.sensor_sha256 is not None
-    with pytest.raises(ModelError, match=r"expected a recogniser trained with --sensor world.py:Blurred --views m"):
+    with pytest.raises(
+        ModelError,
+        match="as made by `ehar train recogniser --data tiny.npz --sensor world.py:Blurred --views m",
+    ):
         benchmark(["no-act"], told(sensor="world.py:Blurred", recogniser=None, models="models"), reporter=Log())
 
 
 @pytest.mark.slow
-def test_gain_field_and_agents_are_trained_for_a_recogniser_of_ones_own(
-    lab: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    train_little(monkeypatch)
+def test_gain_field_and_agents_are_trained_for_a_recogniser_of_ones_own(lab: Path) -> None:
     conditions = told(models="models", length=8)
     log = Log()
     benchmark(None, conditions, reporter=log)
-    missing = "`ehar train agent --data tiny --models models --sensor perfect --views moving --recogniser mine.py:Mine`"
+    missing = (
+        "`ehar train agent --data tiny.npz --sensor perfect --views moving --length 8 --recogniser mine.py:Mine "
+        "--models models`"
+    )
     assert log.notes[1] == (
         f"left out: {LEARNED}: no agent was trained for this recogniser: expected those of {missing}"
     )
     train_gain_field(GainTrainingConfig(conditions=conditions, batches=2, workers=1))
-    train_agents(AgentTrainingConfig(conditions=conditions, stages="il,ppo", episodes=64, variations=0, workers=1))
+    train_agents(TinyTraining(conditions=conditions, stages="il,ppo", episodes=64, variations=0, workers=1))
     log = Log()
     run = benchmark(None, conditions, reporter=log)
     ran = {name.partition("/")[0] for name in names(run.summary)}
@@ -167,9 +169,7 @@ def test_two_workers_train_for_a_recogniser_of_ones_own_as_one_does(lab: Path) -
     for workers in (1, 2):
         conditions = told(models=f"models-{workers}", length=8)
         gain_field = train_gain_field(GainTrainingConfig(conditions=conditions, batches=2, workers=workers)).paths
-        config = AgentTrainingConfig(
-            conditions=conditions, stages="il", seeds=2, episodes=64, variations=0, workers=workers
-        )
+        config = TinyTraining(conditions=conditions, stages="il", seeds=2, episodes=64, variations=0, workers=workers)
         written.append([path.read_bytes() for path in (*gain_field, *train_agents(config).paths)])
     assert len(written[0]) == 3
     assert written[0] == written[1]
@@ -179,7 +179,7 @@ def test_without_a_folder_nothing_was_trained_for_a_recogniser_of_ones_own(lab: 
     log = Log()
     run = benchmark(None, told(), reporter=log)
     assert not {"nbv", "il"} & set(names(run.summary))
-    trained = "--data tiny --models DIR --sensor perfect --views moving --recogniser mine.py:Mine`"
+    trained = "--data tiny.npz --sensor perfect --views moving --length 10 --recogniser mine.py:Mine --models DIR`"
     assert log.notes == [
         "left out: nbv-greedy, nbv-search, nbv: no gain field was trained for this recogniser: expected that of "
         f"`ehar train gain-field {trained}",
