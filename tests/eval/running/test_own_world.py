@@ -128,7 +128,7 @@ def test_a_recogniser_is_trained_to_see_through_a_sensor_of_ones_own(lab: Path) 
     assert run.config.sensor_sha256 is not None
     with pytest.raises(
         ModelError,
-        match="as made by `ehar train recogniser --data tiny.npz --sensor world.py:Blurred --views m",
+        match=r"as made by `ehar train recogniser --data tiny.npz --sensor world.py:Blurred --views m",
     ):
         benchmark(["no-act"], told(sensor="world.py:Blurred", recogniser=None, models="models"), reporter=Log())
 
