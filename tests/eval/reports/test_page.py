@@ -267,7 +267,7 @@ def test_a_summary_of_other_planners_is_refused(tmp_path: Path, capsys: pytest.C
         ["report", str(run)], capsys
     )
     (run / SUMMARY).write_text("[]")
-    assert "expected the JSON object of a finished run of ehar benchmark, got list" in fails_with(
+    assert "expected the JSON object of a finished run of ehar benchmark, got []" in fails_with(
         ["report", str(run)], capsys
     )
 

@@ -99,7 +99,16 @@ def test_runs_without_a_planner_in_common_are_refused(tmp_path: Path) -> None:
         compare(a, b)
 
 
-OTHER = {"data_sha256": "9", "part": "policy", "starts": 2, "seed": 7, "length": 5, "fps": 25.0, "sensor": "estimator"}
+OTHER = {
+    "data_sha256": "9",
+    "part": "policy",
+    "starts": 2,
+    "seed": 7,
+    "length": 5,
+    "fps": 25.0,
+    "sensor": "estimator",
+    "sensor_sha256": "8",
+}
 
 
 @pytest.mark.parametrize("name", SAME_EPISODES)
@@ -142,6 +151,7 @@ def test_what_else_differs_is_said_aloud(tmp_path: Path) -> None:
         "form": "ctrgcn",
         "readout": "belief",
         "track": "px4-max",
+        "track_sha256": "7",
         "versions": {"torch": "2", "numpy": "2"},
     }
     assert {*changes, "gain_model_sha256"} == {*MAY_DIFFER} <= CONFIG_OF_RUN.to_json().keys()
@@ -152,6 +162,8 @@ def test_what_else_differs_is_said_aloud(tmp_path: Path) -> None:
         "Not the same in A and B: recogniser 1, ffffffffffff; views moving, paper; form causal, ctrgcn; "
         "readout recogniser, belief; track ideal, px4-max; torch 1, 2."
     )
+    own = [written(tmp_path / sha256, records(nbv=1.0), track="lag", track_sha256=sha256) for sha256 in "78"]
+    assert compare(*own).differing == {"track": ("7", "8")}
     c = written(tmp_path / "c", records(nbv=1.0), gain_model_sha256="4")
     assert compare(b, c).differing["gain model"] == ("3", "4")
 
