@@ -111,17 +111,17 @@ class AgentTrainingConfig:
     Args:
         conditions: conditions of the episodes, and the recogniser.
         out: folder to write to.
-        stages: the agents to train, with commas between them.
-        seeds: number of training seeds; each gives one agent.
+        stages: agents to train, with commas between them.
+        seeds: training seeds; each gives one agent.
         without: encoder that is left out (Table 3), as in il-no-vision.
         setting: quick, for 2 CPU cores; paper, as published, for a GPU.
         teacher: the teacher that il clones.
-        labels: labels that il clones: the best move, or the worth of each move (soft).
-        rounds: number of rounds of il's demonstrations; from the second on, the agent acts.
-        episodes: number of demonstrated episodes; None is 1,536, or 10,000 in paper.
-        frames: number of frames of PPO; None is 300,000, or 10 million in paper.
-        variations: number of variations of each sequence; None is 3, or 0 in paper.
-        workers: number of processes; results do not depend on it.
+        labels: labels for il: the best move, or each move's worth (soft).
+        rounds: rounds of il; from the second on, the agent acts.
+        episodes: demonstrated episodes; None is 1,536, or 10,000 in paper.
+        frames: frames of PPO; None is 300,000, or 10 million in paper.
+        variations: variations of each sequence; None is 3, or 0 in paper.
+        workers: processes; results do not depend on them.
         device: device of PPO's network, cpu or cuda.
         tensorboard: folder for TensorBoard's logs.
     """

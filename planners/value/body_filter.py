@@ -74,8 +74,8 @@ class BodyFilter:
 
     A level camera sees only the part of the lateral vector along r, which is the cosine. As it moves, it sees the rest.
     The noise of a joint is its noise in plain view divided by its confidence; a missing joint is not used. A pose
-    estimator may swap left and right with probability p. The error is then as large as the measured value, so its
-    variance is :math:`4 p (1 - p) z^2`. With this variance the first measurement can't lock the filter in.
+    estimator may swap left and right with probability p. A swap turns the value z into -z, so the variance of a value
+    is :math:`4 p (1 - p) z^2`. With this variance no measurement can lock the filter in, whichever side came first.
 
     Args:
         pairs: (pairs, 2) [left, right], as from `trunk_pairs`.

@@ -18,8 +18,8 @@ class GainField:
 
     with the basis :math:`\Phi` of `planners.value.view_basis`, and the features f of `Situation.features` after a
     constant 1. A counts azimuths as they are. R counts them from the reference r_c, the direction that people face. If
-    everybody in a data set faces the same way, A knows that before anybody has been seen. The
-    expected gain of a path, in the mean probability of the true class over the frames to come, is
+    everybody in a data set faces the same way, A knows that before anybody has been seen. The expected gain of a path,
+    in the mean probability of the true class over the frames to come, is
 
     .. math:: \sum_f \gamma_f g(v_f; c) - \beta |\sum_f \gamma_f u_f|^2
 

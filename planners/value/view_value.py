@@ -50,7 +50,7 @@ def node_gains(frame: int, length: int, nodes: int, node_frames: int) -> FloatAr
     """Return the weight of the view at each node, (nodes,): the sum of `frame_gains` over the node's frames.
 
     The weights sum to 1. Node h stands for the `node_frames` frames up to its own. The last node also stands for all
-    frames after it. Nodes after the end of the episode have weight 0, so the horizon may be longer than the episode.
+    frames after it. Nodes after the end of the episode have weight 0, so the horizon may outlast the episode.
     """
     gains = frame_gains(frame, length)
     node = np.minimum(np.arange(len(gains)) // node_frames, nodes - 1)
