@@ -162,6 +162,8 @@ def test_what_else_differs_is_said_aloud(tmp_path: Path) -> None:
         "Not the same in A and B: recogniser 1, ffffffffffff; views moving, paper; form causal, ctrgcn; "
         "readout recogniser, belief; track ideal, px4-max; torch 1, 2."
     )
+    own = [written(tmp_path / sha256, records(nbv=1.0), track="lag", track_sha256=sha256) for sha256 in "78"]
+    assert compare(*own).differing == {"track": ("7", "8")}
     c = written(tmp_path / "c", records(nbv=1.0), gain_model_sha256="4")
     assert compare(b, c).differing["gain model"] == ("3", "4")
 
