@@ -127,6 +127,18 @@ def test_what_was_trained_for_another_recogniser_is_left_out_beside_your_own(tmp
             chosen(planners, place)
 
 
+def test_what_was_trained_for_a_recogniser_of_your_own_runs(tmp_path: Path) -> None:
+    save_field(tmp_path, recogniser="fake")
+    save_agents(tmp_path, "il/0", "ppo/1")
+    names, model, (agents,) = chosen(None, place_of(tmp_path, form="Mine", recogniser="mine.py:Mine"))
+    assert {"nbv", "nbv-greedy", "nbv-search", "il/0", "ppo/1"} <= {*names}
+    assert model is not None
+    assert agents.startswith("left out: il-ppo, dagger: ")
+    names, _, notes = chosen(None, place_of(None, form="Mine", recogniser="mine.py:Mine"))
+    assert not [name for name in names if name.startswith(("nbv", "il", "ppo", "dagger"))]
+    assert all(" was trained for this recogniser: expected th" in note and "--models DIR" in note for note in notes)
+
+
 def test_who_is_named_has_to_be_trained(tmp_path: Path) -> None:
     save_agents(tmp_path, "il/0")
     for planners in (["il", "ppo"], ["il/1"], ["il-no-vision"]):

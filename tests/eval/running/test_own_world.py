@@ -4,16 +4,22 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
+from ehar.data.scenario import split_parts, windows
 from ehar.errors import ModelError, UsageError
 from eval import benchmark
 from eval.records.config import KEYS, read_config
 from eval.running.run import read_run
 from eval.running.training import train_agents, train_gain_field, train_recogniser
+from planners.agents.demonstrations import DemonstrationTask, demonstrate
+from planners.value.body_filter import trunk_pairs
+from planners.value.collection import CollectionTask, run_batches
 from planners.value.config import GainTrainingConfig
+from recognition.setting import load_setting
 from recognition.training.config import TrainingConfig
 from tests.helpers.agent_trainings import TinyTraining
 from tests.helpers.commands import fails_with
@@ -164,15 +170,16 @@ def test_gain_field_and_agents_are_trained_for_a_recogniser_of_ones_own(lab: Pat
 
 
 @pytest.mark.slow
-def test_two_workers_train_for_a_recogniser_of_ones_own_as_one_does(lab: Path) -> None:
-    written = []
-    for workers in (1, 2):
-        conditions = told(models=f"models-{workers}", length=8)
-        gain_field = train_gain_field(GainTrainingConfig(conditions=conditions, batches=2, workers=workers)).paths
-        config = TinyTraining(conditions=conditions, stages="il", seeds=2, episodes=64, variations=0, workers=workers)
-        written.append([path.read_bytes() for path in (*gain_field, *train_agents(config).paths)])
-    assert len(written[0]) == 3
-    assert written[0] == written[1]
+def test_two_workers_roll_out_for_trainings_as_one_does(lab: Path) -> None:
+    setting = load_setting(told(length=8, sensor="world.py:Blurred"))
+    sequences = split_parts(setting.data).policy
+    collected = CollectionTask(setting.runner, sequences, 8, trunk_pairs(setting.data, sequences), seed=0)
+    demonstrated = DemonstrationTask(setting.runner, windows(setting.data, sequences, 8, 1), "oracle", None, (0,))
+    for roll, task in ((run_batches, collected), (demonstrate, demonstrated)):
+        one, two = (dict(roll(task, [0, 1], workers=workers)) for workers in (1, 2))  # type: ignore[operator]
+        for batch in (0, 1):
+            for name, values in vars(one[batch]).items():
+                np.testing.assert_array_equal(values, getattr(two[batch], name))
 
 
 def test_without_a_folder_nothing_was_trained_for_a_recogniser_of_ones_own(lab: Path) -> None:
