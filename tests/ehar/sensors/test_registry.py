@@ -118,5 +118,6 @@ def test_weights_are_called_after_a_sensor_in_letters_that_a_file_can_have() -> 
     sensor.name = "blurred joints"
     assert seen(sensor) == "blurred-joints-moving"
     assert (
-        Conditions(sensor="mine.py:Blurred(pixels=8)").options == "--sensor 'mine.py:Blurred(pixels=8)' --views moving"
+        Conditions(sensor="mine.py:Blurred(pixels=8)").options
+        == "--data duo --sensor 'mine.py:Blurred(pixels=8)' --views moving"
     )
