@@ -39,7 +39,7 @@ REGISTERED = {  # what is added: where it is registered, behind which line, and 
 def blocks(what: str) -> tuple[str, str]:
     """Return the new file and the entry of one section of the page."""
     section = PAGE.partition(f"## Add a {what}\n")[2].partition("\n## ")[0]
-    file, entry = re.findall(r"```python\n(.*?)```", section, flags=re.DOTALL)
+    file, entry = re.findall(r"```(?:python|text)\n(.*?)```", section, flags=re.DOTALL)
     return file, entry
 
 

@@ -20,7 +20,6 @@ from eval.cli.main import parse
 from planners.registry import planner_names
 from tests.helpers.pages import DOCS, PAGES, ROOT, commands, mentioned_commands, page_name, python_blocks, unknown_flags
 
-ADDED = (["data", "prepare", "rows"],)  # by docs/contributing.md, and run in its own test
 NO_MKDOCS = "mkdocs is not installed: make docs installs it"
 
 
@@ -43,7 +42,7 @@ def test_the_commands_of_a_page_are_commands(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
 def test_the_commands_that_a_page_mentions_have_their_flags(page: Path) -> None:
-    mentioned = [words for words in mentioned_commands(page) if words[:3] not in ADDED]
+    mentioned = mentioned_commands(page)
     assert {" ".join(words): unknown_flags(words) for words in mentioned if unknown_flags(words)} == {}
 
 
@@ -60,8 +59,7 @@ def test_flags_that_are_none_are_found() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
 def test_the_code_of_a_page_is_python(page: Path) -> None:
     for code in python_blocks(page):
-        entry = code.startswith(" ")  # one of a dictionary
-        compile(f"{{\n{code}}}" if entry else code, page_name(page), "exec")
+        compile(code, page_name(page), "exec")
 
 
 def test_the_data_that_a_page_writes_can_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
