@@ -121,7 +121,7 @@ class AgentTrainingConfig:
         episodes: number of demonstrated episodes; None is 1,536, or 10,000 in paper.
         frames: number of frames of PPO; None is 300,000, or 10 million in paper.
         variations: number of variations of each sequence; None is 3, or 0 in paper.
-        workers: number of processes; results do not depend on it.
+        workers: number of processes; it changes no result.
         device: device of PPO's network, cpu or cuda.
         tensorboard: folder for TensorBoard's logs.
     """
