@@ -116,11 +116,11 @@ class AgentTrainingConfig:
         without: encoder that is left out (Table 3), as in il-no-vision.
         setting: quick, for 2 CPU cores; paper, as published, for a GPU.
         teacher: the teacher that il clones.
-        labels: labels that il clones: the best move, or the worth of each move (soft).
-        rounds: number of rounds of il's demonstrations; from the second on, the agent acts.
-        episodes: number of demonstrated episodes; None is 1,536, or 10,000 in paper.
-        frames: number of frames of PPO; None is 300,000, or 10 million in paper.
-        variations: number of variations of each sequence; None is 3, or 0 in paper.
+        labels: labels of il: the best move, or the worth of each move (soft).
+        rounds: rounds of il's demonstrations; the agent acts from the second on.
+        episodes: demonstrated episodes; None is 1,536, or 10,000 in paper.
+        frames: frames of PPO; None is 300,000, or 10 million in paper.
+        variations: variations of each sequence; None is 3, or 0 in paper.
         workers: number of processes; it changes no result.
         device: device of PPO's network, cpu or cuda.
         tensorboard: folder for TensorBoard's logs.
