@@ -1,4 +1,4 @@
-"""Who is to blame: what a user's own code raises becomes one line that names its file and line."""
+"""Turns an error of a user's own code into one line that names the file and line of that code."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,10 +9,10 @@ from ehar.plugins.loading import failure
 
 @contextmanager
 def blamed(actor: object, where: str) -> Iterator[None]:
-    """Turn what the code of a planner, a recogniser, a sensor or a motion raises into one line with its file and line.
+    """Turn an error of a planner, a recogniser, a sensor or a motion into one line with its file and line.
 
     Raises:
-        EpisodeError: something was raised; an error of ours goes on as it is.
+        EpisodeError: the code raised an error; an `EharError` is not changed.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""How a class of one's own is named: `path/to/file.py:Class` or `package.module:Class`, with arguments in brackets."""
+"""The names of a user's own classes: `path/to/file.py:Class` or `package.module:Class`, with arguments in brackets."""
 
 import ast
 import math
@@ -15,12 +15,12 @@ _SPEC = re.compile(r"(?:(?P<place>[^-(\s].*?):(?=[^\W\d]))?(?P<name>[^\W\d][\w.-
 
 @dataclass(frozen=True)
 class ClassSpec:
-    """A class, and what its constructor is given.
+    """A class, and the arguments of its constructor.
 
     Args:
-        place: a .py file, or a module; empty where a name alone was given, which somebody has to know.
-        name: the class's, or the name alone.
-        arguments: by name, Python literals.
+        place: a .py file, or a module; empty if the text is only a name.
+        name: name of the class, or the name that was given alone.
+        arguments: the arguments by name, as Python literals.
     """
 
     place: str
@@ -29,22 +29,22 @@ class ClassSpec:
 
     @property
     def title(self) -> str:
-        """The class as it was named, without arguments."""
+        """The text that named the class, without arguments."""
         return f"{self.place}:{self.name}" if self.place else self.name
 
     @property
     def is_file(self) -> bool:
-        """Whether the place is a file, rather than a module."""
+        """Whether the place is a file; otherwise it is a module."""
         return self.place.endswith(".py")
 
 
 def parse_spec(text: str) -> ClassSpec | None:
-    """Return what `file.py:Class`, `module:Class` or a name means, each with or without `(argument=value, ...)`.
+    """Parse `file.py:Class`, `module:Class` or a name, each with or without `(argument=value, ...)`.
 
-    Values are Python literals: `spiral.py:Spiral(radius=5, turn='left')`. Text of another form is None.
+    Values are Python literals: `spiral.py:Spiral(radius=5, turn='left')`. The result is None for any other text.
 
     Raises:
-        UsageError: the brackets hold something else than named literals.
+        UsageError: the brackets hold anything but named literals.
     """
     match = _SPEC.fullmatch(text)
     if match is None or (match["place"] and not match["name"].isidentifier()):
@@ -53,12 +53,12 @@ def parse_spec(text: str) -> ClassSpec | None:
 
 
 def arguments_text(arguments: Mapping[str, Any]) -> str:
-    """Return arguments for people to read, `radius=5, turn=left`; the same for the same values."""
+    """Return arguments as text for people, `radius=5, turn=left`; equal values give equal texts."""
     return ", ".join(f"{name}={_value_text(value)}" for name, value in arguments.items())
 
 
 def json_arguments(arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Return arguments as JSON can hold them, from which they can be made again; a path or an infinity is text."""
+    """Return arguments for JSON, so that they can be made again from it; paths and infinities become text."""
     return {name: _json_value(value) for name, value in arguments.items()}
 
 

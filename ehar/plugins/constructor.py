@@ -1,4 +1,4 @@
-"""Making an object of a class of one's own: its constructor's arguments, checked against their annotations."""
+"""Makes an object of a user's own class: the arguments of the constructor are checked against its annotations."""
 
 import inspect
 import typing
@@ -18,7 +18,7 @@ def parameters_of(cls: type[Any], what: str) -> dict[str, inspect.Parameter]:
     """Return the constructor's parameters that can be given by name, their annotations as types.
 
     Raises:
-        UsageError: an annotation names what does not exist.
+        UsageError: an annotation has an unknown name.
     """
     by_name = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     try:
@@ -37,13 +37,13 @@ def construct(cls: type[Any], spec: ClassSpec, what: str, handed: Mapping[str, A
     """Make an object.
 
     Args:
-        cls: its class.
-        spec: the arguments that were given, as text or as Python literals.
-        what: it is called in errors: "planner ./spiral.py:Spiral".
-        handed: further arguments, as they are.
+        cls: class of the object.
+        spec: the given arguments, as text or as Python literals.
+        what: name of the object in errors: "planner ./spiral.py:Spiral".
+        handed: more arguments; these are not converted.
 
     Returns:
-        the object, and the arguments that were given, converted to what their annotations say.
+        the object, and the given arguments, converted to the types of their annotations.
 
     Raises:
         UsageError: an argument is unknown, missing or of another type, or the constructor fails.
@@ -71,13 +71,13 @@ def construct(cls: type[Any], spec: ClassSpec, what: str, handed: Mapping[str, A
 
 
 def _converted(value: Any, parameter: inspect.Parameter, what: str) -> Any:
-    """Return a value, or what its text says, as the parameter's type; tyro knows how each is written."""
+    """Convert a value, or the text of a value, to the parameter's type; tyro parses the text."""
     wanted = parameter.annotation
     if wanted is _ANY or wanted is Any:
         return value
     if wanted is str and isinstance(value, str):
-        return value  # as it is, whatever it begins with
-    import tyro  # here, as most planners come without arguments
+        return value  # tyro would refuse a text that begins with a dash
+    import tyro  # imported here: most planners have no arguments
 
     try:
         with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
@@ -87,7 +87,7 @@ def _converted(value: Any, parameter: inspect.Parameter, what: str) -> Any:
 
 
 def _words(value: Any, wanted: Any) -> list[str]:
-    """Return a value as a command line has it."""
+    """Return a value as words of a command line."""
     if isinstance(value, tuple | list):
         return [str(part) for part in value]
     alternatives = (wanted, *typing.get_args(wanted))

@@ -1,4 +1,4 @@
-"""Loading a class of one's own from its file or module; whatever is wrong with it is said in one line."""
+"""Loads a user's own class from its file or module; every problem is an error of one line."""
 
 import hashlib
 import importlib
@@ -20,11 +20,11 @@ from ehar.plugins.class_spec import FORMS, ClassSpec
 def load_class(spec: ClassSpec, what: str) -> type[Any]:
     """Run the file, or import the module, and return the class.
 
-    A file may import what lies beside it, and a module may lie in the present folder.
+    A file may import modules in its folder. A module may lie in the present folder.
 
     Args:
-        spec: with a place.
-        what: the class is expected to be, for errors: "planner".
+        spec: a spec with a place.
+        what: the kind of class that is expected, for errors: "planner".
 
     Raises:
         UsageError: there is no such file, module or class, or running it fails.
@@ -43,50 +43,50 @@ def load_class(spec: ClassSpec, what: str) -> type[Any]:
 
 
 def source_sha256(cls: type[Any]) -> str | None:
-    """Return the hash of the file that a class is defined in; None where it has none, as in a notebook."""
+    """Return the hash of the file that a class is defined in; None if it has none, as in a notebook."""
     path = source_file(cls)
     return None if path is None else hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def source_file(cls: type[Any]) -> Path | None:
-    """Return the file that a class is defined in; None where it has none."""
+    """Return the file that a class is defined in; None if it has none."""
     try:
         found = inspect.getsourcefile(cls)
-    except (TypeError, OSError):  # a class of Python's own, or one of a notebook, a REPL or `python -c`
+    except (TypeError, OSError):  # a built-in class, or a class of a notebook, a REPL or `python -c`
         return None
     return None if found is None or not Path(found).is_file() else Path(found)
 
 
 def failure(error: BaseException, cls: type[Any] | None = None, *, path: Path | None = None) -> str:
-    """Return one line about what someone's own code raised, with the last of its own lines that led there.
+    """Return one line about an error of a user's own code, with the last line of that code in the traceback.
 
     Args:
-        error: as caught.
-        cls: whose module's lines are meant.
-        path: of the file, where there is no class yet.
+        error: the error that was caught.
+        cls: a class of the user's module.
+        path: the user's file, if there is no class yet.
     """
     said = " ".join(str(error).split())
     line = type(error).__name__ + (f": {said}" if said else "")
     own = [
         (frame.f_code.co_filename, number)
         for frame, number in traceback.walk_tb(error.__traceback__)
-        # By the module's name: a worker process, which was sent the class, does not have its module.
+        # By the name of the module: a worker process has the class, but not its module.
         if (path is not None and Path(frame.f_code.co_filename) == path)
         or (cls is not None and frame.f_globals.get("__name__") == cls.__module__)
     ]
-    own = [place for place in own if not place[0].startswith("<")]  # an annotation is a string, of no file
+    own = [place for place in own if not place[0].startswith("<")]  # an annotation may be a string, without a file
     return "{} ({}, line {})".format(line, *own[-1]) if own else line
 
 
 def _run_file(path: Path, where: str) -> ModuleType:
-    """Run a file once as long as it stays the same, so that two planners of one file share its classes."""
+    """Run a file, once unless it changes, so that two planners of one file share its classes."""
     try:
         content = path.read_bytes()
     except OSError as error:
         reason = "no such file" if isinstance(error, FileNotFoundError) else error.strerror
         raise UsageError(f"{where}: {reason}; expected {FORMS}") from error
     path = path.resolve()
-    # A name that no import has: `random.py` is not to be taken for Python's own.
+    # A name that no import uses: a user's `random.py` must not replace that of Python.
     name = f"own_{hashlib.sha256(str(path).encode() + content).hexdigest()[:16]}_{path.stem}"
     if name in sys.modules:
         return sys.modules[name]
@@ -95,13 +95,13 @@ def _run_file(path: Path, where: str) -> ModuleType:
         raise UsageError(f"{where}: Python cannot load it; expected {FORMS}")
     module = importlib.util.module_from_spec(spec)
     _also_import_from(path.parent)
-    sys.modules[name] = module  # where dataclasses look names up
+    sys.modules[name] = module  # dataclasses look names up there
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
         raise UsageError(f"{where}: {_load_failure(error, path)}") from error
-    cloudpickle.register_pickle_by_value(module)  # as a worker process cannot import it
+    cloudpickle.register_pickle_by_value(module)  # because a worker process cannot import it
     return module
 
 
@@ -118,7 +118,7 @@ def _import(name: str, where: str) -> ModuleType:
 
 
 def _also_import_from(folder: Path) -> None:
-    """Let modules be found in a folder, after all others: what lies there takes nobody's place."""
+    """Let imports find modules in a folder, last, so that they replace no other module."""
     if os.fspath(folder) not in sys.path:
         sys.path.append(os.fspath(folder))
 

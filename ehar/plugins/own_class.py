@@ -1,4 +1,4 @@
-"""A recogniser, a sensor or a motion that somebody brought: as an object, or named by its file or module."""
+"""A user's own recogniser, sensor or motion: an object, or a class named by its file or module."""
 
 import hashlib
 import json
@@ -15,18 +15,23 @@ from ehar.plugins.class_spec import FORMS, arguments_text, json_arguments, parse
 from ehar.plugins.constructor import construct, parameters_of
 from ehar.plugins.loading import failure, load_class, source_sha256
 
-HANDED = ("class_names", "skeleton", "persons", "fps")  # of the data, to a constructor that has such arguments
+HANDED = (
+    "class_names",
+    "skeleton",
+    "persons",
+    "fps",
+)  # values of the data; a constructor with such arguments is handed them
 
 
 @dataclass(frozen=True)
 class Contract:
-    """What an object has to have.
+    """The parts that an object has to have.
 
     Args:
-        word: what it is called: "sensor".
-        protocol: the contract's class, whose own bodies do nothing.
-        methods: that it has to have.
-        attributes: that it has to have beside them.
+        word: the word for such an object: "sensor".
+        protocol: the protocol class of the contract; its methods do nothing.
+        methods: names of the methods.
+        attributes: names of the attributes.
     """
 
     word: str
@@ -35,7 +40,7 @@ class Contract:
     attributes: tuple[str, ...]
 
     def lacking(self, cls: type[Any]) -> list[str]:
-        """Return the methods that a class lacks, or only inherits from the contract."""
+        """Return the methods that a class lacks, or only inherits from the protocol."""
         return [
             name
             for name in self.methods
@@ -43,12 +48,12 @@ class Contract:
         ]
 
     def broken(self, lacking: list[str]) -> str:
-        """Return what is wrong with an object that lacks something."""
+        """Return the error text for an object that lacks some parts."""
         protocol = f"{self.protocol.__module__}.{self.protocol.__name__}"
         return f"expected what {protocol} has, missing: {', '.join(lacking)}"
 
     def check(self, made: Any, what: str) -> None:
-        """Raise a UsageError unless an object has everything; no property of it is computed for that."""
+        """Raise a UsageError unless an object has all parts; its properties are not computed."""
         if isinstance(made, type):
             raise UsageError(f"{what}: expected a {self.word}, got a class; make one: {made.__name__}(...)")
         absent = [name for name in self.lacking(type(made)) if name not in getattr(made, "__dict__", {})]
@@ -59,16 +64,16 @@ class Contract:
 
 @dataclass(frozen=True, eq=False)
 class Own:
-    """What somebody brought.
+    """A user's own object.
 
     Args:
         made: the object.
-        what: errors call it.
-        title: the class's name and what its constructor was given, for tables.
-        spec: how it was named; of an object, its class.
-        sha256: of the file of its class, its arguments, the files that they name and, where it has one, its own
-            `sha256`, which should be that of its weights.
-        make: returns another that is as new; of an object, a copy.
+        what: its name in errors.
+        title: its name in tables: the class and the given arguments.
+        spec: the text that named it; for an object, its class.
+        sha256: hash of the file of its class, of its arguments, of the files that they name, and of its attribute
+            `sha256` if it has one; this should be the hash of its weights.
+        make: returns a new object like it; for an object, a copy.
     """
 
     made: Any
@@ -80,18 +85,18 @@ class Own:
 
 
 def bring(brought: Any, contract: Contract, offered: Mapping[str, Any]) -> Own:
-    """Return what somebody brought, checked against its contract.
+    """Return a user's own object, checked against its contract.
 
-    Nothing is unpickled here: what a constructor reads, it reads itself.
+    Nothing is unpickled here: a constructor reads its files itself.
 
     Args:
-        brought: an object, which is meant as it is, or `path/to/file.py:Class` or `package.module:Class`, with or
-            without `(argument=value, ...)`.
-        contract: that it has to keep.
-        offered: to a constructor that has arguments of these names.
+        brought: an object, or `path/to/file.py:Class` or `package.module:Class`, with or without
+            `(argument=value, ...)`.
+        contract: the contract that the object has to keep.
+        offered: values by name; a constructor with arguments of these names is handed them.
 
     Raises:
-        UsageError: it cannot be loaded or made, or lacks something.
+        UsageError: the object cannot be loaded or made, or lacks a part.
     """
     if not isinstance(brought, str):
         named = f"{type(brought).__module__}.{type(brought).__qualname__}"
@@ -115,7 +120,7 @@ def bring(brought: Any, contract: Contract, offered: Mapping[str, Any]) -> Own:
 
 
 def _has(made: Any, name: str) -> bool:
-    """Return whether an object has something: a property counts that would raise before the object has begun."""
+    """Return whether an object has an attribute; a property counts even if it would raise before the first `reset`."""
     try:
         getattr_static(made, name)
     except AttributeError:

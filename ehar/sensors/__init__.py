@@ -1,4 +1,4 @@
-"""Sensors: what a pose estimator makes of joints in space."""
+"""Sensors: they turn joints in space into the output of a pose estimator."""
 
 from typing import TYPE_CHECKING
 

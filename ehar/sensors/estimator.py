@@ -7,33 +7,36 @@ from ehar.camera import NEAR_PLANE, Camera, project
 from ehar.data.skeleton import Skeleton
 from ehar.sensors.sensor import Sensed, SensorNoise
 
-RELATIVE_NOISE = 0.01  # of the person's height in the image
-NOISE_FLOOR = 1.5  # [px], what is left of the noise however small the person
-OCCLUDED_NOISE = 4.0  # times the noise of a joint in plain view
+RELATIVE_NOISE = 0.01  # standard deviation, as a share of the person's height in the image
+NOISE_FLOOR = 1.5  # [px], standard deviation for a very small person
+OCCLUDED_NOISE = 4.0  # factor on the noise of a joint in plain view
 OCCLUDED_CONFIDENCE = 0.3  # a joint in plain view has 1, a missing one 0
-SMALLEST_HEIGHT = 60.0  # [px], from which on no joint is missed for being small
-SWAP_PROBABILITY = 0.25  # of a person seen exactly edge-on
-SWAP_WIDTH = 0.4  # seen share of the body's width from which on sides are never confused: 24 degrees off edge-on
+SMALLEST_HEIGHT = 60.0  # [px], no joint of a taller person is missed for its size
+SWAP_PROBABILITY = 0.25  # for a person seen exactly edge-on
+SWAP_WIDTH = 0.4  # share of the body's width: if more is seen, sides are never confused; 24 degrees off edge-on
 LIMB_RADIUS = 0.05  # [m], about a forearm's or a shin's
-TRUNK_RADIUS = 0.12  # [m], of bones between two joints of the body's middle: spine, neck, head
-OCCLUSION_MARGIN = 0.1  # [m] by which a bone has to be nearer than a joint to hide it, not to belong to the same flesh
-CHUNK_FRAMES = 64  # the temporaries of so many frames stay in a core's cache
+TRUNK_RADIUS = 0.12  # [m], for bones between two joints of the body's middle: spine, neck, head
+OCCLUSION_MARGIN = 0.1  # [m], a bone hides a joint only if it is nearer by this much
+CHUNK_FRAMES = 64  # the temporary arrays of 64 frames fit in a core's cache
 
 
 class EstimatorSensor:
     r"""2D joints with the errors of a pose estimator.
 
-    A joint is localised with a standard deviation of :math:`\sqrt{(a h)^2 + b^2}` in x and in y, where h is the
-    person's height in the image: the larger side of the bounding box of the true projected joints, so that a
-    person seen from straight above counts by the extent that is seen. Confidence is 1 for a joint in plain
-    view, `occluded_confidence` for one hidden behind a limb, and 0 for a missing one, which lies at the image
-    centre. Missing are joints outside the image or behind the near plane, and each joint of a person smaller
-    than `smallest_height` with probability 1 - h / `smallest_height`. All joints of a person change sides with
-    a probability that rises linearly from 0, where `swap_width` of the body's width is seen, to
-    `swap_probability` where the body is seen edge-on; confidences change sides with them.
+    The error of a joint has a standard deviation of :math:`\sqrt{(a h)^2 + b^2}` in x and in y. Here h is the
+    person's height in the image: the larger side of the bounding box of the true projected joints. So a person
+    seen from straight above counts with the extent that is seen.
+
+    Confidence is 1 for a joint in plain view, `occluded_confidence` for a joint hidden behind a limb, and 0 for a
+    missing joint. A missing joint lies at the image centre. A joint is missing if it is outside the image or
+    behind the near plane. Each joint of a person smaller than `smallest_height` is also missing with probability
+    1 - h / `smallest_height`.
+
+    All joints of a person change sides together, with their confidences. The probability rises linearly, from 0
+    if `swap_width` of the body's width is seen, to `swap_probability` if the body is seen edge-on.
 
     Args:
-        skeleton: of one person. Without mirrored joints there are no swaps.
+        skeleton: the skeleton of one person. Without mirrored joints there are no swaps.
         camera: the intrinsics.
         relative_noise: a above.
         noise_floor: b above [px].
@@ -80,7 +83,7 @@ class EstimatorSensor:
         self.occlusion_margin = occlusion_margin
 
     def sense(self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise) -> Sensed:
-        """Return what is sensed of joints (..., P, J, 3) [m] from viewpoints (..., 3); leading axes broadcast."""
+        """Sense joints (..., P, J, 3) [m] from viewpoints (..., 3); leading axes broadcast."""
         *_, persons, joints, _ = positions.shape
         leading = np.broadcast_shapes(positions.shape[:-3], viewpoint.shape[:-1], noise.swap.shape[:-1])
         frames = int(np.prod(leading))
@@ -105,7 +108,7 @@ class EstimatorSensor:
     def _sense_chunk(
         self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise, radii: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Sense frames (n, ...); `radii` as from `_capsule_radii`."""
+        """Sense frames (n, ...); `radii` is a result of `_capsule_radii`."""
         pixels, depth = project(positions, viewpoint, self.camera)
         height = np.ptp(pixels, axis=2).max(axis=-1)  # (n, P)
         occluded = self._occluded(pixels, depth, radii)
@@ -128,9 +131,9 @@ class EstimatorSensor:
         return joints_2d, confidence
 
     def _capsule_radii(self, persons: int) -> FloatArray:
-        """Return the radius [m] of each bone as an occluder of each joint, (P J, P bones, 1); 0: never occludes it.
+        """Return the radius [m] of each bone as an occluder of each joint, (P J, P bones, 1).
 
-        A bone of a joint's own person that touches the joint does not occlude it.
+        The radius is 0 if the bone touches the joint, on the same person: then it never occludes it.
         """
         bones, joints = self.skeleton.bone_indices, len(self.skeleton.joint_names)
         middle = self.skeleton.mirror == np.arange(joints)
@@ -144,13 +147,13 @@ class EstimatorSensor:
     def _occluded(self, pixels: FloatArray, depth: FloatArray, radii: FloatArray) -> BoolArray:
         """Return which joints (n, P, J) lie behind a bone's capsule.
 
-        In the image: the joint's pixel is nearer to the projected bone than the capsule's radius, projected
-        with the depth of the nearest point of the bone (inverse depth is linear along a projected segment),
-        and that point is nearer to the camera than the joint.
+        Two conditions hold for such a joint. In the image, its distance to the bone is below the capsule's radius,
+        projected at the depth of the bone's point nearest to the joint; inverse depth is linear along a projected
+        segment. And this point is nearer to the camera than the joint, by `occlusion_margin`.
         """
         frames, persons, joints, _ = pixels.shape
         bones = (np.arange(persons)[:, None, None] * joints + self.skeleton.bone_indices).reshape(-1, 2)
-        # Frames last: the inner loops then run over frames, which are many, and not over bones, which are few.
+        # Frames last, so that the inner loops run over the many frames, not over the few bones.
         columns = pixels.reshape(frames, persons * joints, 2).transpose(2, 1, 0)
         x, y = np.ascontiguousarray(columns)
         far = np.ascontiguousarray(depth.reshape(frames, persons * joints).T)
@@ -182,8 +185,8 @@ class EstimatorSensor:
     def _swap_probability(self, positions: FloatArray, pixels: FloatArray, depth: FloatArray) -> FloatArray:
         """Return the probability that left and right are confused, (n, P).
 
-        The body's width is the mean vector from the right to the left joints; the share of it that is seen is
-        its length in the image over what it would be if it were parallel to the image.
+        The body's width is the mean vector from the right to the left joints. The share of it that is seen is its
+        length in the image, divided by its length there if it were parallel to the image.
         """
         left = np.flatnonzero(self.skeleton.mirror > np.arange(len(self.skeleton.mirror)))
         if len(left) == 0:

@@ -1,4 +1,4 @@
-"""The sensors: ours by name, one line each, and those of a user."""
+"""The sensors: those of ehar by name, and a user's own."""
 
 import re
 from collections.abc import Callable
@@ -23,12 +23,12 @@ CONTRACT = Contract("sensor", Sensor, ("sense",), ("name", "camera"))
 
 @dataclass(frozen=True, eq=False)
 class LoadedSensor:
-    """A sensor, and what records say of it.
+    """A sensor, with its name and hash for records.
 
     Args:
-        sensor: ready to sense.
-        named: as it was named; of an object, its `name`.
-        sha256: of your own, of its file and arguments; None for one of ours by name.
+        sensor: the sensor.
+        named: the text that named it; for an object, its `name`.
+        sha256: hash of the file and arguments of your own sensor; None for a sensor of ehar by name.
     """
 
     sensor: Sensor
@@ -37,22 +37,22 @@ class LoadedSensor:
 
 
 def make_sensor(sensor: str | Sensor, data: MotionData) -> Sensor:
-    """Return the sensor that is meant; the arguments and errors are those of `load_sensor`."""
+    """Return the sensor that a name or an object means; arguments and errors are as in `load_sensor`."""
     return load_sensor(sensor, data).sensor
 
 
 def load_sensor(sensor: str | Sensor, data: MotionData) -> LoadedSensor:
-    """Return the sensor that is meant, and what records say of it.
+    """Return the sensor that a name or an object means, with its name and hash for records.
 
-    A constructor that has arguments called `class_names`, `skeleton`, `persons` or `fps` is handed those of the data.
+    A constructor with arguments called `class_names`, `skeleton`, `persons` or `fps` is handed those of the data.
 
     Args:
         sensor: one of `SENSORS`; `path/to/file.py:Class` or `package.module:Class`, with or without
             `(argument=value, ...)`; or an object.
-        data: whose joints it will see.
+        data: the data whose joints it will see.
 
     Raises:
-        UsageError: the name is unknown, or your own cannot be made or is no sensor.
+        UsageError: the name is unknown, or your own class cannot be made or is no sensor.
     """
     if isinstance(sensor, str):
         if sensor in SENSORS:
@@ -70,5 +70,5 @@ def load_sensor(sensor: str | Sensor, data: MotionData) -> LoadedSensor:
 
 
 def _is_name(name: Any) -> bool:
-    """Return whether a sensor may be called so: words that a file can be called after, and no class of a file."""
+    """Return whether a name is allowed: words that can be part of a file name, and no name of a class in a file."""
     return isinstance(name, str) and re.fullmatch(r"[\w.+-]+( [\w.+-]+)*", name) is not None

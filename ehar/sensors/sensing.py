@@ -1,4 +1,4 @@
-"""Sensing with any sensor: a user's own may raise, or return something else than its contract says."""
+"""Senses with any sensor, and checks the result: a user's own sensor may break its contract."""
 
 from typing import Any
 
@@ -11,17 +11,17 @@ from ehar.sensors.sensor import Sensed, Sensor, SensorNoise
 
 
 def sense(sensor: Sensor, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise, frame: str = "") -> Sensed:
-    """Return what a sensor makes of joints (..., P, J, 3) from viewpoints (..., 3), checked.
+    """Sense joints (..., P, J, 3) [m] from viewpoints (..., 3), and check the result.
 
     Args:
-        sensor: to ask.
-        positions: as `Sensor.sense` has them; likewise the next two.
-        viewpoint: of the cameras.
-        noise: of the sensor.
-        frame: which it is, for errors: "frame 3".
+        sensor: the sensor.
+        positions: joints, as in `Sensor.sense`.
+        viewpoint: viewpoints, as in `Sensor.sense`.
+        noise: random draws, as in `Sensor.sense`.
+        frame: name of the frame in errors: "frame 3".
 
     Raises:
-        EpisodeError: the sensor raised something, or its arrays have other shapes, or are not finite.
+        EpisodeError: the sensor raised an error, or its arrays have other shapes or are not finite.
     """
     where = f"sensor {type(sensor).__name__}" + (f", {frame}" if frame else "")
     with blamed(sensor, where):

@@ -1,4 +1,4 @@
-"""The contract of a sensor: what a pose estimator makes of an image."""
+"""The contract of a sensor, which turns joints in space into the output of a pose estimator."""
 
 from typing import NamedTuple, Protocol
 
@@ -9,7 +9,7 @@ from ehar.camera import Camera
 
 
 class Sensed(NamedTuple):
-    """2D joints of one frame, of every person."""
+    """The 2D joints of every person in a frame."""
 
     joints_2d: FloatArray  # (..., P, J, 2) [px], finite everywhere
     confidence: FloatArray  # (..., P, J) in [0, 1]; 0 where the joint is missing
@@ -18,8 +18,8 @@ class Sensed(NamedTuple):
 class SensorNoise(NamedTuple):
     """The random draws behind a sensor's errors, made before an episode.
 
-    Drawn for every frame whatever the camera does, so planners that are compared meet the same luck, and an
-    oracle that imagines a viewpoint sees exactly what it would get there.
+    They are drawn for every frame, whatever the camera does. So compared planners have the same luck, and an oracle
+    that imagines a viewpoint sees the very joints that it would get there.
     """
 
     localisation: FloatArray  # (..., P, J, 2) standard normal
@@ -51,5 +51,5 @@ class Sensor(Protocol):
     camera: Camera
 
     def sense(self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise) -> Sensed:
-        """Return what is sensed of joints (..., P, J, 3) [m] from viewpoints (..., 3); leading axes broadcast."""
+        """Sense joints (..., P, J, 3) [m] from viewpoints (..., 3); leading axes broadcast."""
         ...

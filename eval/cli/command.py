@@ -1,4 +1,4 @@
-"""A command of the command line, made from the function that it runs: its parameters are the flags."""
+"""A command of the command line, made from a function: the parameters of the function are the flags."""
 
 import inspect
 import re
@@ -14,21 +14,21 @@ from ehar.conditions import Conditions
 from ehar.processes import cores
 
 REQUIRED = inspect.Parameter.empty
-_FIRST = ("planners", "data", "models", "out", "report", "sensor", "track")  # in help; the others as they come
-_LEFT_OUT = ("reporter", "load", "effort")  # parameters that Python alone can give
+_FIRST = ("planners", "data", "models", "out", "report", "sensor", "track")  # first in help, in this order
+_LEFT_OUT = ("reporter", "load", "effort")  # parameters that are no flags
 
 
 @dataclass(frozen=True)
 class Flag:
-    """How a parameter looks on the command line, where that differs from the function.
+    """How a parameter looks on the command line, if it looks other than in the function.
 
     Args:
-        text: what help says of it; None is what the function's docstring says.
-        kind: its type; None is the parameter's.
-        default: its default; None is the parameter's, `REQUIRED` none at all.
+        text: its text in help; None takes the text of the function's docstring.
+        kind: its type; None takes the type of the parameter.
+        default: its default; None takes the default of the parameter, `REQUIRED` means no default.
         positional: whether it is given without its name.
-        metavar: what stands for its value in help.
-        hint: what stands for its default in help, or for `required`.
+        metavar: the word for its value in help.
+        hint: the text in help in place of its default, or in place of `required`.
     """
 
     text: str | None = None
@@ -39,7 +39,7 @@ class Flag:
     hint: str | None = None
 
 
-SHARED = {  # by every command that has such a parameter
+SHARED = {  # for every command with such a parameter
     "models": Flag(metavar="PATH", hint="those that ship"),
     "fps": Flag(hint="the data's"),
     "recogniser": Flag("your own: file.py:Class, then --argument value.", hint="ours"),
@@ -48,7 +48,7 @@ SHARED = {  # by every command that has such a parameter
 
 
 class Leaf(NamedTuple):
-    """A parameter that becomes a flag, and what the docstring that it stands in says of it."""
+    """A parameter that becomes a flag, and its text in the docstring."""
 
     parameter: inspect.Parameter
     text: str
@@ -59,11 +59,11 @@ class Command:
     """A command.
 
     Args:
-        place: of the function, `module:function`; imported when the command is named.
-        show: prints what the function returned, and may return an exit code. Its further parameters are flags too.
-        text: its help: a line, which lists of commands show, and examples; empty where the function's docstring is it.
-        conditions: which fields of `Conditions` are flags, where the function takes them.
-        flags: parameters that look otherwise than in Python.
+        place: place of the function, `module:function`; it is imported when the command is named.
+        show: prints the result of the function, and may return an exit code. Its other parameters are flags too.
+        text: its help: a first line, which lists of commands show, and examples. Empty takes the function's docstring.
+        conditions: the fields of `Conditions` that are flags, if the function takes conditions.
+        flags: parameters that look other than in the function.
     """
 
     place: str
@@ -74,7 +74,7 @@ class Command:
 
     @property
     def help(self) -> str:
-        """What its help begins with."""
+        """The text above the flags in its help."""
         if self.text:
             return inspect.cleandoc(self.text)
         doc = inspect.getdoc(self.function) or ""
@@ -82,13 +82,13 @@ class Command:
 
     @property
     def function(self) -> Callable[..., Any]:
-        """What it runs."""
+        """The function that it runs."""
         module, _, name = self.place.partition(":")
         found: Callable[..., Any] = getattr(import_module(module), name)
         return found
 
     def options(self) -> dict[str, bool]:
-        """Return its options, such as `--length`, and whether a value follows each."""
+        """Return its options, such as `--length`, and whether each takes a value."""
         known = {"--help": False}
         for name, (parameter, _) in self.leaves().items():
             option = f"--{name.replace('_', '-')}"
@@ -102,14 +102,14 @@ class Command:
 
         Raises:
             SystemExit: help was printed (code 0), or tyro refused a word (2).
-            EharError: a word or a number makes no sense, as the data classes that the function takes say.
+            EharError: a data class that the function takes refuses a word or a number.
         """
 
         def collect(**given: Any) -> dict[str, Any]:
             return given
 
         flags = [self._flag(leaf) for leaf in sorted(self.leaves().values(), key=self._rank)]
-        collect.__signature__ = inspect.Signature(flags)  # type: ignore[attr-defined]  # which tyro reads
+        collect.__signature__ = inspect.Signature(flags)  # type: ignore[attr-defined]  # tyro reads it
         collect.__annotations__ = {flag.name: flag.annotation for flag in flags}
         config = (tyro.conf.DisallowNone,)
         given = tyro.cli(collect, prog=prog, description=self.help, args=words, config=config)
@@ -118,11 +118,11 @@ class Command:
         return lambda: self.show(self.function(**arguments), **to_show)
 
     def _shown(self) -> dict[str, inspect.Parameter]:
-        """Return the parameters of `show` behind the first, which is what the function returned."""
+        """Return the parameters of `show` after the first, which takes the result of the function."""
         return dict(list(_parameters_of(self.show).items())[1:])
 
     def _fields(self, kind: Any) -> dict[str, inspect.Parameter]:
-        """Return the fields of a data class as parameters; of conditions, those that are flags."""
+        """Return the fields of a data class as parameters; for `Conditions`, only the fields that are flags."""
         hints = Conditions.named_types() if kind is Conditions else get_type_hints(kind)
         return {
             part.name: inspect.Parameter(
@@ -136,7 +136,7 @@ class Command:
         }
 
     def leaves(self) -> dict[str, Leaf]:
-        """Return the parameters that are flags, also those within data classes, by name."""
+        """Return the parameters that are flags by name, with the fields of data classes."""
         found: dict[str, Leaf] = {}
 
         def add(parameters: Mapping[str, inspect.Parameter], texts: Mapping[str, str]) -> None:
@@ -152,7 +152,7 @@ class Command:
         return found
 
     def _value(self, parameter: inspect.Parameter, given: Mapping[str, Any]) -> Any:
-        """Return a parameter's value: what was given or, of a data class, one made of it."""
+        """Return a parameter's value: the given one, or a data class made from the given ones."""
         kind: Any = _without_none(parameter.annotation)
         if not is_dataclass(kind):
             return given[parameter.name]
@@ -160,21 +160,21 @@ class Command:
         return make(**{name: self._value(part, given) for name, part in self._fields(kind).items()})
 
     def text_of(self, leaf: Leaf) -> str:
-        """Return what help says of a flag."""
+        """Return the text of a flag in help."""
         return self._rules(leaf.parameter.name).text or leaf.text
 
     def _rules(self, name: str) -> Flag:
         return self.flags.get(name) or SHARED.get(name, Flag())
 
     def _rank(self, leaf: Leaf) -> int:
-        """Return how far down a flag stands in help; those of one rank stay in order."""
+        """Return the rank of a flag in help; flags of the same rank keep their order."""
         name = leaf.parameter.name
         if self._rules(name).positional:
             return -1
         return _FIRST.index(name) if name in _FIRST else len(_FIRST)
 
     def _flag(self, leaf: Leaf) -> inspect.Parameter:
-        """Return a parameter as the command line has it."""
+        """Return a parameter with the type, default and help of the command line."""
         parameter, name = leaf.parameter, leaf.parameter.name
         flag = self._rules(name)
         default = parameter.default if flag.default is None else flag.default
@@ -196,26 +196,26 @@ class Command:
 
 
 def _texts(documented: Any) -> dict[str, str]:
-    """Return what a docstring says of each argument, on one line."""
+    """Return the text of each argument in a docstring, on one line."""
     section = (inspect.getdoc(documented) or "").partition("Args:\n")[2].partition("\n\n")[0]
     found = re.findall(r"^ {4}(\w+): (.*(?:\n {5,}.*)*)", section, flags=re.MULTILINE)
     return {name: " ".join(text.split()) for name, text in found}
 
 
 def _parameters_of(function: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
-    """Return a function's parameters but those for Python alone; annotations that are text stay so."""
+    """Return a function's parameters without those that are no flags; annotations may be strings."""
     found = inspect.signature(function).parameters
     return {name: parameter for name, parameter in found.items() if name not in _LEFT_OUT}
 
 
 def _without_none(kind: Any) -> Any:
-    """Return a type without None, where it is one other."""
+    """Return X for a type `X | None`, and every other type as it is."""
     others = [choice for choice in get_args(kind) if choice is not type(None)]
     return others[0] if len(others) == 1 and type(None) in get_args(kind) else kind
 
 
 def _plain(kind: Any) -> Any:
-    """Return the type that a command line gives where Python takes several: a path, or else text."""
+    """Return the type on the command line; if the function takes several, a path, or else text."""
     choices = get_args(kind)
     if str not in choices:
         return kind

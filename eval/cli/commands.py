@@ -1,4 +1,4 @@
-"""The commands of `ehar`: which function each runs, and what is printed of what that returns."""
+"""The commands of `ehar`: the function that each command runs, and how its result is printed."""
 
 from collections.abc import Mapping
 from inspect import cleandoc
@@ -20,41 +20,41 @@ if TYPE_CHECKING:
 
 
 class HasTables(Protocol):
-    """What a study returns."""
+    """The result of a study."""
 
     def tables(self) -> "list[Table]":
-        """Return what there is to read."""
+        """Return the tables of the result."""
         ...
 
 
 class CommandGroup(NamedTuple):
-    """Commands that share their first words. Its text is, as a command's, a line and then examples."""
+    """Commands that share their first words; its text has a first line and examples, as a command's has."""
 
     text: str
     commands: Mapping[str, Union["CommandGroup", Command]]
 
     @property
     def help(self) -> str:
-        """What its help begins with."""
+        """The text above the list of its commands in its help."""
         return cleandoc(self.text)
 
 
 RUN = Flag(kind=Path, positional=True, metavar="RUN")  # folder of a finished run
-AS_RECORDED = {  # of a finished run
-    "data": Flag("where the run's data lie now.", kind=str | None, hint="as recorded"),
-    "models": Flag("where its weights lie now.", hint="as recorded"),
+AS_RECORDED = {  # inputs of a finished run
+    "data": Flag("present place of the run's data.", kind=str | None, hint="as recorded"),
+    "models": Flag("present place of its weights.", hint="as recorded"),
 }
 SEEN = ("data", "models", "sensor", "views", "seed", "length", "fps", "recogniser")  # conditions of any run
 TRAINED = ("data", "sensor", "views", "length", "fps")  # conditions of any training
 SENSED = {"sensor": Flag("perfect, estimator (noisy), or your own: file.py:Class.")}
-TRAINED_FROM = {  # a recogniser
+TRAINED_FROM = {  # flags of trainings for a recogniser
     **SENSED,
     "data": Flag(default=REQUIRED),
     "models": Flag("folder of the recogniser, and to write to.", metavar="PATH", hint="ours"),
     "out": Flag("folder to write to instead.", hint="that of --models"),
     "recogniser": Flag("your own: file.py:Class.", hint="ours"),
 }
-TRAINED_ANEW = {  # with its recogniser
+TRAINED_ANEW = {  # flags of trainings of a recogniser
     **SENSED,
     "data": Flag(default=REQUIRED),
     "views": Flag("cameras to train on: moving, or paper (32 static ones)."),
@@ -65,12 +65,12 @@ def show_run(run: "Run", *, report: bool = True) -> None:
     """Print a run's tables.
 
     Args:
-        run: as it ran.
+        run: the finished run.
         report: write report.html too, as ehar report does.
     """
     print_tables(*run.summary.tables())
     if report and run.directory is not None:
-        from eval.reports.page import make_report  # here, as it brings plotly
+        from eval.reports.page import make_report  # imported here: it brings plotly
 
         print(f"report: {make_report(run.directory)}")
 
@@ -86,28 +86,28 @@ def show_result(result: "HasTables") -> None:
 
 
 def show_speed(figures: dict[str, float]) -> None:
-    """Print the figures beside their targets."""
-    from eval.speed.bench import bench_table  # here, as it brings torch
+    """Print the measured times beside their targets."""
+    from eval.speed.bench import bench_table  # imported here: it brings torch
 
     show_tables(bench_table(figures))
 
 
 def show_path(path: Path) -> None:
-    """Say where something was written."""
+    """Print the path that was written."""
     print(f"written to {path}")
 
 
 def show_replay(written: "WrittenReplay") -> None:
-    """Say what a replay shows, and where it is."""
+    """Print what a replay shows, and its path."""
     print("; ".join([f"episode {written.episode}, {' and '.join(written.planners)}", *written.why]))
     show_path(written.path)
 
 
 def save_data(data: "MotionData", *, out: Path) -> None:
-    """Write prepared data, and say what was written.
+    """Write prepared data, and print a summary.
 
     Args:
-        data: prepared.
+        data: the prepared data.
         out: .npz to write.
     """
     from ehar.data.motion_file import save_motion
@@ -122,19 +122,19 @@ def save_data(data: "MotionData", *, out: Path) -> None:
 
 
 def show_trained(trained: "Trained") -> None:
-    """Print what a training gave."""
+    """Print the results of a training."""
     for line in trained.lines:
         print(line)
 
 
 def show_conformance(found: "Conformance") -> int:
-    """Print the checks; 1 where one failed."""
+    """Print the checks; return 1 if one failed."""
     print(found)
     return 0 if found.passed else 1
 
 
 def show_verification(found: "Verification") -> int:
-    """Print what was checked; 1 where something differs."""
+    """Print the checks; return 1 if one failed."""
     print_tables(found.table)
     for line in (*found.notes, found.verdict):
         print(line)
@@ -235,7 +235,7 @@ TRAIN = CommandGroup(
                 **TRAINED_ANEW,
                 "form": Flag("causal streams; ctrgcn, as published, is trained on prefixes of random length."),
                 "length": Flag("frames of a clip."),
-                "seed": Flag("of initial weights, clips and dropout."),
+                "seed": Flag("seed of initial weights, clips and dropout."),
                 "init": Flag(hint="none"),
             },
         ),
@@ -250,7 +250,7 @@ TRAIN = CommandGroup(
                 ehar train gain-field --data mine.npz --models models/mine
             """,
             conditions=(*TRAINED, "models", "recogniser", "seed"),
-            flags={**TRAINED_FROM, "seed": Flag("of episodes, forks and noise.")},
+            flags={**TRAINED_FROM, "seed": Flag("seed of episodes, forks and noise.")},
         ),
         "agent": Command(
             "eval.running.training:train_agents",
@@ -295,7 +295,7 @@ CHECK = CommandGroup(
                     positional=True,
                     metavar="PLANNER",
                 ),
-                "data": Flag("in whose test episodes it acts: duo, solo, or a prepared .npz."),
+                "data": Flag("data whose test episodes it runs: duo, solo, or a prepared .npz."),
             },
         ),
         "recogniser": Command(
@@ -318,7 +318,7 @@ CHECK = CommandGroup(
                     positional=True,
                     metavar="RECOGNISER",
                 ),
-                "data": Flag("whose test episodes it sees: duo, solo, or a prepared .npz."),
+                "data": Flag("data whose test episodes it sees: duo, solo, or a prepared .npz."),
             },
         ),
         "sensor": Command(
@@ -354,7 +354,7 @@ CHECK = CommandGroup(
     },
 )
 STUDY = CommandGroup(
-    """Study what there is to win, and what each part is worth.
+    """Study how much views can win, and what each part is worth.
 
     For example:
         ehar study headroom --data duo
@@ -372,7 +372,7 @@ STUDY = CommandGroup(
                 ehar study headroom --data duo --out runs/headroom
             """,
             conditions=SEEN,
-            flags={**SENSED, "seed": Flag("of start viewpoints and noise.")},
+            flags={**SENSED, "seed": Flag("seed of start viewpoints and noise.")},
         ),
         "ablation": Command(
             "eval.studies.ablation:ablation",
@@ -387,10 +387,10 @@ STUDY = CommandGroup(
             conditions=(*SEEN[:4], "starts", *SEEN[4:]),
             flags={
                 **SENSED,
-                "seed": Flag("of start viewpoints and noise."),
+                "seed": Flag("seed of start viewpoints and noise."),
                 "groups": Flag(kind=tuple[str, ...], default=(), metavar="GROUP ...", hint="all"),
                 "tracks": Flag(
-                    "that nbv flies as well: px4-auto, px4-max, tracking-drone, or vehicle files.",
+                    "vehicles that nbv flies too: px4-auto, px4-max, tracking-drone, or files.",
                     kind=tuple[str, ...],
                     default=(),
                     metavar="TRACK ...",
@@ -409,7 +409,7 @@ STUDY = CommandGroup(
             conditions=(*SEEN[:4], "starts", *SEEN[4:]),
             flags={
                 **SENSED,
-                "seed": Flag("of start viewpoints, noise, random, and the halves that parts are fitted on."),
+                "seed": Flag("seed of starts, noise, random, and the halves that parts are fitted on."),
             },
         ),
         "explain": Command(
@@ -423,9 +423,9 @@ STUDY = CommandGroup(
             conditions=SEEN,
             flags={
                 **SENSED,
-                "seed": Flag("of the start viewpoint and noise."),
+                "seed": Flag("seed of the start viewpoint and noise."),
                 "planner": Flag("nbv, nbv-search or nbv-greedy."),
-                "episode": Flag("which of the test episodes, counted from 0."),
+                "episode": Flag("number of the test episode, from 0."),
                 "out": Flag(default=Path("explain.png")),
             },
         ),
@@ -442,14 +442,14 @@ STUDY = CommandGroup(
             flags={
                 "run": RUN,
                 "planners": Flag(
-                    "whose behaviour is shown beside no-act's.",
+                    "planners to show beside no-act.",
                     kind=tuple[str, ...],
                     default=(),
                     metavar="PLANNER ...",
                     hint="il-ppo, or else nbv",
                 ),
                 "states": Flag(
-                    "agent whose states are mapped, such as il-ppo/0; it runs its episodes once more.",
+                    "agent whose states are mapped, such as il-ppo/0; it runs its episodes again.",
                     metavar="AGENT",
                     hint="none",
                 ),
@@ -501,7 +501,7 @@ COMMANDS = CommandGroup(
             show_replay,
             text="""Show one episode of a finished run as a film.
 
-            The people, the cameras, what these see, and what is believed.
+            It shows the people, the cameras, their views, and the beliefs.
 
             It runs the files of your own classes that the run names.
 
@@ -512,20 +512,20 @@ COMMANDS = CommandGroup(
             flags={
                 "run": RUN,
                 "episode": Flag(
-                    "its number, from 0; or gain, loss or typical: of the first planner against the second.",
+                    "number, from 0; or gain, loss or typical, for the first planner against the second.",
                     kind=str,
                     positional=True,
                     metavar="EPISODE",
                 ),
                 "planners": Flag(
-                    "one or two; il-ppo/3 is one of several trainings.",
+                    "one or two planners; il-ppo/3 is one of several trainings.",
                     kind=tuple[str, ...],
                     default=(),
                     metavar="PLANNER ...",
                     hint="the most accurate, and no-act",
                 ),
                 "out": Flag("film to write, .mp4 or .gif, or recording, .rrd.", hint="RUN/replay-EPISODE.mp4"),
-                "slower": Flag("than life, so many times; 1 is life."),
+                "slower": Flag("times slower than life; 1 is as in life."),
                 "rerun": Flag("write a recording for Rerun's viewer instead; needs rerun-sdk."),
                 **AS_RECORDED,
             },
@@ -545,13 +545,13 @@ COMMANDS = CommandGroup(
             flags={
                 "run_a": Flag("folder of a finished run.", kind=Path, positional=True, metavar="A"),
                 "run_b": Flag(
-                    "folder of another, of the same data, starts, seed, length and sensor.",
+                    "folder of another run, with the same data, starts, seed, length and sensor.",
                     kind=Path,
                     positional=True,
                     metavar="B",
                 ),
                 "planners": Flag(
-                    "one of A and one of B.",
+                    "a planner of A and a planner of B.",
                     kind=tuple[str, ...],
                     default=(),
                     metavar="PLANNER-A PLANNER-B",
@@ -564,7 +564,7 @@ COMMANDS = CommandGroup(
             show_verification,
             text="""Check that a finished run's figures follow from its records.
 
-            And that data and weights are those that it names, by their hashes.
+            It also checks the hashes of its data and weights.
 
             Exit code 0: verified; 1: the first difference is printed; 2: it can't be read.
 
@@ -575,7 +575,7 @@ COMMANDS = CommandGroup(
             flags={
                 "run": RUN,
                 **AS_RECORDED,
-                "ideal": Flag("where the run on the ideal track lies now, for a run in flight.", hint="as recorded"),
+                "ideal": Flag("for a flight: present folder of its run on the ideal track.", hint="as recorded"),
             },
         ),
         "study": STUDY,

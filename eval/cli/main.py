@@ -1,4 +1,4 @@
-"""The command line, `ehar`: finds the command that the words name, and runs it."""
+"""The command line, `ehar`: it finds the command that the words name, and runs it."""
 
 import operator
 import sys
@@ -19,7 +19,7 @@ from eval.cli.own_flags import fold_flags
 def parse(arguments: Sequence[str]) -> Callable[[], int | None]:
     """Return the command that the arguments name, ready to be called; it may return an exit code.
 
-    tyro is shown only that command, or the group where the words end: help and errors speak of it alone.
+    tyro sees only that command, or the last group that the words name, so help and errors are about it alone.
 
     Raises:
         UsageError: there is no such command, or a flag of a class of your own has no value.
@@ -38,11 +38,11 @@ def parse(arguments: Sequence[str]) -> Callable[[], int | None]:
 
 @dataclass(frozen=True)
 class _Listed:
-    """Stands for each command of a group: none is parsed, as its line says all that a list shows."""
+    """Stands for each command of a group; the list of a group shows only a line for each."""
 
 
 def _end_at(group: CommandGroup, prog: str, words: list[str]) -> NoReturn:
-    """Print the help of a group, or tyro's error where the words are no `--help`, and exit."""
+    """Print the help of a group and exit; without `--help`, print tyro's error and exit."""
     lines = {name: command.help.partition("\n")[0] for name, command in group.commands.items()}
     listed: Any = [Annotated[_Listed, subcommand(name, description=line)] for name, line in lines.items()]
     tyro.cli(reduce(operator.or_, listed), prog=prog, description=group.help, args=words)
@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     try:
         if arguments == ["--version"]:
-            from ehar.version import __version__  # here, as `ehar --help` does not wait for it
+            from ehar.version import __version__  # imported here: too slow for `ehar --help`
 
             print(f"ehar {__version__}")
         else:

@@ -1,4 +1,4 @@
-"""Flags of a class of one's own: those that follow it on the command line become its constructor's arguments."""
+"""Flags of your own class: flags that follow it on the command line become arguments of its constructor."""
 
 from collections.abc import Mapping, Sequence
 
@@ -8,21 +8,21 @@ NAMES_A_CLASS = ("--recogniser", "--sensor", "--track")  # options whose value m
 
 
 def fold_flags(arguments: Sequence[str], options: Mapping[str, bool]) -> list[str]:
-    """Return a command's words, in which flags after a class of one's own have become its arguments.
+    """Return the words of a command, with flags after your own class turned into its arguments.
 
     `spiral.py:Spiral --radius 5 no-act` becomes `spiral.py:Spiral(radius='5') no-act`. Each flag takes one value. The
-    command's own options stay what they are wherever they stand: an argument of such a name goes in the brackets.
+    options of the command are never turned into arguments; an argument with the name of an option goes in the brackets.
 
     Args:
-        arguments: after the command's name.
-        options: of the command, `--length`, and whether a value follows.
+        arguments: the words after the command's name.
+        options: options of the command, such as `--length`, and whether each takes a value.
 
     Raises:
         UsageError: a flag has no value.
     """
     folded: list[str] = []
     words = list(arguments)
-    own: int | None = None  # where in `folded` the class stands that flags belong to
+    own: int | None = None  # index in `folded` of the class that flags belong to
     while words:
         word = words.pop(0)
         option, equals, value = word.partition("=")
@@ -35,7 +35,7 @@ def fold_flags(arguments: Sequence[str], options: Mapping[str, bool]) -> list[st
         elif option in options:
             folded += [word, *([words.pop(0)] if options[option] and not equals and words else [])]
         elif own is None:
-            folded.append(word)  # which tyro refuses
+            folded.append(word)  # tyro refuses it
         elif not equals and (not words or words[0].startswith("--")):
             raise UsageError(f"{folded[own]}: expected a value after {word}, got {words[0] if words else 'none'}")
         else:
@@ -44,14 +44,14 @@ def fold_flags(arguments: Sequence[str], options: Mapping[str, bool]) -> list[st
 
 
 def _own_at(folded: Sequence[str]) -> int | None:
-    """Return the place of the last word if it names a class of one's own."""
-    from planners.own_planner import own_spec  # here, as help waits for this file
+    """Return the index of the last word if it names your own class, or None."""
+    from planners.own_planner import own_spec  # imported here: too slow for `ehar --help`
 
     return len(folded) - 1 if own_spec(folded[-1]) is not None else None
 
 
 def _with_argument(spec: str, option: str, value: str) -> str:
-    """Return a spec with one more argument: brackets are literals as they are written, all else is text."""
+    """Return a spec with one more argument; a value in brackets is a literal, every other value is text."""
     name = option[2:].replace("-", "_")
     argument = f"{name}={value if value[:1] in ('(', '[') else repr(value)}"
     if not spec.endswith(")"):

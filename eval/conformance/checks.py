@@ -1,4 +1,4 @@
-"""What a conformance kit says: one line a check, and of each that failed what was got, expected, and how to mend it."""
+"""The results of a conformance kit: one line for each check, and for a failed one got, expected, and how to mend it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ class ContractCheck:
 
     Args:
         name: what has to hold.
-        passed: whether it did; None where it could not be checked.
-        got: what was found, or why it could not be checked.
-        expected: what should have been found.
-        mend: what to do about it.
+        passed: whether it holds; None if it could not be checked.
+        got: the wrong value, or why it could not be checked.
+        expected: the right value.
+        mend: how to mend it.
     """
 
     name: str
@@ -39,11 +39,11 @@ class ContractCheck:
 
 @dataclass(frozen=True)
 class Conformance:
-    """What a kit found: `assert check_planner(mine).passed` in a test of one's own, `print` it to read it.
+    """The results of a kit. A test asserts `check_planner(mine).passed`; `print` shows them.
 
     Args:
-        subject: what was checked.
-        checks: in the order in which they were made.
+        subject: the name of what was checked.
+        checks: the checks, in the order in which they were made.
     """
 
     subject: str
@@ -60,7 +60,7 @@ class Conformance:
         return tuple(check for check in self.checks if check.passed is False)
 
     def __str__(self) -> str:
-        """Return a line a check, and a count."""
+        """Return the counts, and a line for each check."""
         counts = [sum(check.passed is status for check in self.checks) for status in (True, False, None)]
         count = ", ".join(
             f"{n} {what}" for n, what in zip(counts, ("passed", "failed", "not checked"), strict=True) if n
@@ -69,11 +69,11 @@ class Conformance:
 
 
 def attempt(name: str, check: Callable[[], str | None], *, expected: str, mend: str) -> ContractCheck:
-    """Make a check; what it raises is a failure too.
+    """Make a check; an error that it raises is a failure too.
 
     Args:
-        name: of the check.
-        check: returns what was got in place of what was expected; None where all was well.
+        name: what has to hold.
+        check: returns the wrong value in words; None if there is none.
         expected: as in `ContractCheck`.
         mend: as in `ContractCheck`.
     """
@@ -88,14 +88,14 @@ def attempt(name: str, check: Callable[[], str | None], *, expected: str, mend: 
 def first_difference(
     one: FloatArray, other: FloatArray, rows: tuple[str, str], *, tolerance: float, what: str = "target"
 ) -> str | None:
-    """Return where two arrays (T, B, ...) first differ by more than a tolerance, in words; None where nowhere.
+    """Return in words where two arrays (T, B, ...) first differ by more than a tolerance; None if they do not.
 
     Args:
-        one: the first.
-        other: the second, of the same shape.
-        rows: what each is called.
-        tolerance: the largest difference that is none; 0 means equal.
-        what: they hold.
+        one: the first array.
+        other: the second array, of the same shape.
+        rows: the names of both arrays.
+        tolerance: the largest difference that is allowed; 0 demands equal arrays.
+        what: the name of their values.
     """
     if one.shape != other.shape:
         return f"arrays of {what}s of shape {one.shape} {rows[0]} and {other.shape} {rows[1]}"

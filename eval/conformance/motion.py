@@ -1,4 +1,4 @@
-"""The conformance kit of motions: what carries a camera, checked on random starts and targets."""
+"""The conformance kit of motions, which carry cameras: it uses random starts and targets."""
 
 import time
 from collections.abc import Callable
@@ -25,13 +25,13 @@ TOLERANCE = 1e-6  # [m], [rad]: batches of another size may differ by rounding
 LENGTH = 40  # frames
 HELD = 10  # frames for which a target is held
 ALL, OTHERS = np.arange(BATCH), np.arange(BATCH, 2 * BATCH)
-_RESET = "create in `reset` whatever `advance` changes"
+_RESET = "create in `reset` everything that `advance` changes"
 _ROWS = "compute every row from its own row: no statistics over axis 0"
 _SHAPES = "finite arrays (B, 3): distance [m], azimuth [rad], polar angle [rad], and their rates"
 
 
 class Way(NamedTuple):
-    """Where cameras were, frame by frame, (T, B, 3) each."""
+    """The viewpoints and rates of cameras in each frame, (T, B, 3) each."""
 
     viewpoint: FloatArray
     velocity: FloatArray
@@ -39,7 +39,7 @@ class Way(NamedTuple):
 
 
 class Errand(NamedTuple):
-    """Where cameras start (B, 3), and where they are sent (T, B, 3)."""
+    """The starts (B, 3) and the targets (T, B, 3) of cameras."""
 
     starts: FloatArray
     targets: FloatArray
@@ -53,8 +53,8 @@ def check_motion(motion: str | Path | Vehicle | Motion, conditions: Conditions |
     """Check that a motion keeps the contract of `ehar.motion`.
 
     Args:
-        motion: an object, or what `ehar benchmark --track` would be told.
-        conditions: whose data say how long a frame lasts; None is the usual ones.
+        motion: an object, or a value of `ehar benchmark --track`.
+        conditions: conditions whose data give the duration of a frame; None takes the defaults.
 
     Raises:
         EharError: the motion cannot be made, or data cannot be loaded.
@@ -66,18 +66,18 @@ def check_motion(motion: str | Path | Vehicle | Motion, conditions: Conditions |
 
 
 def _errand(workspace: Workspace) -> Errand:
-    """Return random starts in the workspace, and targets, some beyond it, each held for some frames."""
+    """Return random starts in the workspace, and random targets, held for some frames each; some are outside of it."""
     rng = np.random.default_rng(0)
     count = 2 * BATCH
     low = [workspace.distance_min, 0.0, workspace.polar_min]
     high = [workspace.distance_max, 2 * np.pi, workspace.polar_max]
     goals = rng.uniform(low, high, (LENGTH // HELD, count, 3))
-    goals[:, ::3, 0] += 5.0  # [m]; planners may ask for what lies beyond, and get as near as the workspace lets them
+    goals[:, ::3, 0] += 5.0  # [m]; planners may ask for viewpoints outside of the workspace
     return Errand(workspace.clip(sample_starts(rng, count)), np.repeat(goals, HELD, axis=0))
 
 
 def _checks(make: Callable[[], Motion], errand: Errand, frame_time: float) -> list[ContractCheck]:
-    """Return all checks, the first of which the others need."""
+    """Return all checks; all others need the first one."""
     changed: set[str] = set()
     mine = errand.rows(ALL)
 
@@ -98,7 +98,7 @@ def _checks(make: Callable[[], Motion], errand: Errand, frame_time: float) -> li
         return finite_viewpoints(reached, len(target), f"frame {frame}")
 
     def move(motion: Motion, targets: FloatArray) -> Way:
-        """Move on; (T, B, 3)."""
+        """Move for T frames; return arrays (T, B, 3)."""
         seen = []
         for frame, target in enumerate(targets):
             reached = advance(motion, target, frame)
@@ -182,7 +182,7 @@ def _checks(make: Callable[[], Motion], errand: Errand, frame_time: float) -> li
                 copy = copy_of(motion)
             except Exception as error:
                 return f"{name}: {type(error).__name__}: {error}"
-            move(motion, mine.targets[:half])  # which must not carry the copy along
+            move(motion, mine.targets[:half])  # this must not move the copy
             rest = Way(*(array[half:] for array in way))
             names = ("by itself", f"as a copy, by {name}, of the first half")
             difference = _difference(rest, move(copy, mine.targets[half:]), names, TOLERANCE)
@@ -204,7 +204,7 @@ def _checks(make: Callable[[], Motion], errand: Errand, frame_time: float) -> li
         attempt(
             "begins at rest at the start, and stays where it is told to stay",
             at_rest,
-            expected="velocity and acceleration 0 after reset, and no more than half a step of the grid to where it is",
+            expected="velocity and acceleration 0 after reset, then at most half a step of the grid from the start",
             mend="in `reset`, keep a copy of the viewpoints, and begin at rest",
         ),
         attempt(
@@ -246,7 +246,7 @@ def _checks(make: Callable[[], Motion], errand: Errand, frame_time: float) -> li
         attempt(
             "can be copied, and sent to a worker process",
             copied,
-            expected="what copy.deepcopy and cloudpickle can copy, and goes on as the original would",
+            expected="an object that copy.deepcopy and cloudpickle can copy, and copies that move as the original does",
             mend="hold no open files, locks or generators, and nothing that copies share",
         ),
         _time(make, mine, frame_time),
@@ -261,7 +261,7 @@ _COPIES: dict[str, Callable[[Motion], Motion]] = {
 
 
 def _errors(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return by how much viewpoints differ in each coordinate, (B, 3); azimuths the short way round."""
+    """Return the differences of viewpoints in each coordinate, (B, 3); those of azimuths go the short way round."""
     errors = one - other
     errors[..., AZIMUTH] = wrap_difference(errors[..., AZIMUTH])
     return np.asarray(np.abs(errors))
@@ -272,7 +272,7 @@ def _rows(way: Way, rows: IntArray) -> Way:
 
 
 def _difference(one: Way, other: Way, names: tuple[str, str], tolerance: float) -> str | None:
-    """Return where two ways differ first, in words; None where nowhere."""
+    """Return in words where two ways first differ; None if they do not."""
     for what, a, b in zip(Way._fields, one, other, strict=True):
         difference = first_difference(a, b, names, tolerance=tolerance, what=what)
         if difference is not None:

@@ -1,4 +1,4 @@
-"""The conformance kit of planners: what the benchmark relies on, checked in a small world with a trained recogniser."""
+"""The conformance kit of planners: it uses a few episodes and a trained recogniser."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,20 +17,20 @@ from eval.conformance.world import BATCH, ReplayedSensor, small_batch
 from eval.running.choice import ModelPlace, choose_planners, listed
 from recognition.setting import load_setting
 
-TOLERANCE = 1e-4  # [m], [rad]: arithmetic in batches of another size may differ by rounding, not by more
+TOLERANCE = 1e-4  # [m], [rad]: batches of another size may differ by rounding
 FIRST, OTHERS = np.arange(BATCH), np.arange(BATCH, 2 * BATCH)
-_RESET = "create in `reset` whatever `act` changes, and draw from `context.rng` there"
+_RESET = "create in `reset` everything that `act` changes, and draw from `context.rng` there"
 _RNG = "draw from `context.rng` alone: not from np.random, random or torch, and do not look at the time"
 _ROWS = "compute every row from its own row: no mean, maximum or sort over axis 0"
 _DRAWS = "; where you draw, draw for all rows and then choose"
 
 
 def check_planner(planner: str | Planner, conditions: Conditions | None = None) -> Conformance:
-    """Check that a planner does what the benchmark relies on.
+    """Check that a planner keeps the contract of `ehar.planner`.
 
     Args:
-        planner: an object, or what `ehar benchmark` would be told.
-        conditions: that it acts under; None is the usual ones.
+        planner: an object, or a planner as `ehar benchmark` names it.
+        conditions: conditions of the test episodes; None takes the defaults.
 
     Raises:
         EharError: the planner cannot be made, or data and weights cannot be loaded.
@@ -46,7 +46,7 @@ def check_planner(planner: str | Planner, conditions: Conditions | None = None) 
 
 
 def _checks(planner: Planner, world: PlannerWorld) -> list[ContractCheck]:
-    """Return all checks, the first of which the others need."""
+    """Return all checks; all others need the first one."""
     batch = world.batch.select(FIRST)
     try:
         copy_of = _copier(planner)
@@ -56,7 +56,7 @@ def _checks(planner: Planner, world: PlannerWorld) -> list[ContractCheck]:
                 "can be sent to a worker process",
                 False,
                 f"{type(error).__name__}: {error}",
-                "what cloudpickle can pickle",
+                "an object that cloudpickle can pickle",
                 "hold no open files, locks or generators; open them in `reset`",
             )
         ]
@@ -130,7 +130,7 @@ def _checks(planner: Planner, world: PlannerWorld) -> list[ContractCheck]:
 
 
 def _copier(planner: Planner) -> Callable[[], Planner]:
-    """Return what makes copies of a planner, as worker processes get them."""
+    """Return a function that copies a planner as worker processes receive it."""
     payload = cloudpickle.dumps(planner)
     cloudpickle.loads(payload)
     return lambda: cloudpickle.loads(payload)
@@ -143,10 +143,10 @@ def _second_time(planner: Planner, world: PlannerWorld, batch: Batch, expected: 
 
 
 def _rows_alone(copy_of: Callable[[], Planner], world: PlannerWorld, run: PlannerRun) -> list[ContractCheck]:
-    """Check that what a row is told depends on that row only.
+    """Check that the targets of a row depend on that row only.
 
-    The planner is shown again what it was shown, so that a difference is its own. What draws from its generator
-    draws other numbers in a batch of another size: it is checked with other rows in place of every second one only.
+    The planner sees the same observations again, so that only the planner can make a difference. A planner that draws
+    from its generator draws other numbers in a batch of another size. So for it only every second row is replaced.
     """
     other_run = run_planner(copy_of(), world, world.batch.select(OTHERS))
     shown = [
@@ -186,7 +186,7 @@ def _rows_alone(copy_of: Callable[[], Planner], world: PlannerWorld, run: Planne
 
 
 def _hidden_truth(planner: Planner, world: PlannerWorld, batch: Batch, run: PlannerRun) -> ContractCheck:
-    """Check that other labels and other people, who look the same to the camera, change nothing."""
+    """Check that other labels and other 3D joints change nothing, as long as the observations are the same."""
     name = "the hidden truth changes nothing"
     if planner.privileged:
         return ContractCheck(

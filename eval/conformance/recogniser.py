@@ -1,4 +1,4 @@
-"""The conformance kit of recognisers: the streaming contract, checked on the joints of a few episodes."""
+"""The conformance kit of recognisers: it streams the joints of a few episodes."""
 
 import time
 from collections.abc import Sequence
@@ -27,21 +27,21 @@ from eval.conformance.streams import (
 from eval.conformance.world import BATCH
 from recognition.setting import load_setting
 
-NORMALISED = 1e-3  # how far the probabilities of a frame may sum to something else than 1
+NORMALISED = 1e-3  # largest distance from 1 of the sum of the probabilities in a frame
 FORKS = 3
 ALL, OTHERS = np.arange(BATCH), np.arange(BATCH, 2 * BATCH)
-_PURE = "keep all memory in the state, none in `self`, and return a new state in place of changing the one given"
+_PURE = "keep all memory in the state, none in `self`; return a new state, and leave the given one as it is"
 
 
 def check_recogniser(recogniser: str | Recogniser, conditions: Conditions | None = None) -> Conformance:
     """Check that a recogniser keeps the contract of `ehar.recogniser`.
 
-    One that also recognises whole clips, by a method `recognise_clip(sensed, viewpoint)` from arrays (B, T, ...) to a
-    Recognition (B, T, ...), is held to it: streaming has to give the same.
+    A recogniser may have a method `recognise_clip(sensed, viewpoint)`, from arrays (B, T, ...) of whole clips to a
+    Recognition (B, T, ...). Then streaming has to give the same as that method.
 
     Args:
-        recogniser: an object, or what `ehar benchmark --recogniser` would be told.
-        conditions: of the test episodes that it sees; None is the usual ones.
+        recogniser: an object, or a value of `ehar benchmark --recogniser`.
+        conditions: conditions of the test episodes; None takes the defaults.
 
     Raises:
         EharError: the recogniser cannot be made, or data cannot be loaded.
@@ -55,7 +55,7 @@ def check_recogniser(recogniser: str | Recogniser, conditions: Conditions | None
 
 
 def _checks(recogniser: Recogniser, frames: Sequence[Frame]) -> list[ContractCheck]:
-    """Return all checks, the first of which the others need."""
+    """Return all checks; all others need the first one."""
     streamer, seven = Streamer(recogniser), episodes_of(frames, ALL)
     streams: list[Stream] = []
 
@@ -128,7 +128,7 @@ def _checks(recogniser: Recogniser, frames: Sequence[Frame]) -> list[ContractChe
         attempt(
             "can be sent to a worker process",
             lambda: _pickled(recogniser, seven, stream),
-            expected=f"what cloudpickle can pickle, and the same within {TOLERANCE} from it",
+            expected=f"an object that cloudpickle can pickle, and the same within {TOLERANCE} from its copy",
             mend="hold no open files, locks or generators",
         ),
         _time(streamer, seven),
@@ -168,7 +168,7 @@ def _twice_from_one_state(streamer: Streamer, frames: Sequence[Frame], stream: S
 
 
 def _forks(streamer: Streamer, frames: Sequence[Frame], stream: Stream) -> list[ContractCheck]:
-    """Check fork and select: alternatives of two frames, each against what it is without a fork."""
+    """Check fork and select: each alternative of two frames is compared with the same frames without a fork."""
     half, rows = len(frames) // 2, episodes_of(frames, ALL)
     _, state = streamer.stream(rows[:half])
     # Alternative f sees the next two frames of the episodes f places on.

@@ -1,4 +1,4 @@
-"""Running a planner in the small world of conformance, and showing it again what it was shown."""
+"""Runs a planner over the few episodes of a conformance kit, and shows it the same observations again."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,29 +16,29 @@ from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed, Sensor
 from eval.running.recorder import Recorder, array_names
 
-SEED = 0  # of every planner's generator
+SEED = 0  # seed of every planner's generator
 
 
 @dataclass(frozen=True, eq=False)
 class PlannerWorld:
-    """The episodes, and what rolls planners over them."""
+    """The episodes of a kit, and the runner that runs planners over them."""
 
     runner: Runner
     batch: Batch
 
     def context(self, batch: Batch) -> Context:
-        """Return what a planner is told, with a new generator of the same seed."""
+        """Return the context of a planner, with a new generator of the same seed."""
         episodes, length = batch.positions.shape[:2]
         return self.runner.context(episodes, length, np.random.default_rng(SEED))
 
 
 class PlannerRun(NamedTuple):
-    """What came of one run."""
+    """The results of one run of a planner."""
 
     recorder: Recorder
     targets: FloatArray  # (L - 1, B, 3)
-    changed: dict[str, int]  # parts of observations that the planner changed, and in which frame first
-    drew: bool  # from its generator
+    changed: dict[str, int]  # parts of observations that the planner changed, with the first frame of each
+    drew: bool  # whether it drew from its generator
 
 
 def run_planner(planner: Planner, world: PlannerWorld, batch: Batch, *, sensor: Sensor | None = None) -> PlannerRun:
@@ -61,7 +61,7 @@ def run_planner(planner: Planner, world: PlannerWorld, batch: Batch, *, sensor: 
 
 
 def replay(planner: Planner, world: PlannerWorld, shown: list[Observation], batch: Batch, rows: IntArray) -> FloatArray:
-    """Return the targets (L - 1, B, 3) for some rows of what was shown before, whatever they lead to."""
+    """Return the targets (L - 1, B, 3) for some rows of earlier observations; the targets move nothing."""
     some, recogniser = batch.select(rows), world.runner.recogniser
     where = f"planner {planner.name!r}, {len(rows)} of the rows that it was shown before"
     state = recogniser.start(len(rows))
@@ -89,7 +89,7 @@ def _imagination(world: PlannerWorld, batch: Batch) -> Callable[[int, FloatArray
 
 
 def joined(one: Observation, other: Observation) -> Observation:
-    """Return an observation of the episodes of both."""
+    """Return an observation with the episodes of both."""
     both: dict[str, Any] = {
         name: np.concatenate([getattr(one, name), getattr(other, name)]) for name in array_names(one)
     }

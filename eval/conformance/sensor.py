@@ -1,4 +1,4 @@
-"""The conformance kit of sensors: what everybody who looks through one relies on, checked on a few episodes."""
+"""The conformance kit of sensors: it uses a few episodes."""
 
 import time
 from collections.abc import Callable
@@ -17,22 +17,22 @@ from eval.conformance.checks import Conformance, ContractCheck, attempt, first_d
 from eval.conformance.world import BATCH, small_batch
 from recognition.setting import load_motion_of
 
-TOLERANCE = 0.01  # [px], of confidence too: batches of another size may differ by rounding
+TOLERANCE = 0.01  # [px], and for confidence too: batches of another size may differ by rounding
 FORKS = 3
 ALL = np.arange(BATCH)
-_NOISE = "draw from `noise` alone: not from np.random or a generator of your own, and keep nothing in `self`"
+_NOISE = "use the draws in `noise` alone, not np.random or your own generator, and keep nothing in `self`"
 _ROWS = "compute every row from its own row: no statistics over leading axes"
 
 
 class Shown(NamedTuple):
-    """What a sensor is handed."""
+    """The inputs of a sensor."""
 
     positions: FloatArray  # (..., P, J, 3)
     viewpoint: FloatArray  # (..., 3)
     noise: SensorNoise
 
     def at(self, index: object) -> "Shown":
-        """Return a part by an index of leading axes; copies."""
+        """Return copies of a part, by an index of the leading axes."""
         arrays = (self.positions, self.viewpoint, *self.noise)
         positions, viewpoint, *noise = (array[index].copy() for array in arrays)  # type: ignore[call-overload]
         return Shown(positions, viewpoint, SensorNoise(*noise))
@@ -46,8 +46,8 @@ def check_sensor(sensor: str | Sensor, conditions: Conditions | None = None) -> 
     """Check that a sensor keeps the contract of `ehar.sensors.sensor`.
 
     Args:
-        sensor: an object, or what `ehar benchmark --sensor` would be told.
-        conditions: of the test episodes that it sees; None is the usual ones.
+        sensor: an object, or a value of `ehar benchmark --sensor`.
+        conditions: conditions of the test episodes; None takes the defaults.
 
     Raises:
         EharError: the sensor cannot be made, or data cannot be loaded.
@@ -71,7 +71,7 @@ def _episodes(data: MotionData) -> Shown:
 
 
 def _checks(sensor: Sensor, clip: Shown) -> list[ContractCheck]:
-    """Return all checks, the first of which the others need."""
+    """Return all checks; all others need the first one."""
     changed: set[str] = set()
     _, length, persons, joints, _ = clip.positions.shape
     half = length // 2
@@ -84,7 +84,7 @@ def _checks(sensor: Sensor, clip: Shown) -> list[ContractCheck]:
         return Sensed(seen.joints_2d.copy(), seen.confidence.copy())
 
     def frames(shown: Shown, by: Sensor = sensor) -> Sensed:
-        """See clips (B, T, ...) frame by frame; (T, B, ...)."""
+        """Sense clips (B, T, ...) frame by frame; return arrays (T, B, ...)."""
         return _stacked([see(shown.at((slice(None), frame)), by) for frame in range(shown.positions.shape[1])])
 
     seen: list[Sensed] = []
@@ -196,7 +196,7 @@ def _checks(sensor: Sensor, clip: Shown) -> list[ContractCheck]:
         attempt(
             "can be sent to a worker process",
             pickled,
-            expected=f"what cloudpickle can pickle, and {same} from it",
+            expected=f"an object that cloudpickle can pickle, and {same} from its copy",
             mend="hold no open files, locks or generators",
         ),
         _time(see, clip),
@@ -213,7 +213,7 @@ def _stacked(seen: list[Sensed]) -> Sensed:
 
 
 def _by_frame(seen: Sensed) -> Sensed:
-    """Return (T, B, ...) of (B, T, ...)."""
+    """Turn arrays (B, T, ...) into (T, B, ...)."""
     return Sensed(*(array.swapaxes(0, 1) for array in seen))
 
 
@@ -226,7 +226,7 @@ def _cut(seen: Sensed, frames: int) -> Sensed:
 
 
 def _difference(one: Sensed, other: Sensed, names: tuple[str, str], tolerance: float) -> str | None:
-    """Return where (T, B, ...) differ first, in words; None where nowhere."""
+    """Return in words where arrays (T, B, ...) first differ; None if they do not."""
     for what, a, b in zip(Sensed._fields, one, other, strict=True):
         difference = first_difference(a, b, names, tolerance=tolerance, what=what)
         if difference is not None:

@@ -1,4 +1,4 @@
-"""Streams of a recogniser in the small world of conformance: a few episodes, seen frame by frame."""
+"""Streams of a recogniser over the few episodes of a conformance kit, frame by frame."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -14,29 +14,29 @@ from ehar.sensors.sensor import Sensed
 from eval.conformance.checks import first_difference
 from eval.conformance.world import small_batch
 
-TOLERANCE = 1e-4  # of log-probabilities and embeddings: batches of another size may differ by rounding
+TOLERANCE = 1e-4  # for log-probabilities and embeddings: batches of another size may differ by rounding
 
 
 class Frame(NamedTuple):
-    """One frame of B episodes, or of F alternatives of each."""
+    """One frame of B episodes, or of F alternatives of each episode."""
 
     sensed: Sensed
     viewpoint: FloatArray  # (B, 3) or (B, F, 3)
 
     def rows(self, rows: IntArray) -> "Frame":
-        """Return some of the episodes; copies."""
+        """Return copies of some of the episodes."""
         return Frame(Sensed(*(array[rows] for array in self.sensed)), self.viewpoint[rows])
 
 
 class Stream(NamedTuple):
-    """What was recognised of T frames."""
+    """The recognition of T frames."""
 
     log_probs: FloatArray  # (T, B, K)
     embedding: FloatArray  # (T, B, D)
 
 
 def small_frames(data: MotionData) -> list[Frame]:
-    """Return what a perfect sensor sees of 14 episodes from cameras that move at random."""
+    """Return the frames of 14 episodes, seen by a perfect sensor from cameras that move at random."""
     from ehar.sensors.registry import make_sensor
     from recognition.training.views import training_viewpoints
 
@@ -59,23 +59,23 @@ def episodes_of(frames: Sequence[Frame], rows: IntArray) -> list[Frame]:
 
 
 def side_by_side(frames: Sequence[Frame]) -> Frame:
-    """Return alternatives (B, F, ...), each a frame of its own (B, ...)."""
+    """Return F frames (B, ...) as one frame with F alternatives (B, F, ...)."""
     sensed = Sensed(*(np.stack(arrays, axis=1) for arrays in zip(*(frame.sensed for frame in frames), strict=True)))
     return Frame(sensed, np.stack([frame.viewpoint for frame in frames], axis=1))
 
 
 class Streamer:
-    """Steps a recogniser, and says in which of its lines something was raised.
+    """Steps a recogniser; an error names the line of the recogniser that raised it.
 
     Args:
-        recogniser: to check.
+        recogniser: the recogniser to check.
     """
 
     def __init__(self, recogniser: Recogniser) -> None:
         """Create it; nothing is stepped yet."""
         self.recogniser = recogniser
         self.classes = len(recogniser.class_names)
-        self.changed: set[str] = set()  # what of frames was changed
+        self.changed: set[str] = set()  # names of the arrays that the recogniser changed
 
     def start(self, episodes: int) -> Any:
         """Return a new state."""
@@ -83,7 +83,7 @@ class Streamer:
             return self.recogniser.start(episodes)
 
     def step(self, state: Any, frame: Frame) -> tuple[Stream, Any]:
-        """See one frame; arrays of the shapes of the contract, in float64."""
+        """See one frame; the arrays are checked against the contract, and become float64."""
         leading = frame.viewpoint.shape[:-1]
         shown = Frame(Sensed(*(array.copy() for array in frame.sensed)), frame.viewpoint.copy())
         with blamed(self.recogniser, "step"):
@@ -119,7 +119,7 @@ class Streamer:
 
 
 def difference_of(one: Stream, other: Stream, names: tuple[str, str], tolerance: float = TOLERANCE) -> str | None:
-    """Return where two streams first differ, in words; None where nowhere."""
+    """Return in words where two streams first differ; None if they do not."""
     for what, a, b in zip(Stream._fields, one, other, strict=True):
         difference = first_difference(a, b, names, tolerance=tolerance, what=what)
         if difference is not None:
@@ -128,5 +128,5 @@ def difference_of(one: Stream, other: Stream, names: tuple[str, str], tolerance:
 
 
 def cut(stream: Stream, rows: Any, frames: Any = slice(None)) -> Stream:
-    """Return some rows, and some frames."""
+    """Return some rows and frames of a stream."""
     return Stream(*(array[frames][:, rows] for array in stream))

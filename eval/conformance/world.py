@@ -1,4 +1,4 @@
-"""The small world in which conformance is checked: a few episodes of real data, and what was seen of them."""
+"""The small world of the conformance kits: a few episodes, and a sensor that replays what was seen in them."""
 
 from dataclasses import dataclass, field
 
@@ -14,8 +14,8 @@ from ehar.sensors.sensor import Sensed, SensorNoise
 from eval.running.episodes import cut_scenarios, random_starts
 
 LENGTH = 20  # frames of an episode, L
-EPISODES = 14  # of which 7 run at a time: 7 to look at, 7 others to put beside them
-BATCH = 7
+EPISODES = 14  # 7 to check, and 7 others to run beside or instead of them
+BATCH = 7  # episodes that run together
 
 
 def small_batch(data: MotionData) -> Batch:
@@ -36,12 +36,12 @@ def small_batch(data: MotionData) -> Batch:
 
 @dataclass
 class ReplayedSensor:
-    """Shows, frame by frame, what was seen before, whoever stands before the camera now.
+    """Returns, frame by frame, what was seen before, whatever the camera looks at now.
 
     Args:
-        seen: of each frame.
-        camera: that saw it.
-        name: of the sensor.
+        seen: joints of each frame.
+        camera: the camera that saw them.
+        name: name of the sensor.
     """
 
     seen: list[Sensed]
@@ -50,6 +50,6 @@ class ReplayedSensor:
     frame: int = field(default=-1, init=False)
 
     def sense(self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise) -> Sensed:
-        """Return what was seen in the next frame."""
+        """Return the joints of the next frame."""
         self.frame += 1
         return self.seen[self.frame]

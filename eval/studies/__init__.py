@@ -1,4 +1,4 @@
-"""Studies: questions that are asked of data, of a belief, or of finished runs."""
+"""Studies: each answers a question about data, a belief, or finished runs."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""What each part and setting of the next-best-view planner is worth: variants side by side on the same episodes."""
+"""The ablation study: variants of the next-best-view planner, side by side on the same episodes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -35,13 +35,13 @@ GROUPS = ("knowledge", "horizon", "replan", "effort", "solver", "search")
 
 
 class Ablation(NamedTuple):
-    """Variants of nbv beside no-act and the oracle, on the same episodes.
+    """The results of variants of nbv, no-act and the oracle on the same episodes.
 
     Args:
-        groups: the variants' names by group.
-        tracks: the names of the vehicles that nbv flew, which are also what `summary` calls those flights.
-        setting: what nbv's own settings are, in words.
-        summary: of them all; differences are nbv's to each other.
+        groups: names of the variants by group.
+        tracks: names of the vehicles that nbv flew; `summary` lists each flight under the name of its vehicle.
+        setting: the settings of nbv itself, in words.
+        summary: summary of all planners; its differences compare nbv with each other planner.
     """
 
     groups: dict[str, tuple[str, ...]]
@@ -50,7 +50,7 @@ class Ablation(NamedTuple):
     summary: Summary
 
     def tables(self) -> list[Table]:
-        """Return what there is to read."""
+        """Return the tables of the study."""
         return ablation_tables(self)
 
 
@@ -65,22 +65,22 @@ def ablation(
 ) -> Ablation:
     """Say what each part and setting of nbv is worth.
 
-    Runs variants of it, no-act and the oracle on the same episodes.
+    It runs variants of nbv, no-act and the oracle on the same episodes.
 
     For example:
         ehar study ablation --data duo --groups knowledge search --out runs/ablation
 
     Args:
-        conditions: of all variants, on the grid; None is the usual ones.
-        groups: of variants: knowledge, horizon, replan, effort, solver, search.
+        conditions: conditions of all variants, on the grid; None takes the defaults.
+        groups: groups of variants: knowledge, horizon, replan, effort, solver, search.
         tracks: vehicles that nbv flies as well.
         out: folder for config.json, episodes.jsonl, summary.json and table.md.
-        workers: processes; numbers, but for times, do not depend on it.
-        reporter: hears of progress; None reports on standard error.
+        workers: number of processes; only times depend on it.
+        reporter: receives progress; None reports on standard error.
 
     Raises:
         EharError: one line that says what was got and what was expected.
-        KeyboardInterrupt: nothing has been written then.
+        KeyboardInterrupt: Ctrl-C; nothing is written then.
     """
     conditions, reporter = conditions or Conditions(), reporter or ConsoleReporter()
     check_workers(workers)
@@ -109,7 +109,7 @@ def ablation(
     for track, planner in zip(flown, flying, strict=True):
         workload = Workload(replace(setting.runner, track=track), episodes)
         runs |= run_planners(workload, [planner], workers=workers, reporter=reporter)
-    # A flight is compared with nbv on the ideal track, in the same resamples.
+    # Each flight is compared with nbv on the ideal track, in the same resamples.
     on_ideal = {NO_ACT: runs[NO_ACT].records, **dict.fromkeys(names[1:], runs[NBV].records)} if flown else None
     result = Ablation(
         groups={group: tuple(planner.name for planner in planners) for group, planners in chosen.items()},
@@ -123,7 +123,7 @@ def ablation(
 
 
 def variants(model: GainModel) -> dict[str, list[Planner]]:
-    """Return planners by group, each of which differs from nbv in one thing; names say in which."""
+    """Return planners by group; each differs from nbv in one thing, and its name says in which."""
 
     def nbv(name: str, **changes: int | float | str) -> Planner:
         return NextBestView(model=model, name=name, **changes)  # type: ignore[arg-type]
@@ -142,7 +142,7 @@ def variants(model: GainModel) -> dict[str, list[Planner]]:
 
 
 def ablation_tables(result: Ablation) -> list[Table]:
-    """Return one row a variant and, where nbv flew, one a vehicle."""
+    """Return a table with one row for each variant and, if nbv flew, a table with one row for each vehicle."""
     summary = result.summary
     planners = {planner.name: planner for planner in summary.planners}
     differences = {difference.other: difference for difference in summary.differences}
@@ -159,7 +159,7 @@ def ablation_tables(result: Ablation) -> list[Table]:
                 for group, name in rows
             ),
             footnotes=(
-                f"nbv: {result.setting}. Each variant differs in what it is called after.",
+                f"nbv: {result.setting}. Each variant differs in the one thing that its name says.",
                 "* privileged: is handed the label and the future.",
                 *no_interval_footnotes(summary.no_intervals),
             ),
@@ -180,8 +180,8 @@ def ablation_tables(result: Ablation) -> list[Table]:
                     for name in (NBV, *result.tracks)
                 ),
                 footnotes=(
-                    f"Gap closed is that of the {IDEAL} track's gap.",
-                    f"Kept: (accuracy in flight - that of {NO_ACT}) / (nbv's on the {IDEAL} track - that of {NO_ACT}).",
+                    f"Gap closed is a share of the gap on the {IDEAL} track.",
+                    f"Kept: (acc in flight - acc of {NO_ACT}) / (acc of nbv on the {IDEAL} track - acc of {NO_ACT}).",
                 ),
             )
         )
@@ -189,7 +189,7 @@ def ablation_tables(result: Ablation) -> list[Table]:
 
 
 def _row(planner: PlannerSummary, difference: Difference | None) -> tuple[str, ...]:
-    """Return the cells behind a planner's name; nbv's difference to it is turned around."""
+    """Return the cells after the planner's name; the difference is the planner's accuracy minus that of nbv."""
     minus = "-"
     if difference is not None:
         turned = None if difference.ci95 is None else (-difference.ci95[1], -difference.ci95[0])
@@ -210,7 +210,7 @@ def _peak(planner: PlannerSummary) -> str:
 
 
 def _write(out: Path, config: Mapping[str, Any], runs: dict[str, PlannerRun], result: Ablation) -> None:
-    """Write config, records, numbers and tables."""
+    """Write the configuration, records, numbers and tables."""
     write_text(out / CONFIG, [json_text(config)])
     write_text(out / EPISODES, episode_lines({name: run.records for name, run in runs.items()}))
     write_text(out / SUMMARY, [json_text({"groups": result.groups, **result.summary.to_json()})])

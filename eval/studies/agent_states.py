@@ -1,6 +1,6 @@
-"""The states s_t that a learned planner acts from (Fig. 7e): collected in a run's own episodes, and mapped by class.
+"""The states s_t that a learned planner acts from (Fig. 7e): collected in the episodes of a run, and mapped by class.
 
-Records do not hold them, so the planner runs its episodes once more; it has to go where it went.
+Records do not hold these states, so the planner runs its episodes again. It has to go where it went in the run.
 """
 
 from collections.abc import Callable
@@ -20,10 +20,10 @@ from eval.running.run import Run, same_episodes
 from planners.registry import is_learned
 from recognition.setting import load_setting
 
-EVERY = 5  # frames, of which one is kept: consecutive states differ little
-MOST = 3000  # points that are drawn
+EVERY = 5  # frames: one state in 5 is kept, because consecutive states differ little
+MOST = 3000  # points in the picture
 NEIGHBOURS = 10
-PERPLEXITY = 30.0  # scikit-learn's own; van der Maaten and Hinton, 2008, advise 5 to 50
+PERPLEXITY = 30.0  # the default of scikit-learn; van der Maaten and Hinton, 2008, advise 5 to 50
 
 AgentLoader = Callable[[Run, str], Planner]  # as `load_agent`
 
@@ -33,10 +33,10 @@ class AgentStates:
     """States s_t of M frames of a run.
 
     Args:
-        state: (M, S).
+        state: (M, S) states.
         label: (M,) true class of the episode.
         sequence: (M,) name of the episode's sequence.
-        frame: (M,) after which the state is, from 0.
+        frame: (M,) frame after which the state was taken, from 0.
     """
 
     state: FloatArray
@@ -45,7 +45,7 @@ class AgentStates:
     frame: IntArray
 
     def sample(self, rng: np.random.Generator, most: int) -> "AgentStates":
-        """Return at most so many of them, drawn without replacement, in their order."""
+        """Return at most `most` of the states, drawn without replacement, in their order."""
         if len(self.label) <= most:
             return self
         kept = np.sort(rng.choice(len(self.label), most, replace=False))
@@ -53,15 +53,15 @@ class AgentStates:
 
 
 class Purity(NamedTuple):
-    """How many of a state's nearest neighbours are of its class, beside what chance would give.
+    """The share of a state's nearest neighbours that have its class, and the share that chance would give.
 
-    Only states of other sequences count as neighbours: those of the same sequence resemble each other whatever
-    the agent makes of the activity.
+    Only states of other sequences count as neighbours. States of one sequence are alike, even if the agent has not
+    recognised its activity.
 
     Args:
-        purity: the mean share of the nearest neighbours that are of the same class.
-        chance: the mean share of all states of other sequences that are.
-        neighbours: how many are looked at.
+        purity: mean share of the nearest neighbours that have the same class.
+        chance: mean share of all states of other sequences that have the same class.
+        neighbours: number of nearest neighbours.
     """
 
     purity: float
@@ -73,8 +73,8 @@ class StateKeeper:
     """Keeps the states of a planner, batch by batch.
 
     Args:
-        planner: has `state` (B, S) after each `act`.
-        every: of so many frames one is kept.
+        planner: a planner that has `state` (B, S) after each `act`.
+        every: distance between two frames that are kept.
     """
 
     def __init__(self, planner: Planner, *, every: int) -> None:
@@ -84,7 +84,7 @@ class StateKeeper:
         self._batches: list[list[FloatArray]] = []
 
     def keep(self, observation: Observation) -> None:
-        """Keep the state after an observation, if its frame is among those that are kept.
+        """Keep the state after an observation, if its frame is to be kept.
 
         Raises:
             UsageError: the planner has no states.
@@ -100,15 +100,15 @@ class StateKeeper:
 
     @property
     def states(self) -> FloatArray:
-        """What was kept of all batches, (N, T, S)."""
+        """The states that were kept, of all batches: (N, T, S)."""
         return np.concatenate([np.stack(batch, axis=1) for batch in self._batches])
 
 
 def load_agent(run: Run, name: str) -> Planner:
-    """Return the learned planner that a run has under a record name such as `il-ppo/0`.
+    """Return the learned planner that a run lists under a record name such as `il-ppo/0`.
 
     Raises:
-        UsageError: the name is not that of a learned planner.
+        UsageError: no learned planner has this name.
         DataError: the data cannot be read.
         ModelError: there is no such agent or no recogniser, or the agent belongs to another data set or recogniser.
     """
@@ -118,21 +118,21 @@ def load_agent(run: Run, name: str) -> Planner:
 
 
 def agent_states(run: Run, name: str, planner: Planner, *, reporter: Reporter, every: int = EVERY) -> AgentStates:
-    """Run a planner on a run's own episodes once more, and return its states.
+    """Run a planner on the episodes of a run again, and return its states.
 
     Args:
-        run: on the ideal track.
-        name: that the planner ran under, `il-ppo/0`.
-        planner: the same, with an attribute `state`, (B, S), after each `act`.
-        reporter: hears of progress.
-        every: of so many frames one is kept, the first among them.
+        run: a run on the ideal track.
+        name: name of the planner in the run, `il-ppo/0`.
+        planner: the same planner; it has an attribute `state`, (B, S), after each `act`.
+        reporter: receives progress.
+        every: distance between two frames that are kept; the first frame is kept.
 
     Raises:
-        UsageError: the run has no such planner, or this one has no states.
-        DataError: data or recogniser are not the run's, the run was in flight, or the planner went elsewhere.
+        UsageError: the run has no such planner, or the planner has no states.
+        DataError: the run had other data or another recogniser, it was a flight, or the planner went elsewhere.
         ModelError: there is no recogniser.
     """
-    from eval.running.episodes import cut_scenarios, random_starts  # these bring what `ehar --help` does not wait for
+    from eval.running.episodes import cut_scenarios, random_starts  # imported here: too slow for `ehar --help`
     from eval.running.jobs import Workload, run_planners
 
     conditions = run.conditions
@@ -151,7 +151,7 @@ def agent_states(run: Run, name: str, planner: Planner, *, reporter: Reporter, e
     episodes = random_starts(scenarios, conditions.starts, conditions.seed)
     keeper = StateKeeper(planner, every=every)
     recorder = Recorder(planner, name=name, answered=keeper.keep)
-    # In this process, as the states stay in it.
+    # One worker: the states are collected in this process.
     again = run_planners(Workload(setting.runner, episodes), [recorder], workers=1, reporter=reporter)[name].records
     recorded = run.records[name]
     if not same_episodes(recorded, again):
@@ -174,7 +174,7 @@ def agent_states(run: Run, name: str, planner: Planner, *, reporter: Reporter, e
 
 
 def neighbour_purity(states: AgentStates, neighbours: int = NEIGHBOURS) -> Purity:
-    """Return how well states are told apart by class, in the space that the agent acts from.
+    """Return how well classes are told apart, in the space of the states.
 
     Raises:
         DataError: the states are all of one sequence.

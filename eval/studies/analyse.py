@@ -42,16 +42,15 @@ def analyse(
     load: AgentLoader = load_agent,
     reporter: Reporter | None = None,
 ) -> Analysis:
-    """Analyse a finished run as the paper does, and write what was found.
+    """Analyse a finished run as the paper does, and write the results.
 
     Args:
         run: folder of a finished run.
-        planners: whose behaviour is shown, beside that of no-act; none takes il-ppo, or else nbv. The training
-            seeds of one planner are taken together.
-        states: a learned planner, by record name, whose states are mapped: it runs its episodes once more.
-        out: folder for analysis.json, analysis.md and the pictures; None is `analysis` in the run's.
+        planners: planners to show beside no-act, each with all its training seeds; none takes il-ppo, or else nbv.
+        states: record name of the learned planner whose states are mapped; it runs its episodes again.
+        out: folder for analysis.json, analysis.md and the pictures; None takes `analysis` in the folder of the run.
         load: makes the learned planner.
-        reporter: hears of progress; None reports on standard error.
+        reporter: receives progress; None reports on standard error.
 
     Raises:
         EharError: one line that says what was got and what was expected.
@@ -74,22 +73,24 @@ def analyse(
         raise UsageError(f"{folder}: expected a folder that can be written to: {error.strerror}") from error
     write_text(folder / ANALYSIS, [json_text(analysis.to_json())])
     title = finished.config.title
-    draw_positions({name: of.histograms for name, of in analysis.positions.items()}, title, folder / POSITIONS)
+    histograms = {name: positions.histograms for name, positions in analysis.positions.items()}
+    draw_positions(histograms, title, folder / POSITIONS)
     if analysis.moves is not None:
         draw_moves(analysis.moves, title, folder / MOVES_MADE)
     if analysis.states is not None:
-        of = analysis.states
-        draw_states(of.mapped, of.states.label, names, f"{title}: states of {of.planner}", of.purity, folder / STATES)
+        found = analysis.states
+        heading = f"{title}: states of {found.planner}"
+        draw_states(found.mapped, found.states.label, names, heading, found.purity, folder / STATES)
     write_text(folder / TABLES, [analysis_markdown(analysis)])
     reporter.note(f"written to {folder}")
     return analysis
 
 
 def choose(run: Run, planners: Sequence[str]) -> tuple[str, ...]:
-    """Return the planners whose behaviour is analysed: those named, or il-ppo, or else nbv.
+    """Return the planners to analyse: the named ones without no-act; without names il-ppo, or else nbv.
 
     Raises:
-        UsageError: one did not run, no-act is among them, which is shown anyway, or there is no default.
+        UsageError: a named planner did not run, no-act alone is named, or neither il-ppo nor nbv ran.
     """
     ran = tuple(seeds_of(run.records))
     if planners:
@@ -120,14 +121,16 @@ def _analysis(
     shown = {name: run.episodes(name) for name in (*(NO_ACT,) * (NO_ACT in run.records), *chosen)}
     seeds = seeds_of(run.records)
     if run.flown:
-        reporter.note(f"{run.directory}: moves are those of the grid, a run on track {run.conditions.track} has none")
+        reporter.note(f"{run.directory}: a run on track {run.conditions.track} has no grid moves to analyse")
     return Analysis(
         config=run.config,
         episodes=len(next(iter(run.records.values()))),
         class_names=names,
         seed_accuracy=tuple(accuracy_over_seeds(name, seeds[name]) for name in TABLE_3 if name in seeds),
-        predictable={name: predictability(of, len(names)) for name, of in shown.items()},
-        positions={name: Positions(position_histograms(of), level_share(of)) for name, of in shown.items()},
+        predictable={name: predictability(records, len(names)) for name, records in shown.items()},
+        positions={
+            name: Positions(position_histograms(records), level_share(records)) for name, records in shown.items()
+        },
         moves=None if run.flown else {name: move_shares(recover_moves(shown[name])) for name in chosen},
         states=None if states is None else _map(run, states, load, reporter),
     )

@@ -1,4 +1,4 @@
-"""Pictures of an analysed run: where cameras were (Fig. 6), their moves (Fig. 7a-d), an agent's states (Fig. 7e)."""
+"""Pictures of an analysed run: the positions of cameras (Fig. 6), moves (Fig. 7a-d), states of an agent (Fig. 7e)."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,9 +18,9 @@ from eval.scores.behaviour import STAGES, PositionHistogram
 from eval.scores.planner_summary import NO_ACT
 from eval.studies.agent_states import Purity
 
-MARKERS = ("o", "^", "s", "D", "v", "P", "X", "*")  # each class has a colour and a marker; 64 pairs differ
+MARKERS = ("o", "^", "s", "D", "v", "P", "X", "*")  # 64 pairs of colour and marker, one for each class
 LEGEND_ROWS = 22
-_DIGIT_ROOM = 0.012  # of a panel's highest bar, above which its height is written
+_DIGIT_ROOM = 0.012  # space between a bar and its number, as a share of the highest bar
 _SIGNS = str.maketrans("-", "\N{MINUS SIGN}")
 
 
@@ -28,9 +28,9 @@ def draw_positions(histograms: Mapping[str, tuple[PositionHistogram, ...]], titl
     """Draw the histograms of distance, azimuth and polar angle (Fig. 6): no-act filled, planners as lines over it.
 
     Args:
-        histograms: of each planner, one an axis.
-        title: of the run.
-        path: of the .png.
+        histograms: one histogram for each axis, by planner.
+        title: title of the run.
+        path: the .png to write.
     """
     axes = [histogram.axis for histogram in next(iter(histograms.values()))]
     figure = Figure(figsize=(9.0, 3.3), layout="constrained")
@@ -38,8 +38,8 @@ def draw_positions(histograms: Mapping[str, tuple[PositionHistogram, ...]], titl
     handles: dict[str, Any] = {}
     for index, (axis, place) in enumerate(zip(axes, figure.subplots(1, len(axes)), strict=True)):
         low, high = axis.edges[[0, -1]]
-        for name, of in histograms.items():
-            density = of[index].density
+        for name, by_axis in histograms.items():
+            density = by_axis[index].density
             if name == NO_ACT:
                 drawn = place.stairs(density, axis.edges, fill=True, color=EDGE, label=f"{name} (starts)")
             else:
@@ -51,7 +51,7 @@ def draw_positions(histograms: Mapping[str, tuple[PositionHistogram, ...]], titl
             1 / (high - low), low, high, color=NEUTRAL, linewidth=THIN, linestyle=":", label="uniform"
         )
         place.set_xlim(low, high)
-        place.set_ylim(0, 1.08 * max(of[index].density.max() for of in histograms.values()))
+        place.set_ylim(0, 1.08 * max(by_axis[index].density.max() for by_axis in histograms.values()))
         place.set_xlabel(f"{axis.name} [{axis.unit}]" + (", 90 is level" if axis.column == POLAR else ""))
         place.set_ylabel(f"density [1/{axis.unit}]")
         if axis.column in (AZIMUTH, POLAR):
@@ -68,19 +68,19 @@ def draw_moves(shares: Mapping[str, FloatArray], title: str, path: Path) -> None
     """Draw how often each move is made, in the whole episode and its three stages (Fig. 7a-d).
 
     Args:
-        shares: (4, 7) of each planner, from `eval.scores.behaviour.move_shares`.
-        title: of the run.
-        path: of the .png.
+        shares: (4, 7) shares by planner, from `eval.scores.behaviour.move_shares`.
+        title: title of the run.
+        path: the .png to write.
     """
     figure = Figure(figsize=(9.0, 5.0), layout="constrained")
     styles = looks(dict.fromkeys(shares, False))
     places = figure.subplots(2, 2, sharex=True, sharey=True)
     width = 0.8 / len(shares)
     slots = np.arange(len(MOVE_NAMES))
-    top = 100 * max(float(of.max()) for of in shares.values())
+    top = 100 * max(float(by_stage.max()) for by_stage in shares.values())
     for stage, (letter, place) in enumerate(zip("abcd", places.flat, strict=True)):
-        for index, (name, of) in enumerate(shares.items()):
-            heights = 100 * of[stage]
+        for index, (name, by_stage) in enumerate(shares.items()):
+            heights = 100 * by_stage[stage]
             x = slots + width * (index - (len(shares) - 1) / 2)
             place.bar(x, heights, 0.92 * width, color=styles[name].colour, label=name)
             if len(shares) <= 2:
@@ -104,22 +104,22 @@ def draw_moves(shares: Mapping[str, FloatArray], title: str, path: Path) -> None
 def draw_states(
     mapped: FloatArray, label: IntArray, class_names: tuple[str, ...], title: str, purity: Purity, path: Path
 ) -> None:
-    """Draw states in the plane, coloured by class (Fig. 7e), with how pure their neighbourhoods are.
+    """Draw states in the plane, coloured by class (Fig. 7e), and say how pure their neighbourhoods are.
 
     Args:
-        mapped: (M, 2).
+        mapped: (M, 2) states in the plane.
         label: (M,) classes.
-        class_names: K.
-        title: of the run, and whose states they are.
-        purity: in the space of the states.
-        path: of the .png.
+        class_names: K names.
+        title: title of the run, and the planner whose states are drawn.
+        purity: purity in the space of the states.
+        path: the .png to write.
     """
     held = np.unique(label).tolist()
     columns = -(-len(held) // LEGEND_ROWS)
     figure = Figure(figsize=(7.0 + 1.8 * (columns - 1), 5.2), layout="constrained")
     place = figure.add_subplot()
-    for rank, of in enumerate(held):
-        here = mapped[label == of]
+    for rank, shown in enumerate(held):
+        here = mapped[label == shown]
         colour = CLASSES[rank % len(CLASSES)]
         marker = MARKERS[(rank + rank // len(CLASSES)) % len(MARKERS)]
         place.scatter(
@@ -130,7 +130,7 @@ def draw_states(
             marker=marker,
             linewidths=0,
             alpha=0.75,
-            label=class_names[of],
+            label=class_names[shown],
             rasterized=True,
         )
     place.set_xticks([])
@@ -148,7 +148,7 @@ def draw_states(
 
 
 def _save(figure: Figure, path: Path) -> None:
-    """Write a .png without a date in it, renamed into place."""
+    """Write a .png without a date in it, and rename it into place."""
     FigureCanvasAgg(figure)
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=160, metadata={"Software": None})

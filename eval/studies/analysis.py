@@ -1,4 +1,4 @@
-"""What an analysis of a finished run found, and its tables, for the terminal and in Markdown."""
+"""The results of an analysis of a finished run, and their tables for the terminal and in Markdown."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,20 +14,21 @@ from eval.scores.predictability import LEVELS, NO_EPISODE, Predictability
 from eval.scores.seed_accuracy import TABLE_3_AT, SeedAccuracy, Spread
 from eval.studies.agent_states import EVERY, AgentStates, Purity
 
-POSITIONS, MOVES_MADE, STATES = "positions.png", "moves.png", "states.png"  # beside the tables, which name them
+POSITIONS, MOVES_MADE, STATES = "positions.png", "moves.png", "states.png"  # beside analysis.md, which links them
 
 _LEVEL_NAMES = ("instantly (10 %)", "early (50 %)", "late (100 %)", "not by the end")
 _NONE = "-"
 _OF_CLASS = (
-    "A class is as predictable as the first of 10, 50 and 100 % of the frames after which at least half of its "
-    "episodes are classified correctly."
+    "The level of a class is the first of 10, 50 and 100 % of the frames after which at least half of its episodes "
+    "are classified correctly."
 )
 _OF_EPISODE = (
-    "An episode is as predictable as the first of 10, 50 and 100 % from which on it is classified correctly at each."
+    "The level of an episode is the first of 10, 50 and 100 % of the frames from which on it is classified correctly "
+    "at each of these."
 )
 
 
-RUN_KEYS = (  # of config.json, that analysis.json repeats
+RUN_KEYS = (  # keys of config.json that analysis.json repeats
     *("source", "data", "data_sha256", "models", "recogniser_sha256", "sensor", "views", "form", "track", "readout"),
     *("part", "starts", "seed", "length", "fps"),
 )
@@ -35,7 +36,7 @@ RUN_KEYS = (  # of config.json, that analysis.json repeats
 
 @dataclass(frozen=True, eq=False)
 class Positions:
-    """Where a planner's cameras were (Fig. 6): a histogram an axis, and the share of frames level with the people."""
+    """Where a planner's cameras were (Fig. 6): a histogram for each axis, and the share of level frames."""
 
     histograms: tuple[PositionHistogram, ...]
     level_share: float
@@ -43,13 +44,13 @@ class Positions:
 
 @dataclass(frozen=True, eq=False)
 class StateMap:
-    """States of a learned planner in the plane (Fig. 7e), and how well classes are told apart in them.
+    """States of a learned planner in the plane (Fig. 7e), and how well they tell classes apart.
 
     Args:
-        planner: whose, by record name.
-        states: (M, ...), those drawn.
-        mapped: (M, 2).
-        purity: in the space of the states, not in the plane.
+        planner: record name of the planner.
+        states: the M states that are drawn.
+        mapped: (M, 2) states in the plane.
+        purity: purity in the space of the states, not in the plane.
     """
 
     planner: str
@@ -63,14 +64,14 @@ class Analysis:
     """All analyses of a run.
 
     Args:
-        config: of the run.
-        episodes: how many, of each training seed.
-        class_names: K.
-        seed_accuracy: Table 3, those of its planners that ran.
-        predictable: Table 4: of no-act, where it ran, and of each planner chosen.
-        positions: Fig. 6, of the same.
-        moves: Fig. 7a-d, of each planner chosen, (4, 7); None for a run in flight.
-        states: Fig. 7e; None where no planner was named.
+        config: configuration of the run.
+        episodes: number of episodes of each training seed.
+        class_names: K names.
+        seed_accuracy: Table 3, with those of its planners that ran.
+        predictable: Table 4, for each chosen planner, and for no-act if it ran.
+        positions: Fig. 6, for the same planners.
+        moves: Fig. 7a-d, (4, 7) for each chosen planner; None for a flight.
+        states: Fig. 7e; None if no planner was named for it.
     """
 
     config: RunConfig
@@ -83,19 +84,19 @@ class Analysis:
     states: StateMap | None
 
     def to_json(self) -> dict[str, Any]:
-        """Return what analysis.json holds."""
-        told = self.config.to_json()
+        """Return the content of analysis.json."""
+        config = self.config.to_json()
         return {
-            "run": {**{key: told[key] for key in RUN_KEYS}, "episodes": self.episodes},
+            "run": {**{key: config[key] for key in RUN_KEYS}, "episodes": self.episodes},
             "table_3": [_seeds_json(row) for row in self.seed_accuracy],
-            "table_4": {name: of.to_json(self.class_names) for name, of in self.predictable.items()},
-            "figure_6": {name: _positions_json(of) for name, of in self.positions.items()},
-            "figure_7": None if self.moves is None else {name: _moves_json(of) for name, of in self.moves.items()},
+            "table_4": {name: levels.to_json(self.class_names) for name, levels in self.predictable.items()},
+            "figure_6": {name: _positions_json(positions) for name, positions in self.positions.items()},
+            "figure_7": None if self.moves is None else {name: _moves_json(row) for name, row in self.moves.items()},
             "states": None if self.states is None else _states_json(self.states),
         }
 
     def tables(self) -> list[Table]:
-        """Return what there is to read."""
+        """Return the tables for a terminal."""
         return analysis_tables(self)
 
 
@@ -103,12 +104,12 @@ def _seeds_json(row: SeedAccuracy) -> dict[str, Any]:
     return {
         "name": row.name,
         "seeds": row.seeds,
-        "acc": {percent: of._asdict() for percent, of in row.acc.items()},
+        "acc": {percent: spread._asdict() for percent, spread in row.acc.items()},
         "acc_mean": row.acc_mean._asdict(),
     }
 
 
-def _positions_json(of: Positions) -> dict[str, Any]:
+def _positions_json(positions: Positions) -> dict[str, Any]:
     axes = {
         histogram.axis.name: {
             "unit": histogram.axis.unit,
@@ -118,21 +119,22 @@ def _positions_json(of: Positions) -> dict[str, Any]:
             "std": histogram.std,
             "from_uniform": histogram.from_uniform,
         }
-        for histogram in of.histograms
+        for histogram in positions.histograms
     }
-    return {**axes, "level_share": of.level_share}
+    return {**axes, "level_share": positions.level_share}
 
 
 def _moves_json(shares: FloatArray) -> dict[str, dict[str, float]]:
     return {stage: dict(zip(MOVE_NAMES, row.tolist(), strict=True)) for stage, row in zip(STAGES, shares, strict=True)}
 
 
-def _states_json(of: StateMap) -> dict[str, Any]:
-    return {"planner": of.planner, "states": len(of.mapped), "size": of.states.state.shape[1], **of.purity._asdict()}
+def _states_json(found: StateMap) -> dict[str, Any]:
+    count, size = found.states.state.shape
+    return {"planner": found.planner, "states": count, "size": size, **found.purity._asdict()}
 
 
 def analysis_tables(analysis: Analysis) -> list[Table]:
-    """Return the tables that fit into a terminal: all but those with a row or a cell for each class."""
+    """Return the tables that fit into a terminal: tables with a row or a cell for each class are left out."""
     tables = [counts_table(analysis), positions_table(analysis)]
     if analysis.seed_accuracy:
         tables.insert(0, seeds_table(analysis))
@@ -150,7 +152,7 @@ def analysis_markdown(analysis: Analysis) -> str:
     ]
     if analysis.seed_accuracy:
         pieces.append(markdown(seeds_table(analysis)))
-    pieces += [markdown(of(analysis)) for of in (counts_table, classes_table, shares_table, positions_table)]
+    pieces += [markdown(table(analysis)) for table in (counts_table, classes_table, shares_table, positions_table)]
     pieces.append(f"![Where cameras were]({POSITIONS})\n")
     if analysis.moves is not None:
         pieces += [markdown(moves_table(analysis)), f"![Which moves were made]({MOVES_MADE})\n"]
@@ -173,10 +175,10 @@ def seeds_table(analysis: Analysis) -> Table:
 
 
 def counts_table(analysis: Analysis) -> Table:
-    """Return how many classes, and which share of all episodes, are predictable at each level."""
+    """Return the number of classes and the share of episodes at each level of predictability."""
     rows = []
-    for name, of in analysis.predictable.items():
-        cells = (f"{len(of.classes_at(level))} ({100 * share:.1f} %)" for level, share in enumerate(of.total))
+    for name, found in analysis.predictable.items():
+        cells = (f"{len(found.classes_at(level))} ({100 * share:.1f} %)" for level, share in enumerate(found.total))
         rows.append((_perception(name), *cells))
     return Table(
         title="Predictability (Table 4): classes, and in brackets episodes",
@@ -195,23 +197,26 @@ def classes_table(analysis: Analysis) -> Table:
         rows=tuple(
             (
                 _perception(name),
-                *("; ".join(names[label] for label in of.classes_at(level)) or _NONE for level in range(len(LEVELS))),
+                *(
+                    "; ".join(names[label] for label in found.classes_at(level)) or _NONE
+                    for level in range(len(LEVELS))
+                ),
             )
-            for name, of in analysis.predictable.items()
+            for name, found in analysis.predictable.items()
         ),
         footnotes=(),
     )
 
 
 def shares_table(analysis: Analysis) -> Table:
-    """Return the shares of each class's episodes at each level."""
+    """Return, for each class, the share of its episodes at each level."""
     shown = analysis.predictable
     held = next(iter(shown.values())).class_level != NO_EPISODE
     return Table(
         title="Episodes that are predictable instantly / early / late / not by the end, in percent",
         header=("class", *(_perception(name) for name in shown)),
         rows=tuple(
-            (name, *(" / ".join(f"{100 * share:.0f}" for share in of.share[label]) for of in shown.values()))
+            (name, *(" / ".join(f"{100 * share:.0f}" for share in found.share[label]) for found in shown.values()))
             for label, name in enumerate(analysis.class_names)
             if held[label]
         ),
@@ -220,13 +225,14 @@ def shares_table(analysis: Analysis) -> Table:
 
 
 def positions_table(analysis: Analysis) -> Table:
-    """Return what Fig. 6 says in numbers."""
+    """Return Fig. 6 in numbers."""
     axes = [histogram.axis for histogram in next(iter(analysis.positions.values())).histograms]
     rows = []
-    for name, of in analysis.positions.items():
-        spreads = [_mean_std(histogram.mean, histogram.std) for histogram in of.histograms if histogram.std is not None]
-        uniform = [f"{histogram.from_uniform:.2f}" for histogram in of.histograms]
-        rows.append((name, *spreads, f"{100 * of.level_share:.1f}", *uniform))
+    for name, positions in analysis.positions.items():
+        histograms = positions.histograms
+        spreads = [_mean_std(histogram.mean, histogram.std) for histogram in histograms if histogram.std is not None]
+        uniform = [f"{histogram.from_uniform:.2f}" for histogram in histograms]
+        rows.append((name, *spreads, f"{100 * positions.level_share:.1f}", *uniform))
     return Table(
         title="Where cameras were (Fig. 6), over all frames",
         header=(
@@ -238,8 +244,8 @@ def positions_table(analysis: Analysis) -> Table:
         ),
         rows=tuple(rows),
         footnotes=(
-            "From uniform: the total variation distance of the histogram to the uniform distribution, 0 to 1; the "
-            "starts, which is what no-act shows, are drawn from that distribution. 90 deg is level with the people.",
+            "From uniform: the total variation distance between the histogram and the uniform distribution, 0 to 1. "
+            "Starts are drawn from the uniform distribution; no-act stays at them. 90 deg is level with the people.",
         ),
     )
 
@@ -254,7 +260,7 @@ def moves_table(analysis: Analysis) -> Table:
             for name, shares in (analysis.moves or {}).items()
             for stage, row in zip(STAGES, shares, strict=True)
         ),
-        footnotes=("Moves that would have led out of the workspace were none, and count as hovering.",),
+        footnotes=("A move that would have left the workspace was not made, and counts as hovering.",),
     )
 
 
@@ -274,14 +280,14 @@ def states_table(analysis: Analysis) -> Table:
             ),
         ),
         footnotes=(
-            f"Of the {purity.neighbours} nearest states of other sequences, in the space of the states; chance is the "
-            f"share of all of them. One of {EVERY} frames.",
+            f"Neighbours: the {purity.neighbours} nearest states of other sequences, in the space of the states. "
+            f"By chance: the share among all states of other sequences. One state is taken every {EVERY} frames.",
         ),
     )
 
 
 def _perception(name: str) -> str:
-    """Return what the paper calls a planner's perception."""
+    """Return the planner with the paper's word for its perception."""
     return f"{name} ({'passive' if name == NO_ACT else 'embodied'})"
 
 

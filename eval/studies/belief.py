@@ -1,4 +1,4 @@
-"""The belief against the recogniser that it listens to: on test episodes, and what each of its parts is worth."""
+"""The belief study: the belief against the recogniser on test episodes, and the worth of each part of the belief."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -27,7 +27,7 @@ from planners.value.belief_fit import ablate_belief
 from recognition.setting import load_setting
 
 NLL_AT = tuple(range(10, 101, 10))  # observation ratios [%]
-CALIBRATED_FROM = 50  # [%]: the calibration error is that of the frames from here on
+CALIBRATED_FROM = 50  # [%]: only frames from here on count in the calibration error
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,10 @@ class BeliefRow:
     """How good the probabilities of one reader are.
 
     Args:
-        rollouts: which planner's.
+        rollouts: name of the planner that moved the camera.
         reader: recogniser, belief, or a belief without some of its parts.
         nll_at: mean negative log-likelihood [nat] of the true class after 10 to 100 % of the frames.
-        nll: over all frames.
+        nll: the same, mean over all frames.
         ece_late: expected calibration error, 0 to 1, of the frames from `CALIBRATED_FROM` on.
     """
 
@@ -54,12 +54,12 @@ class BeliefReport:
     """The belief against the recogniser.
 
     Args:
-        config: what decides it.
+        config: everything that decides the report.
         test: belief and recogniser on the test part.
-        test_episodes: of each planner.
+        test_episodes: number of test episodes of each planner.
         parts: beliefs with and without each of their parts, fitted on one half of the policy part's sequences and
             scored on the other.
-        parts_episodes: that they are scored on.
+        parts_episodes: number of episodes that these beliefs are scored on.
     """
 
     config: RunConfig
@@ -69,35 +69,35 @@ class BeliefReport:
     parts_episodes: int
 
     def to_json(self) -> dict[str, Any]:
-        """Return what belief.json holds."""
+        """Return the content of belief.json."""
         return {name: value for name, value in asdict(self).items() if name != "config"}
 
     def tables(self) -> list[Table]:
-        """Return what there is to read."""
+        """Return the tables of the study."""
         return belief_tables(self)
 
 
 class Rollouts(NamedTuple):
-    """What was recognised in N episodes."""
+    """The recognition in N episodes."""
 
-    log_probs: FloatArray  # (N, L, K), the recogniser's
+    log_probs: FloatArray  # (N, L, K), of the recogniser
     viewpoints: FloatArray  # (N, L, 3)
     labels: IntArray  # (N,)
-    sequences: IntArray  # (N,), which of the data's
+    sequences: IntArray  # (N,), indices of sequences in the data
 
 
 def belief_report(
     conditions: Conditions | None = None, *, out: str | Path | None = None, reporter: Reporter | None = None
 ) -> BeliefReport:
-    """Score the belief and the recogniser on cameras that stay and that move at random.
+    """Score the belief and the recogniser with cameras that stay, and with cameras that move at random.
 
     For example:
         ehar study belief --data duo --sensor estimator
 
     Args:
-        conditions: of both; None is the usual ones.
+        conditions: conditions of the episodes; None takes the defaults.
         out: folder for config.json, belief.json and table.md.
-        reporter: hears of progress; None reports on standard error.
+        reporter: receives progress; None reports on standard error.
 
     Raises:
         EharError: one line that says what was got and what was expected.
@@ -178,14 +178,14 @@ def belief_row(rollouts: str, reader: str, log_probs: FloatArray, labels: IntArr
 
 
 def belief_tables(report: BeliefReport) -> list[Table]:
-    """Return the belief against the recogniser on test, and what each of its parts is worth."""
+    """Return two tables: the belief against the recogniser on test, and the worth of each part of the belief."""
     config = report.config
     return [
         _table(
             f"{config.data}: sensor {config.conditions.sensor}, views {config.conditions.views}, "
             f"{report.test_episodes} test episodes of {config.conditions.length} frames for each planner",
             report.test,
-            (f"NLL [nat] of the true class; ECE: calibration error of the frames from {CALIBRATED_FROM} % on.",),
+            (f"NLL: of the true class [nat]. ECE: calibration error of the frames from {CALIBRATED_FROM} % on.",),
         ),
         _table(
             f"What each part of the belief is worth: {report.parts_episodes} episodes of policy sequences "
@@ -215,7 +215,7 @@ def _table(title: str, rows: Sequence[BeliefRow], footnotes: tuple[str, ...]) ->
 
 
 def _write(out: Path, report: BeliefReport) -> None:
-    """Write config, numbers and tables."""
+    """Write the configuration, numbers and tables."""
     write_text(out / CONFIG, [json_text(report.config.to_json())])
     write_text(out / "belief.json", [json_text(report.to_json())])
     write_text(out / "table.md", [markdown(*belief_tables(report))])

@@ -1,4 +1,4 @@
-"""Two finished runs, made at different times, compared planner by planner on the episodes that both ran."""
+"""Compares two finished runs planner by planner, on the episodes that both ran."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -23,25 +23,24 @@ SAME_EPISODES = (
     "fps",
     "sensor",
     "sensor_sha256",
-)  # what decides what planners meet
-MAY_DIFFER = (  # said aloud
+)  # they decide the episodes
+MAY_DIFFER = (  # a footnote says what differs
     *("recogniser_sha256", "views", "form", "readout", "track", "track_sha256", "gain_model_sha256", "versions"),
 )
 _SHOWN = 12  # digits of a hash
 
 
 def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) -> Comparison:
-    """Compare each planner that is in both runs, A's minus B's.
+    """Compare each planner that is in both runs: its accuracy in A minus its accuracy in B.
 
     Args:
         run_a: folder of a run of `ehar benchmark`.
-        run_b: folder of another.
-        planners: none, or one of A and one of B to compare instead, with all its training seeds (`il-ppo`) or a single
-            one (`il-ppo/0`).
+        run_b: folder of another run of `ehar benchmark`.
+        planners: empty, or one planner of A and one of B; `il-ppo` is all its training seeds, `il-ppo/0` is one.
 
     Raises:
-        UsageError: a folder holds no run, the runs' episodes are not the same, or a planner did not run.
-        DataError: files cannot be read, or hold other episodes than their config.json says.
+        UsageError: a folder holds no run, the runs have different episodes, or a planner did not run.
+        DataError: files cannot be read, or their episodes are not those of config.json.
     """
     if len(planners) not in (0, 2):
         raise UsageError(f"planners: expected one of A and one of B, got {len(planners)}: {', '.join(planners)}")
@@ -51,10 +50,11 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
     reference = next(iter(a.records.values()))
     resamples = resample_sequences([*a.records.values(), *b.records.values()])
     pairs = [_accuracies(of_a, of_b, a, b, resamples) for of_a, of_b in groups]
-    told = a.conditions
+    conditions = a.conditions
     return Comparison(
         folders=(a.folder, b.folder),
-        title=f"{a.config.data}, {told.sensor} sensor" + ("" if told.part == "test" else f", {told.part} part"),
+        title=f"{a.config.data}, {conditions.sensor} sensor"
+        + ("" if conditions.part == "test" else f", {conditions.part} part"),
         episodes=len(reference),
         sequences=len(set(reference.sequence)),
         differing=dict(_differing(a.config.to_json(), b.config.to_json())),
@@ -74,7 +74,7 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
 
 
 def _read(directory: str | Path) -> Run:
-    """Read a run whose config.json names all of its planners."""
+    """Read a run, and check that its config.json names all of its planners."""
     run = read_run(directory)
     listed = [planner.name for planner in run.config.planners]
     for name in run.records:
@@ -85,7 +85,7 @@ def _read(directory: str | Path) -> Run:
 
 
 def _check_same_episodes(a: Run, b: Run) -> None:
-    """Raise an error that says in what the episodes of two runs differ, with both values."""
+    """Raise an error if the episodes of two runs differ; it names what differs, with both values."""
     where = f"{a.directory} and {b.directory}"
     in_a, in_b = a.config.to_json(), b.config.to_json()
     differing = [name for name in SAME_EPISODES if in_a[name] != in_b[name]]
@@ -105,16 +105,16 @@ def _label(name: str) -> str:
 
 
 def _value(name: str, config: Mapping[str, Any]) -> str:
-    """Return a value of config.json as people read it: a hash is cut short, that of data stands behind its name."""
+    """Return a value of config.json for people: a hash is cut short, and the hash of the data follows its name."""
     value = config.get(name)
     text = str(value)[:_SHOWN] if name.endswith("_sha256") else str(value)
     return f"{config.get('data')} {text}" if name == "data_sha256" else text
 
 
 def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str, tuple[str, str]]]:
-    """Yield what else is not the same in two runs, with both values; a gain field that only one needed is left out.
+    """Yield what else differs between two runs, with both values.
 
-    So is the file of a motion where the tracks differ anyway.
+    A gain field that only one run needed is left out. The hash of a motion is left out if the tracks differ.
     """
     for name in MAY_DIFFER:
         if name == "versions":
@@ -129,10 +129,10 @@ def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str
 
 
 def _choose(a: Run, b: Run, planners: Sequence[str]) -> list[tuple[PlannerGroup, PlannerGroup]]:
-    """Return which planner of A is compared with which of B.
+    """Return the pairs to compare: a planner of A and a planner of B.
 
     Raises:
-        UsageError: a planner that is asked for did not run, or no planner ran in both.
+        UsageError: a requested planner did not run, or no planner ran in both.
     """
     in_a, in_b = ({group.name: group for group in group_planners(run.records)} for run in (a, b))
     if planners:
@@ -155,7 +155,7 @@ def _find(run: Run, name: str, groups: Mapping[str, PlannerGroup]) -> PlannerGro
 
 
 def _config(name: str, run: Run) -> PlannerConfig:
-    """Return what config.json says of a planner."""
+    """Return the entry of a planner in config.json."""
     return next(planner for planner in run.config.planners if planner.name == name)
 
 
@@ -164,7 +164,7 @@ def _weights(name: str, run: Run) -> str | None:
 
 
 def _rewritten(name: str, a: Run, b: Run) -> bool:
-    """Return whether a planner of your own has another file or other arguments; older runs do not say."""
+    """Return whether your own planner has another file or other arguments; False if one of the runs does not say."""
     one, other = _config(name, a), _config(name, b)
     if (one.source_sha256 is None) != (other.source_sha256 is None):
         return False
@@ -178,7 +178,7 @@ def _is_privileged(group: PlannerGroup, run: Run) -> bool:
 def _accuracies(
     of_a: PlannerGroup, of_b: PlannerGroup, a: Run, b: Run, resamples: Resamples
 ) -> tuple[PlannerAccuracy, PlannerAccuracy]:
-    """Return the accuracies of two planners; trainings are drawn together only where both have the very same."""
+    """Return the accuracies of two planners; their trainings are drawn together only if both have the same weights."""
     weights = [_weights(name, a) for name in of_a.records]
     same = None not in weights and weights == [_weights(name, b) for name in of_b.records]
     drawn = replace(of_b, name=of_a.name if same else f"{of_b.name} of another run")

@@ -1,4 +1,4 @@
-"""What a comparison of two runs found, and its table: one row a planner of run A beside one of run B."""
+"""The results of a comparison of two runs, and its table: each row has a planner of run A and a planner of run B."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -8,21 +8,21 @@ from eval.render.tables import Table, html, interval_text, no_interval_footnotes
 from eval.scores.differences import Difference
 from eval.scores.planner_accuracy import TESTED_AT
 
-_LEVEL = 0.05  # below which a p-value stands out
+_LEVEL = 0.05  # smaller p-values are bold
 _DIFFERENCE, _P = 3, 7  # columns
 
 
 @dataclass(frozen=True)
 class ComparedPlanners:
-    """A planner of run A and one of run B.
+    """A planner of run A and a planner of run B.
 
     Args:
-        difference: A's accuracy minus B's, and how certain that is.
-        acc: accuracies [%] of A's and B's, the mean over all frames.
-        trainings: how many each has.
-        privileged: which of the two was handed the truth.
-        retrained: whether a training that goes by one name in both has other weights.
-        rewritten: whether a planner of one's own that goes by one name in both has another file or other arguments.
+        difference: accuracy in A minus accuracy in B, with its interval and tests.
+        acc: accuracies [%] in A and in B, the mean over all frames.
+        trainings: number of trainings in A and in B.
+        privileged: whether the planner was handed the truth, in A and in B.
+        retrained: whether trainings of the same name have other weights in A than in B.
+        rewritten: whether your own planners of the same name have another file or other arguments in A than in B.
     """
 
     difference: Difference
@@ -35,16 +35,16 @@ class ComparedPlanners:
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """Planners of run A against planners of run B on the same episodes. It prints as its table, in a notebook as HTML.
+    """Planners of run A against planners of run B on the same episodes; it prints as a table, in a notebook as HTML.
 
     Args:
-        folders: of A and B.
-        title: data, and what else is the same in both.
-        episodes: how many both ran.
-        sequences: of how many sequences.
-        differing: what is not the same in both, with both values, as text.
-        planners: what was compared.
-        no_intervals: why intervals cannot be had, or None.
+        folders: folders of A and B.
+        title: the data, and the conditions that both runs share.
+        episodes: number of episodes that both ran.
+        sequences: number of sequences that the episodes are from.
+        differing: the differences between the runs by name, with both values as text.
+        planners: the compared planners.
+        no_intervals: the reason why there are no intervals, or None.
     """
 
     folders: tuple[Path, Path]
@@ -56,11 +56,11 @@ class Comparison:
     no_intervals: str | None
 
     def tables(self) -> list[Table]:
-        """Return what there is to read."""
+        """Return the table of the comparison."""
         return [compare_table(self)]
 
     def __repr__(self) -> str:
-        """Return a line: what was compared, on how many episodes."""
+        """Return one line: the runs, the number of planners and the number of episodes."""
         runs = " and ".join(str(folder) for folder in self.folders)
         return f"Comparison({self.title}: {runs}, {len(self.planners)} planners, {self.episodes} episodes)"
 
@@ -74,9 +74,9 @@ class Comparison:
 
 
 def compare_table(comparison: Comparison) -> Table:
-    """Return accuracies, their paired difference, and what its tests say."""
-    clear = {(row, _DIFFERENCE) for row, of in enumerate(comparison.planners) if of.difference.is_clear}
-    significant = {(row, _P) for row, of in enumerate(comparison.planners) if of.difference.mcnemar_p_holm < _LEVEL}
+    """Return a table of accuracies, paired differences and their tests."""
+    clear = {(row, _DIFFERENCE) for row, pair in enumerate(comparison.planners) if pair.difference.is_clear}
+    significant = {(row, _P) for row, pair in enumerate(comparison.planners) if pair.difference.mcnemar_p_holm < _LEVEL}
     return Table(
         title=(
             f"{comparison.title}: mean accuracy of A minus that of B, on the same {comparison.episodes} episodes from "
@@ -92,21 +92,21 @@ def compare_table(comparison: Comparison) -> Table:
             "wins, losses",
             "p (Holm)",
         ),
-        rows=tuple(_row(of) for of in comparison.planners),
+        rows=tuple(_row(pair) for pair in comparison.planners),
         footnotes=tuple(_footnotes(comparison)),
         bold=frozenset(clear | significant),
     )
 
 
-def _row(of: ComparedPlanners) -> tuple[str, ...]:
-    difference = of.difference
+def _row(pair: ComparedPlanners) -> tuple[str, ...]:
+    difference = pair.difference
     names = tuple(
         name + "*" * privileged
-        for name, privileged in zip((difference.planner, difference.other), of.privileged, strict=True)
+        for name, privileged in zip((difference.planner, difference.other), pair.privileged, strict=True)
     )
     return (
         names[0] if names[0] == names[1] else f"{names[0]} - {names[1]}",
-        *(f"{acc:.1f}" for acc in of.acc),
+        *(f"{acc:.1f}" for acc in pair.acc),
         f"{difference.acc_mean:+.1f} {interval_text(difference.ci95)}",
         "-" if difference.smallest is None else f"{difference.smallest:.1f}",
         share_text(difference.improvement, difference.improvement_ci95),
@@ -116,22 +116,22 @@ def _row(of: ComparedPlanners) -> tuple[str, ...]:
 
 
 def _footnotes(comparison: Comparison) -> Iterator[str]:
-    """Yield what a reader has to know, what differs between the runs first."""
+    """Yield the footnotes; the differences between the runs come first."""
     yield f"A: {comparison.folders[0]}. B: {comparison.folders[1]}."
     if comparison.differing:
         differing = "; ".join(f"{name} {a}, {b}" for name, (a, b) in comparison.differing.items())
         yield f"Not the same in A and B: {differing}."
-    retrained = [of.difference.planner for of in comparison.planners if of.retrained]
+    retrained = [pair.difference.planner for pair in comparison.planners if pair.retrained]
     if retrained:
         yield f"Trained to other weights in A and B: {', '.join(retrained)}."
-    rewritten = [of.difference.planner for of in comparison.planners if of.rewritten]
+    rewritten = [pair.difference.planner for pair in comparison.planners if pair.rewritten]
     if rewritten:
         yield f"Another file or other arguments in A and B: {', '.join(rewritten)}."
-    several = [of for of in comparison.planners if max(of.trainings) > 1]
+    several = [pair for pair in comparison.planners if max(pair.trainings) > 1]
     if several:
-        counts = ", ".join(f"{of.difference.planner} {of.trainings[0]} and {of.trainings[1]}" for of in several)
+        counts = ", ".join(f"{pair.difference.planner} {pair.trainings[0]} and {pair.trainings[1]}" for pair in several)
         yield f"Training seeds in A and B: {counts}. Numbers are means over them, intervals cover them."
-    if any(any(of.privileged) for of in comparison.planners):
+    if any(any(pair.privileged) for pair in comparison.planners):
         yield "* privileged: is handed the label and the future."
     yield from no_interval_footnotes(comparison.no_intervals)
     yield "Bold: the interval excludes zero; p is below 0.05."

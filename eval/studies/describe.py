@@ -1,4 +1,4 @@
-"""What a data set holds: a table of its classes, and a picture of a few skeletons of each."""
+"""Describes a data set: a table of its classes, and a picture of a few skeletons of each class."""
 
 from pathlib import Path
 
@@ -24,10 +24,10 @@ EPISODE_FRAMES = 60  # Sec. 5.1: L
 FRAMES_SHOWN = 5
 ROW_HEIGHT = 1.8  # inches
 GROUND = -0.15  # [m] the lower edge of each row
-VIEW_AZIMUTH = np.radians(40)  # from the first person's facing: between front and side
+VIEW_AZIMUTH = np.radians(40)  # off the direction that the first person faces: between front and side
 VIEW_ELEVATION = np.radians(15)
 LEFT, RIGHT, MIDDLE = VERMILION, BLUE, SOFT
-PERSON_TINT = 0.45  # how far the second person's colours are mixed with white
+PERSON_TINT = 0.45  # share of white in the colours of the second person
 
 
 def describe(data: str | Path | MotionData, *, fps: float | None = None, figure: str | Path | None = None) -> Table:
@@ -36,7 +36,7 @@ def describe(data: str | Path | MotionData, *, fps: float | None = None, figure:
     Args:
         data: duo, solo, or a prepared .npz.
         fps: frame rate to resample to [Hz].
-        figure: to draw, a few skeletons of each class: .png, .svg or .pdf.
+        figure: picture to write, with a few skeletons of each class: .png, .svg or .pdf.
 
     Raises:
         EharError: one line that says what was got and what was expected.
@@ -89,12 +89,12 @@ def _footnotes(data: MotionData) -> list[str]:
 
 
 def describe_figure(data: MotionData, path: Path) -> None:
-    """Draw a row a class to `path`: a few frames of the class's sequence of median length, seen from 3/4 ahead.
+    """Draw one row for each class: a few frames of its sequence of median length, seen from ahead and to one side.
 
-    Left limbs are orange, right ones blue, the second person lighter; all rows have one scale, in metres.
+    Left limbs are orange, right limbs are blue, and the second person is lighter. All rows have the same scale.
 
     Raises:
-        UsageError: the ending of `path` is not that of a picture.
+        UsageError: `path` does not end like a picture.
         DataError: the file cannot be written.
     """
     path = Path(path)
@@ -114,9 +114,9 @@ def describe_figure(data: MotionData, path: Path) -> None:
             axis.set(xlim=(-half_width, half_width), ylim=(GROUND, top), aspect="equal", xticks=[], yticks=[])
             axis.set_xlabel(f"{frame / data.fps:.1f} s", fontsize=8, labelpad=1)
             axis.spines[:].set_visible(False)
-            axis.patch.set_visible(False)  # or it would cover the title, which runs on over the columns
+            axis.patch.set_visible(False)  # otherwise it covers the title, which spans several columns
         title = f"{class_name}   ({data.sequence_names[sequence]})"
-        # Above the heads, and no part of the layout, or a long one would widen its column.
+        # Above the heads, and outside the layout: a long title would widen its column.
         axes[0].text(0, 1, title, transform=axes[0].transAxes, va="top", fontsize=9).set_in_layout(False)
     second = ", second person pale" if data.persons > 1 else ""
     figure.suptitle(f"{_title(data)}\nleft limbs orange, right limbs blue{second}", fontsize=9, x=0.02, ha="left")
@@ -124,7 +124,7 @@ def describe_figure(data: MotionData, path: Path) -> None:
 
 
 def _shown(data: MotionData, label: int) -> tuple[int, IntArray, FloatArray]:
-    """Return a sequence of a class, the frames of it to show, and their joints as seen, (F, P, J, 2) [m]."""
+    """Return a sequence of a class, the frames to show, and their joints in the picture, (F, P, J, 2) [m]."""
     members = np.flatnonzero(data.labels == label)
     if not members.size:
         raise DataError(f"{data.name}: class {data.class_names[label]!r} has no sequence to draw")
@@ -133,12 +133,12 @@ def _shown(data: MotionData, label: int) -> tuple[int, IntArray, FloatArray]:
     frames = np.linspace(0, len(motion) - 1, FRAMES_SHOWN).round().astype(np.int64)
     shown = motion[frames].astype(np.float64)
     shown[..., :2] -= shown[..., :2].mean(axis=(1, 2), keepdims=True)
-    shown[..., 2] -= np.percentile(motion[..., 2], 1)  # the lowest joints, but for noise
+    shown[..., 2] -= np.percentile(motion[..., 2], 1)  # the lowest joints, without outliers
     return sequence, frames, _project(shown, _facing(motion[frames[0]], data.skeleton) + VIEW_AZIMUTH)
 
 
 def _facing(joints: FloatArray, skeleton: Skeleton) -> float:
-    """Return the azimuth [rad] that the first person of (P, J, 3) faces; 0 where left and right have no names."""
+    """Return the azimuth [rad] that the first person of (P, J, 3) faces; 0 if no joints are named left and right."""
     left = np.flatnonzero(_is_left(skeleton))
     if not left.size:
         return 0.0
@@ -153,7 +153,7 @@ def _is_left(skeleton: Skeleton) -> BoolArray:
 
 
 def _project(points: FloatArray, azimuth: float) -> FloatArray:
-    """Return what a far camera at an azimuth and `VIEW_ELEVATION` sees of points (..., 3): right and up, (..., 2)."""
+    """Project points (..., 3) for a far camera at an azimuth and `VIEW_ELEVATION`: right and up, (..., 2)."""
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     toward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     up = np.array([0.0, 0.0, np.cos(VIEW_ELEVATION)]) - np.sin(VIEW_ELEVATION) * toward

@@ -1,4 +1,4 @@
-"""Explains one episode: runs it as the benchmark does, and keeps what explains it."""
+"""Explains one episode: it runs the episode as the benchmark does, and keeps what the planner saw and believed."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from planners.registry import VALUING, make_planner, needs_gain_model
 from planners.value.view_value import ViewValue
 from recognition.setting import load_setting
 
-FIRST_MOMENT, LAST_MOMENT = 0.1, 0.9  # of the episode
+FIRST_MOMENT, LAST_MOMENT = 0.1, 0.9  # as shares of the episode
 
 
 def explain(
@@ -28,15 +28,15 @@ def explain(
     out: str | Path | None = None,
     reporter: Reporter | None = None,
 ) -> Explanation:
-    """Run one of the benchmark's episodes, and keep what explains it.
+    """Run one episode of the benchmark, and keep what the planner saw and believed.
 
     Args:
-        conditions: of the benchmark; None is the usual ones.
-        planner: one that values views.
-        episode: which of the test scenarios, counted from 0; its start viewpoint is the benchmark's first.
-        frames: how many moments to show, from 10 to 90 % of the episode.
-        out: the picture to write: .png, .svg or .pdf.
-        reporter: hears of what is left out; None prints it on standard error.
+        conditions: conditions of the benchmark; None takes the defaults.
+        planner: a planner that values views.
+        episode: number of the test scenario, from 0; its start viewpoint is the first one of the benchmark.
+        frames: number of moments to show, from 10 to 90 % of the episode.
+        out: picture to write: .png, .svg or .pdf.
+        reporter: receives notes about what is left out; None prints them on standard error.
 
     Raises:
         EharError: one line that says what was got and what was expected.
@@ -93,6 +93,6 @@ def explain(
 
 
 def moments(length: int, count: int) -> IntArray:
-    """Return the frames to show: from 10 to 90 % of an episode of L frames, the last one left out, each once."""
+    """Return the frames to show, each once: from 10 to 90 % of an episode of L frames, without its last frame."""
     shares = np.linspace(FIRST_MOMENT, LAST_MOMENT, count)
     return np.unique(np.clip(np.rint(shares * length).astype(np.int64) - 1, 0, length - 2))

@@ -1,4 +1,4 @@
-"""An explained episode as a picture: gain fields with the path over them, beliefs below, and how it went on."""
+"""An explained episode as a picture: gain fields with the path over them, beliefs below, and the course of both."""
 
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,13 @@ from eval.render.palette import LINE, NEUTRAL, PEOPLE, RIGHT, STRONG, TEXT, THIN
 from eval.studies.explanation import Explanation
 
 FORMATS = (".png", ".svg", ".pdf")
-NARROWEST = 10.0  # [inch], a picture, so that its titles have room
-MOST_CLASSES = 10  # that bars are drawn for
-TURNS = (-360.0, 0.0, 360.0)  # [deg]: lines are drawn three times, so that they go on where they leave the map
+NARROWEST = 10.0  # [inch], width of a picture, so that its titles have room
+MOST_CLASSES = 10  # classes with a bar
+TURNS = (
+    -360.0,
+    0.0,
+    360.0,
+)  # [deg]: lines are drawn three times, so that a line that leaves the map enters on the other side
 
 _TRUE, _OTHER, _RECOGNISER = VERMILION, NEUTRAL, TEXT
 _OUTLINE = (withStroke(linewidth=4.5, foreground="black"), Normal())
@@ -31,11 +35,11 @@ def draw_explanation(explanation: Explanation, path: Path) -> None:
     """Draw an explained episode.
 
     Args:
-        explanation: what happened.
-        path: of the picture; its ending says which kind.
+        explanation: the episode.
+        path: the picture to write; its ending decides the format.
 
     Raises:
-        UsageError: the ending is none of `FORMATS`, or the file cannot be written.
+        UsageError: the ending is not in `FORMATS`, or the file cannot be written.
     """
     check_format(path)
     columns, bars = len(explanation.moments), shown_classes(explanation)
@@ -62,15 +66,15 @@ def draw_explanation(explanation: Explanation, path: Path) -> None:
 
 
 def check_format(path: Path) -> None:
-    """Raise a UsageError unless a picture of this name can be drawn."""
+    """Raise a UsageError unless the path ends like a picture that can be drawn."""
     if path.suffix not in FORMATS:
         raise UsageError(f"{path}: expected a picture that ends in {', '.join(FORMATS)}")
 
 
 def shown_classes(explanation: Explanation) -> list[int]:
-    """Return the classes that bars are drawn for, at most `MOST_CLASSES`: those most believed at any moment shown.
+    """Return the classes with a bar, at most `MOST_CLASSES`: the most believed ones at any moment shown.
 
-    The true class is among them; they are in the order of the data, so that columns can be compared.
+    The true class is among them. The order is that of the data, so that columns can be compared.
     """
     most = explanation.believed[explanation.moments].max(axis=0)
     most[explanation.label] = np.inf
@@ -78,7 +82,7 @@ def shown_classes(explanation: Explanation) -> list[int]:
 
 
 def _draw_maps(explanation: Explanation, axes: list[Any], colours: Any) -> None:
-    """Draw the gain field at each moment, what the camera did, and where people face."""
+    """Draw the gain field at each moment, the path of the camera, and the directions that people face."""
     maps = [explanation.field_map(frame) for frame in explanation.moments]
     low = 100 * min(field.gain.min() for field in maps)
     high = 100 * max(field.gain.max() for field in maps)
@@ -119,7 +123,7 @@ def _draw_maps(explanation: Explanation, axes: list[Any], colours: Any) -> None:
 
 
 def _draw_path(explanation: Explanation, frame: int, place: Any) -> None:
-    """Draw where the camera came from, is, is told to go, and will have gone."""
+    """Draw the camera, its path so far, its target, and its path from here on."""
     path = np.degrees(np.unwrap(explanation.viewpoints[:, AZIMUTH])), np.degrees(explanation.viewpoints[:, POLAR])
     azimuth, polar = path[0] - path[0][frame] + path[0][frame] % 360, path[1]
     target = np.degrees(explanation.targets[frame])
@@ -153,7 +157,7 @@ def _thin() -> tuple[Any, ...]:
 
 
 def _draw_facing(explanation: Explanation, frame: int, place: Any) -> None:
-    """Mark below the map where each person is believed to face, with a standard deviation to either side."""
+    """Mark below the map the direction that each person is believed to face, with one standard deviation."""
     bottom = place.get_xaxis_transform()
     azimuths, spreads = np.degrees(explanation.facing[frame]), np.degrees(explanation.facing_std[frame])
     for person, (azimuth, spread) in enumerate(zip(azimuths % 360, spreads, strict=True)):
@@ -176,7 +180,7 @@ def _draw_facing(explanation: Explanation, frame: int, place: Any) -> None:
 
 
 def _map_key(persons: int) -> list[Any]:
-    """Return what the legend below the maps explains."""
+    """Return the entries of the legend below the maps."""
     black = {"markeredgecolor": "black", "linestyle": "none"}
     people = [
         Line2D([], [], marker="^", color=colour, markersize=9, label=f"person {person + 1} faces", **black)  # type: ignore[arg-type]
@@ -194,7 +198,7 @@ def _map_key(persons: int) -> list[Any]:
 
 
 def _draw_beliefs(explanation: Explanation, bars: list[int], axes: list[Any]) -> None:
-    """Draw what was believed at each moment, the true class marked, beside what the recogniser said."""
+    """Draw the belief at each moment, with the true class marked, and the probabilities of the recogniser."""
     places = np.arange(len(bars))
     for place, frame in zip(axes, explanation.moments, strict=True):
         colours = [_TRUE if label == explanation.label else _OTHER for label in bars]
@@ -218,7 +222,7 @@ def _draw_beliefs(explanation: Explanation, bars: list[int], axes: list[Any]) ->
 
 
 def _belief_key(left: int) -> list[Any]:
-    """Return what the legend below the bars explains; so many classes have none."""
+    """Return the entries of the legend below the bars; `left` classes have no bar."""
     return [
         Patch(color=_TRUE, label="true class"),
         Patch(color=_OTHER, label=f"other classes ({left} not shown)" if left else "other classes"),
@@ -227,16 +231,16 @@ def _belief_key(left: int) -> list[Any]:
 
 
 def _draw_key(place: Any, handles: list[Any]) -> None:
-    """Draw a legend in a row of its own."""
+    """Draw a legend that fills a row."""
     place.axis("off")
     wide = place.figure.get_figwidth() > 1.3 * NARROWEST
     columns = len(handles) if wide else -(-len(handles) // 2)
     key = place.legend(handles=handles, loc="center", ncols=columns, fontsize=9, frameon=False)
-    key.set_in_layout(False)  # it may be wider than what lies above it
+    key.set_in_layout(False)  # it may be wider than the row above it
 
 
 def _draw_course(explanation: Explanation, place: Any) -> None:
-    """Draw the true class's probability over the frames, what was recognised, and the moments shown."""
+    """Draw the probability of the true class in each frame, when it was recognised, and the moments shown."""
     frames = np.arange(1, len(explanation.viewpoints) + 1)
     place.fill_between(
         frames, 0, 100, where=explanation.right, step="mid", color=RIGHT, linewidth=0, label="recognised rightly"

@@ -1,4 +1,4 @@
-"""What explains one episode: what each view was worth, what was believed, and where the planner went."""
+"""The explanation of one episode: the worth of each view, the belief, and the way of the camera."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,15 +11,15 @@ from eval.render.field_map import gain_over_directions
 from eval.render.tables import Table
 from planners.value.view_basis import field_value
 
-MAP_STEP = 2.0  # [deg], from one azimuth or polar angle of a map to the next
+MAP_STEP = 2.0  # [deg] between neighbouring azimuths or polar angles of a map
 
 
 class FieldMap(NamedTuple):
-    """The gain field at one distance, as differences to where the camera is."""
+    """The gain field at one distance, relative to the gain at the camera."""
 
     azimuth: FloatArray  # (A,) [deg], 0 to 360
     polar: FloatArray  # (H,) [deg], 0 is straight above
-    gain: FloatArray  # (H, A), gained probability of looking from there, rather than from here, to the end
+    gain: FloatArray  # (H, A), probability gained by looking from there instead of from here, up to the end
     best: tuple[int, int]  # row and column of the best view
 
 
@@ -28,20 +28,20 @@ class Explanation:
     """What happened in one episode, and why.
 
     Args:
-        title: of the data, with sensor and views.
-        planner: its name.
-        sequence: the episode's, and its first frame in it.
+        title: title of the data, with sensor and views.
+        planner: name of the planner.
+        sequence: sequence of the episode, and its first frame there.
         class_names: K names.
         label: the true class.
-        viewpoints: (L, 3), where the camera was.
-        recognised: (L, K), the recogniser's probabilities.
-        targets: (L - 1, 3), where the planner wanted to be; the last frame is not planned upon.
-        believed: (L - 1, K) probabilities.
-        weights: (L - 1, 21) of the gain field, see `view_basis.field_value`.
-        facing: (L - 1, P) [rad], the azimuths that people are believed to face.
-        facing_std: (L - 1, P) [rad].
+        viewpoints: (L, 3), viewpoints of the camera.
+        recognised: (L, K), probabilities of the recogniser.
+        targets: (L - 1, 3), targets of the planner; there is no plan after the last frame.
+        believed: (L - 1, K), probabilities of the belief.
+        weights: (L - 1, 21), weights of the gain field, see `view_basis.field_value`.
+        facing: (L - 1, P) [rad], azimuths that people are believed to face.
+        facing_std: (L - 1, P) [rad], standard deviations of these azimuths.
         moments: the frames to show.
-        workspace: of the camera.
+        workspace: workspace of the camera.
     """
 
     title: str
@@ -67,7 +67,7 @@ class Explanation:
 
     @property
     def outcome(self) -> str:
-        """What was recognised in the end, and since when."""
+        """The class that was recognised in the end, and since which frame."""
         length = len(self.right)
         last = self.class_names[int(self.recognised[-1].argmax())]
         if not self.right[-1]:
@@ -78,7 +78,7 @@ class Explanation:
         return f"recognised as {last} for good from frame {wrong[-1] + 2} of {length} on"
 
     def field_map(self, frame: int) -> FieldMap:
-        """Return the gain field at a frame, over all directions at the camera's distance then."""
+        """Return the gain field at a frame, over all directions at the camera's distance in that frame."""
         here = self.viewpoints[frame]
         azimuth = np.arange(0.0, 360.0 + MAP_STEP, MAP_STEP)
         low, high = np.degrees([self.workspace.polar_min, self.workspace.polar_max])
@@ -88,12 +88,12 @@ class Explanation:
         return FieldMap(azimuth, polar, gain, (int(row), int(column)))
 
     def tables(self) -> list[Table]:
-        """Return what there is to read."""
+        """Return the table of the episode."""
         return [explain_table(self)]
 
 
 def explain_table(explanation: Explanation) -> Table:
-    """Return where the camera was at each moment, what was believed, and where the best view was."""
+    """Return a table with the viewpoint, the belief and the best view at each moment."""
     rows = []
     for frame in explanation.moments:
         distance, azimuth, polar = explanation.viewpoints[frame]
@@ -133,7 +133,7 @@ def explain_table(explanation: Explanation) -> Table:
         rows=tuple(rows),
         footnotes=(
             f"True class: {explanation.class_names[explanation.label]}. Polar angle 0 is straight above, 90 level.",
-            "The field is gained probability of the true class, at the camera's present distance; only differences "
-            "mean anything. That views which spread tell more is not in it.",
+            "The field is the gained probability of the true class, at the camera's distance; only its differences "
+            "mean anything. It does not count that different views together tell more.",
         ),
     )

@@ -1,4 +1,4 @@
-"""Headroom: what there is to win by looking from elsewhere, read from a map of cameras that do not move."""
+"""Headroom: how much accuracy better views could win, read from a map of fixed cameras."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -25,7 +25,7 @@ from eval.scores.metrics import mean_acc
 from eval.scores.planner_summary import NO_ACT, ORACLE
 from recognition.setting import load_setting
 
-REFERENCES = (NO_ACT, ORACLE, "oracle-lookahead")  # what the fixed cameras stand beside
+REFERENCES = (NO_ACT, ORACLE, "oracle-lookahead")  # planners in the same table as the fixed cameras
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class HeadroomRow:
 
     name: str
     acc_mean: float
-    chosen_on: str  # the episodes that the choice was made on: none, validation or test
+    chosen_on: str  # the episodes that decided the choice: none (-), validation or test
 
 
 @dataclass(frozen=True)
@@ -45,21 +45,21 @@ class ClassRow:
     azimuth_deg: float
     polar_deg: float
     acc_mean: float
-    acc_mean_map: float  # the class's mean over the map
+    acc_mean_map: float  # mean accuracy [%] of the class over the map
 
 
 @dataclass(frozen=True, eq=False)
 class Headroom:
-    """What there is to win on the test scenarios of some data.
+    """The headroom on the test scenarios of some data.
 
     Args:
-        config: what was run.
-        distance: of the fixed cameras [m].
+        config: configuration of the study.
+        distance: distance of the fixed cameras [m].
         viewpoints: (polars, azimuths, 3), the map of fixed cameras.
         acc_mean: (polars, azimuths) accuracy [%] on test, mean over frames and scenarios.
         rows: the ways to place cameras.
         classes: the best fixed viewpoint of each class that has test scenarios.
-        scenarios: how many test scenarios there are.
+        scenarios: number of test scenarios.
     """
 
     config: RunConfig
@@ -71,7 +71,7 @@ class Headroom:
     scenarios: int
 
     def to_json(self) -> dict[str, Any]:
-        """Return what headroom.json holds."""
+        """Return the content of headroom.json."""
         return {
             "data": self.config.data,
             "sensor": self.config.conditions.sensor,
@@ -89,7 +89,7 @@ class Headroom:
         }
 
     def tables(self) -> list[Table]:
-        """Return what there is to read."""
+        """Return the tables of the study."""
         return headroom_tables(self)
 
 
@@ -105,21 +105,21 @@ def headroom(
 ) -> Headroom:
     """Say what there is to win: accuracy of fixed cameras.
 
-    A map of viewpoints and the best of them, beside no-act and the oracles. A viewpoint chosen on the scenarios that it
-    is scored on looks better than it is; so each choice is also made on the validation part. Who picks the best
-    viewpoint of each sample uses its outcome: no camera could.
+    It scores a map of viewpoints, and the best of them, beside no-act and the oracles. A viewpoint that is chosen and
+    scored on the same scenarios looks better than it is, so each choice is also made on the validation part. The best
+    viewpoint per sample is chosen from the outcome of the sample; no camera can do that.
 
     For example:
         ehar study headroom --data duo --out runs/headroom
 
     Args:
-        conditions: of all cameras; None is the usual ones.
-        distance: of the fixed cameras [m].
-        azimuths: how many azimuths the map has, evenly spaced.
-        polars: how many polar angles the map has, from straight above to level.
+        conditions: conditions of all cameras; None takes the defaults.
+        distance: distance of the fixed cameras [m].
+        azimuths: number of azimuths of the map, evenly spaced.
+        polars: number of polar angles of the map, from straight above to level.
         out: folder for config.json, headroom.json, table.md and the figure.
-        workers: processes; numbers do not depend on it.
-        reporter: hears of progress; None reports on standard error.
+        workers: number of processes; results do not depend on it.
+        reporter: receives progress; None reports on standard error.
 
     Raises:
         EharError: one line that says what was got and what was expected.
@@ -178,7 +178,7 @@ def viewpoint_map(distance: float, azimuths: int, polars: int) -> FloatArray:
 
 
 def best_per_class(acc: FloatArray, labels: IntArray, classes: int) -> IntArray:
-    """Return the best viewpoint of each class, (K,), from accuracies (N, M); overall where it has none."""
+    """Return the best viewpoint of each class, (K,), from accuracies (N, M); without samples, the best of all."""
     overall = int(acc.mean(axis=0).argmax())
     return np.array(
         [
@@ -191,7 +191,7 @@ def best_per_class(acc: FloatArray, labels: IntArray, classes: int) -> IntArray:
 def _rows(
     acc: FloatArray, labels: IntArray, acc_val: FloatArray, labels_val: IntArray, references: dict[str, float]
 ) -> tuple[HeadroomRow, ...]:
-    """Return the rows from accuracies (N, M) on test and on validation."""
+    """Return the rows of the first table, from accuracies (N, M) on test and on validation."""
     scenario, classes = np.arange(len(acc)), int(labels.max()) + 1
     rows = [
         HeadroomRow("no-act, random starts", references[NO_ACT], "-"),
@@ -234,7 +234,7 @@ def _class_rows(
 
 
 def headroom_tables(result: Headroom) -> list[Table]:
-    """Return the ways to place cameras, the accuracy at each polar angle, and the best viewpoint of each class."""
+    """Return three tables: ways to place cameras, accuracy by polar angle, and the best viewpoint of each class."""
     config = result.config
     polars, azimuths = result.acc_mean.shape
     title = (
@@ -248,8 +248,8 @@ def headroom_tables(result: Headroom) -> list[Table]:
             header=("camera", "mean acc", "chosen on"),
             rows=tuple((row.name, f"{row.acc_mean:.1f}", row.chosen_on) for row in result.rows),
             footnotes=(
-                "What is chosen on test is scored on what it was chosen from: read it as an upper bound.",
-                "* privileged: is handed the label and the future; from random starts, like no-act.",
+                "Rows chosen on test are chosen and scored on the same episodes: they are upper bounds.",
+                "* privileged: is handed the label and the future. It begins at random starts, like no-act.",
             ),
         ),
         Table(
@@ -280,7 +280,7 @@ def headroom_tables(result: Headroom) -> list[Table]:
 
 
 def _write(out: Path, config: Mapping[str, Any], result: Headroom) -> None:
-    """Write config, numbers, tables and figure."""
+    """Write the configuration, numbers, tables and figure."""
     from eval.studies.headroom_figure import draw_map  # matplotlib takes a second to import
 
     write_text(out / CONFIG, [json_text(config)])

@@ -10,22 +10,22 @@ from ehar.arrays import FloatArray
 from eval.render.figures import outlined, save_figure
 from eval.render.palette import VERMILION
 
-ARC_SLICES = 12  # straight pieces in which a cell's arc is drawn
+ARC_SLICES = 12  # straight pieces of a cell's arc
 
 
 def draw_map(viewpoints: FloatArray, acc_mean: FloatArray, title: str, stem: Path) -> None:
     """Draw accuracy over the map as `stem`.png and .svg: straight above in the middle, level at the rim.
 
     Args:
-        viewpoints: (polars, azimuths, 3) of the cameras.
-        acc_mean: (polars, azimuths) [%].
-        title: of data, sensor and distance.
+        viewpoints: (polars, azimuths, 3), viewpoints of the cameras.
+        acc_mean: (polars, azimuths), accuracies [%].
+        title: data, sensor and distance.
         stem: path without a suffix.
     """
     figure = Figure(figsize=(5.6, 4.8), layout="constrained")
     axes: Any = figure.add_subplot(projection="polar")
     azimuth, polar = viewpoints[0, :, 1], np.degrees(viewpoints[:, 0, 2])
-    # Each azimuth's cell in slices, as a polar mesh is drawn with straight edges.
+    # Each cell is cut into slices, because a polar mesh is drawn with straight edges.
     slices = ARC_SLICES * len(azimuth)
     across = 2 * np.pi * (np.arange(slices + 1) / slices - 0.5 / len(azimuth))
     middles = (polar[1:] + polar[:-1]) / 2

@@ -1,4 +1,4 @@
-"""Several runs side by side: one column a run, one row a planner, from their summary.json."""
+"""Several runs side by side: a column for each run and a row for each planner, from their summary.json."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,16 +12,16 @@ from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
 from eval.scores.statistics import Interval
 from eval.scores.summary import Summary
 
-TOLD = ("sensor", "views", "track")  # conditions that a column names where the runs differ in them
+TOLD = ("sensor", "views", "track")  # a column names these conditions if the runs differ in them
 
 
 @dataclass(frozen=True)
 class RunOverview:
-    """What an overview shows of a run.
+    """A run in an overview.
 
     Args:
-        title: data, and the conditions in which the runs differ.
-        summary: from its summary.json.
+        title: the data, and the conditions in which the runs differ.
+        summary: the content of its summary.json.
     """
 
     title: str
@@ -38,8 +38,8 @@ def overview(runs: Sequence[str | Path], *, planner: str | None = None, out: str
 
     Args:
         runs: folders of finished runs.
-        planner: whose paired differences from the others are shown too.
-        out: Markdown file to write as well.
+        planner: a planner; its paired differences from the others are shown too.
+        out: Markdown file to write too.
 
     Raises:
         EharError: one line that says what was got and what was expected.
@@ -55,8 +55,8 @@ def read_overview(directories: Sequence[str | Path]) -> list[RunOverview]:
     """Read the summaries of runs.
 
     Raises:
-        UsageError: there are none, or a folder holds no run, one of another schema, or one without summary.json.
-        DataError: a summary is not one that `ehar benchmark` has written, or a run is incomplete.
+        UsageError: there is no folder; or a folder holds no run, a run of another schema, or no summary.json.
+        DataError: a summary was not written by `ehar benchmark`, or a run is incomplete.
     """
     if not directories:
         raise UsageError("overview: expected at least one folder of a run")
@@ -72,7 +72,7 @@ def read_overview(directories: Sequence[str | Path]) -> list[RunOverview]:
 
 
 def gap_table(runs: Sequence[RunOverview]) -> Table:
-    """Return the gap closed in percent: one row a planner, one column a run, the best without the truth in bold."""
+    """Return the gap closed [%]: a row for each planner, a column for each run. The best unprivileged one is bold."""
     names = [name for name in _names(runs) if name not in (NO_ACT, ORACLE)]
     rows = [(name + "*" * _privileged(runs, name), *(_gap(run.planners.get(name)) for run in runs)) for name in names]
     bold = set()
@@ -102,14 +102,16 @@ def gap_table(runs: Sequence[RunOverview]) -> Table:
 
 
 def difference_table(runs: Sequence[RunOverview], planner: str) -> Table:
-    """Return how much more accurate a planner is than each other, in points: one column a run.
+    """Return the accuracy of a planner minus that of each other planner, in points: a column for each run.
 
     Raises:
-        UsageError: no run has compared it with others.
+        UsageError: no run has compared the planner with others.
     """
     others = [name for name in _names(runs) if any(_difference(run, planner, name) for run in runs)]
     if not others:
-        compared = sorted({name for run in runs for of in run.summary.differences for name in (of.planner, of.other)})
+        compared = sorted(
+            {name for run in runs for pair in run.summary.differences for name in (pair.planner, pair.other)}
+        )
         raise UsageError(
             f"no differences of {planner!r} in these runs; expected one of: {', '.join(compared) or 'none'}"
         )
@@ -118,21 +120,21 @@ def difference_table(runs: Sequence[RunOverview], planner: str) -> Table:
         title=f"Mean accuracy of {planner} minus that of the row's planner, on the same episodes, in points [95 %]",
         header=("planner", *(run.title for run in runs)),
         rows=tuple(
-            (name, *("" if of is None else f"{of[0]:+.1f} {interval_text(of[1])}" for of in row))
+            (name, *("" if found is None else f"{found[0]:+.1f} {interval_text(found[1])}" for found in row))
             for name, row in zip(others, cells, strict=True)
         ),
         footnotes=("Bold: the interval excludes zero.", *_no_interval_footnotes(runs)),
         bold=frozenset(
             (row, column)
             for row, differences in enumerate(cells)
-            for column, of in enumerate(differences, 1)
-            if of is not None and of[1] is not None and not of[1][0] <= 0 <= of[1][1]
+            for column, found in enumerate(differences, 1)
+            if found is not None and found[1] is not None and not found[1][0] <= 0 <= found[1][1]
         ),
     )
 
 
 def _no_interval_footnotes(runs: Sequence[RunOverview]) -> Iterator[str]:
-    """Yield which runs have no intervals, and why."""
+    """Yield a footnote for each run without intervals that says why."""
     for run in runs:
         yield from no_interval_footnotes(
             None if run.summary.no_intervals is None else f"{run.title}, {run.summary.no_intervals}"
@@ -156,13 +158,13 @@ def _gap(planner: PlannerSummary | None) -> str:
 
 
 def _ends(run: RunOverview) -> str:
-    """Return the accuracies at both ends of the gap, as far as they were run."""
+    """Return the accuracies of no-act and the oracle; `-` for one that did not run."""
     found = (f"{run.planners[name].acc_mean:.1f}" if name in run.planners else "-" for name in (NO_ACT, ORACLE))
     return " to ".join(found)
 
 
 def _difference(run: RunOverview, planner: str, other: str) -> tuple[float, Interval | None] | None:
-    """Return a difference and its interval [points]; a pair that was compared the other way round is turned."""
+    """Return a difference and its interval [points]; their signs change if the run compared the pair the other way."""
     for difference in run.summary.differences:
         ends = difference.ci95
         if (difference.planner, difference.other) == (planner, other):

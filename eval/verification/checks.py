@@ -1,4 +1,4 @@
-"""What came of verifying a run: one line for each thing that was looked at."""
+"""The result of verifying a run: one line for each check."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -9,13 +9,13 @@ OK, FAILED, UNCHECKED = "ok", "failed", "not checked"
 
 
 class Check(NamedTuple):
-    """One thing that was looked at.
+    """One check of a run.
 
     Args:
-        name: of it.
+        name: name of the check.
         result: `OK`, `FAILED` or `UNCHECKED`.
-        what: was checked, or why it was not; where it failed, the first difference: where, what the run's files hold
-            (got), and what they should hold (expected).
+        what: what was checked, or why it was not. If the check failed: the place of the first difference, the value in
+            the run's files (got), and the value that they should hold (expected).
     """
 
     name: str
@@ -25,14 +25,14 @@ class Check(NamedTuple):
 
 @dataclass(frozen=True)
 class Verification:
-    """What was checked of a run, in order, and what its reader should know."""
+    """All checks of a run, in order, and notes for the reader."""
 
     checks: tuple[Check, ...]
     notes: tuple[str, ...]
 
     @property
     def difference(self) -> str | None:
-        """The first difference; None where nothing failed."""
+        """The first difference; None if no check failed."""
         return next((check.what for check in self.checks if check.result == FAILED), None)
 
     @property
@@ -45,7 +45,7 @@ class Verification:
 
     @property
     def table(self) -> Table:
-        """One row a check."""
+        """A table with one row for each check."""
         return Table(
             title="Checks of the run",
             header=("checked", "result", "what"),

@@ -1,4 +1,4 @@
-"""The figures of summary.json, computed anew from the records and compared value by value."""
+"""The figures of summary.json, computed again from the records and compared value by value."""
 
 import json
 import math
@@ -12,8 +12,12 @@ from eval.records.run_files import SUMMARY
 from eval.scores.summarise import summarise
 from eval.scores.training_seeds import split_record_name
 
-UNRECORDED = ("step_ms", "solves", "fallback_share")  # of a planner: timings and plans are not in the records
-NOISE = 1e-9  # relative and absolute: sums in another order end in other digits
+UNRECORDED = (
+    "step_ms",
+    "solves",
+    "fallback_share",
+)  # figures of a planner that are not in the records: timings and plans
+NOISE = 1e-9  # relative and absolute: the last digits of a sum depend on its order
 
 
 def recompute(
@@ -22,16 +26,16 @@ def recompute(
     held: Any,
     on_ideal: Mapping[str, EpisodeRecords] | None,
 ) -> Any:
-    """Return what summary.json should hold.
+    """Return the content that summary.json should have.
 
     Args:
-        config: of the run.
-        records: of its planners.
-        held: what summary.json does hold, from which timings are taken.
-        on_ideal: of the run that flights were compared with.
+        config: configuration of the run.
+        records: records of its planners.
+        held: the content of summary.json; timings are taken from it.
+        on_ideal: records of the run that flights were compared with.
 
     Raises:
-        DataError: no summary can be made of the records.
+        DataError: the records give no summary.
     """
     step_ms = _step_ms(held)
     summary = summarise(
@@ -45,7 +49,7 @@ def recompute(
 
 
 def _step_ms(held: Any) -> dict[str, float]:
-    """Return the timing that a summary has of each planner, as far as it is one."""
+    """Return the timing of each planner in a summary; entries that are no number are left out."""
     planners = held.get("planners") if isinstance(held, dict) else None
     found = {}
     for planner in planners if isinstance(planners, list) else ():
@@ -55,9 +59,9 @@ def _step_ms(held: Any) -> dict[str, float]:
 
 
 def mismatch(got: Any, expected: Any, where: str = SUMMARY) -> str | None:
-    """Return where two values of parsed JSON first differ, and how; None where they are the same.
+    """Return where two values of parsed JSON first differ, and how; None if they are the same.
 
-    Numbers are the same to within `NOISE`; `UNRECORDED` values are not compared.
+    Numbers are the same if they differ by at most `NOISE`. `UNRECORDED` values are not compared.
     """
     if isinstance(expected, dict) and isinstance(got, dict):
         for name in {**expected, **got}:
@@ -84,12 +88,12 @@ def mismatch(got: Any, expected: Any, where: str = SUMMARY) -> str | None:
 def count_figures(value: Any) -> int:
     """Return how many numbers are compared."""
     if isinstance(value, dict):
-        return sum(count_figures(of) for name, of in value.items() if name not in UNRECORDED)
+        return sum(count_figures(item) for name, item in value.items() if name not in UNRECORDED)
     return sum(map(count_figures, value)) if isinstance(value, list) else int(_is_number(value))
 
 
 def _item(where: str, index: int, item: Any) -> str:
-    """Return the place of an item of a list: by its name where it has one."""
+    """Return the place of an item of a list: its name if it has one, otherwise its index."""
     name = item.get("name") if isinstance(item, dict) else None
     return f"{where}: {name}" if name else f"{where}[{index}]"
 

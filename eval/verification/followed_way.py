@@ -1,4 +1,4 @@
-"""A camera that is kept on a way that was recorded, whatever it is told, and remembers where it was told otherwise."""
+"""A motion that keeps the camera on a recorded way, and remembers where the planner wanted to leave it."""
 
 import numpy as np
 
@@ -8,22 +8,22 @@ from ehar.plugins.blame import blamed
 from ehar.viewpoint import AZIMUTH, wrap_difference
 from eval.records.episodes import DIGITS
 
-VIEWPOINT = 1e-3  # [m], [rad]: what leads less far from the way is on it; a hundredth of a move of the grid
+VIEWPOINT = 1e-3  # [m], [rad]: a smaller distance counts as on the way; a hundredth of a move of the grid
 
 
 class FollowedWay:
-    """A motion on a recorded way: it moves as told, and is brought back to the way where that leads elsewhere.
+    """A motion on a recorded way: it moves as told, and is brought back to the way if it leaves it.
 
     Args:
-        motion: of the track. Of a flight, or a motion of your own, only the viewpoint is brought back, as records do
-            not hold velocities, or whatever else a body remembers.
+        motion: motion of the track. In a flight, or with your own motion, only the viewpoint is brought back, because
+            records hold no velocities and nothing else that a body remembers.
         way: (B, L, 3) recorded viewpoints.
     """
 
     def __init__(self, motion: Motion, way: FloatArray) -> None:
         """Follow from the first frame."""
         self.workspace = motion.workspace
-        self.elsewhere: BoolArray = np.zeros(way.shape[:2], dtype=bool)  # where it was told to leave the way
+        self.elsewhere: BoolArray = np.zeros(way.shape[:2], dtype=bool)  # frames in which it was told to leave the way
         self._motion = motion
         self._way = way
         self._frame = 0
@@ -36,16 +36,16 @@ class FollowedWay:
             self._motion.reset(viewpoint, frame_time)
 
     def advance(self, target: FloatArray) -> FloatArray:
-        """Move for one frame, and return where the way leads; all digits of where it got to, where these are recorded.
+        """Move for one frame, and return the recorded viewpoint; the reached one, if both agree in all recorded digits.
 
-        What leads less far from the way than counts as elsewhere is brought back too: a millimetre is seen.
+        The camera is also brought back from a distance below `VIEWPOINT`, because a millimetre changes what it sees.
         """
         self._frame += 1
         with blamed(self._motion, f"motion {type(self._motion).__name__}, frame {self._frame - 1}"):
             reached = np.array(self._motion.advance(target), dtype=np.float64)
         recorded = self._way[:, self._frame]
         if reached.shape != recorded.shape:
-            return reached  # the rollout says what is wrong with it
+            return reached  # the rollout raises an error for it
         off = reached - recorded
         off[:, AZIMUTH] = wrap_difference(off[:, AZIMUTH])
         farthest = np.abs(off).max(axis=1, keepdims=True)
@@ -57,10 +57,10 @@ class FollowedWay:
 
     @property
     def velocity(self) -> FloatArray:
-        """That of the motion, (B, 3)."""
+        """The velocity of the motion, (B, 3)."""
         return self._motion.velocity
 
     @property
     def acceleration(self) -> FloatArray:
-        """That of the motion, (B, 3)."""
+        """The acceleration of the motion, (B, 3)."""
         return self._motion.acceleration

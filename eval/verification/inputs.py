@@ -1,4 +1,4 @@
-"""Whether the data and the weights that a run names are those at hand."""
+"""Checks that the data, the weights and your own classes are those that the run had."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,17 +17,17 @@ from planners.registry import is_learned
 from recognition.own_recogniser import resolve_recogniser
 from recognition.setting import Setting, load_setting
 
-DECISIVE = ("data", "recogniser", "sensor", "motion")  # without which no episode is what it was
+DECISIVE = ("data", "recogniser", "sensor", "motion")  # if one of them differs, every episode does
 
 
 class Inputs(NamedTuple):
-    """What a run was made from, as far as it is at hand and the run's.
+    """The inputs of a run, as far as they are here and have the run's hashes.
 
     Args:
-        checks: of data, recogniser, sensor and motion of your own, gain model and agents.
-        setting: data, recogniser, sensor and track; None where one of them is not here.
-        data: None where they are not here, or others.
-        place: of gain models and agents; None where there are no data for them to fit.
+        checks: checks of data, recogniser, your own sensor and motion, gain model and agents.
+        setting: data, recogniser, sensor and track; None if one of them is not here.
+        data: the data; None if they are not here, or have another hash.
+        place: place of gain models and agents; None without data, which they have to fit.
     """
 
     checks: tuple[Check, ...]
@@ -37,7 +37,7 @@ class Inputs(NamedTuple):
 
     @property
     def reason_against(self) -> str | None:
-        """Why the run's episodes cannot run here; None where they can."""
+        """The reason why the run's episodes cannot run here; None if they can."""
         if self.setting is not None and not any(
             check.name in DECISIVE and check.result == FAILED for check in self.checks
         ):
@@ -48,19 +48,18 @@ class Inputs(NamedTuple):
 def check_inputs(
     config: RunConfig, data: str | Path | None, models: str | Path | None, *, run_own_code: bool = False
 ) -> Inputs:
-    """Load what a run was made from, and compare the hashes.
+    """Load the inputs of a run, and compare their hashes with those of the run.
 
     Args:
-        config: of the run.
-        data: where its data lie now; None is where they lay.
-        models: where its weights lie now; None is where they lay.
-        run_own_code: whether your own recogniser, sensor and motion are loaded, for which the files or modules that are
-            recorded run.
+        config: configuration of the run.
+        data: present place of the data; None takes the recorded place.
+        models: present place of the weights; None takes the recorded place.
+        run_own_code: whether to load your own recogniser, sensor and motion; this runs their files or modules.
 
     Raises:
-        EharError: what was asked for by `data` or `models` cannot be read.
+        EharError: `data` or `models` is given and cannot be read.
     """
-    from ehar.data.source import load_data  # brings what `ehar --help` does not wait for
+    from ehar.data.source import load_data  # imported here: too slow for `ehar --help`
 
     told = config.conditions
     source = told.data if data is None else data
@@ -102,8 +101,8 @@ def check_inputs(
 
 
 def _own_sensor_and_motion(config: RunConfig, data: MotionData, *, run_own_code: bool) -> list[Check]:
-    """Return whether the files of your own sensor and motion are those of the run; nothing where these are ours."""
-    from ehar.sensors.registry import load_sensor  # here, as it brings what `ehar --help` does not wait for
+    """Return checks that the files of your own sensor and motion are those of the run; none for ehar's own."""
+    from ehar.sensors.registry import load_sensor  # imported here: too slow for `ehar --help`
 
     told = config.conditions
     brought: tuple[tuple[str, str, str | None, Callable[[], str | None]], ...] = (
@@ -124,7 +123,7 @@ def _own_sensor_and_motion(config: RunConfig, data: MotionData, *, run_own_code:
 
 
 def _recogniser_sha256(conditions: Conditions, data: MotionData) -> str:
-    """Return the hash of the recogniser alone, where the rest of a setting is not loaded."""
+    """Return the hash of the recogniser, without loading the rest of the setting."""
     from recognition.storage import load_recogniser  # brings torch
 
     if conditions.recogniser is not None:
@@ -133,7 +132,7 @@ def _recogniser_sha256(conditions: Conditions, data: MotionData) -> str:
 
 
 def _why_not_loaded(name: str, own: str, *, run_own_code: bool) -> str | None:
-    """Return why something of your own, as it was named, is left alone; None where it can be tried."""
+    """Return why your own class is not loaded; None if it can be loaded."""
     spec = parse_spec(own)
     if spec is None or not spec.place:
         return f"{name} {own}: not replayable, as it was given as an object"
@@ -141,7 +140,7 @@ def _why_not_loaded(name: str, own: str, *, run_own_code: bool) -> str | None:
 
 
 def _unchecked(checks: tuple[Check, ...]) -> Inputs:
-    """Return inputs without the run's data, which weights have to fit."""
+    """Return inputs without data; weights cannot be loaded without data."""
     return Inputs((*checks, Check("weights", UNCHECKED, "they can be loaded with the data only")))
 
 
@@ -152,7 +151,7 @@ def _compared(name: str, got: str, expected: str, where: str) -> Check:
 
 
 def _planner_weights(config: RunConfig, place: ModelPlace) -> list[Check]:
-    """Return what can be said of the weights of planners."""
+    """Return the checks of the gain model and of the agents."""
     checks = []
     if config.gain_model_sha256 is not None:
         try:

@@ -1,12 +1,11 @@
-"""Episodes of a run, run once more: is what was seen what is seen from there, and do planners go where they went?
+"""Runs episodes of a run again: do cameras see the same from the recorded viewpoints, and do planners move the same?
 
-What is drawn for an episode depends on the chunk that it runs in: whole chunks are run, as in the benchmark, and all
-of their episodes are compared. On the machine and with the versions of the run all recorded digits are the same.
-Elsewhere sums may be taken in another order: without AVX and FMA, probabilities differ by up to 2e-4, and a planner
-that meets two moves which are nearly as good may take the other. Cameras are therefore kept on the recorded way: what
-is seen has to be the same in every frame, within a tolerance, and a planner's moves have to be so in most. In flight
-a body cannot be brought back to the velocity it had, which records do not hold: there a planner that goes elsewhere in
-many frames is not checked.
+The random numbers of an episode depend on its chunk. So whole chunks run, as in the benchmark, and all of their
+episodes are compared. On the same machine, with the same versions, all recorded digits are the same. On another machine
+sums may have another order: without AVX and FMA, probabilities differ by up to 2e-4, and a planner may choose the other
+one of two moves that are nearly as good. So cameras are kept on the recorded way. The recognition has to be the same in
+every frame, within a tolerance, and a planner's moves in most frames. A flight cannot be brought back to its recorded
+velocity, because records do not hold it. So a flying planner that goes elsewhere in many frames is not checked.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -38,8 +37,8 @@ from planners.registry import is_ours, make_planner
 from recognition.setting import Setting
 
 PROBABILITY = 1e-3
-FLIGHT = 1e-2  # of peaks and effort, and no less than 1e-2 of their units
-MOVES = 0.95  # of a planner's frames, in which it has to go where it went
+FLIGHT = 1e-2  # share of peaks and effort; at least 1e-2 in their units
+MOVES = 0.95  # share of frames in which a planner has to move as recorded
 
 
 def check_replay(
@@ -53,21 +52,21 @@ def check_replay(
     seed: int,
     reporter: Reporter,
 ) -> list[Check]:
-    """Run episodes once more, and compare them with what is recorded.
+    """Run episodes again, and compare them with the records.
 
     Args:
-        config: of the run.
-        records: of the run.
-        episodes: of the run.
-        setting: of the run.
-        models: where gain models and agents of the run lie.
-        count: of episodes that are drawn; those that run beside them are compared too.
-        seed: of the draw.
-        reporter: hears of progress.
+        config: configuration of the run.
+        records: records of the run.
+        episodes: episodes of the run.
+        setting: setting of the run.
+        models: place of the run's gain models and agents.
+        count: number of episodes to draw; the other episodes of their chunks are compared too.
+        seed: seed of the draw.
+        reporter: receives progress.
 
     Raises:
         EpisodeError: a planner broke its contract.
-        ModelError: the belief that was scored is not there.
+        ModelError: the run scored a belief, and its gain model is missing.
     """
     belief = models.load_gain_model().belief if config.readout == "belief" else None
     workload = Workload(setting.runner, episodes, belief)
@@ -77,15 +76,15 @@ def check_replay(
     reporter.begin(len(jobs))
     try:
         for name, chunk in jobs:
-            of, rows = records[name], np.arange(chunk * CHUNK, min((chunk + 1) * CHUNK, len(episodes)))
+            held, rows = records[name], np.arange(chunk * CHUNK, min((chunk + 1) * CHUNK, len(episodes)))
             body = setting.runner.track.new_motion()
-            motion = FollowedWay(body, of.viewpoint[rows])
-            # From a recorded way one sees the same, whoever chose it.
+            motion = FollowedWay(body, held.viewpoint[rows])
+            # The camera sees the same on a recorded way, whichever planner acts.
             record = workload.roll(planners.get(name) or NoAct(), episodes.batch(chunk), chunk, motion)
-            difference = first_difference(name, of, rows, record)
+            difference = first_difference(name, held, rows, record)
             flight = flights_of(body)
             if difference is None and name in planners and flight is not None:
-                difference = flight_difference(name, of, rows, flight, motion.elsewhere)
+                difference = flight_difference(name, held, rows, flight, motion.elsewhere)
             if difference is not None:
                 return [Check("seen again", FAILED, difference)]
             compared += len(rows)
@@ -100,14 +99,14 @@ def check_replay(
 
 
 class Moves(NamedTuple):
-    """Of how many frames a planner's moves were compared, how many lead elsewhere, and the first, (episode, frame)."""
+    """The number of compared frames of a planner, how many lead elsewhere, and the first of these, (episode, frame)."""
 
     frames: int = 0
     elsewhere: int = 0
     first: tuple[int, int] | None = None
 
     def after(self, elsewhere: BoolArray, rows: IntArray) -> "Moves":
-        """Count another chunk, (B, L), whose first frame nobody chose."""
+        """Add a chunk, (B, L); its first frame does not count, because no planner chose it."""
         first = self.first
         if first is None and elsewhere.any():
             episode, frame = np.argwhere(elsewhere)[0]
@@ -119,39 +118,39 @@ class Moves(NamedTuple):
 def check_moves(
     records: Mapping[str, EpisodeRecords], moves: Mapping[str, Moves], left: Mapping[str, str], *, led: bool = True
 ) -> list[Check]:
-    """Return whether planners went where they went, and who could not be asked.
+    """Return the checks of moves: one for all planners that move as recorded, and one for each other planner.
 
     Args:
-        records: of the run.
-        moves: that were compared.
-        left: who could not be asked, and why.
+        records: records of the run.
+        moves: compared moves by planner.
+        left: the planners that could not act again, and why.
         led: whether bodies that left the recorded way were brought back to it.
     """
     checks, kept = [], []
-    for name, of in moves.items():
-        counted = f"goes elsewhere in {of.elsewhere} of {of.frames} frames"
-        if of.first is None or of.elsewhere <= (1 - MOVES) * of.frames:
-            kept.append(of)
+    for name, moved in moves.items():
+        counted = f"goes elsewhere in {moved.elsewhere} of {moved.frames} frames"
+        if moved.first is None or moved.elsewhere <= (1 - MOVES) * moved.frames:
+            kept.append(moved)
         elif records[name].flight is None and led:
-            where = place(name, records[name], *of.first)
+            where = place(name, records[name], *moved.first)
             what = f"{where}: {counted}, this is the first; expected the way recorded in {MOVES:.0%} of them"
             checks.append(Check("moves again", FAILED, what))
         else:
-            # It may be that of the planner, or all that followed from one near tie.
+            # The planner may have changed, or one near tie may have sent it another way.
             what = f"{name}: {counted}; a flight that left its way cannot be brought back to it"
             checks.append(Check("moves again", UNCHECKED, what))
     if kept:
-        frames, elsewhere = sum(of.frames for of in kept), sum(of.elsewhere for of in kept)
+        frames, elsewhere = sum(moved.frames for moved in kept), sum(moved.elsewhere for moved in kept)
         what = f"{frames - elsewhere} of {frames} frames of {len(kept)} planners"
         checks.insert(0, Check("moves again", OK, what))
     return checks + [Check("moves again", UNCHECKED, f"{name}: {reason}") for name, reason in left.items()]
 
 
 def make_again(config: RunConfig, models: ModelPlace) -> tuple[dict[str, Planner], dict[str, str]]:
-    """Return the run's planners that what is recorded suffices to make, and why the others cannot act again.
+    """Return the planners that can be made again from the configuration, and why each other planner cannot.
 
-    Of a planner that was given as an object only its class is known. One of a file, a module or an entry point is made
-    with its arguments, if it still stands in the file that ran.
+    A planner that was given as an object cannot: only its class is recorded. A planner from a file, a module or an
+    entry point is made with its arguments if its file has not changed.
     """
     made: dict[str, Planner] = {}
     left: dict[str, str] = {}
@@ -162,7 +161,7 @@ def make_again(config: RunConfig, models: ModelPlace) -> tuple[dict[str, Planner
             left[held.name] = str(error)
         else:
             again, ran = (asdict(config) for config in (planner_config(planner, origin), held))
-            if origin is None:  # a class of ours may have moved to another module since
+            if origin is None:  # a class of ehar may have moved to another module since
                 for told in (again, ran):
                     told["implementation"] = told["implementation"].rpartition(".")[2]
             other = [f"{field} {again[field]}, ran: {value}" for field, value in ran.items() if again[field] != value]
@@ -174,10 +173,10 @@ def make_again(config: RunConfig, models: ModelPlace) -> tuple[dict[str, Planner
 
 
 def _make_one_again(held: PlannerConfig, models: ModelPlace) -> tuple[Planner, Origin | None]:
-    """Return a planner, and where it comes from if it is none of ours.
+    """Return a planner and its origin; the origin is None for a planner of ehar.
 
     Raises:
-        UsageError: it cannot be made, or its file is not the one that ran.
+        UsageError: the planner cannot be made, or its file has changed since the run.
         ModelError: its weights are not here.
     """
     spec = own_spec(held.implementation)
@@ -195,13 +194,13 @@ def _make_one_again(held: PlannerConfig, models: ModelPlace) -> tuple[Planner, O
 
 
 def draw_jobs(names: Sequence[str], episodes: int, count: int, rng: np.random.Generator) -> list[tuple[str, int]]:
-    """Return the planners and chunks in which `count` episodes lie: even over planners, at random over the run.
+    """Draw `count` episodes, evenly over planners and at random over the run; return their planners and chunks.
 
     Args:
-        names: of planners, at least one.
-        episodes: of each of them.
-        count: of episodes to draw; more than there are means all.
-        rng: draws.
+        names: names of planners, at least one.
+        episodes: number of episodes of each planner.
+        count: number of episodes to draw; a number above all of them means all.
+        rng: generator of the draw.
     """
     drawn: dict[str, IntArray] = {}
     for rank, index in enumerate(rng.permutation(len(names))):
@@ -211,13 +210,13 @@ def draw_jobs(names: Sequence[str], episodes: int, count: int, rng: np.random.Ge
 
 
 def first_difference(name: str, recorded: EpisodeRecords, rows: IntArray, record: Record) -> str | None:
-    """Return the first frame in which something else is seen than is recorded; None where all is the same.
+    """Return the first frame in which the recognition differs from the records; None if all frames are the same.
 
     Args:
-        name: the planner's.
-        recorded: of all its episodes.
-        rows: (B,) those that were run once more, on the recorded way.
-        record: of these.
+        name: name of the planner.
+        recorded: records of all its episodes.
+        rows: (B,) indices of the episodes that ran again, on the recorded way.
+        record: record of these episodes.
     """
     found = []
     for rank, compared in enumerate(_compared(recorded, rows, record)):
@@ -234,20 +233,20 @@ def first_difference(name: str, recorded: EpisodeRecords, rows: IntArray, record
 def flight_difference(
     name: str, recorded: EpisodeRecords, rows: IntArray, flight: FlightRecords, elsewhere: BoolArray
 ) -> str | None:
-    """Return the first flight that demands something else of the vehicle than is recorded; None where all are the same.
+    """Return the first flight whose demands on the vehicle differ from the records; None if all are the same.
 
     Args:
-        name: the planner's.
-        recorded: of all its episodes.
-        rows: (B,) those that were flown once more.
-        flight: of these.
-        elsewhere: (B, L) where they left the recorded way; flights that did so are not compared.
+        name: name of the planner.
+        recorded: records of all its episodes.
+        rows: (B,) indices of the episodes that flew again.
+        flight: demands of these flights.
+        elsewhere: (B, L) frames off the recorded way; a flight with such a frame is not compared.
     """
     if recorded.flight is None:
         return f"{EPISODES}: {name}: got no {', '.join(KEYS)}, expected those of a flight"
     for key in KEYS:
         got, expected = getattr(recorded.flight, key)[rows], getattr(flight, key)
-        # A frame is at a limit or is not: one may lie on the edge.
+        # A frame counts as at a limit or not: one frame may lie on the edge.
         slack = 1 / recorded.predicted.shape[1] if key == "limit_share" else FLIGHT * np.maximum(expected, 1)
         off = ~(np.abs(got - expected) <= slack + 10**-DIGITS) & ~elsewhere.any(axis=1)
         if off.any():
@@ -264,14 +263,14 @@ class _Compared(NamedTuple):
 
 
 def _compared(recorded: EpisodeRecords, rows: IntArray, record: Record) -> Iterator[_Compared]:
-    """Yield what is compared of each frame."""
+    """Yield the values that are compared in each frame."""
     probabilities = np.exp(record.log_probs.astype(np.float64))
     top, predicted = probabilities.max(axis=-1), recorded.predicted[rows]
     label = np.broadcast_to(recorded.label[rows, None], predicted.shape)
     of_predicted, true = (
-        np.take_along_axis(probabilities, of[..., None], axis=-1)[..., 0] for of in (predicted, label)
+        np.take_along_axis(probabilities, chosen[..., None], axis=-1)[..., 0] for chosen in (predicted, label)
     )
-    # Of two classes that are nearly as probable either may be the first.
+    # If two classes are nearly as probable, either may be the predicted one.
     yield _Compared("predicted", predicted, probabilities.argmax(axis=-1), of_predicted >= top - PROBABILITY)
     for field, expected in (("true_probability", true), ("top_probability", top)):
         got = getattr(recorded, field)[rows]

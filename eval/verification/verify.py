@@ -1,4 +1,4 @@
-"""Whether a run's folder holds what its configuration makes: episodes, figures, data and weights."""
+"""Verifies a run: its episodes and figures against its configuration, and the hashes of its data and weights."""
 
 import json
 from collections.abc import Mapping
@@ -31,19 +31,19 @@ def verify(
     seed: int = 0,
     reporter: Reporter | None = None,
 ) -> Verification:
-    """Check a run of `ehar benchmark` against itself, and against its data and weights where these are at hand.
+    """Check a run of `ehar benchmark` against itself, and against its data and weights if these are here.
 
     Args:
         run: folder of a finished run.
-        data: where its data lie now; None is where they lay.
-        models: where its weights lie now; None is where they lay.
-        ideal: where the run lies now that flights were compared with; None is where it lay.
-        rerun_episodes: how many to draw and run once more, each with its chunk of 32.
-        seed: of that draw.
-        reporter: hears of progress; None reports on standard error.
+        data: present place of the run's data; None takes the recorded place.
+        models: present place of its weights; None takes the recorded place.
+        ideal: present folder of the run that flights were compared with; None takes the recorded folder.
+        rerun_episodes: number of episodes to draw and run again, each with its chunk of 32.
+        seed: seed of the draw of these episodes.
+        reporter: receives progress; None reports on standard error.
 
     Raises:
-        UsageError: the folder holds no run, or one of another schema; or what was asked for is not there.
+        UsageError: the folder holds no run, or a run of another schema; or a place that was given does not exist.
         DataError: a file cannot be read.
         ModelError: weights that were asked for cannot be read.
     """
@@ -74,7 +74,7 @@ def verify(
         *inputs.checks,
     ]
     if rerun_episodes:
-        from eval.verification.rerun import check_replay  # brings what running episodes needs
+        from eval.verification.rerun import check_replay  # imported here: it brings everything that runs episodes
 
         failed = next((check for check in checks if check.result == FAILED), None)
         if failed is not None:
@@ -97,7 +97,7 @@ def verify(
 
 
 def other_versions(recorded: Mapping[str, str]) -> tuple[str, ...]:
-    """Return a line that lists where the installed versions are not those of a run; nothing where all are."""
+    """Return a line that lists the versions that differ from those of a run; nothing if none differs."""
     installed = installed_versions()
     other = [
         f"{name} {recorded.get(name, 'none')}, here {installed.get(name, 'none')}"
@@ -108,13 +108,13 @@ def other_versions(recorded: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def run_episodes(config: RunConfig, data: MotionData) -> Episodes:
-    """Return the episodes that a run has, made anew from its data.
+    """Return the episodes of a run, made again from its data.
 
     Raises:
         UsageError: the part is unknown.
-        DataError: there are none in these data.
+        DataError: the data have no such episodes.
     """
-    # What is too short was said when the benchmark ran.
+    # No note about sequences that are too short: the benchmark has reported them.
     told = config.conditions
     scenarios = cut_scenarios(data, part_of(data, told.part), told.length, note=lambda _: None)
     return random_starts(scenarios, told.starts, told.seed)
@@ -131,7 +131,7 @@ def _check_records(config: RunConfig, records: Mapping[str, EpisodeRecords], epi
 def _check_figures(
     directory: Path, config: RunConfig, records: Mapping[str, EpisodeRecords], ideal: str | Path | None
 ) -> Check:
-    """Return how summary.json compares with what the records give."""
+    """Return the check of summary.json against the records."""
     path = directory / SUMMARY
     try:
         held = json.loads(path.read_text(encoding="utf-8"))
@@ -150,7 +150,7 @@ def _check_figures(
 
 
 def _read_ideal(config: RunConfig, ideal: str | Path | None) -> Mapping[str, EpisodeRecords] | None:
-    """Return the records that flights were compared with; None where they were compared with none."""
+    """Return the records that flights were compared with; None if there was no comparison."""
     if ideal is not None:
         return read_ideal_run(Path(ideal), config)
     try:
@@ -160,7 +160,7 @@ def _read_ideal(config: RunConfig, ideal: str | Path | None) -> Mapping[str, Epi
 
 
 def _compared_with_ideal(held: Any) -> bool:
-    """Return whether a summary says what flights kept."""
+    """Return whether a summary compares flights with the ideal track."""
     planners = held.get("planners") if isinstance(held, dict) else None
     listed = planners if isinstance(planners, list) else []
     return any(isinstance(planner, dict) and planner.get("accuracy_kept") is not None for planner in listed)
