@@ -75,7 +75,7 @@ def test_a_planner_of_no_file_runs_and_is_read_again_and_verified(tmp_path: Path
         "    name = 'mine'\n"
         "    def act(self, observation): return observation.viewpoint\n"
         "if __name__ == '__main__':\n"
-        "    run = benchmark([Mine(), 'no-act'], Conditions(length=10), workers=2)\n"
+        "    run = benchmark([Mine(), 'no-act'], Conditions(part='validation'), workers=2)\n"
         "    run.save('run')\n"
         "    print(repr(read_run('run')))\n"
         "    print(verify('run').verdict)\n",
@@ -83,7 +83,7 @@ def test_a_planner_of_no_file_runs_and_is_read_again_and_verified(tmp_path: Path
     )
     assert done.returncode == 0, done.stderr
     line, verdict = done.stdout.splitlines()
-    assert line.endswith(": 2 planners, 751 episodes each)")
+    assert line.endswith(": 2 planners, 40 episodes each)")
     assert verdict.startswith("verified")
 
 
@@ -91,7 +91,7 @@ def test_a_script_without_a_main_guard_says_what_to_do(tmp_path: Path) -> None:
     script = (
         "from ehar import Conditions\n"
         "from eval import benchmark\n"
-        "benchmark(['no-act', 'random'], Conditions(length=10), workers=2)\n"
+        "benchmark(['no-act', 'random'], Conditions(part='validation'), workers=2)\n"
     )
     write_text(tmp_path / "script.py", [script])
     done = python("script.py", folder=tmp_path)  # it ends, where it once waited for ever

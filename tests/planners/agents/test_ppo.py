@@ -178,7 +178,7 @@ def test_moves_whose_probabilities_are_not_finite_cannot_be_drawn() -> None:
 
 @pytest.mark.slow
 def test_an_error_of_an_environment_ends_its_workers_too() -> None:
-    with pytest.raises(ValueError, match="no evidence"):
+    with pytest.raises(EpisodeError, match="ValueError: no evidence"):
         train(fresh(SMALL), SMALL, make_env=tiny_maker(copies=4, broken=True), workers=1)
     assert not multiprocessing.active_children()
 

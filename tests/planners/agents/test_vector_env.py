@@ -254,7 +254,7 @@ def refusing(episodes: int) -> EpisodeVectorEnv:
 def test_an_error_in_a_worker_is_raised_here() -> None:
     env = AgentVecEnv(tiny_maker(broken=True), num_envs=4, seed=0, workers=1)
     for _ in range(2):
-        with pytest.raises(ValueError, match=r"no evidence at \(4, 3\)"):
+        with pytest.raises(EpisodeError, match=r"ValueError: no evidence at \(4, 3\)"):
             env.reset()
     env.close()
     env = adapter(workers=1)
