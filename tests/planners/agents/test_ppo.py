@@ -12,7 +12,7 @@ import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from ehar.errors import ModelError, UsageError
+from ehar.errors import EpisodeError, ModelError, UsageError
 from planners.agents.config import PPOSetting
 from planners.agents.episode_groups import MakeEnv
 from planners.agents.network import AgentNetwork
