@@ -1,4 +1,4 @@
-"""Recognisers of one's own: loaded, made for the data, and run under planners."""
+"""A user's own recognisers: loaded, made for the data, and run under planners."""
 
 import json
 from pathlib import Path
