@@ -90,7 +90,7 @@ class Conditions:
 
     @property
     def sensor_name(self) -> str:
-        """The name of the sensor in names of weight files; for your own sensor, its class and a hash of its arguments."""
+        """The name of the sensor in names of weight files; for your own, its class and a hash of its arguments."""
         spec = parse_spec(self.sensor) if isinstance(self.sensor, str) else None
         if spec is None or not spec.place:
             return re.sub(r"[^\w.+-]", "-", self.sensor if isinstance(self.sensor, str) else self.sensor.name)

@@ -12,8 +12,9 @@ ACCURACY = Section(
     link="Accuracy",
     heading="Accuracy over the observed share",
     text=(
-        "The share of episodes that are recognised after a share of their frames. The earlier a line rises, the earlier "
-        "its planner recognises. Bands are 95 % intervals of each point, for the planner in focus, no-act and the oracle."
+        "The share of episodes that are recognised after a share of their frames. The earlier a line rises, the "
+        "earlier its planner recognises them. Bands are 95 % intervals of each point, for the planner in focus, no-act "
+        "and the oracle."
     ),
     figures=(
         (
@@ -31,8 +32,8 @@ COST = Section(
     heading="Accuracy against its cost",
     text=(
         "Up is more accurate, left is cheaper. The dotted line is the Pareto front of planners without the truth: no "
-        "planner that costs as little is more accurate. Planners on it are drawn larger. Bars are 95 % intervals. Times "
-        "depend on the machine."
+        "planner that costs as little is more accurate. Planners on it are drawn larger. Bars are 95 % intervals. "
+        "Times depend on the machine."
     ),
     figures=(
         (
@@ -72,9 +73,9 @@ CLASSES = Section(
                 draw=gains,
                 heading="Against no-act",
                 text=(
-                    "The accuracy of the planner in focus minus that of no-act, in each class. Each interval is over the "
-                    "sequences of its class, without a correction for the number of classes: one in 20 excludes zero "
-                    "by chance."
+                    "The accuracy of the planner in focus minus that of no-act, in each class. Each interval is over "
+                    "the sequences of its class, without a correction for the number of classes: one in 20 excludes "
+                    "zero by chance."
                 ),
                 missing=f"Needs {NO_ACT} in the run, and another planner in focus.",
             ),

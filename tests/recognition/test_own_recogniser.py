@@ -128,7 +128,7 @@ def test_who_needs_ours_is_refused(tmp_path: Path) -> None:
         run(["no-act", "il"], recogniser=FakeRecogniser(), models=tmp_path)
     with pytest.raises(ModelError, match=r"^gain fields are trained for the causal recogniser"):
         run(["no-act"], recogniser=FakeRecogniser(), readout="belief")
-    with pytest.raises(UsageError, match=r"^form: expected none beside a recogniser of your own, got ctrgcn$"):
+    with pytest.raises(UsageError, match=r"^form: expected none beside your own recogniser, got ctrgcn$"):
         run(["no-act"], recogniser=FakeRecogniser(), form="ctrgcn")
 
 
