@@ -1,4 +1,4 @@
-"""The conditions of a run: which people are watched, through what, by what, and from where."""
+"""The conditions of a run: data, sensor, recogniser, track, episodes and seed."""
 
 import hashlib
 import re
@@ -19,14 +19,14 @@ from ehar.track import IDEAL
 
 Form = Literal["causal", "ctrgcn"]
 FORMS: tuple[Form, ...] = get_args(Form)
-REGIMES = ("moving", "paper")  # of the views that a recogniser is trained on
+REGIMES = ("moving", "paper")  # views that a recogniser is trained on
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Conditions:
-    """What every part of a run is told; it is passed whole.
+    """The conditions of a run; every part of the run receives all of them.
 
-    Where a name stands, an object of your own may stand too.
+    In place of a name, a field may hold your own object.
 
     Args:
         data: duo, solo, or a prepared .npz.
@@ -36,14 +36,14 @@ class Conditions:
         starts: start viewpoints of each scenario.
         length: frames of an episode.
         fps: frame rate to resample to [Hz].
-        seed: of start viewpoints, noise and random planners.
-        part: of the data: test, validation, policy or recogniser.
+        seed: seed of start viewpoints, noise and random planners.
+        part: part of the data: test, validation, policy or recogniser.
         views: cameras the recogniser was trained on: moving or paper.
         form: causal (streams) or ctrgcn (as published, on each prefix).
         recogniser: your own: file.py:Class.
 
     Raises:
-        UsageError: a word is unknown, or a number too small.
+        UsageError: a word is unknown, or a number is too small.
     """
 
     data: str | Path | MotionData = "duo"
@@ -70,17 +70,17 @@ class Conditions:
             if not isinstance(value, int) or isinstance(value, bool) or value < least:
                 raise UsageError(f"{name}: expected a whole number of at least {least}, got {value!r}")
         if self.recogniser is not None and self.form != "causal":
-            raise UsageError(f"form: expected none beside a recogniser of your own, got {self.form}")
+            raise UsageError(f"form: expected none beside your own recogniser, got {self.form}")
 
     def __repr__(self) -> str:
-        """Return the data and what is not as usual."""
-        told = ((part.name, getattr(self, part.name), part.default) for part in fields(self))
-        shown = (f"{name}={value!r}" for name, value, usual in told if name == "data" or value != usual)
+        """Return the data, and the fields that differ from their defaults."""
+        values = ((part.name, getattr(self, part.name), part.default) for part in fields(self))
+        shown = (f"{name}={value!r}" for name, value, usual in values if name == "data" or value != usual)
         return f"Conditions({', '.join(shown)})"
 
     @staticmethod
     def named_types() -> dict[str, Any]:
-        """Return the type of each field where names stand in place of objects: what flags and files hold."""
+        """Return the type of each field in flags and files, which hold names in place of objects."""
         types = {}
         for name, kind in get_type_hints(Conditions).items():
             choices = get_args(kind)
@@ -90,7 +90,7 @@ class Conditions:
 
     @property
     def sensor_name(self) -> str:
-        """The sensor, as files of weights are called after it; your own is called after its class and arguments."""
+        """The name of the sensor in names of weight files; for your own, its class and a hash of its arguments."""
         spec = parse_spec(self.sensor) if isinstance(self.sensor, str) else None
         if spec is None or not spec.place:
             return re.sub(r"[^\w.+-]", "-", self.sensor if isinstance(self.sensor, str) else self.sensor.name)
@@ -99,20 +99,20 @@ class Conditions:
 
     @property
     def seen(self) -> str:
-        """What a recogniser is trained to see, as files of weights are called after it: perfect-moving."""
+        """Sensor and views that a recogniser is trained on, as in names of weight files: perfect-moving."""
         return f"{self.sensor_name}-{self.views}"
 
     @property
     def data_option(self) -> str:
-        """The data as an option of a command; motion that is no file, but an object, has to become one."""
-        from ehar.data.source import BUILT_IN  # here, as it brings scipy, which `ehar --help` does not wait for
+        """The data as an option of a command; for an object, the option names a file `X.npz` that has to be written."""
+        from ehar.data.source import BUILT_IN  # imported here: too slow for `ehar --help`
 
         text = "" if isinstance(self.data, MotionData) else str(self.data)
         return f"--data {quote(text)}" if text in BUILT_IN or Path(text).is_file() else "--data X.npz"
 
     @property
     def options(self) -> str:
-        """What weights are trained for, as options of the commands that train them; errors suggest these."""
+        """The conditions of a training as options of its command; errors suggest these."""
         sensor = self.sensor if isinstance(self.sensor, str) else self.sensor.name
         parts = [self.data_option, f"--sensor {quote(sensor)} --views {self.views}"]
         parts += [f"--length {self.length}"] if self.length != Conditions.length else []
@@ -127,10 +127,10 @@ class Conditions:
 
     @property
     def directory(self) -> Path | None:
-        """The folder of weights; None takes those that ship with ehar."""
+        """The folder of weights; None means those that ship with ehar."""
         return None if self.models is None else Path(self.models)
 
 
 def _named(brought: object) -> str:
-    """Return how your own is named; of an object, its class."""
+    """Return the text that named your own recogniser; for an object, its class."""
     return brought if isinstance(brought, str) else f"{type(brought).__module__}.{type(brought).__qualname__}"

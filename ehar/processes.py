@@ -1,4 +1,4 @@
-"""Worker processes: their default number, and a pool that always ends with its parent process."""
+"""Worker processes: their default number, and a pool whose processes always end with their parent."""
 
 import multiprocessing
 import os
@@ -24,19 +24,19 @@ def cores() -> int:
 
 
 def check_workers(workers: int) -> None:
-    """Raise a UsageError unless there is a worker."""
+    """Raise a UsageError unless there is at least one worker."""
     leave_if_imported_again()
     if workers < 1:
         raise UsageError(f"workers: expected at least 1, got {workers}")
 
 
 def leave_if_imported_again() -> None:
-    """End this process if it is a worker that is only about to start, and imports the script for that.
+    """End this process if it is a worker that is starting, and is importing the script to do so.
 
-    Without `if __name__ == "__main__":` the script would start all of its work again in each worker, these would start
-    workers too, and none would ever answer. `worker_pool` says what to do about it, in the process that began it all.
+    A script without `if __name__ == "__main__":` would start all of its work again in each worker. These would start
+    workers too, and no worker would ever answer. `worker_pool` then raises a UsageError in the first process.
     """
-    if getattr(multiprocessing.current_process(), "_inheriting", False):  # what multiprocessing itself goes by
+    if getattr(multiprocessing.current_process(), "_inheriting", False):  # multiprocessing itself checks this flag
         raise SystemExit(1)
 
 
@@ -50,13 +50,13 @@ def worker_pool(
     """Open a pool of spawned processes; after an error it does not wait for unfinished jobs.
 
     Args:
-        count: of processes.
-        initializer: called once in each.
-        initargs: what with: little, as the pipe that carries it waits for ever for a process that cannot start.
-        sent: what else with, of any size, but pickled: through a file.
+        count: number of processes.
+        initializer: called once in each process.
+        initargs: its first arguments. They have to be small: if a process cannot start, their pipe blocks forever.
+        sent: its other arguments, of any size; they are pickled to a file.
 
     Raises:
-        UsageError: no process could start, as when a script lacks `if __name__ == "__main__":`.
+        UsageError: no process could start, for example because a script lacks `if __name__ == "__main__":`.
         ModelError: a process has ended by itself.
     """
     leave_if_imported_again()
@@ -87,14 +87,14 @@ def worker_pool(
 
 
 def payload(what: Any, name: str) -> bytes:
-    """Return something as bytes for a worker process; classes of a user's own file, or of a notebook, arrive too.
+    """Return an object as bytes for a worker process; its class may be from a user's file or a notebook.
 
     Args:
-        what: to send.
-        name: of it, for errors.
+        what: the object to send.
+        name: its name in errors.
 
     Raises:
-        UsageError: it holds what cannot be sent.
+        UsageError: the object cannot be pickled.
     """
     import cloudpickle  # here, as `ehar --help` does not wait for it
 
@@ -109,7 +109,7 @@ def payload(what: Any, name: str) -> bytes:
 
 
 def call(sent: bytes, *arguments: Any) -> Any:
-    """Call, in a worker process, a function that was sent as bytes of (function, its first argument)."""
+    """Call a function in a worker process; `sent` is the bytes of (function, its first argument)."""
     import cloudpickle  # here, as `ehar --help` does not wait for it
 
     function, first = cloudpickle.loads(sent)
@@ -120,14 +120,14 @@ def _start_worker(
     started: Event, initializer: Callable[..., None] | None, initargs: tuple[Any, ...], file: Path
 ) -> None:
     started.set()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears Ctrl-C too, and ends its workers
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent receives Ctrl-C too, and ends its workers
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if initializer is not None:
         initializer(*initargs, *pickle.loads(file.read_bytes()))
 
 
 def _end_with_parent() -> None:
-    """End this process when its parent ends; otherwise a training would go on beside the one that replaces it."""
+    """End this process when its parent ends; otherwise a stopped training would run on beside its successor."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     wait([parent.sentinel])

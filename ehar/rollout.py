@@ -1,4 +1,4 @@
-"""The rollout loop: it senses, recognises, plans and moves every frame of a batch of episodes in lockstep."""
+"""The rollout loop: in each frame, all episodes of a batch sense, recognise, plan and move together."""
 
 import time
 from collections.abc import Sequence
@@ -24,9 +24,9 @@ class Batch:
 
     Args:
         positions: (B, L, P, J, 3) [m], relative to each scenario's centre.
-        labels: (B,).
+        labels: (B,) true classes.
         starts: (B, 3) start viewpoints.
-        noise: (B, L, ...), random draws of the sensor.
+        noise: (B, L, ...) random draws of the sensor.
         names: names of the episodes in error messages.
     """
 
@@ -87,7 +87,7 @@ class Record:
 
     viewpoints: FloatArray  # (B, L, 3), where the camera was
     log_probs: FloatArray  # (B, L, K), after each frame
-    plan_seconds: float  # spent in the planner, over all episodes and frames
+    plan_seconds: float  # time in the planner, over all episodes and frames [s]
 
 
 def rollout(
@@ -98,8 +98,8 @@ def rollout(
     Frame 0 is seen from the start viewpoint; after each frame but the last the planner moves the camera.
 
     Raises:
-        EpisodeError: a start lies outside of the workspace; planner, recogniser, sensor or motion raised something, or
-            returned arrays of other shapes, or such that are not finite.
+        EpisodeError: a start lies outside of the workspace; or planner, recogniser, sensor or motion raised an error,
+            or returned arrays of other shapes, or arrays that are not finite.
     """
     _check_starts(batch, context)
     episodes, length = batch.positions.shape[:2]
@@ -114,7 +114,9 @@ def rollout(
 
     moving = f"motion {type(motion).__name__}"
     with blamed(motion, f"{moving}, reset"):
-        motion.reset(viewpoint.copy(), context.frame_time)  # a copy, as other planners begin at these viewpoints too
+        motion.reset(
+            viewpoint.copy(), context.frame_time
+        )  # a copy, because other planners begin at these viewpoints too
     with blamed(planner, f"planner {planner.name!r}, reset"):
         planner.reset(context)
     seeing = f"recogniser {type(recogniser).__name__}"
@@ -154,13 +156,13 @@ def rollout(
 
 
 def check_recognition(recognition: Recognition, recogniser: Recogniser, episodes: int, frame: str) -> None:
-    """Raise an EpisodeError, which names recogniser and frame, unless arrays are finite and of the contract's shapes.
+    """Raise an EpisodeError that names recogniser and frame unless both arrays are finite and have the right shapes.
 
     Args:
-        recognition: of unforked episodes.
-        recogniser: whose it is.
-        episodes: B.
-        frame: which it is.
+        recognition: recognition of episodes without forks.
+        recogniser: the recogniser that returned it.
+        episodes: the number of episodes, B.
+        frame: name of the frame: "frame 3".
     """
     where = f"recogniser {type(recogniser).__name__}, {frame}"
     parts: tuple[tuple[str, Any, int], ...] = (
@@ -175,15 +177,15 @@ def check_recognition(recognition: Recognition, recogniser: Recogniser, episodes
 
 
 def finite_viewpoints(reached: Any, episodes: int, where: str) -> FloatArray:
-    """Return the viewpoints (B, 3) that a motion reached, or raise an EpisodeError that says what they are."""
+    """Return the viewpoints (B, 3) that a motion reached; raise an EpisodeError unless they are finite and (B, 3)."""
     return _finite(reached, (episodes, 3), f"{where}: viewpoints")
 
 
 def finite_rates(motion: Motion, name: str, episodes: int, frame: int) -> FloatArray:
-    """Return the velocity or the acceleration of a motion (B, 3), which may give one number for all.
+    """Return the velocity or the acceleration (B, 3) of a motion; the motion may give one number for all.
 
     Raises:
-        EpisodeError: they are something else.
+        EpisodeError: the rates are not finite, or have another shape.
     """
     where = f"motion {type(motion).__name__}, frame {frame}"
     with blamed(motion, where):
@@ -194,7 +196,7 @@ def finite_rates(motion: Motion, name: str, episodes: int, frame: int) -> FloatA
 
 
 def _finite(array: Any, expected: tuple[int, ...], what: str) -> FloatArray:
-    """Return what a motion says as finite float64 of some shape, or raise an error that says what it is."""
+    """Return an array of a motion as float64; raise an error if it is not finite or has another shape."""
     try:
         found = np.array(array, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -217,7 +219,7 @@ def _check_starts(batch: Batch, context: Context) -> None:
 
 
 def _checked(target: FloatArray, planner: Planner, batch: Batch, frame: int) -> FloatArray:
-    """Return the targets as float64, or raise an error that names planner, episode and frame."""
+    """Return the targets as float64; raise an error that names planner, episode and frame if they are wrong."""
     expected = (len(batch.labels), 3)
     try:
         targets = np.asarray(target, dtype=np.float64)

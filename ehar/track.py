@@ -1,4 +1,4 @@
-"""Tracks: how cameras move. `ideal` is the paper's grid; else a vehicle carries the camera, or a motion of your own."""
+"""Tracks: how cameras move. `ideal` is the paper's grid; a vehicle or your own motion can carry the camera instead."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ class Track:
     """How cameras move.
 
     Args:
-        name: what planners call it.
-        vehicle: what carries the camera, as planners are told; None where none does.
-        own: makes a new motion of your own.
-        spec: of your own: how it was named; of an object, its name.
-        sha256: of your own: of its file and arguments.
+        name: name of the track for planners.
+        vehicle: the vehicle that carries the camera; planners are told about it. None if there is none.
+        own: makes a new object of your own motion.
+        spec: for your own motion, the text that named it; for an object, its name.
+        sha256: for your own motion, the hash of its file and arguments.
     """
 
     name: str = IDEAL
@@ -33,34 +33,35 @@ class Track:
 
     @property
     def named(self) -> str:
-        """What records call it."""
+        """Its name in records."""
         return self.name if self.spec is None else self.spec
 
     def new_motion(self) -> Motion:
-        """Return a new body that moves on the grid, flies as the vehicle does, or is your own.
+        """Return a new motion: on the grid, in flight, or your own.
 
         Raises:
-            UsageError: your own cannot be made.
+            UsageError: your own motion cannot be made.
         """
         if self.own is not None:
             return self.own()
         if self.vehicle is None:
             return GridMotion()
-        from ehar.flight.motion import FlightMotion  # here, as it brings Ruckig, which `ehar --help` does not wait for
+        from ehar.flight.motion import FlightMotion  # imported here: too slow for `ehar --help`
 
         return FlightMotion(vehicle=self.vehicle)
 
 
 def load_track(track: str | Path | Vehicle | Motion) -> Track:
-    """Return the track that is meant.
+    """Return the track that a name or an object means.
+
+    Your own motion is made again for each batch of episodes; an object is copied for each.
 
     Args:
-        track: a name, a vehicle file (.json), a vehicle; or your own motion, `path/to/file.py:Class` or
-            `package.module:Class`, with or without `(argument=value, ...)`, which is made anew for each batch of
-            episodes, or an object, which is copied for each.
+        track: a name, a vehicle file (.json), a vehicle, or your own motion: an object, or `path/to/file.py:Class` or
+            `package.module:Class`, with or without `(argument=value, ...)`.
 
     Raises:
-        UsageError: there is no such track, its file is not that of a vehicle, or your own is no motion.
+        UsageError: there is no such track, the file is no vehicle file, or your own class is no motion.
     """
     if isinstance(track, Vehicle):
         return Track(track.name, track)
@@ -82,7 +83,7 @@ def load_track(track: str | Path | Vehicle | Motion) -> Track:
 
 def _own(track: object) -> Track:
     """Return the track of your own motion."""
-    from ehar.plugins.own_class import Contract, bring  # here, as `ehar --help` does not wait for cloudpickle
+    from ehar.plugins.own_class import Contract, bring  # imported here: too slow for `ehar --help`
 
     contract = Contract("motion", Motion, ("reset", "advance"), ("workspace", "velocity", "acceleration"))
     own = bring(track, contract, {})
@@ -93,7 +94,7 @@ def _own(track: object) -> Track:
         raise UsageError(f"{own.what}: name: expected a line of text, got {name!r}")
     if name in (IDEAL, *VEHICLES):
         raise UsageError(f"{own.what}: name: expected another than {name!r}, which is a track of ehar")
-    own.make()  # so that what cannot be copied is said before anything runs
+    own.make()  # so that an object that cannot be copied is refused before the run
     vehicle = getattr(own.made, "vehicle", None)
     spec = own.spec if isinstance(track, str) else name
     return Track(name, vehicle if isinstance(vehicle, Vehicle) else None, own.make, spec, own.sha256)

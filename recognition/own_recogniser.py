@@ -1,4 +1,4 @@
-"""Your own recognisers: from a file or a module, made for the data that they will see."""
+"""Your own recognisers: objects, or classes from a file or a module, made for the data that they will see."""
 
 from ehar.data.motion_data import MotionData
 from ehar.errors import ModelError, UsageError
@@ -9,13 +9,13 @@ CONTRACT = Contract("recogniser", Recogniser, ("start", "step"), ("class_names",
 
 
 def resolve_recogniser(brought: str | Recogniser, data: MotionData) -> Own:
-    """Return a recogniser of your own that fits the data.
+    """Return your own recogniser, checked against the classes of the data.
 
-    A constructor that has arguments called `class_names`, `skeleton`, `persons` or `fps` is handed those of the data.
+    A constructor with arguments called `class_names`, `skeleton`, `persons` or `fps` is handed those of the data.
 
     Args:
-        brought: an object, or how it is named.
-        data: what it will be used on.
+        brought: an object, or the text that names its class.
+        data: the data that it will see.
 
     Raises:
         UsageError: the recogniser cannot be loaded or made, or the object is not a recogniser.

@@ -16,11 +16,11 @@ class Setting:
     """The setting in which planners are compared.
 
     Args:
-        conditions: that were asked for, with names in place of objects, as records have them.
-        runner: rolls planners in it.
-        recogniser_sha256: of the recogniser's weights; of your own, of its file and arguments.
-        form: of the recogniser; of your own, what tables call it.
-        sensor_sha256: of the file and arguments of a sensor of your own; None for ours.
+        conditions: the conditions, with names in place of objects, as in records.
+        runner: runs planners in this setting.
+        recogniser_sha256: hash of the recogniser's weights; for your own recogniser, of its file and arguments.
+        form: form of the recogniser; for your own, its name in tables.
+        sensor_sha256: hash of the file and arguments of your own sensor; None for a sensor of ehar.
     """
 
     conditions: Conditions
@@ -31,7 +31,7 @@ class Setting:
 
     @property
     def track_sha256(self) -> str | None:
-        """The hash of the file and arguments of a motion of your own; None for ours."""
+        """The hash of the file and arguments of your own motion; None for a track of ehar."""
         return self.runner.track.sha256
 
     @property
@@ -41,7 +41,7 @@ class Setting:
 
     @property
     def sequences(self) -> IntArray:
-        """The sequences of the part that was asked for."""
+        """The sequences of the part that the conditions name."""
         return part_of(self.data, self.conditions.part)
 
 
@@ -49,9 +49,9 @@ def load_motion_of(conditions: Conditions) -> MotionData:
     """Load the motion that conditions name or hold, at their frame rate.
 
     Raises:
-        EharError: it is unknown, missing or malformed.
+        EharError: the motion is unknown, missing or malformed.
     """
-    from ehar.data.source import load_data  # here: it loads scipy, and `ehar --help` does not wait for that
+    from ehar.data.source import load_data  # imported here: too slow for `ehar --help`
 
     given = conditions.data
     if isinstance(given, MotionData):
@@ -69,7 +69,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     Raises:
         EharError: one of them is unknown, missing or malformed, or they do not fit each other.
     """
-    # Here, as they bring torch, which `ehar --help` does not wait for.
+    # Imported here: they bring torch, too slow for `ehar --help`.
     from ehar.sensors.registry import load_sensor
     from recognition.storage import load_recogniser
 

@@ -1,4 +1,4 @@
-"""A labelled motion data set in memory: what an .npz of the schema holds."""
+"""A labelled motion data set in memory: the content of an .npz of the schema."""
 
 import hashlib
 import math
@@ -22,12 +22,12 @@ class MotionData:
         name: name of the data in reports.
         positions: (total_frames, P, J, 3) float32 [m], all sequences one after another.
         offsets: (sequences + 1,) int64; sequence i is `positions[offsets[i]:offsets[i + 1]]`.
-        labels: (sequences,) index into `class_names`.
+        labels: (sequences,) indices into `class_names`.
         class_names: K names.
         sequence_names: one name per sequence.
         fps: frames per second.
         skeleton: the skeleton of one person.
-        is_test: (sequences,) bool, which sequences are for tests; None for data without a split.
+        is_test: (sequences,) bool, True for test sequences; None for data without a split.
         subjects: (sequences, P) ints, the performers; -1 is unknown.
         license: the license of the motion.
         synthetic: whether the motion was generated.
@@ -47,11 +47,11 @@ class MotionData:
     synthetic: bool = False
 
     def __repr__(self) -> str:
-        """Return a line: how much motion there is, and of whom."""
-        of_whom = f"{self.persons} person{'s' * (self.persons != 1)} of {len(self.skeleton.joint_names)} joints"
+        """Return one line: sequences, frames, persons, joints and classes."""
+        persons = f"{self.persons} person{'s' * (self.persons != 1)} of {len(self.skeleton.joint_names)} joints"
         return (
             f"MotionData({self.title}: {len(self.labels)} sequences, {len(self.positions)} frames at {self.fps:g} fps, "
-            f"{of_whom}, {len(self.class_names)} classes)"
+            f"{persons}, {len(self.class_names)} classes)"
         )
 
     @property
@@ -89,7 +89,7 @@ class MotionData:
     def resampled(self, fps: float) -> "MotionData":
         """Return the data at another frame rate: linear interpolation in time, each sequence by itself.
 
-        Motion slower than half the new rate is kept; nothing filters what is faster, as no camera would.
+        There is no filter against aliasing, because a camera has none: motion above half the new rate is not removed.
 
         Raises:
             UsageError: the rate is not above 0.
@@ -109,9 +109,9 @@ class MotionData:
 
 
 def interpolated(motion: FloatArray, times: FloatArray) -> FloatArray:
-    """Return motion (T, P, J, 3) at `times` (S,), in frames from its first, linearly interpolated: (S, P, J, 3).
+    """Return motion (T, P, J, 3) at `times` (S,), in frames after its first, linearly interpolated: (S, P, J, 3).
 
-    Times after the last frame show the last frame.
+    A time after the last frame gives the last frame.
     """
     before = np.minimum(times.astype(np.int64), len(motion) - 1)
     after = np.minimum(before + 1, len(motion) - 1)

@@ -38,7 +38,7 @@ def load_motion(path: str | Path) -> MotionData:
 
 
 def save_motion(path: str | Path, data: MotionData) -> None:
-    """Write motion data as an .npz of the schema; one more array, `synthetic`, is there where the motion is.
+    """Write motion data as an .npz of the schema; a file of synthetic motion has one more array, `synthetic`.
 
     The file appears whole or not at all, and only if `load_motion` would accept it.
 
@@ -88,7 +88,7 @@ def _one_line(error: BaseException) -> str:
 
 @dataclass(frozen=True)
 class _Fields:
-    """The arrays of one file, handed out once their type and shape have been checked."""
+    """The arrays of one file; each is checked for type and shape when it is read."""
 
     where: str
     arrays: Mapping[str, Array]
@@ -112,7 +112,7 @@ class _Fields:
         return array
 
     def names(self, field: str, *shape: int | str) -> tuple[str, ...]:
-        """Return a (n,) array of names that all differ."""
+        """Return names (n,); all of them have to differ."""
         names = tuple(str(name) for name in self.get(field, _TEXT, *shape))
         twice = sorted({name for name in names if names.count(name) > 1}) if len(set(names)) < len(names) else []
         if twice:
@@ -191,7 +191,7 @@ def _parse_skeleton(fields: _Fields, joints: int) -> Skeleton:
 
 
 def _parse_fps(fields: _Fields) -> float:
-    # Through text, so that a float32 of 29.97 reads 29.97 and a saved file keeps its hash.
+    # By way of text, so that a float32 of 29.97 becomes 29.97, and a saved file keeps its hash.
     fps = float(str(np.float32(fields.get("fps", _NUMBER)[()])))
     if not (np.isfinite(fps) and fps > 0):
         raise fields.error("fps", f"got {fps}, expected frames per second above 0")

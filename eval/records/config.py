@@ -18,7 +18,7 @@ from planners.own_planner import Origin, planner_source_sha256
 from recognition.setting import Setting
 
 CONFIG = "config.json"
-SCHEMA = 1  # of a run's files; raised when their form or meaning changes
+SCHEMA = 1  # of the files of a run; raised when their form or meaning changes
 PACKAGES = ("ehar", "numpy", "torch", "casadi", "filterpy", "ruckig")  # their versions decide numbers
 
 
@@ -50,9 +50,9 @@ class RunConfig:
         planners: the planners that ran.
         versions: versions of the packages that decide numbers.
         ideal: folder of the run that flights were compared with; it decides part of summary.json.
-        schema: of all files of the run.
-        sensor_sha256: of the file and arguments of a sensor of your own; None for ours.
-        track_sha256: of those of a motion of your own; likewise.
+        schema: schema number of all files of the run.
+        sensor_sha256: hash of the file and arguments of your own sensor; None for a sensor of ehar.
+        track_sha256: hash of the file and arguments of your own motion; None for a track of ehar.
     """
 
     conditions: Conditions

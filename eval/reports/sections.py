@@ -1,4 +1,4 @@
-"""The sections of a report that show figures: each is an entry of `SECTIONS`."""
+"""The sections of a report that show figures, in `SECTIONS`."""
 
 from eval.reports.behaviour_figures import moves, moves_text, position, sphere
 from eval.reports.figures import accuracy_figure, cost_against_motion, cost_against_time
@@ -12,9 +12,9 @@ ACCURACY = Section(
     link="Accuracy",
     heading="Accuracy over the observed share",
     text=(
-        "How many episodes are recognised once a share of their frames has been seen. The earlier a line rises, the "
-        "earlier its planner knows. Bands are 95 % intervals of each point: of the planner in focus, no-act and the "
-        "oracle."
+        "The share of episodes that are recognised after a share of their frames. The earlier a line rises, the "
+        "earlier its planner recognises them. Bands are 95 % intervals of each point, for the planner in focus, no-act "
+        "and the oracle."
     ),
     figures=(
         (
@@ -31,9 +31,9 @@ COST = Section(
     link="Cost",
     heading="Accuracy against its cost",
     text=(
-        "Up is more accurate, left is cheaper. The dotted line is the Pareto front: planners without the truth on it, "
-        "drawn larger, are beaten by none that costs as little. Bars are 95 % intervals. Times are of the machine that "
-        "ran this."
+        "Up is more accurate, left is cheaper. The dotted line is the Pareto front of planners without the truth: no "
+        "planner that costs as little is more accurate. Planners on it are drawn larger. Bars are 95 % intervals. "
+        "Times depend on the machine."
     ),
     figures=(
         (
@@ -55,9 +55,9 @@ CALIBRATION = Section(
     link="Calibration",
     heading="Calibration",
     text=(
-        "Of the answers that were this sure, how many were right. On the diagonal, probabilities can be taken at their "
-        "word; below it, the recogniser is surer than it should be from the views that the planner chose. Bars show "
-        "where its answers lie."
+        "The share of right answers among answers of the same probability. On the diagonal, probabilities are right; "
+        "below it, the recogniser is too sure, from the views that the planner chose. Bars show how often it gives "
+        "each probability."
     ),
     figures=((ReportFigure("calibration", "Reliability diagram of the planner in focus", calibration),),),
 )
@@ -73,9 +73,9 @@ CLASSES = Section(
                 draw=gains,
                 heading="Against no-act",
                 text=(
-                    "By how much the planner in focus is more accurate than no-act in each class. An interval is over "
-                    "the sequences of that class alone and not corrected for the number of classes: one in 20 "
-                    "excludes zero by chance."
+                    "The accuracy of the planner in focus minus that of no-act, in each class. Each interval is over "
+                    "the sequences of its class, without a correction for the number of classes: one in 20 excludes "
+                    "zero by chance."
                 ),
                 missing=f"Needs {NO_ACT} in the run, and another planner in focus.",
             ),
@@ -85,7 +85,7 @@ CLASSES = Section(
                 draw=confused,
                 heading="Taken for",
                 text=(
-                    "In what share of its frames each true class is taken for each other, in percent. The diagonal is "
+                    "The share of frames of each true class that are taken for each class, in percent. The diagonal is "
                     "right; a strong cell beside it is a pair that this planner's views do not tell apart."
                 ),
             ),

@@ -161,7 +161,7 @@ def _run_here(workload: Workload, planners: Sequence[Planner], jobs: Sequence[_J
 def _run_in_workers(
     workload: Workload, planners: Sequence[Planner], jobs: Sequence[_Job], workers: int
 ) -> Iterator[tuple[_Job, _Done]]:
-    """Run the jobs in processes of their own, each of which is handed the workload once."""
+    """Run the jobs in worker processes; each process receives the workload once."""
     payloads = [payload(planner, f"planner {planner.name!r}") for planner in planners]
     everything = payload(workload, "the recogniser, the sensor or the motion")
     futures: dict[Future[_Done], _Job] = {}
@@ -176,7 +176,7 @@ _worker_workload: Workload
 
 
 def _start_worker(sent: bytes) -> None:
-    """Receive the workload, once a process."""
+    """Receive the workload, once in each process."""
     import torch
 
     global _worker_workload
@@ -185,5 +185,5 @@ def _start_worker(sent: bytes) -> None:
 
 
 def _run_in_worker(sent: bytes, chunk: int) -> _Done:
-    """Run one planner, as pickled, over one chunk."""
+    """Unpickle a planner, and run it over one chunk."""
     return _run_chunk(_worker_workload, cloudpickle.loads(sent), chunk)

@@ -80,10 +80,10 @@ class PlannerSummary:
 
 
 def parse_planner(held: dict[str, Any], where: str) -> PlannerSummary:
-    """Return what is said of one planner; flights and plans lie flat beside the rest.
+    """Parse a planner's object in summary.json; the numbers of flights and plans are flat beside the others.
 
     Raises:
-        DataError: it is not what `PlannerSummary.to_json` gives; `where` and the field are named.
+        DataError: the object is not a result of `PlannerSummary.to_json`; the error names `where` and the field.
     """
     metrics = {metric.key: held[metric.key] for metric in METRICS if metric.key in held}
     flown = {key: held.get(key) for key in KEYS}
@@ -96,7 +96,7 @@ def parse_planner(held: dict[str, Any], where: str) -> PlannerSummary:
         plans = sum(count for count in solves.values() if isinstance(count, int))
         fallbacks = round(share * plans) if isinstance(share, float) and 0 <= share <= 1 else share
         nested["solves"] = {"counts": solves, "fallbacks": fallbacks}
-    text = json.dumps(nested)  # what is no finite number is refused below
+    text = json.dumps(nested)  # numbers that are not finite are refused below
     planner = parse_json(text, PlannerSummary, where, "a planner's summary", unknown=True, defaults=True)
     missing = [str(percent) for percent in ACC_AT if str(percent) not in planner.acc]
     if missing:

@@ -25,7 +25,7 @@ class GroupsHere:
         self._groups = [Group(make_env, setting) for setting in groups]
 
     def send(self, moves: IntArray | None) -> None:
-        """Carry out the moves of all groups, which follow one another; None begins new episodes."""
+        """Carry out moves, group after group in one array; None begins new episodes."""
         if moves is None:
             self._answer: list[Any] = [group.reset() for group in self._groups]
         else:
@@ -51,14 +51,14 @@ class GroupsThere:
         self._process = context.Process(target=_serve, args=(theirs,))
         self._process.daemon = True
         self._process.start()
-        theirs.close()  # so that only the process holds it, and its end is noticed here
+        theirs.close()  # so that only the process holds this end, and we notice when the process ends
         try:
             self._pipe.send_bytes(cloudpickle.dumps((make_env, list(groups))))
         except OSError as error:
             raise self._ended() from error
 
     def send(self, moves: IntArray | None) -> None:
-        """Send the moves of all groups, which follow one another; None begins new episodes."""
+        """Send moves, group after group in one array; None begins new episodes."""
         try:
             self._pipe.send(moves)
         except OSError as error:
@@ -87,8 +87,8 @@ class GroupsThere:
 
 
 def _serve(pipe: Connection) -> None:
-    """Answer calls until the other end is closed, or its process is gone; an error answers all calls after it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears Ctrl-C too, and closes the pipe
+    """Answer calls until the other end is closed or its process is gone; after an error, every answer is that error."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent receives Ctrl-C too, and closes the pipe
     torch.set_num_threads(1)
     failed: Exception | None = None
     try:

@@ -38,7 +38,7 @@ def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> lis
 
     Raises:
         EharError: data or recogniser are missing or do not fit, an option makes no sense, a loss is not finite, or
-            the result of another training is in the way.
+            a file of another training is in the way.
     """
     config.check()
     world = TrainingWorld.load(config)
@@ -63,7 +63,7 @@ def demonstrations_of(
     config: AgentTrainingConfig, setting: ImitationSetting, world: TrainingWorld, report: Report
 ) -> Demonstrations:
     """Return all rounds of demonstrations; from the second on, an agent cloned from the earlier rounds acts."""
-    acts = config.without if setting.rounds > 1 else "none"  # the left-out encoder of the acting agent
+    acts = config.without if setting.rounds > 1 else "none"  # the encoder that the acting agent leaves out
     key = json.dumps(
         [asdict(setting), config.variations_of_each, config.conditions.length, config.conditions.fps, acts],
         sort_keys=True,
@@ -97,7 +97,7 @@ def demonstrations_of(
 def _imitate(
     runs: Sequence[StageRun], world: TrainingWorld, demonstrations: Demonstrations, workers: int, report: Report
 ) -> None:
-    """Clone for several seeds, each in its own process."""
+    """Clone agents for several seeds, each in its own process."""
     if len(runs) == 1 or workers == 1:
         for done, run in enumerate(runs, 1):
             run.imitate(world, demonstrations)
@@ -115,19 +115,19 @@ _imitated: tuple[TrainingWorld, Demonstrations]
 
 
 def _start_imitating(sent: bytes) -> None:
-    """Receive what is cloned, once a process."""
+    """Receive the world and the demonstrations, once in each process."""
     global _imitated
     config, demonstrations = cloudpickle.loads(sent)
     _imitated = TrainingWorld.load(config), demonstrations
 
 
 def _imitate_here(run: StageRun) -> None:
-    """Clone for one seed in this process."""
+    """Clone the agent of one seed in this process."""
     run.imitate(*_imitated)
 
 
 def _optimise(runs: Sequence[StageRun], world: TrainingWorld, workers: int, report: Report, note: Note) -> None:
-    """Run PPO for several seeds, each in its own process; a single seed has its environments in several processes."""
+    """Run PPO for several seeds, each in its own process; one seed alone spreads its environments over processes."""
     for run in runs:
         run.start(world)  # raises at once if something is missing
     if len(runs) == 1 or workers == 1:
@@ -152,7 +152,7 @@ def _optimise(runs: Sequence[StageRun], world: TrainingWorld, workers: int, repo
 
 
 def _pass_on(heard: "Queue[Any]", report: Report, note: Note) -> None:
-    """Report what processes have sent so far."""
+    """Pass on all notes and progress that processes have sent so far."""
     while True:
         try:
             what = heard.get_nowait()
@@ -168,7 +168,7 @@ _heard: "Queue[Any]"
 
 
 def _start(heard: "Queue[Any]") -> None:
-    """Receive the queue for progress, once for each process."""
+    """Receive the queue for progress, once in each process."""
     global _heard
     _heard = heard
 

@@ -44,7 +44,7 @@ def test_numbers_are_whole_and_not_too_small(field: str, least: int) -> None:
 def test_a_recogniser_of_a_user_s_own_has_no_form(own: Any) -> None:
     assert Conditions(recogniser=own).form == "causal"
     message = refusal(recogniser=own, form="ctrgcn")
-    assert message == "form: expected none beside a recogniser of your own, got ctrgcn"
+    assert message == "form: expected none beside your own recogniser, got ctrgcn"
 
 
 def test_every_known_word_is_taken() -> None:

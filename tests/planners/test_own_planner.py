@@ -1,4 +1,4 @@
-"""Planners of one's own: by file, by module, by entry point."""
+"""A user's own planners: by file, by module, by entry point."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""Recognisers of one's own: loaded, made for the data, and run under planners."""
+"""A user's own recognisers: loaded, made for the data, and run under planners."""
 
 import json
 from pathlib import Path
@@ -126,7 +126,7 @@ def test_who_needs_ours_is_refused(tmp_path: Path) -> None:
         run(["no-act", "il"], recogniser=FakeRecogniser(), models=tmp_path)
     with pytest.raises(ModelError, match=r"^no gain field was trained for this recogniser"):
         run(["no-act"], recogniser=FakeRecogniser(), readout="belief")
-    with pytest.raises(UsageError, match=r"^form: expected none beside a recogniser of your own, got ctrgcn$"):
+    with pytest.raises(UsageError, match=r"^form: expected none beside your own recogniser, got ctrgcn$"):
         run(["no-act"], recogniser=FakeRecogniser(), form="ctrgcn")
 
 

@@ -1,4 +1,4 @@
-"""How a class of one's own is named."""
+"""The names of a user's own classes."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""Flags after a class of one's own."""
+"""Flags after a user's own class."""
 
 import pytest
 

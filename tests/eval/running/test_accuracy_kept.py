@@ -52,7 +52,11 @@ def of(**hashes: str | None) -> tuple[PlannerConfig, ...]:
         (of(il_0="a", il_1="b"), of(il_1="b", il_2="c", mine=None), None),  # only planners in both are compared
         (of(mine=None), of(mine=None), None),
         (of(il_0="a", il_1="b"), of(il_0="a", il_1="c"), "il/1 differ: expected sha256 c, got b"),
-        (of(il_0="a"), of(il_0=None), "il/0 differ: expected sha256 None, got a"),  # one of one's own by that name
+        (
+            of(il_0="a"),
+            of(il_0=None),
+            "il/0 differ: expected sha256 None, got a",
+        ),  # the user's own planner is called il/0
         (of(il_0=None), of(il_0="a"), "il/0 differ: expected sha256 a, got None"),
     ],
 )

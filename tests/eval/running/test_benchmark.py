@@ -1,4 +1,4 @@
-"""A benchmark: the same episodes for all, the same bytes each time, and planners of one's own."""
+"""A benchmark: the same episodes for all, the same bytes each time, and a user's own planners."""
 
 import json
 import signal

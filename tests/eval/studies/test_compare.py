@@ -214,7 +214,9 @@ def test_a_run_from_before_schemas_differs_in_nothing_that_was_added_since(tmp_p
     for planner in held["planners"]:
         del planner["arguments"], planner["source_sha256"]
     of_b = json.loads((b / CONFIG).read_text())
-    of_b["planners"][-1].update(arguments={"radius": 5}, source_sha256="1")  # one's own, which the older run just names
+    of_b["planners"][-1].update(
+        arguments={"radius": 5}, source_sha256="1"
+    )  # a user's own planner; the older run has only its name
     (b / CONFIG).write_text(json.dumps(of_b))
     (a / CONFIG).write_text(json.dumps(held))
     for one, other in ((a, b), (b, a)):

@@ -1,4 +1,4 @@
-"""A run of planners and a recogniser of one's own: what was recorded of them suffices to make them again."""
+"""A run with a user's own planners and recogniser: they can be made again from the records."""
 
 import json
 import sys
