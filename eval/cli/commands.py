@@ -3,28 +3,23 @@
 from collections.abc import Mapping
 from inspect import cleandoc
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol, Union
+from typing import NamedTuple, Union
 
 from ehar.data.readers import READERS
 from eval.cli.command import REQUIRED, Command, Flag
-from eval.render.console import output_console, print_tables
-
-if TYPE_CHECKING:
-    from ehar.data.motion_data import MotionData
-    from eval.conformance.checks import Conformance
-    from eval.render.tables import Table
-    from eval.replays.replay import WrittenReplay
-    from eval.running.run import Run
-    from eval.running.training import Trained
-    from eval.verification.checks import Verification
-
-
-class HasTables(Protocol):
-    """The result of a study."""
-
-    def tables(self) -> "list[Table]":
-        """Return the tables of the result."""
-        ...
+from eval.cli.show import (
+    save_data,
+    show_conformance,
+    show_path,
+    show_replay,
+    show_result,
+    show_run,
+    show_speed,
+    show_table,
+    show_tables,
+    show_trained,
+    show_verification,
+)
 
 
 class CommandGroup(NamedTuple):
@@ -59,86 +54,6 @@ TRAINED_ANEW = {  # flags of trainings of a recogniser
     "data": Flag(default=REQUIRED),
     "views": Flag("cameras to train on: moving, or paper (32 static ones)."),
 }
-
-
-def show_run(run: "Run", *, report: bool = True) -> None:
-    """Print a run's tables.
-
-    Args:
-        run: the finished run.
-        report: write report.html too, as ehar report does.
-    """
-    print_tables(*run.summary.tables())
-    if report and run.directory is not None:
-        from eval.reports.page import make_report  # imported here: it brings plotly
-
-        print(f"report: {make_report(run.directory)}")
-
-
-def show_tables(tables: "Table | list[Table] | tuple[Table, ...]") -> None:
-    """Print a table, or several."""
-    print_tables(*(tables if isinstance(tables, list | tuple) and not hasattr(tables, "title") else [tables]))
-
-
-def show_result(result: "HasTables") -> None:
-    """Print the tables of a study."""
-    print_tables(*result.tables())
-
-
-def show_speed(figures: dict[str, float]) -> None:
-    """Print the measured times beside their targets."""
-    from eval.speed.bench import bench_table  # imported here: it brings torch
-
-    show_tables(bench_table(figures))
-
-
-def show_path(path: Path) -> None:
-    """Print the path that was written."""
-    print(f"written to {path}")
-
-
-def show_replay(written: "WrittenReplay") -> None:
-    """Print what a replay shows, and its path."""
-    print("; ".join([f"episode {written.episode}, {' and '.join(written.planners)}", *written.why]))
-    show_path(written.path)
-
-
-def save_data(data: "MotionData", *, out: Path) -> None:
-    """Write prepared data, and print a summary.
-
-    Args:
-        data: the prepared data.
-        out: .npz to write.
-    """
-    from ehar.data.motion_file import save_motion
-    from ehar.errors import UsageError
-
-    if out.suffix != ".npz":
-        raise UsageError(f"{out}: expected a path that ends in .npz")
-    save_motion(out, data)
-    output_console().print(
-        f"{out}: {len(data.labels)} sequences of {len(data.class_names)} classes, {data.fps:g} frames/s"
-    )
-
-
-def show_trained(trained: "Trained") -> None:
-    """Print the results of a training."""
-    for line in trained.lines:
-        print(line)
-
-
-def show_conformance(found: "Conformance") -> int:
-    """Print the checks; return 1 if one failed."""
-    print(found)
-    return 0 if found.passed else 1
-
-
-def show_verification(found: "Verification") -> int:
-    """Print the checks; return 1 if one failed."""
-    print_tables(found.table)
-    for line in (*found.notes, found.verdict):
-        print(line)
-    return 0 if found.difference is None else 1
 
 
 BENCHMARK = Command(
@@ -190,7 +105,7 @@ DATA = CommandGroup(
         "prepare": PREPARE,
         "describe": Command(
             "eval.studies.describe:describe",
-            show_tables,
+            show_table,
             text="""Print what some data hold, class by class.
 
             For example:
