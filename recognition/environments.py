@@ -40,8 +40,6 @@ def _load(conditions: Conditions, track: str) -> EpisodeTask:
             "own is not known"
         )
     vehicle = setting.runner.track.vehicle
-    if setting.runner.track.own is not None:
-        raise UsageError(f"track {setting.runner.track.name}: expected ideal or a vehicle, which actions are known for")
     return EpisodeTask(
         scenarios=windows(setting.data, setting.sequences, conditions.length, 1),
         recogniser=setting.runner.recogniser,

@@ -47,6 +47,11 @@ def test_a_motion_of_ones_own_carries_the_camera(own: Path) -> None:
     np.testing.assert_array_equal(slow[:, 2], slow[:, 3])
 
 
+def test_rates_may_be_one_number(own: Path) -> None:
+    record = roll(load_track(f"{own}:Hovering"))
+    np.testing.assert_array_equal(record.viewpoints, roll(load_track(f"{own}:Slow")).viewpoints)
+
+
 def test_an_object_is_copied_each_time() -> None:
     mine = GridMotion()
     track = load_track(mine)
@@ -69,6 +74,8 @@ def test_an_object_is_copied_each_time() -> None:
         ("Rateless", "expected what ehar.motion.Motion has, missing: velocity, acceleration"),
         ("Boundless", "workspace: expected an ehar.viewpoint.Workspace, got str"),
         ("Ideal", "name: expected another than 'ideal', which is a track of ehar"),
+        ("Nameless", "name: expected a line of text, got ' '"),
+        ("Single", "its constructor raised RuntimeError: one is enough ({own}, line "),
         ("Slow(every='often')", "every: expected int, got 'often'"),
         ("Unborn", "its constructor raised RuntimeError: no battery ({own}, line "),
     ],
@@ -95,6 +102,7 @@ def test_what_is_no_motion() -> None:
         ("Stalling", r"RuntimeError: no power \({own}, line \d+\)$"),
         ("Flat", r"viewpoints: expected finite numbers of shape \(6, 3\), got \(6, 2\)$"),
         ("Lost", r"viewpoints: expected finite numbers of shape \(6, 3\), got NaN or infinity$"),
+        ("Ragged", r"viewpoints: expected an array of shape \(6, 3\), got list$"),
         ("Rushing", r"velocity: expected finite numbers of shape \(6, 3\), got \(3,\)$"),
     ],
 )

@@ -45,6 +45,9 @@ class Endless(Mine):
 class Foreign(Mine):
     def __init__(self): self.class_names, self.embedding_size = ("wave",), 1
 
+class Countless(Mine):
+    def __init__(self): self.class_names, self.embedding_size = 4, 1
+
 class Bodiless(Mine):
     def __init__(self, *, class_names): self.class_names = class_names
 

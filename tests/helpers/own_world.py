@@ -100,4 +100,20 @@ class Lost(Slow):
 
 class Rushing(Slow):
     velocity = np.zeros(3)
+
+class Hovering(Slow):
+    velocity, acceleration = 0, 0.0
+
+class Ragged(Slow):
+    def advance(self, target): return [[1.0], [2.0, 3.0]]
+
+class Nameless(Slow):
+    name = " "
+
+class Single(Slow):
+    made = []
+    def __init__(self):
+        super().__init__()
+        if self.made: raise RuntimeError("one\\nis enough")
+        self.made.append(self)
 """

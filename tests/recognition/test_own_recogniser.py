@@ -72,6 +72,7 @@ def test_an_object_is_meant_as_it_is() -> None:
         ("Nothing", "expected what ehar.recogniser.Recogniser has, missing: start, step"),
         ("Bodiless", "expected what ehar.recogniser.Recogniser has, missing: embedding_size"),
         ("Sized", "embedding_size: expected a number of at least 1, got 'large'"),
+        ("Countless", f"class_names: expected those of tiny, {CLASS_NAMES}, got 4"),
         ("Foreign", f"class_names: expected those of tiny, {CLASS_NAMES}, got ('wave',)"),
         ("Mine(depth=3)", "unknown argument 'depth'; it takes "),
         ("Mine(gain='high')", "gain: expected float, got 'high'"),

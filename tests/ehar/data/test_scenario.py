@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ehar.data.motion_data import MotionData
-from ehar.data.scenario import split_parts, windows
-from ehar.errors import DataError
+from ehar.data.scenario import part_of, split_parts, windows
+from ehar.errors import DataError, UsageError
 from tests.helpers.fakes import CLASS_NAMES, POSE, SKELETON, tiny_data
 
 
@@ -132,3 +132,10 @@ def test_subjects_who_alone_perform_a_class_do_not_take_it_to_one_side() -> None
     parts = split_parts(data)
     for part in (parts.test, parts.recogniser, parts.policy):
         assert set(labels[part]) == set(range(len(CLASS_NAMES)))
+
+
+def test_an_unknown_part_is_named() -> None:
+    with pytest.raises(
+        UsageError, match=r"^unknown part 'training'; expected one of: recogniser, policy, validation, t"
+    ):
+        part_of(tiny_data(), "training")
