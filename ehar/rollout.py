@@ -114,9 +114,8 @@ def rollout(
 
     moving = f"motion {type(motion).__name__}"
     with blamed(motion, f"{moving}, reset"):
-        motion.reset(
-            viewpoint.copy(), context.frame_time
-        )  # a copy, because other planners begin at these viewpoints too
+        begins = viewpoint.copy()  # other planners begin at these viewpoints too
+        motion.reset(begins, context.frame_time)
     with blamed(planner, f"planner {planner.name!r}, reset"):
         planner.reset(context)
     seeing = f"recogniser {type(recogniser).__name__}"
