@@ -5,17 +5,20 @@ import os
 import pickle
 import signal
 import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing.connection import wait
 from multiprocessing.synchronize import Event
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, TypeVar
 
 from ehar.errors import ModelError, UsageError
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
 
 
 def cores() -> int:
@@ -114,6 +117,26 @@ def call(sent: bytes, *arguments: Any) -> Any:
 
     function, first = cloudpickle.loads(sent)
     return function(first, *arguments)
+
+
+def each_batch(
+    function: Callable[[Task, int], Result], task: Task, batches: Sequence[int], workers: int
+) -> Iterator[tuple[int, Result]]:
+    """Call `function(task, batch)` for each batch, and yield (batch, result) when it is done, in any order.
+
+    Raises:
+        UsageError: the task cannot be sent to workers, or none could start.
+        ModelError: a worker has ended by itself.
+    """
+    if workers == 1 or len(batches) < 2:
+        for batch in batches:
+            yield batch, function(task, batch)
+        return
+    sent = payload((function, task), "the recogniser or the sensor")
+    with worker_pool(min(workers, len(batches))) as pool:
+        futures = {pool.submit(call, sent, batch): batch for batch in batches}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
 
 
 def _start_worker(

@@ -4,7 +4,6 @@ They are kept in a folder, batch by batch, so a training that was stopped does n
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import as_completed
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from ehar.data.scenario import Scenarios
 from ehar.envs.observations import shown_to_agent
 from ehar.files import write_bytes
 from ehar.planner import Context, Observation, Planner, Truth
-from ehar.processes import call, payload, worker_pool
+from ehar.processes import each_batch
 from ehar.runner import Runner
 from ehar.viewpoint import HOVER, MOVES, apply_moves, sample_starts
 from planners.agents.agent import decide
@@ -158,15 +157,7 @@ def demonstrate(
     task: DemonstrationTask, batches: Sequence[int], *, workers: int = 1
 ) -> Iterator[tuple[int, Demonstrations]]:
     """Run batches of episodes and yield each when it is done; results do not depend on `workers`."""
-    if workers == 1 or len(batches) < 2:
-        for batch in batches:
-            yield batch, demonstrate_batch(task, batch)
-        return
-    sent = payload((demonstrate_batch, task), "the recogniser or the sensor")
-    with worker_pool(min(workers, len(batches))) as pool:
-        futures = {pool.submit(call, sent, batch): batch for batch in batches}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
+    yield from each_batch(demonstrate_batch, task, batches, workers)
 
 
 def demonstrate_batch(task: DemonstrationTask, index: int) -> Demonstrations:

@@ -1,7 +1,6 @@
 """Rollouts on training scenarios that branch to many viewpoints, to learn what other views would have given."""
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import as_completed
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -13,7 +12,7 @@ from ehar.data.scenario import Scenarios
 from ehar.errors import DataError, EpisodeError
 from ehar.motion import move_towards
 from ehar.planner import Context, Observation, Planner, Truth
-from ehar.processes import call, payload, worker_pool
+from ehar.processes import each_batch
 from ehar.runner import Runner
 from ehar.viewpoint import Workspace, apply_moves, sample_starts
 from planners.value.body_filter import BodyFilter
@@ -177,15 +176,7 @@ def run_batches(task: CollectionTask, batches: Sequence[int], *, workers: int = 
         raise DataError(
             f"{task.runner.data.name}: expected policy sequences of at least {task.length} frames, got none"
         )
-    if workers == 1 or len(batches) < 2:
-        for batch in batches:
-            yield batch, collect_batch(task, batch)
-        return
-    sent = payload((collect_batch, task), "the recogniser or the sensor")
-    with worker_pool(min(workers, len(batches))) as pool:
-        futures = {pool.submit(call, sent, batch): batch for batch in batches}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
+    yield from each_batch(collect_batch, task, batches, workers)
 
 
 def collect_batch(task: CollectionTask, index: int) -> Collection:
