@@ -9,6 +9,7 @@ from ehar.data.motion_data import UNKNOWN_SUBJECT, MotionData
 from ehar.errors import DataError, UsageError
 
 VALIDATION_SHARE = 0.15  # Sec. 5.1: train : validation = 0.85 : 0.15
+LEAST_PEOPLE = 3  # with fewer people in training, validation shares them: one person alone is too little to learn from
 RECOGNISER_SHARE = 0.4  # Sec. 5.1: recogniser training : policy training = 0.4 : 0.6
 TEST_SHARE = 1 / 3  # for data without a split, as in AIST++ (7 of 21)
 TEST = "test"
@@ -46,12 +47,13 @@ class Scenarios:
     def positions(self, indices: IntArray) -> FloatArray:
         """Return joints (n, L, P, J, 3) float32 [m] relative to each scenario's centre.
 
-        The centre of the space of interest is the mean of all joints over the whole window: the paper takes
-        it as known a priori (Sec. 3) and does not say where it lies.
+        The centre of the space of interest is the mean of all joints in the first frame, for the whole episode. The
+        paper takes it as known a priori (Sec. 3) and does not say where it lies. A mean over later frames would tell
+        in the first frame where people are going to go.
         """
         begin = self.data.offsets[self.sequence[indices]] + self.first[indices]
         motion = self.data.positions[begin[:, None] + np.arange(self.length)]
-        centred: FloatArray = motion - motion.mean(axis=(1, 2, 3), keepdims=True)
+        centred: FloatArray = motion - motion[:, :1].mean(axis=(2, 3), keepdims=True)
         return centred.astype(np.float32, copy=False)
 
 
@@ -85,15 +87,17 @@ def split_parts(data: MotionData) -> Parts:
 
     The data's own split decides the test part. Without a split it is a third of the subjects, or a third of each
     class's sequences if subjects are unknown. The rest is divided as in Sec. 5.1, by whole sequences, so windows of one
-    sequence are always in the same part. Every class with at least two training sequences has one in the recogniser
-    part and one in the policy part.
+    sequence are always in the same part. Validation holds out people, if the rest names at least `LEAST_PEOPLE` of
+    them; a recogniser is right far more often on people that it knows. Every class with at least two sequences of other
+    people has one in the recogniser part and one in the policy part.
     """
     rng = np.random.default_rng(SPLIT_SEED)
     is_test = data.is_test if data.is_test is not None else _hold_out(data, rng)
-    parts: dict[str, list[IntArray]] = {"recogniser": [], "policy": [], "validation": []}
+    unseen = _people_held_out(data, ~is_test)
+    parts: dict[str, list[IntArray]] = {"recogniser": [], "policy": [], "validation": [np.flatnonzero(unseen)]}
     for label in range(len(data.class_names)):
-        members = rng.permutation(np.flatnonzero((data.labels == label) & ~is_test))
-        held = round(VALIDATION_SHARE * len(members))
+        members = rng.permutation(np.flatnonzero((data.labels == label) & ~is_test & ~unseen))
+        held = 0 if unseen.any() else round(VALIDATION_SHARE * len(members))
         learn = max(1, round(RECOGNISER_SHARE * (len(members) - held)))
         parts["validation"].append(members[:held])
         parts["recogniser"].append(members[held : held + learn])
@@ -114,6 +118,32 @@ def part_of(data: MotionData, part: str) -> IntArray:
         raise UsageError(f"unknown part {part!r}; expected one of: {', '.join(PARTS)}")
     sequences: IntArray = getattr(split_parts(data), part)
     return sequences
+
+
+def _people_held_out(data: MotionData, train: BoolArray) -> BoolArray:
+    """Return which sequences show the people of the validation part, (sequences,); none if that is not possible.
+
+    The first is the person whose share of the sequences is nearest to `VALIDATION_SHARE`. Others join as long as the
+    share comes nearer to it. Nobody is taken whose absence would leave a class with fewer than two sequences.
+
+    Args:
+        data: the data.
+        train: (sequences,) which are not for the test.
+    """
+    held = np.zeros(len(data.labels), dtype=bool)
+    people = np.unique(data.subjects[train])
+    if UNKNOWN_SUBJECT in people or len(people) < LEAST_PEOPLE:
+        return held
+    least = np.minimum(np.bincount(data.labels[train], minlength=len(data.class_names)), 2)
+    while True:
+        candidates = [held | (train & (data.subjects == person).any(axis=1)) for person in people]
+        left = (np.bincount(data.labels[train & ~some], minlength=len(least)) for some in candidates)
+        allowed = [some for some, count in zip(candidates, left, strict=True) if (count >= least).all()]
+        off = [abs(some.sum() / train.sum() - VALIDATION_SHARE) for some in allowed]
+        if not off or (held.any() and min(off) >= abs(held.sum() / train.sum() - VALIDATION_SHARE)):
+            break
+        held = allowed[int(np.argmin(off))]
+    return held
 
 
 def _hold_out(data: MotionData, rng: np.random.Generator) -> BoolArray:

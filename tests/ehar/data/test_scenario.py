@@ -57,15 +57,15 @@ def test_windows_of_nothing() -> None:
         windows(data_of([3], [0]), np.arange(1), 0, 1)
 
 
-def test_positions_are_the_window_s_frames_around_its_centre() -> None:
+def test_positions_are_the_window_s_frames_around_where_the_people_are_in_its_first() -> None:
     data = data_of([6, 3, 4, 8], [0, 1, 2, 0])
     scenarios = windows(data, np.array([0, 3]), 4, 2)  # windows begin at frames 0, 2 and 13, 15, 17 of the data
     positions = scenarios.positions(np.array([1, 3]))
     assert positions.shape == (2, 4, 1, 6, 3)
     assert positions.dtype == np.float32
-    np.testing.assert_allclose(positions[0, :, 0, 0, 0], np.array([2, 3, 4, 5]) - 3.5)
-    np.testing.assert_allclose(positions[1, :, 0, 0, 0], np.array([15, 16, 17, 18]) - 16.5)
-    np.testing.assert_allclose(positions.mean(axis=(1, 2, 3)), 0, atol=1e-6)
+    np.testing.assert_allclose(positions[0, :, 0, 0, 0], np.array([0, 1, 2, 3]))
+    np.testing.assert_allclose(positions[1, :, 0, 0, 0], np.array([0, 1, 2, 3]))
+    np.testing.assert_allclose(positions[:, 0].mean(axis=(1, 2)), 0, atol=1e-6)
     np.testing.assert_allclose(positions[1, 0] - positions[1, 0, :, :1], data.positions[15] - data.positions[15, :, :1])
 
 
@@ -139,3 +139,45 @@ def test_an_unknown_part_is_named() -> None:
         UsageError, match=r"^unknown part 'training'; expected one of: recogniser, policy, validation, t"
     ):
         part_of(tiny_data(), "training")
+
+
+def performed(subjects: list[int], labels: list[int]) -> MotionData:
+    """Return a training sequence of each person in the list, all of them of two frames, and one test sequence."""
+    data = data_of([2] * (len(labels) + 1), [*labels, 0])
+    is_test = np.arange(len(labels) + 1) == len(labels)
+    return replace(data, subjects=np.array([*subjects, 99])[:, None], is_test=is_test)
+
+
+def test_validation_holds_out_the_people_nearest_to_its_share() -> None:
+    subjects = [*[0] * 4, *[1] * 6, *[2] * 10, *[3] * 20]
+    data = performed(subjects, [0, 1] * 20)
+    parts = split_parts(data)
+    assert set(data.subjects[parts.validation, 0]) == {1}  # 6 of 40 sequences, 15 %
+    for part in (parts.recogniser, parts.policy):
+        assert set(data.labels[part]) == {0, 1}
+        assert 1 not in data.subjects[part, 0]
+
+
+def test_validation_holds_out_several_people_if_each_has_few_sequences() -> None:
+    data = performed([person for person in range(20) for _ in range(2)], [0, 1] * 20)
+    held = set(data.subjects[split_parts(data).validation, 0])
+    assert len(held) == 3
+    assert not held & set(data.subjects[split_parts(data).recogniser, 0])
+
+
+def test_validation_takes_nobody_without_whom_a_class_is_missing() -> None:
+    subjects = [*[0] * 6, *[1] * 17, *[2] * 17]
+    data = performed(subjects, [*[1] * 6, *[0] * 17, *[1] * 17])
+    assert set(data.subjects[split_parts(data).validation, 0]) == {0}
+    alone = performed(subjects, [*[2] * 6, *[0, 1] * 17])
+    assert set(alone.subjects[split_parts(alone).validation, 0]) == {1}
+
+
+def test_validation_of_one_person_in_a_third_of_the_sequences_is_still_of_people() -> None:
+    data = performed([0, 1, 2] * 12, [0, 0, 0, 1, 1, 1] * 6)
+    assert len(set(data.subjects[split_parts(data).validation, 0])) == 1
+
+
+def test_validation_of_two_people_is_of_each_class() -> None:
+    data = performed([0, 1] * 20, [0, 0, 1, 1] * 10)
+    assert set(data.subjects[split_parts(data).validation, 0]) == {0, 1}
