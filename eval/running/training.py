@@ -14,8 +14,6 @@ from planners.value.config import GainTrainingConfig
 from recognition.setting import load_motion_of, load_setting
 from recognition.training.config import TrainingConfig
 
-PAPER_CLIPS = 200_000  # about as many as 32 views of each training scenario of ExPI (Sec. 4.2 and 5.1)
-
 
 @dataclass(frozen=True)
 class _Run:
@@ -88,7 +86,6 @@ class TrainAllConfig:
             conditions=self.conditions,
             out=self.out,
             size="small" if self.setting == "quick" else "published",
-            clips=TrainingConfig.clips if self.setting == "quick" else PAPER_CLIPS,
             device=self.device,
         )
 
@@ -116,12 +113,14 @@ def train_recogniser(config: TrainingConfig) -> Trained:
     from recognition.training import trainer
 
     with TrainingProgress() as progress:
-        best = trainer.train_recogniser(config, progress.report)
-    line = (
-        f"best at step {best.step}: validation accuracy {100 * best.accuracy:.1f} % (mean over frames), "
-        f"NLL {best.nll:.3f}; written to {config.out}"
+        outcome = trainer.train_recogniser(config, progress.report)
+    best = outcome.best
+    lines = (
+        f"best after {best.clips:,} clips: validation accuracy {100 * best.accuracy:.1f} % (mean over frames), "
+        f"NLL {best.nll:.3f}; written to {config.out}",
+        f"{'warning: ' * outcome.cut_short}{outcome.reason}",
     )
-    return Trained((recogniser_path(config.out, config.conditions),), (line,))
+    return Trained((recogniser_path(config.out, config.conditions),), lines)
 
 
 def train_gain_field(config: GainTrainingConfig) -> Trained:
