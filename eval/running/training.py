@@ -131,11 +131,12 @@ def train_gain_field(config: GainTrainingConfig) -> Trained:
     with StageProgress() as progress:
         result = training.train_gain_field(config, progress.report)
     lines = [
-        f"{name}: explains {100 * fit.explained:.1f} % of what paths gain; the path it picks gains "
-        f"{100 * fit.chosen_gain:.2f} % in probability, of {100 * fit.best_gain:.2f} % in hindsight"
+        f"{name}: explains {100 * fit.scores.explained:.1f} % of what paths gain; the path it picks gains "
+        f"{100 * fit.scores.chosen_gain:.2f} % in probability, of {100 * fit.scores.best_gain:.2f} % in hindsight"
         for name, fit in result.fits.items()
     ]
-    return Trained((result.path,), (*lines, f"in cross-validation over sequences; written to {result.path}"))
+    lines.append(f"in cross-validation; written to {result.path}")
+    return Trained((result.path,), (*lines, f"{'warning: ' * result.cut_short}{result.reason}"))
 
 
 def train_agents(config: AgentTrainingConfig) -> Trained:

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,8 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
+from ehar.arrays import IntArray
+from ehar.data.motion_data import UNKNOWN_SUBJECT, MotionData
 from ehar.data.scenario import split_parts
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.files import write_bytes
@@ -17,19 +20,45 @@ from planners.value.belief_fit import fit_belief
 from planners.value.body_filter import trunk_pairs
 from planners.value.collection import Collection, CollectionTask, join, run_batches
 from planners.value.config import GainTrainingConfig
-from planners.value.fit import VARIANTS, Fit, fit_field
-from planners.value.model import GainModel, gain_model_path, load_gain_model, save_gain_model
+from planners.value.fit import VARIANTS, Fit, Scores, fit_field, score_field
+from planners.value.model import FULL, GainModel, gain_model_path, load_gain_model, save_gain_model
 from recognition.setting import Setting, load_setting
 
 LEAST_LENGTH = 3  # frames of an episode: views along a path spread only if there are two to come
+FIRST_BATCHES = 12  # of rollouts; then twice as many, and so on
+UNSEEN_BATCHES = (
+    6  # on the people of the validation part: they fit the belief, and tell when more rollouts gain nothing
+)
+WORTH = 0.001  # rollouts go on while twice as many gain at least this probability on the unseen people
 
 
 @dataclass(frozen=True)
 class GainTraining:
-    """The result of a training: the path of the weights, and the fields with their scores in cross-validation."""
+    """The result of a training.
+
+    Args:
+        path: the weights.
+        fits: the fields, with their scores in cross-validation.
+        unseen: the scores of the full field on the people of the validation part, by the number of batches.
+        cut_short: whether more rollouts would have been worth it, or nobody knows.
+    """
 
     path: Path
     fits: dict[str, Fit]
+    unseen: dict[int, Scores]
+    cut_short: bool
+
+    @property
+    def reason(self) -> str:
+        """Why it stopped, in words."""
+        batches = list(self.unseen)
+        gained = ""
+        if len(batches) > 1:
+            gain = self.unseen[batches[-1]].chosen_gain - self.unseen[batches[-2]].chosen_gain
+            gained = f"{batches[-1]} batches instead of {batches[-2]} gained {100 * gain:.2f} points on unseen people"
+        if not self.cut_short:
+            return f"it had learned: {gained}"
+        return f"cut short at {batches[-1]} batches: {gained or 'too few to tell what more bring'}"
 
 
 def train_gain_field(config: GainTrainingConfig, report: Callable[[str, int, int], None]) -> GainTraining:
@@ -72,31 +101,70 @@ def train_gain_field(config: GainTrainingConfig, report: Callable[[str, int, int
     _check_place(path, setting)
     key = f"{data.sha256} {setting.recogniser_sha256} {conditions.length} {conditions.seed}"
     key += "" if setting.sensor_sha256 is None else f" {setting.sensor_sha256}"
-    collection = _collect(task, config, path.with_suffix(""), hashlib.sha256(key.encode()).hexdigest(), report)
-    belief = fit_belief(collection.log_probs, collection.viewpoints, collection.labels, collection.sequences)
+    unseen = _collect(
+        replace(task, sequences=_unseen_sequences(setting, sequences)),
+        min(UNSEEN_BATCHES, config.batches),
+        config.workers,
+        _folder(path, f"{key} unseen"),
+        partial(report, "rollouts of unseen people"),
+    )
+    belief = fit_belief(unseen.log_probs, unseen.viewpoints, unseen.labels, unseen.sequences)
+    scores: dict[int, Scores] = {}
+    while True:
+        batches = min(FIRST_BATCHES * 2 ** len(scores), config.batches)
+        collection = _collect(task, batches, config.workers, _folder(path, key), partial(report, "rollouts"))
+        groups = _performers(data, collection.sequences)
+        full = fit_field(collection, belief, VARIANTS[FULL], groups)
+        scores[batches] = score_field(full.field, unseen, belief)
+        chosen = [found.chosen_gain for found in scores.values()]
+        has_learned = len(chosen) > 1 and chosen[-1] - chosen[-2] < WORTH
+        if has_learned or batches == config.batches:
+            break
     fits: dict[str, Fit] = {}
     for name, parts in VARIANTS.items():
         report("regressions", len(fits), len(VARIANTS))
-        fits[name] = fit_field(collection, belief, parts)
-    report("regressions", len(fits), len(VARIANTS))
+        fits[name] = full if name == FULL else fit_field(collection, belief, parts, groups)
+    report("regressions", len(VARIANTS), len(VARIANTS))
+    trained = GainTraining(path, fits, scores, not has_learned)
     model = GainModel({name: fit.field for name, fit in fits.items()}, belief, task.pairs)
     told = setting.conditions
     history: dict[str, Any] = {
         **{name: getattr(told, name) for name in ("data", "models")},
         "out": None if config.out is None else str(config.out),
         **{name: getattr(told, name) for name in ("sensor", "views", "length", "fps")},
-        "batches": config.batches,
+        "batches": batches,
+        "stopped": trained.reason,
+        "cut_short": trained.cut_short,
         "seed": told.seed,
         "data_sha256": data.sha256,
-        "cross_validation": {
-            name: {score: value for score, value in fit._asdict().items() if score != "field"}
-            for name, fit in fits.items()
-        },
+        "cross_validation": {name: {"penalties": fit.penalties, **fit.scores._asdict()} for name, fit in fits.items()},
+        "unseen_people": {str(count): found._asdict() for count, found in scores.items()},
     }
     own = {"recogniser": told.recogniser, "sensor_sha256": setting.sensor_sha256}
     history |= {name: value for name, value in own.items() if value is not None}
     save_gain_model(path, model, recogniser_sha256=setting.recogniser_sha256, history=history)
-    return GainTraining(path, fits)
+    return trained
+
+
+def _unseen_sequences(setting: Setting, policy: IntArray) -> IntArray:
+    """Return the sequences of the validation part that are long enough; those of the policy part if there are none."""
+    validation = split_parts(setting.data).validation
+    long_enough = validation[setting.data.lengths[validation] >= setting.conditions.length]
+    return long_enough if len(long_enough) else policy
+
+
+def _performers(data: MotionData, sequences: IntArray) -> IntArray:
+    """Return who performs in each sequence, as numbers (E,); the sequences, if they are unknown or all the same."""
+    people = np.sort(data.subjects[sequences], axis=1)
+    if (people == UNKNOWN_SUBJECT).any():
+        return sequences
+    groups: IntArray = np.unique(people, axis=0, return_inverse=True)[1].ravel()
+    return groups if groups.any() else sequences
+
+
+def _folder(path: Path, key: str) -> Path:
+    """Return the folder in which the rollouts behind some weights are kept; the key tells what decides them."""
+    return path.with_name(f"{path.stem}-rollouts-{hashlib.sha256(key.encode()).hexdigest()[:8]}")
 
 
 def _check_place(path: Path, setting: Setting) -> None:
@@ -110,27 +178,22 @@ def _check_place(path: Path, setting: Setting) -> None:
 
 
 def _collect(
-    task: CollectionTask,
-    config: GainTrainingConfig,
-    folder: Path,
-    key: str,
-    report: Callable[[str, int, int], None],
+    task: CollectionTask, batches: int, workers: int, folder: Path, report: Callable[[int, int], None]
 ) -> Collection:
     """Return the branching rollouts; each batch is kept in a folder, and a resumed run reads it from there."""
-    folder = folder.with_name(f"{folder.name}-rollouts-{key[:8]}")
     pieces: dict[int, Collection] = {}
-    for batch in range(config.batches):
+    for batch in range(batches):
         piece = _read(folder / f"{batch}.safetensors")
         if piece is not None:
             pieces[batch] = piece
-    missing = [batch for batch in range(config.batches) if batch not in pieces]
-    report("rollouts", len(pieces), config.batches)
-    for batch, piece in run_batches(task, missing, workers=config.workers):
+    missing = [batch for batch in range(batches) if batch not in pieces]
+    report(len(pieces), batches)
+    for batch, piece in run_batches(task, missing, workers=workers):
         pieces[batch] = piece
         tensors = {name.name: np.ascontiguousarray(getattr(piece, name.name)) for name in fields(Collection)}
         write_bytes(folder / f"{batch}.safetensors", save(tensors))
-        report("rollouts", len(pieces), config.batches)
-    return join([pieces[batch] for batch in range(config.batches)])
+        report(len(pieces), batches)
+    return join([pieces[batch] for batch in range(batches)])
 
 
 def _read(path: Path) -> Collection | None:

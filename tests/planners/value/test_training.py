@@ -9,18 +9,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ehar.data.motion_data import MotionData
+from ehar.data.motion_data import UNKNOWN_SUBJECT, MotionData
 from ehar.data.motion_file import load_motion, save_motion
 from ehar.data.scenario import split_parts
 from ehar.errors import DataError, EharError, ModelError, UsageError
 from planners.value import collection as gain_collection
 from planners.value import fit as gain_fit
+from planners.value import training as gain_training
+from planners.value.belief import BeliefModel
+from planners.value.belief_fit import fit_belief
 from planners.value.body_filter import trunk_pairs
 from planners.value.collection import Collection, CollectionTask, collect_batch
 from planners.value.config import GainTrainingConfig
-from planners.value.fit import VARIANTS
+from planners.value.fit import VARIANTS, Scores
 from planners.value.model import GainModel, gain_model_path, load_gain_model
-from planners.value.training import train_gain_field
+from planners.value.training import _performers, train_gain_field
 from recognition.storage import load_recogniser
 from tests.helpers.fakes import tiny_data
 from tests.helpers.random_networks import save_random_world
@@ -36,6 +39,7 @@ def little_of_everything(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gain_fit, "CONSTANT_SHARES", (0.1,))
     monkeypatch.setattr(gain_fit, "EMBEDDING_DIRECTIONS", 2)
     monkeypatch.setattr(gain_fit, "FOLDS", 2)
+    monkeypatch.setattr(gain_training, "UNSEEN_BATCHES", 1)
 
 
 @pytest.fixture
@@ -114,13 +118,19 @@ def test_a_model_is_trained_saved_and_fits_its_recogniser(config: GainTrainingCo
     for name, fit in training.fits.items():
         assert model.fields[name].parts == VARIANTS[name]
         assert model.fields[name].spread == fit.field.spread
-        assert fit.best_gain >= fit.chosen_gain
+        assert fit.scores.best_gain >= fit.scores.chosen_gain
     assert model.pairs.tolist() == trunk_pairs(data, split_parts(data).policy).tolist()
-    assert reports == [("rollouts", done, 3) for done in range(4)] + [("regressions", done, 4) for done in range(5)]
+    assert reports == [
+        *(("rollouts of unseen people", done, 1) for done in range(2)),
+        *(("rollouts", done, 3) for done in range(4)),
+        *(("regressions", done, 4) for done in range(5)),
+    ]
     history = written(config)[1]["training"]
     assert history["length"] == LENGTH
     assert history["data_sha256"] == data.sha256
-    assert history["cross_validation"]["full"]["explained"] == training.fits["full"].explained
+    assert history["cross_validation"]["full"]["explained"] == training.fits["full"].scores.explained
+    assert history["stopped"] == "cut short at 3 batches: too few to tell what more bring"
+    assert history["unseen_people"]["3"] == training.unseen[3]._asdict()
     assert "workers" not in history
 
 
@@ -176,7 +186,7 @@ def test_batches_of_other_options_or_data_are_not_used(
         save_motion(Path(changes["data"]), replace(data, positions=data.positions * 1.01))
     run = watch(monkeypatch)
     train_gain_field(changed(config, **changes), silent)
-    assert run == [0, 1, 2]
+    assert run == [0, 0, 1, 2]  # the first one is of unseen people
 
 
 def test_the_seed_decides(config: GainTrainingConfig, tmp_path: Path) -> None:
@@ -186,17 +196,64 @@ def test_the_seed_decides(config: GainTrainingConfig, tmp_path: Path) -> None:
     assert first != second
 
 
-def test_only_the_policy_part_is_learned_from(config: GainTrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[int] = []
+def test_fields_learn_from_the_policy_part_and_the_belief_from_unseen_people(
+    config: GainTrainingConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run: list[set[int]] = []
+    believed: list[set[int]] = []
 
     def watched(task: CollectionTask, index: int) -> Collection:
         collection = collect_batch(task, index)
-        seen.extend(collection.sequences.tolist())
+        run.append(set(collection.sequences.tolist()))
         return collection
 
+    def believing(*rollouts: Any) -> BeliefModel:
+        believed.append(set(rollouts[3].tolist()))
+        return fit_belief(*rollouts)
+
     monkeypatch.setattr(gain_collection, "collect_batch", watched)
+    monkeypatch.setattr(gain_training, "fit_belief", believing)
     train_gain_field(config, silent)
-    assert set(seen) <= set(split_parts(motion(config)).policy.tolist())
+    parts = split_parts(motion(config))
+    assert believed == [run[0]]
+    assert run[0] <= set(parts.validation.tolist())
+    assert set.union(*run[1:]) <= set(parts.policy.tolist())
+
+
+def scripted(monkeypatch: pytest.MonkeyPatch, chosen: list[float]) -> None:
+    """Let the field pick paths that gain this much on unseen people, with 1, 2, 4, ... batches."""
+    left = iter(chosen)
+    monkeypatch.setattr(gain_training, "FIRST_BATCHES", 1)
+    monkeypatch.setattr(gain_training, "score_field", lambda *given: Scores(0.0, next(left), 0.1))
+
+
+def test_rollouts_stop_when_twice_as_many_gain_nothing(
+    config: GainTrainingConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scripted(monkeypatch, [0.01, 0.02, 0.0205])
+    run = watch(monkeypatch)
+    training = train_gain_field(replace(config, batches=64), silent)
+    assert run == [0, 0, 1, 2, 3]
+    assert not training.cut_short
+    assert training.reason == "it had learned: 4 batches instead of 2 gained 0.05 points on unseen people"
+
+
+def test_rollouts_that_still_gain_are_cut_short_by_their_limit(
+    config: GainTrainingConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scripted(monkeypatch, [0.01, 0.02, 0.03])
+    training = train_gain_field(config, silent)
+    assert training.cut_short
+    assert training.reason == "cut short at 3 batches: 3 batches instead of 2 gained 1.00 points on unseen people"
+
+
+def test_folds_differ_in_people_where_they_are_known() -> None:
+    data = tiny_data(sequences=6)
+    people = np.array([4, 4, 7, 7, 7, 9])[:, None]
+    found = _performers(replace(data, subjects=people), np.array([0, 5, 1, 3]))
+    assert found.tolist() == [0, 2, 0, 1]
+    for subjects in (np.full((6, 1), UNKNOWN_SUBJECT), np.full((6, 1), 3)):
+        assert _performers(replace(data, subjects=subjects), np.array([0, 5, 1])).tolist() == [0, 5, 1]
 
 
 @pytest.mark.slow
@@ -229,7 +286,7 @@ def test_options_that_make_no_sense(config: GainTrainingConfig, changes: dict[st
 
 def test_the_shortest_episodes(config: GainTrainingConfig) -> None:
     training = train_gain_field(changed(config, length=3), silent)
-    assert all(abs(fit.explained) < 2 for fit in training.fits.values())
+    assert all(abs(fit.scores.explained) < 2 for fit in training.fits.values())
 
 
 def test_a_recogniser_that_is_not_there(config: GainTrainingConfig) -> None:
