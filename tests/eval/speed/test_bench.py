@@ -57,7 +57,7 @@ def test_the_world_takes_time() -> None:
 def test_a_training_takes_in_clips(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trainer, "VALIDATION_CLIPS", 8)
     threads = torch.get_num_threads()
-    assert 10 < time_training(tiny_data(sequences=24), BRIEF) < 100_000
+    assert 0 < time_training(tiny_data(sequences=24), BRIEF) < 100_000
     torch.set_num_threads(threads)
 
 
