@@ -1,7 +1,7 @@
 """Rollouts on training scenarios that branch to many viewpoints, to learn what other views would have given."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -64,14 +64,15 @@ class Forker(Planner):
 
     Args:
         pairs: pairs of joints of the trunk, for the body filter.
+        lead: a planner that it follows instead of wandering, so that it forks where that planner gets to.
     """
 
     name = "forker"
     privileged = True
 
-    def __init__(self, *, pairs: IntArray) -> None:
+    def __init__(self, *, pairs: IntArray, lead: Planner | None = None) -> None:
         """Create the planner."""
-        self.pairs = pairs
+        self.pairs, self.lead = pairs, lead
 
     def reset(self, context: Context) -> None:
         """Draw when to fork, and who wanders."""
@@ -83,17 +84,22 @@ class Forker(Planner):
         self._wanders = context.rng.random(context.episodes) < WANDER
         self._goal = random_viewpoints(context.rng, (context.episodes,), context.workspace)
         self.forks: list[dict[str, Any]] = []
+        if self.lead is not None:
+            self.lead.reset(context)
 
     def act(self, observation: Observation) -> FloatArray:
-        """Track the people, fork if it is time, and wander on."""
+        """Track the people, fork if it is time, and wander or follow on."""
         rng, workspace = self._context.rng, self._context.workspace
         if observation.frame == 0:
             self._body.start(*observation.joints_2d.shape[:2])
         self._body.update(observation.joints_2d, observation.confidence, observation.viewpoint)
         if observation.frame in self._at:
             self.forks.append(self._fork(observation))
-        anew = rng.random(len(self._goal)) < NEW_GOAL
-        self._goal = np.where(anew[:, None], random_viewpoints(rng, anew.shape, workspace), self._goal)
+        if self.lead is not None:
+            self._goal = self.lead.act(replace(observation, truth=None))
+        else:
+            anew = rng.random(len(self._goal)) < NEW_GOAL
+            self._goal = np.where(anew[:, None], random_viewpoints(rng, anew.shape, workspace), self._goal)
         return np.where(self._wanders[:, None], self._goal, observation.viewpoint)
 
     def _fork(self, observation: Observation) -> dict[str, Any]:
@@ -157,6 +163,7 @@ class CollectionTask:
         length: number L of frames of an episode.
         pairs: pairs of joints of the trunk.
         seed: seed of all random numbers.
+        lead: a planner to follow instead of wandering.
     """
 
     runner: Runner
@@ -164,6 +171,7 @@ class CollectionTask:
     length: int
     pairs: IntArray
     seed: int
+    lead: Planner | None = None
 
 
 def run_batches(task: CollectionTask, batches: Sequence[int], *, workers: int = 1) -> Iterator[tuple[int, Collection]]:
@@ -190,7 +198,7 @@ def collect_batch(task: CollectionTask, index: int) -> Collection:
     first = rng.integers(data.lengths[sequence] - task.length + 1)
     scenarios = Scenarios(data, task.length, sequence, first)
     batch = task.runner.batch(scenarios, np.arange(EPISODES), sample_starts(rng, EPISODES), rng)
-    forker = Forker(pairs=task.pairs)
+    forker = Forker(pairs=task.pairs, lead=task.lead)
     record = task.runner.roll(forker, batch, rng)
     forks = {name: np.concatenate([fork[name] for fork in forker.forks]) for name in forker.forks[0]}
     return Collection(

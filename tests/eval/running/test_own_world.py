@@ -126,7 +126,7 @@ def test_what_cannot_be_sent_to_a_worker_is_said(lab: Path) -> None:
 @pytest.mark.slow
 def test_a_recogniser_is_trained_to_see_through_a_sensor_of_ones_own(lab: Path) -> None:
     conditions = told(sensor="world.py:Blurred(pixels=8)", recogniser=None)
-    config = TrainingConfig(conditions=conditions, out=Path("models"), clips=64, evaluations=1)
+    config = TrainingConfig(conditions=conditions, out=Path("models"), clips=64)
     (path,) = train_recogniser(config).paths
     assert path.stem == f"causal-{conditions.seen}"
     trained = told(sensor="world.py:Blurred(pixels='8')", recogniser=None, models="models")
