@@ -162,8 +162,8 @@ class CausalCTRGCN(nn.Module):
         for block in self.blocks:
             bodies = block(bodies)
         pooled = bodies.mean(dim=2).view(batch, persons, -1, frames).mean(dim=1)
-        counts = torch.arange(1, frames + 1, device=x.device, dtype=x.dtype)
-        embedding = (pooled.cumsum(dim=2) / counts).transpose(1, 2)
+        counts = torch.arange(1, frames + 1, device=x.device)
+        embedding = (pooled.cumsum(dim=2, dtype=torch.float32) / counts).transpose(1, 2)
         logits: Tensor = self.classify(self.dropout(embedding))
         return logits
 

@@ -122,8 +122,9 @@ class CausalGraphConvolution(nn.Module):
         """Return the layer's output (N, C_out, J, T) for whole clips (N, C_in, J, T)."""
         n, inputs, j, frames = x.shape
         begins = [count - 1 for count in range(1, frames + 1) if refreshes(count)]
-        counts = torch.arange(1, frames + 1, device=x.device, dtype=x.dtype)
-        means = (x.cumsum(dim=3) / counts)[..., begins]
+        counts = torch.arange(1, frames + 1, device=x.device)
+        # Sums over frames are in full precision: in bfloat16 they would lose the late frames.
+        means = (x.cumsum(dim=3, dtype=torch.float32) / counts)[..., begins]
         topologies = self.refined(means.permute(0, 3, 1, 2).reshape(n * len(begins), inputs, j))
         topologies = topologies.view(n, len(begins), self.outputs, 3 * j, j).transpose(-1, -2)
         # The weight's rows are sorted by channel, then by subset. So the product has the subsets side by side already.
