@@ -78,6 +78,7 @@ class TrainAllConfig:
         """The options of a benchmark under these conditions, without those that equal its defaults."""
         usual, told = Conditions(), self.with_models
         options = {name: getattr(told, name) for name in ("data", "models", "sensor", "views", "length", "fps")}
+        options["world"] = told.world_name
         said = (name for name in options if name in ("data", "models") or options[name] != getattr(usual, name))
         return " ".join(f"--{name} {shlex.quote(str(options[name]))}" for name in said)
 
@@ -130,7 +131,7 @@ def train_gain_field(config: GainTrainingConfig) -> Trained:
     from planners.value import training
 
     with StageProgress() as progress:
-        result = training.train_gain_field(config, progress.report)
+        result = training.train_gain_field(config, progress.report, progress.note)
     lines = [
         f"{name}: explains {100 * fit.explained:.1f} % of what paths gain; the path it picks gains "
         f"{100 * fit.chosen_gain:.2f} % in probability, of {100 * fit.best_gain:.2f} % in hindsight"

@@ -6,7 +6,7 @@ import numpy as np
 
 from ehar.camera import Camera, project
 from ehar.viewpoint import ANGLE_STEP, AZIMUTH
-from eval.replays.episode import MAP_AZIMUTHS, MAP_POLARS, CameraReplay, EpisodeReplay
+from eval.replays.episode import MAP_AZIMUTHS, CameraReplay, EpisodeReplay, map_polars
 from tests.helpers.fakes import CLASS_NAMES, SKELETON, tiny_data
 
 FRAMES, PERSONS = 6, 2
@@ -28,7 +28,7 @@ def camera_replay(name: str, *, azimuth: float, moves: int = 0, seed: int = 0, *
             "name": name,
             "path": path,
             "target": path[1:] if moves else path[:-1],
-            "gain": rng.normal(size=(FRAMES - 1, len(MAP_POLARS), len(MAP_AZIMUTHS))) if moves else None,
+            "gain": rng.normal(size=(FRAMES - 1, len(map_polars()), len(MAP_AZIMUTHS))) if moves else None,
             "joints_2d": joints_2d,
             "seen": np.ones(joints_2d.shape[:-1], dtype=bool),
             "probabilities": rng.dirichlet(np.ones(len(CLASS_NAMES)), FRAMES),
