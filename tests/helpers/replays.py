@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from ehar.camera import Camera, project
-from ehar.viewpoint import ANGLE_STEP, AZIMUTH
+from ehar.viewpoint import AZIMUTH
+from ehar.world import PAPER
 from eval.replays.episode import MAP_AZIMUTHS, CameraReplay, EpisodeReplay, map_polars
 from tests.helpers.fakes import CLASS_NAMES, SKELETON, tiny_data
 
@@ -21,7 +22,7 @@ def camera_replay(name: str, *, azimuth: float, moves: int = 0, seed: int = 0, *
     """Return a camera that goes around in so many steps a frame, and sees all joints exactly."""
     rng = np.random.default_rng(seed)
     path = np.tile([8.0, azimuth, np.radians(60)], (FRAMES, 1))
-    path[:, AZIMUTH] = (azimuth + moves * ANGLE_STEP * np.arange(FRAMES)) % (2 * np.pi)
+    path[:, AZIMUTH] = (azimuth + moves * PAPER.workspace.angle_step * np.arange(FRAMES)) % (2 * np.pi)
     joints_2d, _ = project(positions(), path, Camera())
     return CameraReplay(
         **{
