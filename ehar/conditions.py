@@ -16,7 +16,7 @@ from ehar.plugins.class_spec import arguments_text, parse_spec
 from ehar.recogniser import Recogniser
 from ehar.sensors.sensor import Sensor
 from ehar.track import IDEAL
-from ehar.world import PAPER, WORLDS, World
+from ehar.world import PAPER, World, by_name
 
 Form = Literal["causal", "ctrgcn"]
 FORMS: tuple[Form, ...] = get_args(Form)
@@ -42,7 +42,7 @@ class Conditions:
         views: cameras the recogniser was trained on: moving or paper.
         form: causal (streams) or ctrgcn (as published, on each prefix).
         recogniser: your own: file.py:Class.
-        world: where cameras may be, and their lens: paper, indoor, or a world file (.json).
+        world: paper, indoor, or a world file (.json).
 
     Raises:
         UsageError: a word is unknown, or a number is too small.
@@ -95,9 +95,8 @@ class Conditions:
     @property
     def world_name(self) -> str:
         """The name or the file of the world; for an object that is not ours, its name as a file that can be written."""
-        if not isinstance(self.world, World):
-            return str(self.world)
-        return self.world.name if self.world == WORLDS.get(self.world.name) else f"{self.world.name}.json"
+        named = by_name(self.world) if isinstance(self.world, World) else self.world
+        return f"{named.name}.json" if isinstance(named, World) else str(named)
 
     @property
     def sensor_name(self) -> str:

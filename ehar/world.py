@@ -98,6 +98,11 @@ INDOOR = World(
 WORLDS = {world.name: world for world in (PAPER, INDOOR)}
 
 
+def by_name(world: World) -> str | World:
+    """Return the name of a world of ehar, and any other world as it is."""
+    return world.name if world == WORLDS.get(world.name) else world
+
+
 @dataclass(frozen=True, kw_only=True)
 class CameraFile:
     """The camera of a world file, as in `Camera`."""

@@ -9,7 +9,7 @@ from ehar.data.motion_data import MotionData
 from ehar.data.scenario import part_of
 from ehar.runner import Runner
 from ehar.track import load_track
-from ehar.world import World, load_world
+from ehar.world import World, by_name, load_world
 from recognition.own_recogniser import resolve_recogniser
 
 
@@ -18,7 +18,7 @@ class Setting:
     """The setting in which planners are compared.
 
     Args:
-        conditions: the conditions, with names in place of objects, as in records, but with the world itself.
+        conditions: the conditions, with names in place of objects, as in records; a world that is not ehar's stays.
         runner: runs planners in this setting.
         recogniser_sha256: hash of the recogniser's weights; for your own recogniser, of its file and arguments.
         form: form of the recogniser; for your own, its name in tables.
@@ -110,7 +110,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
         models=None if conditions.models is None else str(conditions.models),
         sensor=loaded.named,
         track=track.named,
-        world=world,
+        world=by_name(world),
     )
     if conditions.recogniser is not None:
         own = resolve_recogniser(conditions.recogniser, data, world)

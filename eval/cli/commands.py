@@ -170,9 +170,7 @@ TRAIN = CommandGroup(
         "agent": Command(
             "eval.running.training:train_agents",
             show_trained,
-            text="""Train agents: il, ppo, il-ppo and dagger.
-
-            For the recogniser in --models, or the one that ships; what is done is kept.
+            text="""Train agents: il, ppo, il-ppo and dagger. What is done is kept.
 
             For example:
                 ehar train agent --data mine.npz --models models/mine --stages il,il-ppo

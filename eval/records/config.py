@@ -14,7 +14,7 @@ from ehar.flight.vehicle import Vehicle
 from ehar.planner import Planner
 from ehar.plugins.class_spec import json_arguments
 from ehar.version import package_version
-from ehar.world import PAPER, World, load_world
+from ehar.world import PAPER, World, by_name, load_world
 from planners.own_planner import Origin, planner_source_sha256
 from recognition.setting import Setting, length_note
 
@@ -40,7 +40,7 @@ class RunConfig:
     """Everything that decides a run's episodes.jsonl. The number of workers is left out, because it decides nothing.
 
     Args:
-        conditions: the conditions, with names in place of objects, but with the world itself.
+        conditions: the conditions, with names in place of objects; a world that is not ehar's stays.
         data: title of the data.
         data_sha256: hash of the data.
         recogniser_sha256: hash of the recogniser's weights; for your own recogniser, of its file and arguments.
@@ -196,6 +196,7 @@ def read_config(directory: Path) -> RunConfig:
         )
     values = vars(read_json(path, _config_file(), expected, unknown=True, defaults=True))
     told = {name: values[_KEY_OF.get(name, name)] for name in Conditions.named_types()}
+    told["world"] = by_name(values["world"])
     told["form"] = "ctrgcn" if values["form"] == "ctrgcn" else "causal"  # the file has your own recogniser's title
     try:
         conditions = Conditions(**told)

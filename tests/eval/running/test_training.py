@@ -47,7 +47,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         copy(RECOGNISERS / "duo", RECOGNISER, config.out)
         return Evaluation(step=3, train_loss=0.5, nll=0.25, accuracy=0.8)
 
-    def gain_field(config: GainTrainingConfig, report: object) -> GainTraining:
+    def gain_field(config: GainTrainingConfig, report: object, note: object) -> GainTraining:
         heard.append("gain field")
         assert config.conditions.directory is not None
         return GainTraining(config.conditions.directory / f"{GAIN_FIELD}.safetensors", {})
