@@ -33,7 +33,8 @@ class Conditions:
         data: duo, solo, or a prepared .npz.
         models: folder of weights.
         sensor: perfect (exact joints), estimator (noise, occlusion, dropout, swaps), or your own: file.py:Class.
-        track: ideal (grid moves), px4-auto, px4-max, tracking-drone, a vehicle file, or your own: file.py:Class.
+        track: ideal (grid moves), px4-auto, px4-max, tracking-drone, ground-robot, a vehicle file, or your own:
+            file.py:Class.
         starts: start viewpoints of each scenario.
         length: frames of an episode.
         fps: frame rate to resample to [Hz].

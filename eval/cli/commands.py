@@ -170,7 +170,7 @@ TRAIN = CommandGroup(
         "agent": Command(
             "eval.running.training:train_agents",
             show_trained,
-            text="""Train agents: il, ppo, il-ppo and dagger. What is done is kept.
+            text="""Train il, ppo, il-ppo and dagger; what is done is kept.
 
             For example:
                 ehar train agent --data mine.npz --models models/mine --stages il,il-ppo
@@ -307,7 +307,7 @@ STUDY = CommandGroup(
                 "seed": Flag("seed of start viewpoints and noise."),
                 "groups": Flag(kind=tuple[str, ...], default=(), metavar="GROUP ...", hint="all"),
                 "tracks": Flag(
-                    "vehicles that nbv flies too: px4-auto, px4-max, tracking-drone, or files.",
+                    "vehicles that nbv flies too: px4-auto, px4-max, tracking-drone, ground-robot, or files.",
                     kind=tuple[str, ...],
                     default=(),
                     metavar="TRACK ...",

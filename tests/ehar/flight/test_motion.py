@@ -17,7 +17,7 @@ from ehar.flight.proposals import limits_to_rest
 from ehar.flight.time_optimal import TimeOptimal
 from ehar.flight.vehicle import VEHICLES, Vehicle
 from ehar.viewpoint import AZIMUTH, Workspace, cartesian, wrap_difference
-from ehar.world import PAPER
+from ehar.world import INDOOR, PAPER, World
 from tests.helpers.flight_cases import random_vehicle, random_viewpoints, worst_excess
 
 FRAME_TIME = 0.04
@@ -54,6 +54,20 @@ def test_limits_hold_at_1_khz() -> None:
     assert excess.workspace < 1e-9
 
 
+@pytest.mark.parametrize("world", [PAPER, INDOOR], ids=str)
+def test_the_ground_robot_keeps_its_limits_in_every_world(world: World) -> None:
+    robot = VEHICLES["ground-robot"]
+    excess = worst_excess(np.random.default_rng(0), 2_000, workspace=world.workspace, draw_vehicle=lambda _: robot)
+    assert excess.limits < 1e-6
+    assert excess.workspace < 1e-9
+
+
+def test_any_vehicle_keeps_its_limits_indoors() -> None:
+    excess = worst_excess(np.random.default_rng(2), 2_000, workspace=INDOOR.workspace)
+    assert excess.limits < 1e-6
+    assert excess.workspace < 1e-9
+
+
 @pytest.mark.slow
 def test_limits_hold_at_1_khz_in_100_000_cases() -> None:
     excess = worst_excess(np.random.default_rng(1), 100_000)
@@ -65,11 +79,13 @@ def test_limits_hold_at_1_khz_in_100_000_cases() -> None:
 @pytest.mark.parametrize("name", VEHICLES)
 def test_a_target_that_is_held_is_reached_and_kept(name: str) -> None:
     rng = np.random.default_rng(0)
-    start, before, target = (PAPER.sample_starts(rng, 16) for _ in range(3))
-    motion = flying(start, VEHICLES[name])
+    world = INDOOR if name == "ground-robot" else PAPER
+    start, before, target = (world.sample_starts(rng, 16) for _ in range(3))
+    motion = FlightMotion(vehicle=VEHICLES[name], workspace=world.workspace)
+    motion.reset(start, 0.04)
     for _ in range(30):
         motion.advance(before)
-    frames_to(motion, target, at_most=600)
+    frames_to(motion, target, at_most=1500)
     for _ in range(3):
         assert (off(motion.advance(target), target) < 1e-6).all()
     assert not motion.velocity.any() and not motion.acceleration.any()
