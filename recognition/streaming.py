@@ -7,7 +7,6 @@ import torch
 from torch import Tensor
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
-from ehar.camera import Camera
 from ehar.recogniser import Recognition
 from ehar.sensors.sensor import Sensed
 from recognition.calibration import Temperature
@@ -28,7 +27,7 @@ class _Recogniser:
         self.sha256 = sha256
         self.device = torch.device(device)
         self._parents = torch.from_numpy(parents(spec.skeleton)).to(self.device)
-        self._camera = Camera()
+        self._camera = spec.world.camera
 
     def _features(self, sensed: Sensed, viewpoint: FloatArray) -> Tensor:
         """Return features (..., P, J, C) on the device."""

@@ -17,7 +17,7 @@ from ehar.recogniser import Recogniser
 from ehar.rollout import Batch, check_recognition
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensor, SensorNoise, draw_noise
-from ehar.viewpoint import sample_starts
+from ehar.world import PAPER, World
 
 
 def reward(correct_now: BoolArray, correct_before: BoolArray, length: int, *, first: bool) -> FloatArray:
@@ -58,6 +58,7 @@ class EpisodeTask:
         recogniser: sees every frame.
         sensor: gives the recogniser its joints.
         controls: define the actions and the workspace.
+        world: the world whose starts are drawn; its workspace should be that of the controls.
         copies: number of successive episodes with the same scenario, start and noise; only the agent's actions differ.
 
     Raises:
@@ -65,7 +66,14 @@ class EpisodeTask:
     """
 
     def __init__(
-        self, *, scenarios: Scenarios, recogniser: Recogniser, sensor: Sensor, controls: Controls, copies: int = 1
+        self,
+        *,
+        scenarios: Scenarios,
+        recogniser: Recogniser,
+        sensor: Sensor,
+        controls: Controls,
+        world: World = PAPER,
+        copies: int = 1,
     ) -> None:
         """Create the task; nothing is drawn before `begin`."""
         data = scenarios.data
@@ -79,6 +87,7 @@ class EpisodeTask:
         self.recogniser = recogniser
         self.sensor = sensor
         self.controls = controls
+        self.world = world
         self.copies = copies
         self.workspace = controls.motion.workspace
         self.frame = -1  # no episode has begun
@@ -120,7 +129,7 @@ class EpisodeTask:
         self._batch = Batch(
             positions=self.scenarios.positions(indices),
             labels=self.scenarios.labels[indices],
-            starts=self.workspace.clip(sample_starts(rng, drawn).repeat(self.copies, axis=0)),
+            starts=self.workspace.clip(self.world.sample_starts(rng, drawn).repeat(self.copies, axis=0)),
             noise=SensorNoise(*(draws.repeat(self.copies, axis=0) for draws in noise)),
             names=tuple(data.sequence_names[sequence] for sequence in self.scenarios.sequence[indices]),
         )

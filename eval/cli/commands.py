@@ -39,8 +39,8 @@ AS_RECORDED = {  # inputs of a finished run
     "data": Flag("present place of the run's data.", kind=str | None, hint="as recorded"),
     "models": Flag("present place of its weights.", hint="as recorded"),
 }
-SEEN = ("data", "models", "sensor", "views", "seed", "length", "fps", "recogniser")  # conditions of any run
-TRAINED = ("data", "sensor", "views", "length", "fps")  # conditions of any training
+SEEN = ("data", "models", "sensor", "views", "seed", "length", "fps", "recogniser", "world")  # conditions of any run
+TRAINED = ("data", "sensor", "views", "length", "fps", "world")  # conditions of any training
 SENSED = {"sensor": Flag("perfect, estimator (noisy), or your own: file.py:Class.")}
 TRAINED_FROM = {  # flags of trainings for a recogniser
     **SENSED,
@@ -68,7 +68,7 @@ BENCHMARK = Command(
     """,
     conditions=(
         *("data", "models", "sensor", "track", "starts", "length", "fps", "seed", "part", "views", "form"),
-        "recogniser",
+        *("recogniser", "world"),
     ),
     flags={
         "planners": Flag(
@@ -170,9 +170,7 @@ TRAIN = CommandGroup(
         "agent": Command(
             "eval.running.training:train_agents",
             show_trained,
-            text="""Train agents: il, ppo, il-ppo and dagger.
-
-            For the recogniser in --models, or the one that ships; what is done is kept.
+            text="""Train il, ppo, il-ppo and dagger; what is done is kept.
 
             For example:
                 ehar train agent --data mine.npz --models models/mine --stages il,il-ppo
@@ -202,7 +200,7 @@ CHECK = CommandGroup(
             For example:
                 ehar check planner ./spiral.py:Spiral --distance 6
             """,
-            conditions=("data", "models"),
+            conditions=("data", "models", "world"),
             flags={
                 "planner": Flag(
                     "a name, or your own: file.py:Class or module:Class, then --argument value.",
@@ -225,7 +223,7 @@ CHECK = CommandGroup(
             For example:
                 ehar check recogniser ./mine.py:Mine --weights mine.safetensors
             """,
-            conditions=("data",),
+            conditions=("data", "world"),
             flags={
                 "recogniser": Flag(
                     "your own: file.py:Class or module:Class, then --argument value.",
@@ -248,7 +246,7 @@ CHECK = CommandGroup(
             For example:
                 ehar check sensor ./mine.py:Blurred --pixels 8
             """,
-            conditions=("data",),
+            conditions=("data", "world"),
             flags={"sensor": Flag(kind=str, positional=True, metavar="SENSOR")},
         ),
         "motion": Command(
@@ -263,7 +261,7 @@ CHECK = CommandGroup(
             For example:
                 ehar check motion ./mine.py:Slow
             """,
-            conditions=("data", "fps"),
+            conditions=("data", "fps", "world"),
             flags={"motion": Flag(kind=str, positional=True, metavar="MOTION")},
         ),
     },
@@ -287,7 +285,11 @@ STUDY = CommandGroup(
                 ehar study headroom --data duo --out runs/headroom
             """,
             conditions=SEEN,
-            flags={**SENSED, "seed": Flag("seed of start viewpoints and noise.")},
+            flags={
+                **SENSED,
+                "seed": Flag("seed of start viewpoints and noise."),
+                "distance": Flag("distance of the fixed cameras [m].", hint="the middle of the world's"),
+            },
         ),
         "ablation": Command(
             "eval.studies.ablation:ablation",
@@ -305,7 +307,7 @@ STUDY = CommandGroup(
                 "seed": Flag("seed of start viewpoints and noise."),
                 "groups": Flag(kind=tuple[str, ...], default=(), metavar="GROUP ...", hint="all"),
                 "tracks": Flag(
-                    "vehicles that nbv flies too: px4-auto, px4-max, tracking-drone, or files.",
+                    "vehicles that nbv flies too: px4-auto, px4-max, tracking-drone, ground-robot, or files.",
                     kind=tuple[str, ...],
                     default=(),
                     metavar="TRACK ...",

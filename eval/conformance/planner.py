@@ -40,7 +40,7 @@ def check_planner(planner: str | Planner, conditions: Conditions | None = None) 
     specs = listed(planner)
     setting = load_setting(conditions or Conditions())
     chosen = choose_planners(specs, ModelPlace.of(setting), readout="recogniser", note=lambda _: None).planners[0]
-    world = PlannerWorld(setting.runner, small_batch(setting.data))
+    world = PlannerWorld(setting.runner, small_batch(setting.data, setting.world))
     with one_torch_thread():
         return Conformance(f"planner {chosen.name}", tuple(_checks(chosen, world)))
 

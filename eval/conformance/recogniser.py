@@ -49,7 +49,7 @@ def check_recogniser(recogniser: str | Recogniser, conditions: Conditions | None
     from recognition.torch_threads import one_torch_thread  # brings torch
 
     setting = load_setting(replace(conditions or Conditions(), recogniser=recogniser))
-    frames = small_frames(setting.data)
+    frames = small_frames(setting.data, setting.world)
     with one_torch_thread():
         return Conformance(f"recogniser {setting.form}", tuple(_checks(setting.runner.recogniser, frames)))
 

@@ -13,6 +13,7 @@ from ehar.data.motion_data import MotionData
 from ehar.rollout import Batch
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise
+from ehar.world import World, load_world
 from eval.conformance.checks import Conformance, ContractCheck, attempt, first_difference
 from eval.conformance.world import BATCH, small_batch
 from recognition.setting import load_motion_of
@@ -54,20 +55,20 @@ def check_sensor(sensor: str | Sensor, conditions: Conditions | None = None) -> 
     """
     from ehar.sensors.registry import load_sensor
 
-    data = load_motion_of(conditions or Conditions())
-    loaded = load_sensor(sensor, data)
-    return Conformance(f"sensor {loaded.named}", tuple(_checks(loaded.sensor, _episodes(data))))
+    conditions = conditions or Conditions()
+    data, world = load_motion_of(conditions), load_world(conditions.world)
+    loaded = load_sensor(sensor, data, world)
+    return Conformance(f"sensor {loaded.named}", tuple(_checks(loaded.sensor, _episodes(data, world))))
 
 
-def _episodes(data: MotionData) -> Shown:
+def _episodes(data: MotionData, world: World) -> Shown:
     """Return 7 episodes (B, T, ...) of people, from cameras that move at random."""
     from recognition.training.views import training_viewpoints  # brings torch
 
-    batch: Batch = small_batch(data).select(ALL)
+    batch: Batch = small_batch(data, world).select(ALL)
     episodes, length = batch.positions.shape[:2]
-    return Shown(
-        batch.positions, training_viewpoints("moving", np.random.default_rng(0), episodes, length), batch.noise
-    )
+    viewpoints = training_viewpoints("moving", world, np.random.default_rng(0), episodes, length)
+    return Shown(batch.positions, viewpoints, batch.noise)
 
 
 def _checks(sensor: Sensor, clip: Shown) -> list[ContractCheck]:

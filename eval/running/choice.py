@@ -171,6 +171,14 @@ class Choice(NamedTuple):
     origins: dict[str, Origin]
     model: "GainModel | None" = None
 
+    @property
+    def lengths(self) -> dict[str, int | None]:
+        """The number of frames of an episode in the training of the gain field and of each agent."""
+        trained = {
+            planner.name: getattr(planner, "length", None) for planner in self.planners if _learned(planner.name)
+        }
+        return trained if self.model is None else {"gain field": self.model.length, **trained}
+
 
 def choose_planners(
     planners: Sequence[str | Planner] | None, place: ModelPlace, *, readout: str, note: Callable[[str], None]

@@ -81,6 +81,7 @@ class TrainAllConfig:
         """The options of a benchmark under these conditions, without those that equal its defaults."""
         usual, told = Conditions(), self.with_models
         options = {name: getattr(told, name) for name in ("data", "models", "sensor", "views", "length", "fps")}
+        options["world"] = told.world_name
         said = (name for name in options if name in ("data", "models") or options[name] != getattr(usual, name))
         return " ".join(f"--{name} {shlex.quote(str(options[name]))}" for name in said)
 
@@ -138,7 +139,7 @@ def train_gain_field(config: GainTrainingConfig) -> Trained:
         return make_planner("nbv-search", lambda: model)
 
     with StageProgress() as progress:
-        result = training.train_gain_field(config, lead, progress.report)
+        result = training.train_gain_field(config, lead, progress.report, progress.note)
     lines = [
         f"{name}: explains {100 * fit.scores.explained:.1f} % of what paths gain; the path it picks gains "
         f"{100 * fit.scores.chosen_gain:.2f} % in probability, of {100 * fit.scores.best_gain:.2f} % in hindsight"

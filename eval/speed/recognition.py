@@ -17,7 +17,7 @@ from ehar.motion import GridMotion
 from ehar.recogniser import Recogniser
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import Sensed, SensorNoise, draw_noise
-from ehar.viewpoint import sample_starts
+from ehar.world import PAPER
 from eval.speed.effort import WORKERS, Effort
 from eval.speed.flops import count_flops
 from recognition.calibration import Temperature
@@ -135,4 +135,4 @@ def _episodes(data: MotionData, episodes: int, length: int) -> tuple[FloatArray,
     scenarios = windows(data, np.arange(len(data.labels)), length, length)
     positions = scenarios.positions(np.arange(episodes) % len(scenarios))
     persons, joints = positions.shape[2:4]
-    return positions, sample_starts(rng, episodes), draw_noise(rng, (episodes, length), persons, joints)
+    return positions, PAPER.sample_starts(rng, episodes), draw_noise(rng, (episodes, length), persons, joints)

@@ -30,7 +30,7 @@ _OF_EPISODE = (
 
 RUN_KEYS = (  # keys of config.json that analysis.json repeats
     *("source", "data", "data_sha256", "models", "recogniser_sha256", "sensor", "views", "form", "track", "readout"),
-    *("part", "starts", "seed", "length", "fps"),
+    *("part", "starts", "seed", "length", "fps", "world"),
 )
 
 

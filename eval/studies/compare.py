@@ -23,6 +23,7 @@ SAME_EPISODES = (
     "fps",
     "sensor",
     "sensor_sha256",
+    "world",
 )  # they decide the episodes
 MAY_DIFFER = (  # a footnote says what differs
     *("recogniser_sha256", "views", "form", "readout", "track", "track_sha256", "gain_model_sha256", "versions"),
@@ -108,6 +109,8 @@ def _value(name: str, config: Mapping[str, Any]) -> str:
     """Return a value of config.json for people: a hash is cut short, and the hash of the data follows its name."""
     value = config.get(name)
     text = str(value)[:_SHOWN] if name.endswith("_sha256") else str(value)
+    if name == "world":
+        return str(config["world"]["name"])
     return f"{config.get('data')} {text}" if name == "data_sha256" else text
 
 

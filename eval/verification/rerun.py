@@ -77,7 +77,7 @@ def check_replay(
     try:
         for name, chunk in jobs:
             held, rows = records[name], np.arange(chunk * CHUNK, min((chunk + 1) * CHUNK, len(episodes)))
-            body = setting.runner.track.new_motion()
+            body = setting.runner.new_motion()
             motion = FollowedWay(body, held.viewpoint[rows])
             # The camera sees the same on a recorded way, whichever planner acts.
             record = workload.roll(planners.get(name) or NoAct(), episodes.batch(chunk), chunk, motion)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ehar.errors import ModelError, UsageError
 from ehar.files import as_json, parse_json
+from ehar.world import PAPER
 from planners.agents.config import AgentTrainingConfig, Stage
 from planners.agents.demonstrations import Demonstrations
 from planners.agents.imitation import clone
@@ -177,6 +178,7 @@ class StageRun:
             world.setting.data,
             recogniser_sha256=world.setting.recogniser_sha256,
             history={"data": world.setting.data.title, "run": self.identity, "history": history},
+            world=world.setting.world,
         )
 
     def _save_checkpoint(self, progress: "PPOProgress") -> None:
@@ -251,6 +253,8 @@ def _identity(config: AgentTrainingConfig, world: TrainingWorld, stage: Stage, s
     }
     if world.setting.sensor_sha256 is not None:
         decisive["sensor_sha256"] = world.setting.sensor_sha256
+    if not world.setting.world.agrees_with(PAPER):
+        decisive["world"] = asdict(world.setting.world)
     if stage != "ppo":
         decisive["imitation"] = asdict(config.imitation(stage))
     if stage in ("ppo", "il-ppo"):

@@ -14,6 +14,7 @@ from typing import Any
 import cloudpickle
 
 from ehar.processes import call, payload, worker_pool
+from ehar.world import PAPER
 from planners.agents.config import AgentTrainingConfig, ImitationSetting
 from planners.agents.demonstrations import EPISODES, Demonstrations, DemonstrationTask, collect, join
 from planners.agents.imitation import clone
@@ -42,6 +43,8 @@ def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> lis
     """
     config.check()
     world = TrainingWorld.load(config)
+    if world.setting.length_note is not None:
+        note(f"warning: {world.setting.length_note}")
     paths: list[Path] = []
     for stage in config.stage_names:
         runs = [StageRun.of(config, world, stage, seed) for seed in range(config.seeds)]
@@ -70,6 +73,7 @@ def demonstrations_of(
     )
     setting_key = f"{key} {world.setting.data.sha256} {world.setting.recogniser_sha256}"
     setting_key += "" if world.setting.sensor_sha256 is None else f" {world.setting.sensor_sha256}"
+    setting_key += "" if world.setting.world.agrees_with(PAPER) else f" {asdict(world.setting.world)}"
     digest = hashlib.sha256(setting_key.encode()).hexdigest()
     batches = max(1, round(setting.episodes / EPISODES / setting.rounds))
     rounds: list[Demonstrations] = []

@@ -44,7 +44,8 @@ class TrainingWorld:
             scenarios=self.scenarios,
             recogniser=self.setting.runner.recogniser,
             sensor=self.setting.runner.sensor,
-            controls=GridControls(),
+            controls=GridControls(workspace=self.setting.world.workspace),
+            world=self.setting.world,
             copies=copies,
         )
         return EpisodeVectorEnv(episodes, task)

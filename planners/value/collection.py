@@ -14,10 +14,10 @@ from ehar.motion import move_towards
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.processes import each_batch
 from ehar.runner import Runner
-from ehar.viewpoint import Workspace, apply_moves, sample_starts
+from ehar.viewpoint import Workspace, apply_moves
 from planners.value.body_filter import BodyFilter
 from planners.value.situation import frame_gains
-from planners.value.view_basis import basis_at
+from planners.value.view_basis import DistanceRange, basis_at
 
 EPISODES = 32  # episodes that run in lockstep
 PATHS = 8  # paths from a fork, one of which stays where it is
@@ -77,7 +77,8 @@ class Forker(Planner):
     def reset(self, context: Context) -> None:
         """Draw when to fork, and who wanders."""
         self._context = context
-        self._body = BodyFilter(pairs=self.pairs, frame_time=context.frame_time)
+        camera = context.world.camera
+        self._body = BodyFilter(pairs=self.pairs, frame_time=context.frame_time, camera=camera)
         # There is no plan at the last frame, and a fork needs a frame after it.
         spans = [sorted(int(share * (context.length - 2)) for share in span) for span in FORK_SPANS]
         self._at = {int(context.rng.integers(low, high + 1)) for low, high in spans}
@@ -111,6 +112,7 @@ class Forker(Planner):
         goals[:, 0] = here
         worth, visited = follow_paths(observation.truth, observation, goals, workspace)
         gains = frame_gains(observation.frame, observation.length)
+        span = DistanceRange.of(self._context.world.workspace)
         return {
             "episode": np.arange(len(here)),
             "frame": np.full(len(here), observation.frame),
@@ -119,7 +121,7 @@ class Forker(Planner):
             "position": self._body.position.copy(),
             "embedding": observation.embedding.astype(np.float64),
             "worth": worth,
-            "path": np.einsum("bmhk,h->bmk", basis_at(visited), gains),
+            "path": np.einsum("bmhk,h->bmk", basis_at(visited, span), gains),
         }
 
 
@@ -197,7 +199,7 @@ def collect_batch(task: CollectionTask, index: int) -> Collection:
     sequence = rng.choice(task.sequences, size=EPISODES, p=weights / weights.sum())
     first = rng.integers(data.lengths[sequence] - task.length + 1)
     scenarios = Scenarios(data, task.length, sequence, first)
-    batch = task.runner.batch(scenarios, np.arange(EPISODES), sample_starts(rng, EPISODES), rng)
+    batch = task.runner.batch(scenarios, np.arange(EPISODES), task.runner.world.sample_starts(rng, EPISODES), rng)
     forker = Forker(pairs=task.pairs, lead=task.lead)
     record = task.runner.roll(forker, batch, rng)
     forks = {name: np.concatenate([fork[name] for fork in forker.forks]) for name in forker.forks[0]}

@@ -71,7 +71,7 @@ def fork_situations(collection: Collection, belief: BeliefModel) -> Situation:
     """Return the situations at all N forks of a collection."""
     episode, frame = collection.episode, collection.frame
     believed = np.exp(readout(belief, collection.log_probs, collection.viewpoints))
-    seen = np.cumsum(basis_at(collection.viewpoints), axis=1)
+    seen = np.cumsum(basis_at(collection.viewpoints, belief.span), axis=1)
     return Situation(
         ratio=(frame + 1) / believed.shape[1],
         belief=believed[episode, frame],

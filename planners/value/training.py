@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +16,14 @@ from ehar.data.scenario import split_parts
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.files import write_bytes
 from ehar.planner import Planner
+from ehar.world import PAPER
 from planners.value.belief_fit import fit_belief
 from planners.value.body_filter import trunk_pairs
 from planners.value.collection import Collection, CollectionTask, join, run_batches
 from planners.value.config import GainTrainingConfig
 from planners.value.fit import VARIANTS, Fit, Scores, fit_field, score_field
 from planners.value.model import FULL, GainModel, gain_model_path, load_gain_model, save_gain_model
+from planners.value.view_basis import DistanceRange
 from recognition.setting import Setting, load_setting
 
 LEAST_LENGTH = 3  # frames of an episode: views along a path spread only if there are two to come
@@ -65,7 +67,10 @@ class GainTraining:
 
 
 def train_gain_field(
-    config: GainTrainingConfig, lead: Callable[[GainModel], Planner], report: Callable[[str, int, int], None]
+    config: GainTrainingConfig,
+    lead: Callable[[GainModel], Planner],
+    report: Callable[[str, int, int], None],
+    note: Callable[[str], None] = lambda _: None,
 ) -> GainTraining:
     """Train and save; batches of rollouts that a stopped run has finished are not run again.
 
@@ -77,6 +82,7 @@ def train_gain_field(
         config: the settings of the training.
         lead: makes the planner that leads the second round from a model.
         report: called with progress: the name of the task, the amount done, and the total.
+        note: called with a line if the recogniser was trained at another length.
 
     Raises:
         EharError: data or recogniser are missing or do not fit, or a number is too small.
@@ -93,6 +99,8 @@ def train_gain_field(
     if directory is None:
         raise UsageError("train gain-field: expected --models DIR, or --out DIR where the shipped recogniser is used")
     setting = load_setting(conditions)
+    if setting.length_note is not None:
+        note(f"warning: {setting.length_note}")
     data, policy = setting.data, split_parts(setting.data).policy
     sequences = policy[data.lengths[policy] >= conditions.length]
     if len(sequences) < 2:  # a field is judged on sequences that it was not fitted on
@@ -111,11 +119,18 @@ def train_gain_field(
     _check_place(path, setting)
     key = f"{data.sha256} {setting.recogniser_sha256} {conditions.length} {conditions.seed}"
     key += "" if setting.sensor_sha256 is None else f" {setting.sensor_sha256}"
-
+    world = setting.world
+    key += "" if world.agrees_with(PAPER) else f" {asdict(world)}"
     rollouts = _Rollouts(config, path, key, report)
     unseen_task = replace(task, sequences=_unseen_sequences(setting, sequences))
     unseen = rollouts.run(unseen_task, rollouts.few, "rollouts of unseen people", "unseen")
-    belief = fit_belief(unseen.log_probs, unseen.viewpoints, unseen.labels, unseen.sequences)
+    belief = fit_belief(
+        unseen.log_probs,
+        unseen.viewpoints,
+        unseen.labels,
+        unseen.sequences,
+        span=DistanceRange.of(world.workspace),
+    )
 
     def fit(collection: Collection, parts: tuple[str, ...]) -> Fit:
         return fit_field(collection, belief, parts, _performers(data, collection.sequences))
@@ -160,7 +175,7 @@ def train_gain_field(
     }
     own = {"recogniser": conditions.recogniser, "sensor_sha256": setting.sensor_sha256}
     history |= {name: value for name, value in own.items() if value is not None}
-    save_gain_model(path, model, recogniser_sha256=setting.recogniser_sha256, history=history)
+    save_gain_model(path, model, recogniser_sha256=setting.recogniser_sha256, history=history, world=world)
     return trained
 
 

@@ -9,6 +9,7 @@ from annotated_types import Ge
 from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
 from ehar.data.skeleton import Skeleton
+from ehar.world import PAPER, World
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.ctrgcn import CTRGCN
 from recognition.networks.features import channel_count
@@ -32,6 +33,7 @@ class NetworkSpec:
         persons: number P of persons.
         fps: frame rate of the training motion.
         length: number L of frames of a training clip.
+        world: the world of the training; files from before there were several do not name it.
     """
 
     form: Form
@@ -41,11 +43,12 @@ class NetworkSpec:
     persons: int
     fps: float
     length: Annotated[int, Ge(1)]
+    world: World = PAPER
 
     @classmethod
-    def of(cls, data: MotionData, *, form: Form, size: Size, length: int) -> "NetworkSpec":
+    def of(cls, data: MotionData, *, form: Form, size: Size, length: int, world: World = PAPER) -> "NetworkSpec":
         """Return the spec that fits some data."""
-        return cls(form, size, data.class_names, data.skeleton, data.persons, data.fps, length)
+        return cls(form, size, data.class_names, data.skeleton, data.persons, data.fps, length, world)
 
     @property
     def widths(self) -> tuple[int, ...]:

@@ -20,6 +20,7 @@ from ehar.data.scenario import split_parts
 from ehar.errors import ModelError, UsageError
 from ehar.files import as_json, parse_json
 from ehar.sensors.registry import load_sensor
+from ehar.world import PAPER, load_world
 from recognition.calibration import fit_temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network, NetworkSpec
@@ -132,7 +133,8 @@ class _Run:
         self.config = config
         data = load_motion_of(config.conditions)
         parts = split_parts(data)
-        loaded = load_sensor(config.conditions.sensor, data)
+        world = load_world(config.conditions.world)
+        loaded = load_sensor(config.conditions.sensor, data, world)
 
         def source(sequences: Any, augment: bool) -> ClipSource:
             return ClipSource(
@@ -142,6 +144,7 @@ class _Run:
                 sensor=loaded.sensor,
                 views=config.conditions.views,
                 augment=augment,
+                world=world,
             )
 
         self.source = source(parts.recogniser, augment=True)
@@ -155,7 +158,9 @@ class _Run:
             else ("its own training sequences")
         )
         self.validation = held_out.draw(np.random.default_rng(VALIDATION_SEED), VALIDATION_CLIPS)
-        self.spec = NetworkSpec.of(data, form=config.conditions.form, size=config.size, length=config.conditions.length)
+        self.spec = NetworkSpec.of(
+            data, form=config.conditions.form, size=config.size, length=config.conditions.length, world=world
+        )
         self.data_title = data.title
         self.device = torch.device(config.device)
         self.network: Network = self.spec.build(config.conditions.seed).to(self.device)
@@ -165,6 +170,8 @@ class _Run:
         self.identity = _identify(config, data.sha256)
         if loaded.sha256 is not None:
             self.identity["sensor_sha256"] = loaded.sha256
+        if not world.agrees_with(PAPER):
+            self.identity["world"] = as_json(asdict(world))
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )

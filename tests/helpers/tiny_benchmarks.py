@@ -5,6 +5,7 @@ import os
 import signal
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ TOLD = {field.name for field in fields(Conditions)}
 
 class HashedRecogniser(FakeRecogniser):
     sha256 = "fake"
+    spec = SimpleNamespace(length=None)  # trained at any length
 
 
 @dataclass

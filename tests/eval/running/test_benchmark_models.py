@@ -14,6 +14,7 @@ from ehar.errors import ModelError
 from ehar.motion import GridMotion
 from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
+from ehar.world import PAPER
 from eval.records.episodes import read_episodes
 from eval.records.run_files import EPISODES
 from eval.running.episodes import CHUNK, cut_scenarios, random_starts
@@ -113,7 +114,7 @@ def test_the_belief_is_scored_and_planners_act_the_same(models: Path, tmp_path: 
     # By hand: the belief of the fake recogniser's words from where no-act stands.
     data = tiny_data(sequences=40)
     scenarios = cut_scenarios(data, split_parts(data).test, 10, print)
-    episodes = random_starts(scenarios, 1, 0)
+    episodes = random_starts(scenarios, 1, 0, PAPER)
     context = replace(tiny_context(episodes=32, length=10), frame_time=1 / data.fps)
     record = rollout(NoAct(), episodes.batch(0), FakeRecogniser(), PerfectSensor(), GridMotion(), context)
     probabilities = np.exp(readout(SLOW_TO_BELIEVE, record.log_probs, record.viewpoints))

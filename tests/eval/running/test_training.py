@@ -49,7 +49,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         best = Evaluation(step=3, clips=24_000, train_loss=0.5, nll=0.25, accuracy=0.8)
         return Outcome(best, gain=0.01, cut_short=True, reason="cut short at 24,000 clips")
 
-    def gain_field(config: GainTrainingConfig, lead: object, report: object) -> GainTraining:
+    def gain_field(config: GainTrainingConfig, lead: object, report: object, note: object) -> GainTraining:
         heard.append("gain field")
         assert config.conditions.directory is not None
         found = {12: Scores(0.1, 0.01, 0.05), 24: Scores(0.1, 0.0105, 0.05)}

@@ -13,6 +13,7 @@ from ehar.errors import DataError
 from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import draw_noise
 from ehar.viewpoint import wrap_difference
+from ehar.world import PAPER
 from planners.value.body_filter import UNIFORM_STD, BodyFilter, trunk_pairs
 from recognition.training.views import training_viewpoints
 from tests.helpers.examples import share_of_examples
@@ -182,7 +183,7 @@ def test_facing_of_moving_couples(sensor_name, largest):
     parts, rng = split_parts(data), np.random.default_rng(0)
     scenarios = windows(data, parts.policy, 60, 60)
     positions = scenarios.positions(np.arange(len(scenarios)))
-    viewpoints = training_viewpoints("moving", rng, len(scenarios), 60)
+    viewpoints = training_viewpoints("moving", PAPER, rng, len(scenarios), 60)
     noise = draw_noise(rng, positions.shape[:2], *positions.shape[2:4])
     sensed = make_sensor(sensor_name, data).sense(positions, viewpoints, noise)
     pairs = trunk_pairs(data, parts.recogniser)

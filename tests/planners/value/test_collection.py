@@ -25,7 +25,7 @@ from planners.value.collection import (
     run_batches,
 )
 from planners.value.situation import frame_gains
-from planners.value.view_basis import basis_at
+from planners.value.view_basis import PAPER_RANGE, basis_at
 from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context, tiny_data
 from tests.helpers.gain_models import PAIRS
 
@@ -123,11 +123,11 @@ def test_forks_hold_what_their_paths_gave(monkeypatch: pytest.MonkeyPatch) -> No
         np.testing.assert_array_equal(collection.embedding[rows], observation.embedding)
         np.testing.assert_array_equal(collection.viewpoints[:, observation.frame], observation.viewpoint)
         gains = frame_gains(observation.frame, LENGTH)
-        along = sum(gains[step] * basis_at(visited[:, :, step]) for step in range(len(gains)))
+        along = sum(gains[step] * basis_at(visited[:, :, step], PAPER_RANGE) for step in range(len(gains)))
         np.testing.assert_allclose(collection.path[rows], along, atol=1e-12)
     # The first path stays, so that its mean basis is that of the viewpoint.
     here = collection.viewpoints[collection.episode, collection.frame]
-    np.testing.assert_allclose(collection.path[:, 0], basis_at(here), atol=1e-9)
+    np.testing.assert_allclose(collection.path[:, 0], basis_at(here, PAPER_RANGE), atol=1e-9)
 
 
 def test_what_a_batch_holds() -> None:

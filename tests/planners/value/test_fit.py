@@ -12,7 +12,7 @@ from planners.value.collection import Collection
 from planners.value.field import GainField
 from planners.value.fit import VARIANTS, fit_field, fork_situations, score_field
 from planners.value.situation import PARTS
-from planners.value.view_basis import BASIS_SIZE, basis_at, field_value, mean_direction
+from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, basis_at, field_value, mean_direction
 from tests.helpers.gain_models import random_situation
 
 BELIEF = BeliefModel()
@@ -44,7 +44,7 @@ def collected(rng: np.random.Generator, *, forks: int = 300, persons: int = 1) -
         position=drawn.position,
         embedding=drawn.embedding,
         worth=np.zeros((forks, PATHS)),
-        path=basis_at(visited).mean(axis=2),
+        path=basis_at(visited, PAPER_RANGE).mean(axis=2),
     )
 
 
@@ -70,7 +70,7 @@ def agreement(found: GainField, known: GainField, rng: np.random.Generator) -> f
     """Return the share of the variance over views, in situations not fitted on, that is found."""
     situation = fork_situations(collected(rng, forks=40), BELIEF)
     views = random_viewpoints(rng, 1, 50)
-    values = [field_value(field.weights(situation)[:, None], views) for field in (found, known)]
+    values = [field_value(field.weights(situation)[:, None], views, PAPER_RANGE) for field in (found, known)]
     fitted, true = (value - value.mean(axis=1, keepdims=True) for value in values)
     return float(1 - ((fitted - true) ** 2).sum() / (true**2).sum())
 
@@ -247,7 +247,7 @@ def test_situations_at_forks_are_those_of_their_frames() -> None:
     for fork in range(20):
         frame = collection.frame[fork]
         assert situation.ratio[fork] == pytest.approx((frame + 1) / LENGTH)
-        seen = basis_at(collection.viewpoints[fork, : frame + 1]).mean(axis=0)
+        seen = basis_at(collection.viewpoints[fork, : frame + 1], PAPER_RANGE).mean(axis=0)
         np.testing.assert_allclose(situation.seen[fork], seen, atol=1e-12)
         # The default belief is the recogniser's.
         np.testing.assert_allclose(situation.belief[fork], np.exp(collection.log_probs[fork, frame]), atol=1e-2)
