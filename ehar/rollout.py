@@ -163,12 +163,12 @@ def rollout(
             length=length,
             joints_2d=read_only(sensed.joints_2d),
             confidence=read_only(sensed.confidence),
-            viewpoint=viewpoint,
+            viewpoint=read_only(viewpoint),
             log_probs=read_only(recognition.log_probs),
             embedding=read_only(recognition.embedding),
             velocity=read_only(finite_rates(motion, "velocity", episodes, frame)),
             acceleration=read_only(finite_rates(motion, "acceleration", episodes, frame)),
-            truth=Truth(world.labels, recogniser, state, imagine) if privileged else None,
+            truth=Truth(read_only(world.labels), recogniser, state, imagine) if privileged else None,
         )
         begin = time.perf_counter()
         with blamed(planner, f"{planning}, frame {frame}"):
