@@ -1,10 +1,12 @@
 """Trained networks behind the recogniser contract: arrays in, calibrated probabilities out, frame by frame."""
 
+import hashlib
 from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import Module
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.recogniser import Recognition
@@ -20,7 +22,7 @@ from recognition.networks.spec import NetworkSpec
 class _Recogniser:
     """The part that both forms share: features from arrays, and calibrated log-probabilities."""
 
-    def __init__(self, spec: NetworkSpec, temperature: Temperature, sha256: str, device: str) -> None:
+    def __init__(self, network: Module, spec: NetworkSpec, temperature: Temperature, sha256: str, device: str) -> None:
         self.spec = spec
         self.class_names = spec.class_names
         self.temperature = temperature
@@ -28,6 +30,14 @@ class _Recogniser:
         self.device = torch.device(device)
         self._parents = torch.from_numpy(parents(spec.skeleton)).to(self.device)
         self._camera = spec.world.camera
+        self._weights = network.to(self.device).eval()
+
+    def fingerprint(self) -> bytes:
+        """Return a hash of all weights and of the temperature, as they are now."""
+        digest = hashlib.blake2b(repr(self.temperature).encode())
+        for tensor in self._weights.state_dict().values():
+            digest.update(tensor.cpu().contiguous().numpy().tobytes())
+        return digest.digest()
 
     def _features(self, sensed: Sensed, viewpoint: FloatArray) -> Tensor:
         """Return features (..., P, J, C) on the device."""
@@ -35,7 +45,8 @@ class _Recogniser:
         return features(to(sensed.joints_2d), to(sensed.confidence), to(viewpoint[..., 0]), self._parents, self._camera)
 
     def _to_device(self, array: FloatArray) -> Tensor:
-        return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32)).to(self.device)
+        # A copy: torch warns of arrays that are read-only, as those are that a planner imagines with.
+        return torch.from_numpy(np.array(array, dtype=np.float32, order="C")).to(self.device)
 
     def _recognition(self, logits: Tensor, embedding: Tensor, count: IntArray) -> Recognition:
         """Return calibrated arrays from logits (B, F, K) and embeddings (B, F, D) after `count` (B,) frames."""
@@ -79,8 +90,8 @@ class StreamingRecogniser(_Recogniser):
         self, *, network: CausalCTRGCN, spec: NetworkSpec, temperature: Temperature, sha256: str, device: str = "cpu"
     ) -> None:
         """Put the network in evaluation mode on the device."""
-        super().__init__(spec, temperature, sha256, device)
-        self._network = network.to(self.device).eval()
+        super().__init__(network, spec, temperature, sha256, device)
+        self._network = network
         self.embedding_size = network.embedding_size
 
     def start(self, episodes: int) -> StreamingRecogniserState:
@@ -141,8 +152,8 @@ class PrefixRecogniser(_Recogniser):
         self, *, network: CTRGCN, spec: NetworkSpec, temperature: Temperature, sha256: str, device: str = "cpu"
     ) -> None:
         """Put the network in evaluation mode on the device."""
-        super().__init__(spec, temperature, sha256, device)
-        self._network = network.to(self.device).eval()
+        super().__init__(network, spec, temperature, sha256, device)
+        self._network = network
         self.embedding_size = spec.widths[-1]
 
     def start(self, episodes: int) -> PrefixState:

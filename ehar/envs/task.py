@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from ehar.arrays import BoolArray, FloatArray
+from ehar.arrays import BoolArray, FloatArray, read_only
 from ehar.data.scenario import Scenarios
 from ehar.envs.controls import Controls
 from ehar.envs.observations import Observations as Observations
@@ -134,7 +134,7 @@ class EpisodeTask:
             names=tuple(data.sequence_names[sequence] for sequence in self.scenarios.sequence[indices]),
         )
         self.frame = 0
-        self.viewpoint = self._batch.starts
+        self.viewpoint = read_only(self._batch.starts)
         self.controls.motion.reset(self.viewpoint, 1 / data.fps)
         with blamed(self.recogniser, f"recogniser {type(self.recogniser).__name__}, start"):
             self._state = self.recogniser.start(episodes)
@@ -150,7 +150,7 @@ class EpisodeTask:
             raise EpisodeError(f"step after frame {self.frame + 1} of {self.scenarios.length}: expected a reset")
         targets = self.controls.targets(actions, self.viewpoint, f"frame {self.frame + 1}")
         before, length = self.correct, self.scenarios.length
-        self.viewpoint = self.controls.motion.advance(targets)
+        self.viewpoint = read_only(self.controls.motion.advance(targets))
         self.frame += 1
         observations = self._see()
         rewards = reward(self.correct, before, length, first=False)
@@ -161,7 +161,7 @@ class EpisodeTask:
     @property
     def info(self) -> dict[str, Any]:
         """For analysis, not for the agent: the true labels (B,), and whether they are recognised (B,)."""
-        return {"label": self._batch.labels, "correct": self.correct}
+        return {"label": self._batch.labels.copy(), "correct": self.correct.copy()}
 
     def _see(self) -> Observations:
         """Sense and recognise the present frame."""

@@ -10,7 +10,7 @@ from ehar.data.motion_data import MotionData
 from ehar.data.scenario import TEST, part_of
 from ehar.errors import DataError
 from ehar.rollout import Batch
-from ehar.sensors.sensor import Sensed, SensorNoise
+from ehar.sensors.sensor import Sensed, SensorNoise, draw_noise
 from ehar.world import PAPER, World
 from eval.running.episodes import cut_scenarios, random_starts
 
@@ -33,6 +33,21 @@ def small_batch(data: MotionData, world: World = PAPER) -> Batch:
     spread = np.linspace(0, len(episodes) - 1, EPISODES).astype(np.int64)
     some = type(episodes)(scenarios, episodes.scenario[spread], episodes.starts[spread], seed=0)
     return some.batch(0)
+
+
+def other_future(positions: FloatArray, noise: SensorNoise, frames: int) -> tuple[FloatArray, SensorNoise]:
+    """Return joints (B, T, P, J, 3) and draws with the same first frames; then other people do something else.
+
+    Args:
+        positions: the joints.
+        noise: the draws (B, T, ...).
+        frames: number of frames that stay.
+    """
+    joints = positions.copy()
+    joints[:, frames:] = 1 - 2 * joints[::-1, frames:]
+    later = draw_noise(np.random.default_rng(1), joints.shape[:2], *joints.shape[2:4])
+    pairs = zip(noise, later, strict=True)
+    return joints, SensorNoise(*(np.concatenate([one[:, :frames], two[:, frames:]], axis=1) for one, two in pairs))
 
 
 @dataclass
