@@ -217,11 +217,13 @@ def why_incomplete(directory: Path, config: RunConfig, records: Mapping[str, Epi
 
 
 def same_episodes(one: EpisodeRecords, other: EpisodeRecords) -> bool:
-    """Return whether records have the same windows of the same sequences and the same starts, in the same order."""
+    """Return whether records have the same windows, people and starts, in the same order."""
     return (
         one.sequence == other.sequence
         and one.predicted.shape == other.predicted.shape
-        and all(np.array_equal(getattr(one, key), getattr(other, key)) for key in ("first", "start", "label"))
+        and all(
+            np.array_equal(getattr(one, key), getattr(other, key)) for key in ("first", "start", "label", "subjects")
+        )
     )
 
 

@@ -9,7 +9,8 @@ from ehar.errors import DataError, UsageError
 from eval.records.config import CONFIG, PlannerConfig
 from eval.running.run import Run, read_run, same_episodes
 from eval.scores.differences import compare_pairs
-from eval.scores.planner_accuracy import PlannerAccuracy, Resamples, planner_accuracy, resample_sequences
+from eval.scores.planner_accuracy import PlannerAccuracy, draw_resamples, planner_accuracy
+from eval.scores.resamples import Resamples
 from eval.scores.training_seeds import PlannerGroup, group_planners
 from eval.studies.compare_table import ComparedPlanners
 from eval.studies.compare_table import Comparison as Comparison
@@ -48,7 +49,7 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
     _check_same_episodes(a, b)
     groups = _choose(a, b, planners)
     reference = next(iter(a.records.values()))
-    resamples = resample_sequences([*a.records.values(), *b.records.values()])
+    resamples = draw_resamples([*a.records.values(), *b.records.values()])
     pairs = [_accuracies(of_a, of_b, a, b, resamples) for of_a, of_b in groups]
     conditions = a.conditions
     return Comparison(
@@ -70,6 +71,7 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
             for difference, pair, (of_a, of_b) in zip(compare_pairs(pairs, resamples), pairs, groups, strict=True)
         ),
         no_intervals=resamples.why_none,
+        basis=resamples.basis,
     )
 
 
