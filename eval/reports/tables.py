@@ -65,23 +65,6 @@ def is_synthetic(data: ReportData) -> bool:
     return data.run.config.data.endswith("(synthetic)")
 
 
-def lead_sentence(data: ReportData) -> str:
-    """Return the result of the run in two sentences."""
-    planners = {planner.name: planner for planner in data.summary.planners}
-    if data.lead is None:
-        return "No planner without the truth ran beside no-act: there is nothing to compare with it."
-    best = planners[data.lead]
-    text = f"{data.lead} is the most accurate planner without the truth: {best.acc_mean:.1f} % over all frames"
-    if NO_ACT in planners:
-        text += f", {best.acc_mean - planners[NO_ACT].acc_mean:+.1f} points from a camera that stays"
-    if best.gap_closed is not None:
-        text += f", which closes {100 * best.gap_closed:.0f} % of the gap to the oracle"
-        if best.gap_closed_ci95 is not None:
-            low, high = (100 * end for end in best.gap_closed_ci95)
-            text += f" (95\u00a0% interval {low:.0f} to {high:.0f})"
-    return text + ". It was picked after the fact, so its figures flatter it a little."
-
-
 def planner_table(data: ReportData) -> str:
     """Return the sortable table of all planners."""
     planners = data.summary.planners
@@ -137,6 +120,8 @@ def planner_table(data: ReportData) -> str:
 def _table_notes(data: ReportData) -> Iterable[str]:
     planners = data.summary.planners
     names = {planner.name for planner in planners}
+    if data.lead is not None:
+        yield f"{data.lead} leads. It was picked after the fact, so its own figures flatter it a little."
     if any(planner.privileged for planner in planners):
         yield "* and slanted: privileged, is handed the label and the future. A bound, not a rival."
     if data.summary.no_intervals:
