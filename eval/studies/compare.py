@@ -7,28 +7,18 @@ from typing import Any
 
 from ehar.errors import DataError, UsageError
 from eval.records.config import CONFIG, PlannerConfig
-from eval.running.run import Run, read_run, same_episodes
+from eval.running.run import Run, read_run
 from eval.scores.differences import compare_pairs
 from eval.scores.planner_accuracy import PlannerAccuracy, draw_resamples, planner_accuracy
 from eval.scores.resamples import Resamples
 from eval.scores.training_seeds import PlannerGroup, group_planners
 from eval.studies.compare_table import ComparedPlanners
 from eval.studies.compare_table import Comparison as Comparison
+from eval.studies.same_episodes import check_same_episodes, label, shown
 
-SAME_EPISODES = (
-    "data_sha256",
-    "part",
-    "starts",
-    "seed",
-    "length",
-    "fps",
-    "sensor",
-    "sensor_sha256",
-)  # they decide the episodes
 MAY_DIFFER = (  # a footnote says what differs
     *("recogniser_sha256", "views", "form", "readout", "track", "track_sha256", "gain_model_sha256", "versions"),
 )
-_SHOWN = 12  # digits of a hash
 
 
 def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) -> Comparison:
@@ -46,7 +36,7 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
     if len(planners) not in (0, 2):
         raise UsageError(f"planners: expected one of A and one of B, got {len(planners)}: {', '.join(planners)}")
     a, b = _read(run_a), _read(run_b)
-    _check_same_episodes(a, b)
+    check_same_episodes(a, b)
     groups = _choose(a, b, planners)
     reference = next(iter(a.records.values()))
     resamples = draw_resamples([*a.records.values(), *b.records.values()])
@@ -86,33 +76,6 @@ def _read(directory: str | Path) -> Run:
     return run
 
 
-def _check_same_episodes(a: Run, b: Run) -> None:
-    """Raise an error if the episodes of two runs differ; it names what differs, with both values."""
-    where = f"{a.directory} and {b.directory}"
-    in_a, in_b = a.config.to_json(), b.config.to_json()
-    differing = [name for name in SAME_EPISODES if in_a[name] != in_b[name]]
-    if differing:
-        got = ", ".join(f"{_label(name)} ({_value(name, in_a)}, {_value(name, in_b)})" for name in differing)
-        raise UsageError(f"{where}: expected runs of the same episodes; they differ in {got}")
-    of_a, of_b = (next(iter(one.records.values())) for one in (a, b))
-    if not same_episodes(of_a, of_b):
-        raise DataError(
-            f"{where}: expected the same episodes, as their {CONFIG} say, got {len(of_a)} and {len(of_b)} that differ "
-            "in sequence, first frame, start or label"
-        )
-
-
-def _label(name: str) -> str:
-    return name.removesuffix("_sha256")
-
-
-def _value(name: str, config: Mapping[str, Any]) -> str:
-    """Return a value of config.json for people: a hash is cut short, and the hash of the data follows its name."""
-    value = config.get(name)
-    text = str(value)[:_SHOWN] if name.endswith("_sha256") else str(value)
-    return f"{config.get('data')} {text}" if name == "data_sha256" else text
-
-
 def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str, tuple[str, str]]]:
     """Yield what else differs between two runs, with both values.
 
@@ -127,7 +90,7 @@ def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str
         elif name == "track_sha256" and a.get("track") != b.get("track"):
             continue
         elif a.get(name) != b.get(name) and not (name == "gain_model_sha256" and None in (a.get(name), b.get(name))):
-            yield _label(name).replace("_", " "), (_value(name, a), _value(name, b))
+            yield label(name).replace("_", " "), (shown(name, a), shown(name, b))
 
 
 def _choose(a: Run, b: Run, planners: Sequence[str]) -> list[tuple[PlannerGroup, PlannerGroup]]:

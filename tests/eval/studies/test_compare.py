@@ -13,8 +13,9 @@ from eval.records.config import CONFIG, PlannerConfig
 from eval.records.episodes import EpisodeRecords
 from eval.render.tables import p_text
 from eval.running.run import write_records
-from eval.studies.compare import MAY_DIFFER, SAME_EPISODES, Comparison, compare
+from eval.studies.compare import MAY_DIFFER, Comparison, compare
 from eval.studies.compare_table import compare_table
+from eval.studies.same_episodes import SAME_EPISODES
 from tests.helpers.commands import fails_with
 from tests.helpers.made_records import CONFIG_OF_RUN, config_of_run, make_records, summary_of
 
