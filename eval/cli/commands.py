@@ -373,6 +373,28 @@ STUDY = CommandGroup(
                 "out": Flag("folder for analysis.json, analysis.md and figures.", hint="RUN/analysis"),
             },
         ),
+        "trainings": Command(
+            "eval.studies.trainings:trainings",
+            show_result,
+            text="""Take runs of several trainings of recogniser and gain field together.
+
+            Means over trainings, intervals that cover them too, and their spread.
+
+            For example:
+                ehar study trainings runs/duo-0 runs/duo-1 runs/duo-2
+            """,
+            flags={
+                "runs": Flag(
+                    "folders of runs with the same episodes and conditions, and other weights.",
+                    kind=tuple[Path, ...],
+                    positional=True,
+                    metavar="RUN ...",
+                    hint="at least two",
+                ),
+                "planner": Flag("planner to compare with each other one.", metavar="PLANNER"),
+                "out": Flag("folder for table.md and summary.json.", hint="none"),
+            },
+        ),
         "overview": Command(
             "eval.studies.overview:overview",
             show_tables,

@@ -24,17 +24,20 @@ class HasTables(Protocol):
 
 
 def show_run(run: "Run", *, report: bool = True) -> None:
-    """Print a run's tables.
+    """Print a run's tables and, at the end, what was found and how sure it is.
 
     Args:
         run: the finished run.
         report: write report.html too, as ehar report does.
     """
+    from eval.scores.closing import closing_sentences  # imported here: it brings what `ehar --help` does not need
+
     print_tables(*run.summary.tables())
     if report and run.directory is not None:
         from eval.reports.page import make_report  # imported here: it brings plotly
 
         print(f"report: {make_report(run.directory)}")
+    output_console().print(f"\n{closing_sentences(run.summary)}")
 
 
 def show_table(table: "Table") -> None:

@@ -19,7 +19,7 @@ from planners.own_planner import Origin, planner_source_sha256
 from recognition.setting import Setting, length_note
 
 CONFIG = "config.json"
-SCHEMA = 1  # of the files of a run; raised when their form or meaning changes
+SCHEMA = 2  # of the files of a run; raised when their form or meaning changes
 PACKAGES = ("ehar", "numpy", "torch", "casadi", "filterpy", "ruckig")  # their versions decide numbers
 
 
@@ -178,9 +178,6 @@ def installed_versions() -> dict[str, str]:
 def read_config(directory: Path) -> RunConfig:
     """Read the configuration of a run of `ehar benchmark`.
 
-    A run without a schema number counts as schema 1 if it has all fields of that schema. The fields that came with the
-    number have defaults, which keep the meaning of older files.
-
     Raises:
         UsageError: the folder holds no such run, or one of another schema.
         DataError: config.json is not the JSON of an object, or a field is not of its type or too small.
@@ -188,7 +185,7 @@ def read_config(directory: Path) -> RunConfig:
     path, expected = directory / CONFIG, "a run of ehar benchmark"
     held = read_json(path, dict[str, Any], expected)
     missing, found = [name for name in KEYS if name not in held and name not in LATER], held.get("schema")
-    if missing or found not in (None, SCHEMA):
+    if missing or found != SCHEMA:
         lacking = f" and no {', '.join(missing)}" if missing else ""
         raise UsageError(
             f"{path}: got {'no schema number' if found is None else f'schema {found!r}'}{lacking}, expected "

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief
+from ehar.data.motion_data import UNKNOWN_SUBJECT
 from ehar.errors import DataError
 from ehar.rollout import Record
 from eval.records.flights import KEYS, FlightRecords, join_flights
@@ -26,6 +27,7 @@ class EpisodeRecords:
         first: (N,) first frame, counted within the sequence.
         start: (N, 3) start viewpoints: distance [m], azimuth [rad], polar angle [rad].
         label: (N,) true class.
+        subjects: (N, P), who performs, as numbers of the data; -1 is unknown.
         viewpoint: (N, L, 3), where the camera was in each frame.
         predicted: (N, L), the most probable class after each frame.
         true_probability: (N, L), the probability of the true class.
@@ -37,6 +39,7 @@ class EpisodeRecords:
     first: IntArray
     start: FloatArray
     label: IntArray
+    subjects: IntArray
     viewpoint: FloatArray
     predicted: IntArray
     true_probability: FloatArray
@@ -66,6 +69,7 @@ def record_episodes(
     first: IntArray,
     start: FloatArray,
     label: IntArray,
+    subjects: IntArray,
     flight: FlightRecords | None = None,
 ) -> EpisodeRecords:
     """Return the records of a rollout, rounded as in the file."""
@@ -76,6 +80,7 @@ def record_episodes(
         first=first,
         start=start.round(DIGITS),
         label=label,
+        subjects=subjects,
         viewpoint=record.viewpoints.round(DIGITS),
         predicted=record.log_probs.argmax(axis=-1),
         true_probability=np.minimum(true, 1.0).round(DIGITS),
@@ -134,7 +139,7 @@ class _Row(NamedTuple):
 
 
 class _Kind(NamedTuple):
-    """The values of a field: their shape, where L is the number of frames, and their least and greatest value."""
+    """The values of a field: their shape, for L frames and P persons, and their least and greatest value."""
 
     shape: tuple[int | str, ...]
     whole: bool
@@ -147,13 +152,13 @@ class _Kind(NamedTuple):
         among += f" to {self.greatest:g}" if math.isfinite(self.greatest) else ""
         return f"{'whole' if self.whole else 'finite'} numbers{among}{shape}"
 
-    def array(self, values: Sequence[Any], frames: int) -> FloatArray | None:
-        """Return the values of N episodes of `frames` frames, (N, ...); None if they are not of this kind."""
+    def array(self, values: Sequence[Any], sizes: Mapping[str, int]) -> FloatArray | None:
+        """Return the values of N episodes of these sizes, L and P, (N, ...); None if they are not of this kind."""
         try:
             array = np.array(values)
         except (ValueError, OverflowError):
             return None  # the shapes differ, or a number does not fit 64 bits
-        shape = (len(values), *(frames if size == "L" else size for size in self.shape))
+        shape = (len(values), *(sizes[size] if isinstance(size, str) else size for size in self.shape))
         if array.shape != shape or array.dtype.kind not in ("iu" if self.whole else "iuf"):
             return None
         among = np.isfinite(array) & (array >= self.least) & (array <= self.greatest)
@@ -164,6 +169,7 @@ _KINDS = {
     "first": _Kind((), True, 0),
     "start": _Kind((3,), False),
     "label": _Kind((), True, 0),
+    "subjects": _Kind(("P",), True, UNKNOWN_SUBJECT),
     "viewpoint": _Kind(("L", 3), False),
     "predicted": _Kind(("L",), True, 0),
     "true_probability": _Kind(("L",), False, 0, 1),
@@ -183,8 +189,9 @@ def _parsed_line(line: str, where: str) -> dict[str, Any]:
     for name in ("planner", "sequence"):
         if not isinstance(row[name], str):
             raise DataError(f"{where}: {name}: expected a name, got {row[name]!r}")
-    if not isinstance(row["predicted"], list) or not row["predicted"]:
-        raise DataError(f"{where}: predicted: expected a list of at least one frame")
+    for name, what in (("predicted", "frame"), ("subjects", "person")):
+        if not isinstance(row[name], list) or not row[name]:
+            raise DataError(f"{where}: {name}: expected a list of at least one {what}")
     flown = row.keys() & set(KEYS)
     if flown and len(flown) < len(KEYS):
         raise DataError(f"{where}: expected all of the fields {', '.join(KEYS)}, or none")
@@ -204,9 +211,11 @@ def _episodes(rows: Sequence[_Row]) -> EpisodeRecords:
 
 def _column(name: str, rows: Sequence[_Row]) -> FloatArray:
     """Return one field of all episodes, (N, ...), or raise a DataError that names the first line that is off."""
-    kind, frames = _KINDS[name], len(rows[0].fields["predicted"])
-    array = kind.array([row.fields[name] for row in rows], frames)
+    kind = _KINDS[name]
+    sizes = {"L": len(rows[0].fields["predicted"]), "P": len(rows[0].fields["subjects"])}
+    array = kind.array([row.fields[name] for row in rows], sizes)
     if array is None:
-        off = next(row for row in rows if kind.array([row.fields[name]], frames) is None)
-        raise DataError(f"{off.where}: {name}: expected {kind}, L = {frames} as in the lines before")
+        off = next(row for row in rows if kind.array([row.fields[name]], sizes) is None)
+        size = next((of for of in kind.shape if isinstance(of, str)), "L")
+        raise DataError(f"{off.where}: {name}: expected {kind}, {size} = {sizes[size]} as in the lines before")
     return array

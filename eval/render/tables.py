@@ -48,6 +48,7 @@ class Table(NamedTuple):
         slanted: rows that do not compete with the others, such as planners that are handed the truth.
         words: columns after the first that hold words: aligned on the left, and wrapped if there is no room.
         lower_is_better: columns that HTML first sorts from the least value up.
+        notice: what a reader must not miss, on one line between title and rows; empty if there is nothing.
     """
 
     title: str
@@ -58,6 +59,7 @@ class Table(NamedTuple):
     slanted: frozenset[int] = frozenset()
     words: frozenset[int] = frozenset()
     lower_is_better: frozenset[int] = frozenset()
+    notice: str = ""
 
 
 class Rendered:
@@ -71,6 +73,8 @@ class Rendered:
         """Yield titles, blocks and footnotes."""
         for table in self._tables:
             yield Text(f"\n{table.title}", style="bold")
+            if table.notice:
+                yield Text(table.notice, style="bold yellow")
             for columns in _blocks(table, options.max_width):
                 yield _block(table, columns)
             yield from (Text(note) for note in table.footnotes)
@@ -130,7 +134,8 @@ def _markdown(table: Table) -> str:
         rows[row][column] = f"**{rows[row][column]}**"
     lines = [f"| {' | '.join(cells)} |" for cells in (map(_escaped, table.header), rule, *rows)]
     notes = [_escaped(note) for note in table.footnotes]
-    return "\n\n".join([f"**{table.title}**", "\n".join(lines), *notes]) + "\n"
+    notice = [f"**{_escaped(table.notice)}**"] if table.notice else []
+    return "\n\n".join([f"**{table.title}**", *notice, "\n".join(lines), *notes]) + "\n"
 
 
 def _escaped(text: str) -> str:
@@ -150,8 +155,9 @@ def html(table: Table, *, sortable: bool = False) -> str:
     kind, hidden = (' class="sortable"', " hidden") if sortable else ("", "")
     title = escape(table.title)
     notes = "".join(f"<li>{escape(note)}</li>" for note in table.footnotes)
+    notice = f'<p class="notice">{escape(table.notice)}</p>' if table.notice else ""
     return (
-        f'<div class="scroll" tabindex="0" role="region" aria-label="{title}"><table{kind}>'
+        f'{notice}<div class="scroll" tabindex="0" role="region" aria-label="{title}"><table{kind}>'
         f"<caption{hidden}>{title}</caption><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table></div>"
         + (f'<ul class="notes">{notes}</ul>' if notes else "")
     )
@@ -189,6 +195,13 @@ def share_text(share: float | None, ends: Interval | None) -> str:
     if share is None:
         return NONE
     return f"{100 * share:.1f} {interval_text(None if ends is None else (100 * ends[0], 100 * ends[1]))}"
+
+
+def p_text(p: float | None) -> str:
+    """Return a p-value."""
+    if p is None:
+        return NONE
+    return "<0.001" if p < 0.001 else f"{p:.3f}"
 
 
 def no_interval_footnotes(reason: str | None) -> Iterator[str]:

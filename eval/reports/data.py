@@ -22,9 +22,10 @@ from eval.scores.behaviour import (
 from eval.scores.confusion import ClassGains, class_gains, confusion
 from eval.scores.differences import Difference, compare_pairs
 from eval.scores.metrics import Reliability, reliability
-from eval.scores.planner_accuracy import Resamples, accuracy_bands, planner_accuracy, resample_sequences
+from eval.scores.planner_accuracy import accuracy_bands, draw_resamples, planner_accuracy
 from eval.scores.planner_summary import NO_ACT
 from eval.scores.predictability import Predictability, predictability
+from eval.scores.resamples import Resamples
 from eval.scores.seed_accuracy import pool_seeds, seeds_of
 from eval.scores.summary import Summary
 from eval.scores.training_seeds import curves, group_planners
@@ -103,7 +104,7 @@ def report_data(run: Run, class_names: tuple[str, ...]) -> ReportData:
     """
     trainings, pooled = seeds_of(run.records), pool_seeds(run.records)
     classes = len(class_names)
-    resamples = resample_sequences(list(run.records.values()))
+    resamples = draw_resamples(list(run.records.values()))
     return ReportData(
         run=run,
         class_names=class_names,

@@ -146,7 +146,7 @@ def _differences(name: str, pairs: list[Difference]) -> Figure:
     pairs = sorted(pairs, key=lambda pair: pair.acc_mean)
     rows = [plain(pair.other) for pair in pairs]
     means = [pair.acc_mean for pair in pairs]
-    clear = [_clear(pair.ci95) for pair in pairs]
+    clear = [pair.is_clear for pair in pairs]
     smallest = [pair.smallest for pair in pairs]
     traces: list[dict[str, Any]] = []
     if any(value is not None for value in smallest):
@@ -176,7 +176,7 @@ def _differences(name: str, pairs: list[Difference]) -> Figure:
                     "mode": "markers",
                     "marker": {"color": colour, "size": 11, "symbol": symbol, "line": {"width": 2, "color": colour}},
                     "error_x": {
-                        **_errors(values, [pairs[row].ci95 for row in chosen], thickness=2),
+                        **_errors(values, [pairs[row].ci95_corrected for row in chosen], thickness=2),
                         "color": colour,
                     },
                     "name": label,
@@ -190,10 +190,6 @@ def _differences(name: str, pairs: list[Difference]) -> Figure:
         height=150 + 34 * len(rows),
         barmode="overlay",
     )
-
-
-def _clear(ends: Any) -> bool:
-    return ends is not None and (ends[0] > 0 or ends[1] < 0)
 
 
 def _errors(values: Any, ends: list[Any], *, thickness: float) -> dict[str, Any]:

@@ -17,7 +17,6 @@ from eval.reports.data import ReportData, report_data
 from eval.reports.section import drawn, links, section_html
 from eval.reports.sections import SECTIONS
 from eval.reports.tables import (
-    lead_sentence,
     options,
     picker,
     planner_table,
@@ -25,6 +24,7 @@ from eval.reports.tables import (
 )
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.running.run import class_names, read_run
+from eval.scores.closing import closing_sentences
 from eval.scores.planner_summary import NO_ACT
 from eval.scores.training_seeds import first_trainings
 
@@ -78,7 +78,7 @@ def page(data: ReportData, replays: dict[str, Any], rule: str) -> str:
     return Template(_read("page.html")).substitute(
         title=escape(data.run.config.title),
         style=f"{_themes()}\n{_read('style.css')}",
-        lead=escape(lead_sentence(data)),
+        lead=escape(closing_sentences(data.summary)),
         ran=what_ran(data),
         table=planner_table(data),
         replay=_replay_part(data, replays, rule),

@@ -74,8 +74,8 @@ CLASSES = Section(
                 heading="Against no-act",
                 text=(
                     "The accuracy of the planner in focus minus that of no-act, in each class. Each interval is over "
-                    "the sequences of its class, without a correction for the number of classes: one in 20 excludes "
-                    "zero by chance."
+                    "the people and sequences of its class, without a correction for the number of classes: one in 20 "
+                    "excludes zero by chance."
                 ),
                 missing=f"Needs {NO_ACT} in the run, and another planner in focus.",
             ),

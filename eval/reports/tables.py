@@ -11,6 +11,7 @@ from eval.scores.metrics import ACC_AT
 from eval.scores.planner_metrics import METRICS
 from eval.scores.planner_summary import NO_ACT, ORACLE
 from eval.scores.predictability import LEVELS
+from eval.scores.summary_table import basis_lines
 
 _NONE = "\N{EN DASH}"
 _SELECTED = " selected"
@@ -67,26 +68,10 @@ def is_synthetic(data: ReportData) -> bool:
     return data.run.config.data.endswith("(synthetic)")
 
 
-def lead_sentence(data: ReportData) -> str:
-    """Return the result of the run in two sentences."""
-    planners = {planner.name: planner for planner in data.summary.planners}
-    if data.lead is None:
-        return "No planner without the truth ran beside no-act: there is nothing to compare with it."
-    best = planners[data.lead]
-    text = f"{data.lead} is the most accurate planner without the truth: {best.acc_mean:.1f} % over all frames"
-    if NO_ACT in planners:
-        text += f", {best.acc_mean - planners[NO_ACT].acc_mean:+.1f} points from a camera that stays"
-    if best.gap_closed is not None:
-        text += f", which closes {100 * best.gap_closed:.0f} % of the gap to the oracle"
-        if best.gap_closed_ci95 is not None:
-            low, high = (100 * end for end in best.gap_closed_ci95)
-            text += f" (95\u00a0% interval {low:.0f} to {high:.0f})"
-    return text + ". It was picked after the fact, so its figures flatter it a little."
-
-
 def planner_table(data: ReportData) -> str:
     """Return the sortable table of all planners."""
     planners = data.summary.planners
+    notice, _ = basis_lines(data.summary.basis, data.summary.no_intervals)
     flown = data.run.flown
     kept = any(planner.accuracy_kept is not None for planner in planners)
     header = [
@@ -123,6 +108,7 @@ def planner_table(data: ReportData) -> str:
         header=tuple(header),
         rows=tuple(rows),
         footnotes=tuple(_table_notes(data)),
+        notice=notice,
         slanted=frozenset(row for row, planner in enumerate(planners) if planner.privileged),
         lower_is_better=frozenset(
             {
@@ -137,10 +123,14 @@ def planner_table(data: ReportData) -> str:
 def _table_notes(data: ReportData) -> Iterable[str]:
     planners = data.summary.planners
     names = {planner.name for planner in planners}
+    if data.lead is not None:
+        yield f"{data.lead} leads. It was picked after the fact, so its own figures flatter it a little."
     if any(planner.privileged for planner in planners):
         yield "* and slanted: privileged, is handed the label and the future. A bound, not a rival."
     if data.summary.no_intervals:
         yield f"No intervals can be had: {data.summary.no_intervals}."
+    elif not data.summary.basis.few:
+        yield data.summary.basis.sentence
     if not {NO_ACT, ORACLE} <= names:
         yield f"Gap closed needs both {NO_ACT} and {ORACLE} among the planners."
     elif any(planner.gap_closed is None for planner in planners):
@@ -148,7 +138,7 @@ def _table_notes(data: ReportData) -> Iterable[str]:
     if any(len(planner.training_seeds) > 1 for planner in planners):
         yield (
             "Figures of planners with several training seeds are means over them, ± the standard deviation over seeds; "
-            "their intervals draw sequences and seeds, all others draw sequences."
+            "their intervals draw seeds too."
         )
     yield (
         "Mean acc: accuracy over all frames. IQM: its interquartile mean over sequences. Gap closed: 0 is no-act, 100 "
@@ -168,27 +158,27 @@ def differences_part(data: ReportData) -> str:
         name = f"{pair.planner} minus {pair.other}"
         cells = (
             Cell(name, value=name),
+            _cell(pair.acc_mean, 1, pair.ci95_corrected, signed=True),
+            _cell(pair.p_corrected, 3),
             _cell(pair.acc_mean, 1, pair.ci95, signed=True),
+            _cell(pair.p, 3),
             _cell(pair.smallest, 1),
             _cell(pair.improvement, 2, pair.improvement_ci95, digits_of_interval=2),
-            _cell(pair.mcnemar_wins, 0),
-            _cell(pair.mcnemar_losses, 0),
-            _cell(pair.mcnemar_p_holm, 3),
         )
         rows.append(cells)
-    header = ("pair", "difference", "smallest", "P(improves)", "wins", "losses", "p, Holm")
+    header = ("pair", "difference", "p", "by itself", "p by itself", "smallest", "P(improves)")
     table = Table(
         title="Paired differences",
         header=header,
         rows=tuple(rows),
         footnotes=(
-            "Difference: mean accuracy in points, 95 % interval. Smallest: the smallest true difference that would "
-            "show 8 times in 10. P(improves): the chance that the first is more accurate in a sequence.",
-            "Wins and losses: episodes in which only one of the two is right after 50 % of the frames; p of McNemar's "
-            "exact test, after Holm's correction for all pairs. It takes episodes as independent, so the intervals are "
-            "the safer claim.",
+            "Difference: mean accuracy in points. Its 95 % interval and p are corrected for all pairs of the run: all "
+            "intervals cover in 95 of 100 such runs. By itself: the same without this correction, for a pair that was "
+            "chosen before the run.",
+            "Smallest: the smallest true difference that would show 8 times in 10. P(improves): the chance that the "
+            "first is more accurate in a sequence.",
         ),
-        lower_is_better=frozenset(map(header.index, ("smallest", "losses", "p, Holm"))),
+        lower_is_better=frozenset(map(header.index, ("p", "p by itself", "smallest"))),
     )
     smallest = sorted(pair.smallest for pair in pairs if pair.smallest is not None)
     shown = (
@@ -198,8 +188,9 @@ def differences_part(data: ReportData) -> str:
         else ""
     )
     return (
-        "<p>On the same episodes, how much more accurate one planner is than another. An interval that excludes zero "
-        "is a difference that other sequences would likely show too; one that includes it is no proof of equality."
+        "<p>On the same episodes, how much more accurate one planner is than another, with intervals that are "
+        "corrected for the number of pairs. An interval that excludes zero is a difference that what was resampled "
+        "would likely show again; one that includes it is no proof of equality."
         f"{shown}</p>"
         f'<div class="controls">{picker("pairs", "Planner that is compared", subjects, chosen)}</div>'
         '<div class="figure" data-figure="pairs" data-group="pairs" role="img" '

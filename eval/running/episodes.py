@@ -69,6 +69,11 @@ class Episodes:
         """The true class of each episode, (N,)."""
         return self.scenarios.labels[self.scenario]
 
+    @property
+    def subjects(self) -> IntArray:
+        """Who performs in each episode, (N, P); -1 is unknown."""
+        return self.scenarios.data.subjects[self.scenarios.sequence[self.scenario]]
+
     def batch(self, index: int) -> Batch:
         """Return one chunk, ready to run; its noise depends on the seed and the chunk only."""
         part = self.chunk(index)

@@ -147,6 +147,7 @@ def _run_chunk(workload: Workload, planner: Planner, chunk: int) -> _Done:
         first=episodes.first,
         start=episodes.starts,
         label=episodes.labels,
+        subjects=episodes.subjects,
         flight=flights_of(motion),
     )
     return _Done(records, record.plan_seconds, solves_of(planner))

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,6 +16,7 @@ from ehar.track import IDEAL
 from eval.records.config import CONFIG, RunConfig, read_config
 from eval.records.episodes import EpisodeRecords, episode_lines, read_episodes
 from eval.records.run_files import EPISODES, SUMMARY, check_out
+from eval.scores.closing import closing_sentences
 from eval.scores.metrics import ACC_AT, mean_acc, path_length, right_at
 from eval.scores.seed_accuracy import pool_seeds
 from eval.scores.summary import Summary, read_summary
@@ -133,14 +135,14 @@ class Run:
         return f"Run({self.config.title}: {planners}, {episodes} episodes each)"
 
     def __str__(self) -> str:
-        """Return the summary's table."""
-        return str(self.summary)
+        """Return the summary's tables, and what was found and how sure it is."""
+        return f"{self.summary}\n{closing_sentences(self.summary)}\n"
 
     def _repr_html_(self) -> str:
-        """Return the summary's table for a notebook."""
+        """Return the same for a notebook."""
         from eval.render.tables import html
 
-        return "".join(html(table) for table in self.summary.tables())
+        return "".join(map(html, self.summary.tables())) + f"<p>{escape(closing_sentences(self.summary))}</p>"
 
     def _of(self, named: Mapping[str, Held], name: str) -> Held:
         if name not in named:
@@ -217,11 +219,13 @@ def why_incomplete(directory: Path, config: RunConfig, records: Mapping[str, Epi
 
 
 def same_episodes(one: EpisodeRecords, other: EpisodeRecords) -> bool:
-    """Return whether records have the same windows of the same sequences and the same starts, in the same order."""
+    """Return whether records have the same windows, people and starts, in the same order."""
     return (
         one.sequence == other.sequence
         and one.predicted.shape == other.predicted.shape
-        and all(np.array_equal(getattr(one, key), getattr(other, key)) for key in ("first", "start", "label"))
+        and all(
+            np.array_equal(getattr(one, key), getattr(other, key)) for key in ("first", "start", "label", "subjects")
+        )
     )
 
 

@@ -7,7 +7,8 @@ import numpy as np
 from ehar.arrays import FloatArray
 from eval.records.episodes import EpisodeRecords
 from eval.scores.metrics import mean_acc
-from eval.scores.statistics import BOOTSTRAP_SEED, RESAMPLES, interval, resample_counts, resampled_means
+from eval.scores.resamples import resample_episodes
+from eval.scores.statistics import BOOTSTRAP_SEED
 
 
 class ClassGains(NamedTuple):
@@ -15,8 +16,8 @@ class ClassGains(NamedTuple):
 
     Args:
         gain: (K,), the difference of the accuracies over all frames, -1 to 1.
-        ci95: (K, 2), its 95 % interval, bootstrap over the class's sequences; NaN with fewer than two. It is not
-            corrected for the number of classes, and does not draw training seeds.
+        ci95: (K, 2), its 95 % interval, bootstrap over the class's people and sequences; NaN with fewer than two
+            sequences. It is not corrected for the number of classes, and does not draw training seeds.
     """
 
     gain: FloatArray
@@ -53,9 +54,8 @@ def class_gains(trainings: list[EpisodeRecords], others: list[EpisodeRecords], c
     rng = np.random.default_rng(BOOTSTRAP_SEED)
     for label in np.unique(reference.label):
         members = reference.label == label
-        sequences, clusters = np.unique(names[members], return_inverse=True)
         gain[label] = gained[members].mean()
-        if len(sequences) > 1:
-            counts = resample_counts(rng, len(sequences), RESAMPLES)
-            ends[label] = interval(resampled_means(gained[members], clusters, counts))
+        if len(np.unique(names[members])) > 1:
+            resamples = resample_episodes(names[members], reference.subjects[members], rng=rng)
+            ends[label] = resamples.interval(gain[label], resamples.means(gained[members]), bounds=(-1, 1))
     return ClassGains(gain, ends)

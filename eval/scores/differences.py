@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eval.scores.paired_tests import holm, mcnemar
-from eval.scores.planner_accuracy import PlannerAccuracy, Resamples
+from eval.scores.planner_accuracy import PlannerAccuracy
+from eval.scores.resamples import Resamples
 from eval.scores.sequence_scores import probability_of_improvement, resampled_improvements, wins
-from eval.scores.statistics import Interval, interval, pair, smallest_difference
+from eval.scores.statistics import Interval, pair
 
 NBV = "nbv"
 SUBJECTS = ("il-ppo", "dagger", NBV, "il", "ppo")  # compared with every other planner; the earlier one is the minuend
@@ -22,36 +22,40 @@ class Difference:
         planner: the one whose accuracy is the minuend.
         other: the one whose accuracy is taken away.
         acc_mean: the difference of their accuracies, the mean over all frames [percentage points].
-        ci95: its 95 % interval, bootstrap over sequences and, of planners with several, training seeds; None without
-            resamples, like every other number that needs them.
-        smallest: the smallest true difference that would have shown in 80 of 100 such runs [percentage points]; None
-            where the two do not differ in any resample.
+        ci95: its 95 % interval by itself; bootstrap over people, sequences and, of planners with several, training
+            seeds. None without resamples, like every other number that needs them.
+        ci95_corrected: its interval among all differences that are compared together: the chance that every one of
+            them covers is 95 %.
+        p: two-sided p-value of no difference, by itself.
+        p_corrected: that p-value among all differences that are compared together: 5 % bounds the chance of any false
+            claim.
+        smallest: the smallest true difference whose corrected interval would exclude zero in 80 of 100 such runs
+            [percentage points]; None where the two do not differ in any resample.
         improvement: the probability that a training of the planner is more accurate in a sequence than one of the
             other, 0 to 1; ties count half.
         improvement_ci95: its 95 % interval.
-        mcnemar_wins: number of episodes in which the planner is right at acc@50 and the other is not; with several
-            trainings, in which a larger share of its trainings is right.
-        mcnemar_losses: number of episodes in which the other planner wins in this sense.
-        mcnemar_p: p-value of McNemar's exact test, which takes episodes as independent.
-        mcnemar_p_holm: that p-value after Holm's correction for all pairs that are compared together.
     """
 
     planner: str
     other: str
     acc_mean: float
     ci95: Interval | None
+    ci95_corrected: Interval | None
+    p: float | None
+    p_corrected: float | None
     smallest: float | None
     improvement: float
     improvement_ci95: Interval | None
-    mcnemar_wins: int
-    mcnemar_losses: int
-    mcnemar_p: float
-    mcnemar_p_holm: float
 
     @property
     def is_clear(self) -> bool:
-        """Whether the interval excludes zero."""
-        return self.ci95 is not None and (self.ci95[0] > 0 or self.ci95[1] < 0)
+        """Whether the corrected interval excludes zero."""
+        return self.ci95_corrected is not None and excludes_zero(self.ci95_corrected)
+
+
+def excludes_zero(ends: Interval) -> bool:
+    """Return whether an interval lies on one side of zero."""
+    return ends[0] > 0 or ends[1] < 0
 
 
 def differences(
@@ -78,27 +82,32 @@ def differences(
 def compare_pairs(
     pairs: Sequence[tuple[PlannerAccuracy, PlannerAccuracy]], resamples: Resamples
 ) -> tuple[Difference, ...]:
-    """Return how much more accurate the first planner of each pair is; Holm's correction covers all pairs."""
-    tests = [mcnemar(planner.right, other.right) for planner, other in pairs]
-    adjusted = holm(np.array([test.p for test in tests]))
+    """Return how much more accurate the first planner of each pair is; all pairs are corrected together."""
+    if not pairs:
+        return ()
+    estimates = 100 * np.array([planner.mean - other.mean for planner, other in pairs])
+    resampled = 100 * np.stack([planner.resampled - other.resampled for planner, other in pairs])
+    ends = resamples.interval(estimates, resampled)
+    together = resamples.together(estimates, resampled) if resamples.full else None
     found = []
-    for (planner, other), test, p_holm in zip(pairs, tests, adjusted, strict=True):
-        resampled = 100 * (planner.resampled - other.resampled)
+    for row, (planner, other) in enumerate(pairs):
         won = wins(planner.by_sequence, other.by_sequence)
+        improvement = probability_of_improvement(won)
         improvements = resampled_improvements(won, resamples.counts, planner.draws, other.draws)
         found.append(
             Difference(
                 planner=planner.name,
                 other=other.name,
-                acc_mean=100 * (planner.mean - other.mean),
-                ci95=pair(interval(resampled)),
-                smallest=smallest_difference(resampled),
-                improvement=probability_of_improvement(won),
-                improvement_ci95=pair(interval(improvements)),
-                mcnemar_wins=test.wins,
-                mcnemar_losses=test.losses,
-                mcnemar_p=test.p,
-                mcnemar_p_holm=float(p_holm),
+                acc_mean=float(estimates[row]),
+                ci95=pair(ends[row]),
+                ci95_corrected=None if together is None else pair(together.ends[row]),
+                p=None if together is None else float(together.p_alone[row]),
+                p_corrected=None if together is None else float(together.p[row]),
+                smallest=None
+                if together is None or np.isnan(together.smallest[row])
+                else float(together.smallest[row]),
+                improvement=improvement,
+                improvement_ci95=pair(resamples.interval(improvement, improvements, bounds=(0, 1))),
             )
         )
     return tuple(found)

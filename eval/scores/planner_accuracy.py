@@ -7,34 +7,11 @@ import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
 from eval.records.episodes import EpisodeRecords
-from eval.scores.metrics import mean_acc, right_at
+from eval.scores.metrics import mean_acc
+from eval.scores.resamples import Resamples, resample_episodes
 from eval.scores.sequence_scores import accuracy_by_sequence
-from eval.scores.statistics import (
-    BOOTSTRAP_SEED,
-    RESAMPLES,
-    interval,
-    resample_counts,
-    resampled_means,
-    why_no_intervals,
-)
-from eval.scores.training_seeds import PlannerGroup, group_planners, resample_seeds, seed_counts
-
-TESTED_AT = 50  # the observation ratio of McNemar's test [%], chosen before any result was seen
-
-
-@dataclass(frozen=True, eq=False)
-class Resamples:
-    """R resamples of S sequences, which all planners share; R is 0 if there can be no intervals.
-
-    Args:
-        clusters: (N,), the sequence of each episode, 0 to S - 1.
-        counts: (R, S), how often each sequence is drawn.
-        why_none: why R is 0, or None.
-    """
-
-    clusters: IntArray
-    counts: IntArray
-    why_none: str | None
+from eval.scores.statistics import why_no_intervals
+from eval.scores.training_seeds import PlannerGroup, curves, group_planners, resample_seeds, seed_counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,10 +21,9 @@ class PlannerAccuracy:
     Args:
         name: name of the planner.
         mean: accuracy, 0 to 1, the mean over all frames and trainings.
-        resampled: (R,), the same in every resample of sequences and trainings.
+        resampled: (rows,), the same in every row of the resamples, which draw people, sequences and trainings.
         by_sequence: (G, S), the accuracy of each training in each sequence.
-        draws: (R, G), how often each training is drawn in each resample.
-        right: (N,), the share of trainings that are right in each episode after `TESTED_AT` % of its frames.
+        draws: (rows, G), how often each training is drawn in each row.
     """
 
     name: str
@@ -55,17 +31,14 @@ class PlannerAccuracy:
     resampled: FloatArray
     by_sequence: FloatArray
     draws: IntArray
-    right: FloatArray
 
 
-def resample_sequences(records: Sequence[EpisodeRecords]) -> Resamples:
+def draw_resamples(records: Sequence[EpisodeRecords]) -> Resamples:
     """Draw the resamples for the records of planners that ran the same episodes."""
-    sequences, clusters = np.unique(records[0].sequence, return_inverse=True)
-    classes = np.unique(np.concatenate([records[0].label, *(episodes.predicted.ravel() for episodes in records)]))
-    why_none = why_no_intervals(len(sequences), len(classes))
-    rng = np.random.default_rng(BOOTSTRAP_SEED)
-    counts = resample_counts(rng, len(sequences), RESAMPLES if why_none is None else 0)
-    return Resamples(clusters, counts, why_none)
+    reference = records[0]
+    classes = np.unique(np.concatenate([reference.label, *(episodes.predicted.ravel() for episodes in records)]))
+    why_none = why_no_intervals(len(set(reference.sequence)), len(classes))
+    return resample_episodes(np.array(reference.sequence), reference.subjects, why_none=why_none)
 
 
 def planner_accuracy(
@@ -74,15 +47,13 @@ def planner_accuracy(
     """Return the accuracy of one planner; its name seeds the draws of its trainings."""
     correct = [records[name].correct for name in group.records]
     accuracy = np.stack([mean_acc(right) for right in correct])
-    means = resampled_means(accuracy, resamples.clusters, resamples.counts)
     alone = replace(group, rows=tuple(range(len(correct))))
     return PlannerAccuracy(
         name=group.name,
         mean=float(accuracy.mean(axis=1).mean()),
-        resampled=resample_seeds(means, [alone])[0],
+        resampled=resample_seeds(resamples.means(accuracy), [alone], resamples.steady)[0],
         by_sequence=np.stack([accuracy_by_sequence(right, resamples.clusters) for right in correct]),
-        draws=seed_counts(group.name, len(correct), len(resamples.counts)),
-        right=np.mean([right_at(right, TESTED_AT) for right in correct], axis=0),
+        draws=seed_counts(group.name, len(correct), resamples.full, resamples.steady),
     )
 
 
@@ -94,13 +65,13 @@ def accuracy_bands(records: Mapping[str, EpisodeRecords], resamples: Resamples) 
 
     Args:
         records: records on the same episodes, by record name.
-        resamples: resamples of their sequences.
+        resamples: resamples of their people and sequences.
     """
     bands = {}
-    for group in group_planners(records):
+    for group, curve in zip(group_planners(records), curves(records).values(), strict=True):
         alone = group_planners(group.records)
         by_frame = [records[name].correct.T.astype(np.float64) for name in group.records]
-        resampled = [resampled_means(values, resamples.clusters, resamples.counts) for values in by_frame]
-        drawn = [resample_seeds(np.stack(of_frame), alone)[0] for of_frame in zip(*resampled, strict=True)]
-        bands[group.name] = interval(np.stack(drawn))
+        resampled = [resamples.means(values) for values in by_frame]
+        drawn = [resample_seeds(np.stack(of), alone, resamples.steady)[0] for of in zip(*resampled, strict=True)]
+        bands[group.name] = resamples.interval(curve, np.stack(drawn), bounds=(0, 1))
     return bands

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from ehar.arrays import FloatArray, IntArray
+from ehar.arrays import FloatArray
 from ehar.errors import DataError
 from eval.records.config import RunConfig
 from eval.records.episodes import EpisodeRecords
@@ -12,11 +12,12 @@ from eval.records.flights import FlightSummary, join_flights, summarise_flights
 from eval.records.solves import Solves, join_solves
 from eval.scores.differences import differences
 from eval.scores.metrics import ACC_AT, acc_at, gap_closed, mean_acc
-from eval.scores.planner_accuracy import planner_accuracy, resample_sequences
+from eval.scores.planner_accuracy import PlannerAccuracy, draw_resamples, planner_accuracy
 from eval.scores.planner_metrics import METRICS
 from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
+from eval.scores.resamples import Resamples
 from eval.scores.sequence_scores import interquartile_mean, resampled_interquartile_means
-from eval.scores.statistics import interval, pair, resampled_means
+from eval.scores.statistics import pair
 from eval.scores.summary import Summary
 from eval.scores.training_seeds import PlannerGroup, group_planners, mean_over_seeds, resample_seeds
 
@@ -52,13 +53,12 @@ def summarise(
         _check_same_episodes(f"{name} on the ideal track", episodes, reference)
     groups = group_planners(records)
     trainings = [[records[name] for name in group.records] for group in groups]
-    resamples = resample_sequences(list(records.values()))
-    clusters, counts = resamples.clusters, resamples.counts
+    resamples = draw_resamples(list(records.values()))
     compared = [planner_accuracy(group, records, resamples) for group in groups]
     accuracy = np.stack([mean_acc(episodes.correct) for episodes in records.values()])
     acc_of_record = accuracy.mean(axis=1)
-    gaps, gap_ends = _gaps(groups, accuracy, clusters, counts, on_ideal)
-    kept, kept_ends = _kept(groups, accuracy, clusters, counts, on_ideal)
+    gaps, gap_ends = _gaps(groups, accuracy, resamples, on_ideal)
+    kept, kept_ends = _kept(groups, accuracy, resamples, on_ideal)
     planners = tuple(
         PlannerSummary(
             name=group.name,
@@ -66,10 +66,10 @@ def summarise(
             training_seeds=group.seeds,
             acc={str(percent): 100 * _mean(acc_at(one.correct, percent) for one in trained) for percent in ACC_AT},
             acc_mean=100 * held.mean,
-            acc_mean_ci95=pair(100 * interval(held.resampled)),
+            acc_mean_ci95=pair(100 * resamples.interval(held.mean, held.resampled, bounds=(0, 1))),
             acc_mean_seed_sd=100 * float(acc_of_record[list(group.rows)].std(ddof=1)) if len(group.rows) > 1 else None,
             acc_iqm=100 * interquartile_mean(held.by_sequence),
-            acc_iqm_ci95=pair(100 * interval(resampled_interquartile_means(held.by_sequence, counts, held.draws))),
+            acc_iqm_ci95=pair(100 * _iqm_interval(held, resamples)),
             gap_closed=float(gaps[row]) if np.isfinite(gaps[row]) else None,
             gap_closed_ci95=pair(gap_ends[row]) if np.isfinite(gaps[row]) else None,
             metrics={metric.key: _mean(map(metric.of_records, trained)) for metric in METRICS},
@@ -86,6 +86,7 @@ def summarise(
         episodes=len(reference),
         sequences=len(set(reference.sequence)),
         no_intervals=resamples.why_none,
+        basis=resamples.basis,
         planners=planners,
         differences=differences(compared, {planner.name: planner.privileged for planner in planners}, resamples),
     )
@@ -101,11 +102,16 @@ def _flights(trainings: Sequence[EpisodeRecords]) -> FlightSummary | None:
     return summarise_flights(join_flights(flights)) if flights else None
 
 
+def _iqm_interval(held: PlannerAccuracy, resamples: Resamples) -> FloatArray:
+    """Return the interval of the interquartile mean over sequences and trainings, (2,), 0 to 1."""
+    resampled = resampled_interquartile_means(held.by_sequence, resamples.counts, held.draws)
+    return resamples.interval(interquartile_mean(held.by_sequence), resampled, bounds=(0, 1))
+
+
 def _gaps(
     groups: Sequence[PlannerGroup],
     accuracy: FloatArray,
-    clusters: IntArray,
-    counts: IntArray,
+    resamples: Resamples,
     on_ideal: Mapping[str, EpisodeRecords] | None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return gap closed (P,) and its intervals (P, 2); NaN without both ends of the gap.
@@ -116,8 +122,7 @@ def _gaps(
     Args:
         groups: P planners.
         accuracy: (M, N), the accuracy of each record in each episode.
-        clusters: (N,), the sequence of each episode.
-        counts: (R, S), how often each sequence is drawn in each resample.
+        resamples: resamples of the episodes.
         on_ideal: records on the ideal track.
     """
     names = [group.name for group in groups]
@@ -131,17 +136,15 @@ def _gaps(
     rows = np.concatenate([accuracy, oracle[None]])
     ends = (*groups, PlannerGroup(name=ORACLE, seeds=(), records=(ORACLE,), rows=(len(accuracy),)))
     means = mean_over_seeds(rows.mean(axis=1), ends)
-    resampled = resample_seeds(resampled_means(rows, clusters, counts), ends)
+    resampled = resample_seeds(resamples.means(rows), ends, resamples.steady)
     low = names.index(NO_ACT)
-    closed = gap_closed(means[:-1], means[low], means[-1])
-    return closed, interval(gap_closed(resampled[:-1], resampled[low], resampled[-1]))
+    return _shares((means[:-1], means[low], means[-1]), (resampled[:-1], resampled[low], resampled[-1]), resamples)
 
 
 def _kept(
     groups: Sequence[PlannerGroup],
     accuracy: FloatArray,
-    clusters: IntArray,
-    counts: IntArray,
+    resamples: Resamples,
     on_ideal: Mapping[str, EpisodeRecords] | None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return accuracy kept (P,) and its intervals (P, 2); NaN without a run on the ideal track.
@@ -159,17 +162,36 @@ def _kept(
         np.stack([mean_acc(on_ideal[name].correct) for name in chosen]) for chosen in ([NO_ACT] * len(records), records)
     )
     compared = group_planners(records)
-    of_means = (mean_over_seeds(values.mean(axis=1), compared) for values in (flown, low, high))
-    resampled = (resample_seeds(resampled_means(values, clusters, counts), compared) for values in (flown, low, high))
-    kept[rows] = gap_closed(*of_means)
-    ends[rows] = interval(gap_closed(*resampled))
+    means = tuple(mean_over_seeds(values.mean(axis=1), compared) for values in (flown, low, high))
+    resampled = tuple(
+        resample_seeds(resamples.means(values), compared, resamples.steady) for values in (flown, low, high)
+    )
+    kept[rows], ends[rows] = _shares(means, resampled, resamples)
     return kept, ends
+
+
+def _shares(
+    means: tuple[FloatArray, ...], resampled: tuple[FloatArray, ...], resamples: Resamples
+) -> tuple[FloatArray, FloatArray]:
+    """Return the shares of a gap (P,) and their intervals (P, 2), from accuracies: the planner's, low and high.
+
+    Args:
+        means: (P,) or one number each.
+        resampled: the same in every row of the resamples, (P, rows) or (rows,).
+        resamples: the resamples.
+    """
+    share = gap_closed(*means)
+    # To first order a share varies as this does, which exists where a resample has no gap.
+    acc, low, high = resampled
+    linear = acc - low - np.nan_to_num(share)[:, None] * (high - low)
+    return share, resamples.interval(share, gap_closed(*resampled), linear=linear)
 
 
 def _check_same_episodes(name: str, episodes: EpisodeRecords, reference: EpisodeRecords) -> None:
     """Raise a DataError unless a planner ran the reference's episodes, in the same order."""
     same = episodes.sequence == reference.sequence and all(
-        np.array_equal(getattr(episodes, field), getattr(reference, field)) for field in ("first", "start", "label")
+        np.array_equal(getattr(episodes, field), getattr(reference, field))
+        for field in ("first", "start", "label", "subjects")
     )
     if not same:
         raise DataError(f"planner {name!r}: expected the same {len(reference)} episodes as the planner before it")

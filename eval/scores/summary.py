@@ -12,6 +12,7 @@ from eval.records.config import RunConfig
 from eval.records.episodes import EpisodeRecords
 from eval.scores.differences import Difference
 from eval.scores.planner_summary import NO_ACT, PlannerSummary, parse_planner
+from eval.scores.resamples import Basis
 from eval.scores.training_seeds import group_planners
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ class Summary:
         episodes: number of episodes of each planner.
         sequences: number of sequences that they are cut from.
         no_intervals: why there are no intervals; None if there are.
+        basis: the people and sequences that intervals rest on.
         planners: results of each planner, in the order of the run.
         differences: paired differences between `differences.SUBJECTS` and every other planner that is not privileged.
     """
@@ -35,6 +37,7 @@ class Summary:
     episodes: int
     sequences: int
     no_intervals: str | None
+    basis: Basis
     planners: tuple[PlannerSummary, ...]
     differences: tuple[Difference, ...]
 
@@ -74,9 +77,11 @@ class Summary:
 
     def tables(self) -> "list[Table]":
         """Return the table of the planners and, if they exist, the tables of differences and of the paper's rows."""
-        from eval.scores.summary_table import summary_tables  # imported here: it brings rich
+        from eval.scores.summary_table import basis_lines, summary_tables  # imported here: it brings rich
 
-        tables = summary_tables(self.title, self.config.data, self.planners, self.differences, self.no_intervals)
+        tables = summary_tables(
+            self.title, self.config.data, self.planners, self.differences, basis_lines(self.basis, self.no_intervals)
+        )
         note = self.config.length_note
         if note is not None:
             tables[0] = tables[0]._replace(footnotes=(f"Warning: {note}.", *tables[0].footnotes))
@@ -113,6 +118,7 @@ class Summary:
             "readout": self.config.readout,
             "episodes": self.episodes,
             "no_intervals": self.no_intervals,
+            "basis": asdict(self.basis),
             "planners": [planner.to_json() for planner in self.planners],
             "differences": [asdict(difference) for difference in self.differences],
         }
@@ -124,6 +130,7 @@ class _File:
 
     episodes: int
     planners: tuple[dict[str, Any], ...]
+    basis: Basis
     differences: tuple[Difference, ...] = ()
     no_intervals: str | None = None
 
@@ -151,4 +158,4 @@ def read_summary(path: Path, config: RunConfig, records: Mapping[str, EpisodeRec
             f"got {', '.join(planner.name for planner in planners) or 'none'}"
         )
     sequences = len({name for episodes in records.values() for name in episodes.sequence})
-    return Summary(config, held.episodes, sequences, held.no_intervals, planners, held.differences)
+    return Summary(config, held.episodes, sequences, held.no_intervals, held.basis, planners, held.differences)

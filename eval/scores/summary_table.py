@@ -15,10 +15,36 @@ from eval.scores.differences import Difference
 from eval.scores.metrics import ACC_AT, Metric
 from eval.scores.planner_metrics import METRICS
 from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
+from eval.scores.resamples import Basis
 
+TOGETHER = "Intervals are corrected together: all of them cover in 95 of 100 such tables."
 _SPREAD = "±"
 _KEPT = ("kept % [95 %]",)
 _FLIGHT = ("peak [m/s]", "[m/s^2]", "[m/s^3]", "effort [m^2/s^3]", "at limit %")
+
+
+class BasisLines(NamedTuple):
+    """What a table says about its intervals.
+
+    Attributes:
+        notice: a line that a reader must not miss; empty if intervals rest on enough people.
+        footnotes: the same without urgency, or why there are no intervals.
+    """
+
+    notice: str
+    footnotes: tuple[str, ...]
+
+
+def basis_lines(basis: Basis, no_intervals: str | None) -> BasisLines:
+    """Return what a table says about its intervals.
+
+    Args:
+        basis: the people and sequences that they rest on.
+        no_intervals: why there are none; None if there are.
+    """
+    if no_intervals is not None:
+        return BasisLines("", tuple(no_interval_footnotes(no_intervals)))
+    return BasisLines(basis.sentence, ()) if basis.few else BasisLines("", (basis.sentence,))
 
 
 def summary_tables(
@@ -26,7 +52,7 @@ def summary_tables(
     data: str,
     planners: Sequence[PlannerSummary],
     differences: Sequence[Difference],
-    no_intervals: str | None,
+    basis: BasisLines,
 ) -> list[Table]:
     """Return the table of a summary and, if they exist, the tables of differences and of the paper's rows.
 
@@ -35,17 +61,17 @@ def summary_tables(
         data: title of the data.
         planners: planners of the summary, one row each.
         differences: paired differences between them.
-        no_intervals: why there are no intervals; None if there are.
+        basis: what tables say about their intervals.
     """
     tables = (
-        benchmark_table(title, planners, no_intervals),
-        differences_table(planners, differences, no_intervals),
+        benchmark_table(title, planners, basis),
+        differences_table(planners, differences, basis),
         paper_table(data),
     )
     return [table for table in tables if table is not None]
 
 
-def benchmark_table(title: str, planners: Sequence[PlannerSummary], no_intervals: str | None) -> Table:
+def benchmark_table(title: str, planners: Sequence[PlannerSummary], basis: BasisLines) -> Table:
     """Return the table with one row per planner, accuracies and gaps in percent; flights have more columns."""
     header = ("planner", *(f"acc@{percent}" for percent in ACC_AT), "mean acc [95 %]", "gap closed % [95 %]")
     flown = any(planner.flight is not None for planner in planners)
@@ -54,10 +80,8 @@ def benchmark_table(title: str, planners: Sequence[PlannerSummary], no_intervals
         title=title,
         header=(*header, *(_KEPT * compared), *(metric.header for metric in METRICS), *(_FLIGHT * flown), "ms/step"),
         rows=tuple(_row(planner, compared) for planner in planners),
-        footnotes=(
-            *no_interval_footnotes(no_intervals),
-            *_footnotes(planners, flown=flown, compared=compared),
-        ),
+        footnotes=(*basis.footnotes, *_footnotes(planners, flown=flown, compared=compared)),
+        notice=basis.notice,
     )
 
 
@@ -98,7 +122,7 @@ def _training_footnotes(planners: Sequence[PlannerSummary]) -> Iterator[str]:
         counts = ", ".join(f"{planner.name} {len(planner.training_seeds)}" for planner in several)
         yield (
             f"Training seeds: {counts}. Numbers are means over seeds, behind {_SPREAD} stands the standard deviation "
-            "over seeds; intervals are a bootstrap over sequences and these seeds, elsewhere over sequences."
+            "over seeds; their intervals draw these seeds too."
         )
     if one:
         names = ", ".join(f"{planner.name} ({planner.training_seeds[0]})" for planner in one)
@@ -131,7 +155,7 @@ def _metric(planner: PlannerSummary, metric: Metric) -> str:
 
 
 def differences_table(
-    planners: Sequence[PlannerSummary], differences: Sequence[Difference], no_intervals: str | None
+    planners: Sequence[PlannerSummary], differences: Sequence[Difference], basis: BasisLines
 ) -> Table | None:
     """Return how much more accurate each planner of interest is (columns) than each other one (rows), or None."""
     if not differences:
@@ -144,20 +168,20 @@ def differences_table(
         title="Mean accuracy of the column's planner minus that of the row's, on the same episodes, in points [95 %]",
         header=("planner", *columns),
         rows=tuple(
-            (name, *("" if pair is None else f"{pair.acc_mean:+.1f} {interval_text(pair.ci95)}" for pair in row))
+            (
+                name,
+                *("" if pair is None else f"{pair.acc_mean:+.1f} {interval_text(pair.ci95_corrected)}" for pair in row),
+            )
             for name, row in zip(rows, cells, strict=True)
         ),
-        footnotes=(
-            "Bold: the interval excludes zero.",
-            *no_interval_footnotes(no_intervals),
-            *smallest_footnotes(differences),
-        ),
+        footnotes=(f"Bold: the interval excludes zero. {TOGETHER}", *basis.footnotes, *smallest_footnotes(differences)),
         bold=frozenset(
             (row, column)
             for row, found_there in enumerate(cells)
             for column, pair in enumerate(found_there, 1)
             if pair is not None and pair.is_clear
         ),
+        notice=basis.notice,
     )
 
 

@@ -86,28 +86,36 @@ def mean_over_seeds(values: FloatArray, groups: Sequence[PlannerGroup]) -> Float
     return means
 
 
-def seed_counts(name: str, seeds: int, resamples: int) -> IntArray:
-    """Return how often each of a planner's G trainings is drawn in each resample, (R, G): G draws with replacement.
+def seed_counts(name: str, seeds: int, resamples: int, steady: int = 0) -> IntArray:
+    """Return how often each of a planner's G trainings is drawn in each row, (R + steady, G).
 
     The draws of two planners are independent, and do not depend on who else is in the run.
+
+    Args:
+        name: name of the planner, which seeds the draws.
+        seeds: G.
+        resamples: R rows with G draws with replacement.
+        steady: rows after them that have each training once.
     """
-    return resample_counts(np.random.default_rng([BOOTSTRAP_SEED, *name.encode()]), seeds, resamples)
+    drawn = resample_counts(np.random.default_rng([BOOTSTRAP_SEED, *name.encode()]), seeds, resamples)
+    return np.concatenate([drawn, np.ones((steady, seeds), dtype=np.int64)])
 
 
-def resample_seeds(resampled: FloatArray, groups: Sequence[PlannerGroup]) -> FloatArray:
-    """Return the mean over drawn trainings in every resample, (P, R); a single training is not drawn.
+def resample_seeds(resampled: FloatArray, groups: Sequence[PlannerGroup], steady: int = 0) -> FloatArray:
+    """Return the mean over drawn trainings in every row, (P, rows); a single training is not drawn.
 
     Like every bootstrap, one over G seeds sees (G - 1) / G of the variance between them: half of it with two seeds.
 
     Args:
-        resampled: (M, R), a statistic of each training in resamples of sequences, which all of them share.
+        resampled: (M, rows), a statistic of each training in resamples of episodes, which all of them share.
         groups: P planners.
+        steady: number of last rows that have each training once.
     """
     drawn = np.empty((len(groups), resampled.shape[1]))
     for row, group in enumerate(groups):
         trainings = resampled[list(group.rows)]
         if len(trainings) > 1:
-            counts = seed_counts(group.name, len(trainings), resampled.shape[1])
+            counts = seed_counts(group.name, len(trainings), resampled.shape[1] - steady, steady)
             drawn[row] = (counts.T * trainings).sum(axis=0) / len(trainings)
         else:
             drawn[row] = trainings[0]

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from eval.studies.explanation import Explanation as Explanation
     from eval.studies.headroom import Headroom as Headroom
     from eval.studies.overview import RunOverview as RunOverview
+    from eval.studies.trainings import Trainings as Trainings
 else:
     __getattr__, __dir__, __all__ = lazy_exports(
         __name__,
@@ -21,5 +22,6 @@ else:
             "Analysis": "eval.studies.analysis",
             "Comparison": "eval.studies.compare_table",
             "RunOverview": "eval.studies.overview",
+            "Trainings": "eval.studies.trainings",
         },
     )

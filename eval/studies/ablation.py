@@ -14,7 +14,7 @@ from ehar.track import IDEAL, load_track
 from eval.records.config import CONFIG, planner_config, run_config
 from eval.records.episodes import episode_lines
 from eval.records.run_files import EPISODES, SUMMARY, check_out
-from eval.render.tables import Table, interval_text, markdown, no_interval_footnotes, share_text
+from eval.render.tables import Table, interval_text, markdown, share_text
 from eval.running.benchmark import summarise_runs
 from eval.running.choice import ModelPlace
 from eval.running.episodes import cut_scenarios, random_starts
@@ -24,6 +24,7 @@ from eval.scores.differences import NBV, Difference
 from eval.scores.planner_metrics import PATH_LENGTH
 from eval.scores.planner_summary import NO_ACT, PlannerSummary
 from eval.scores.summary import Summary
+from eval.scores.summary_table import TOGETHER, basis_lines
 from planners.heuristic import NoAct
 from planners.oracle import Oracle
 from planners.search.next_best_view import NextBestView
@@ -151,6 +152,7 @@ def ablation_tables(result: Ablation) -> list[Table]:
     summary = result.summary
     planners = {planner.name: planner for planner in summary.planners}
     differences = {difference.other: difference for difference in summary.differences}
+    notice, footnotes = basis_lines(summary.basis, summary.no_intervals)
     header = ("mean acc [95 %]", "gap closed % [95 %]", "minus nbv [95 %]", "path [m]", "ms/step", "fallbacks")
     rows = [("", name) for name in (NO_ACT, NBV)]
     rows += [(group, name) for group, names in result.groups.items() for name in names]
@@ -166,8 +168,10 @@ def ablation_tables(result: Ablation) -> list[Table]:
             footnotes=(
                 f"nbv: {result.setting}. Each variant differs in the one thing that its name says.",
                 "* privileged: is handed the label and the future.",
-                *no_interval_footnotes(summary.no_intervals),
+                TOGETHER,
+                *footnotes,
             ),
+            notice=notice,
         )
     ]
     if result.tracks:
@@ -197,7 +201,8 @@ def _row(planner: PlannerSummary, difference: Difference | None) -> tuple[str, .
     """Return the cells after the planner's name; the difference is the planner's accuracy minus that of nbv."""
     minus = "-"
     if difference is not None:
-        turned = None if difference.ci95 is None else (-difference.ci95[1], -difference.ci95[0])
+        ends = difference.ci95_corrected
+        turned = None if ends is None else (-ends[1], -ends[0])
         minus = f"{-difference.acc_mean:+.1f} {interval_text(turned)}"
     solves = planner.solves
     return (

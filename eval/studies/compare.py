@@ -7,28 +7,18 @@ from typing import Any
 
 from ehar.errors import DataError, UsageError
 from eval.records.config import CONFIG, PlannerConfig
-from eval.running.run import Run, read_run, same_episodes
+from eval.running.run import Run, read_run
 from eval.scores.differences import compare_pairs
-from eval.scores.planner_accuracy import PlannerAccuracy, Resamples, planner_accuracy, resample_sequences
+from eval.scores.planner_accuracy import PlannerAccuracy, draw_resamples, planner_accuracy
+from eval.scores.resamples import Resamples
 from eval.scores.training_seeds import PlannerGroup, group_planners
 from eval.studies.compare_table import ComparedPlanners
 from eval.studies.compare_table import Comparison as Comparison
+from eval.studies.same_episodes import check_same_episodes, label, shown
 
-SAME_EPISODES = (
-    "data_sha256",
-    "part",
-    "starts",
-    "seed",
-    "length",
-    "fps",
-    "sensor",
-    "sensor_sha256",
-    "world",
-)  # they decide the episodes
 MAY_DIFFER = (  # a footnote says what differs
     *("recogniser_sha256", "views", "form", "readout", "track", "track_sha256", "gain_model_sha256", "versions"),
 )
-_SHOWN = 12  # digits of a hash
 
 
 def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) -> Comparison:
@@ -46,10 +36,10 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
     if len(planners) not in (0, 2):
         raise UsageError(f"planners: expected one of A and one of B, got {len(planners)}: {', '.join(planners)}")
     a, b = _read(run_a), _read(run_b)
-    _check_same_episodes(a, b)
+    check_same_episodes(a, b)
     groups = _choose(a, b, planners)
     reference = next(iter(a.records.values()))
-    resamples = resample_sequences([*a.records.values(), *b.records.values()])
+    resamples = draw_resamples([*a.records.values(), *b.records.values()])
     pairs = [_accuracies(of_a, of_b, a, b, resamples) for of_a, of_b in groups]
     conditions = a.conditions
     return Comparison(
@@ -71,6 +61,7 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
             for difference, pair, (of_a, of_b) in zip(compare_pairs(pairs, resamples), pairs, groups, strict=True)
         ),
         no_intervals=resamples.why_none,
+        basis=resamples.basis,
     )
 
 
@@ -83,35 +74,6 @@ def _read(directory: str | Path) -> Run:
             path = run.folder / CONFIG
             raise DataError(f"{path}: expected every planner with episodes among its planners, {name!r} is not")
     return run
-
-
-def _check_same_episodes(a: Run, b: Run) -> None:
-    """Raise an error if the episodes of two runs differ; it names what differs, with both values."""
-    where = f"{a.directory} and {b.directory}"
-    in_a, in_b = a.config.to_json(), b.config.to_json()
-    differing = [name for name in SAME_EPISODES if in_a[name] != in_b[name]]
-    if differing:
-        got = ", ".join(f"{_label(name)} ({_value(name, in_a)}, {_value(name, in_b)})" for name in differing)
-        raise UsageError(f"{where}: expected runs of the same episodes; they differ in {got}")
-    of_a, of_b = (next(iter(one.records.values())) for one in (a, b))
-    if not same_episodes(of_a, of_b):
-        raise DataError(
-            f"{where}: expected the same episodes, as their {CONFIG} say, got {len(of_a)} and {len(of_b)} that differ "
-            "in sequence, first frame, start or label"
-        )
-
-
-def _label(name: str) -> str:
-    return name.removesuffix("_sha256")
-
-
-def _value(name: str, config: Mapping[str, Any]) -> str:
-    """Return a value of config.json for people: a hash is cut short, and the hash of the data follows its name."""
-    value = config.get(name)
-    text = str(value)[:_SHOWN] if name.endswith("_sha256") else str(value)
-    if name == "world":
-        return str(config["world"]["name"])
-    return f"{config.get('data')} {text}" if name == "data_sha256" else text
 
 
 def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str, tuple[str, str]]]:
@@ -128,7 +90,7 @@ def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str
         elif name == "track_sha256" and a.get("track") != b.get("track"):
             continue
         elif a.get(name) != b.get(name) and not (name == "gain_model_sha256" and None in (a.get(name), b.get(name))):
-            yield _label(name).replace("_", " "), (_value(name, a), _value(name, b))
+            yield label(name).replace("_", " "), (shown(name, a), shown(name, b))
 
 
 def _choose(a: Run, b: Run, planners: Sequence[str]) -> list[tuple[PlannerGroup, PlannerGroup]]:

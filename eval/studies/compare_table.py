@@ -4,12 +4,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from eval.render.tables import Table, html, interval_text, no_interval_footnotes, share_text
+from eval.render.tables import Table, html, interval_text, p_text, share_text
 from eval.scores.differences import Difference
-from eval.scores.planner_accuracy import TESTED_AT
+from eval.scores.resamples import Basis
+from eval.scores.summary_table import TOGETHER, basis_lines
 
-_LEVEL = 0.05  # smaller p-values are bold
-_DIFFERENCE, _P = 3, 7  # columns
+_DIFFERENCE = 3  # column
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,7 @@ class Comparison:
         differing: the differences between the runs by name, with both values as text.
         planners: the compared planners.
         no_intervals: the reason why there are no intervals, or None.
+        basis: the people and sequences that intervals rest on.
     """
 
     folders: tuple[Path, Path]
@@ -54,6 +55,7 @@ class Comparison:
     differing: Mapping[str, tuple[str, str]]
     planners: tuple[ComparedPlanners, ...]
     no_intervals: str | None
+    basis: Basis
 
     def tables(self) -> list[Table]:
         """Return the table of the comparison."""
@@ -74,9 +76,9 @@ class Comparison:
 
 
 def compare_table(comparison: Comparison) -> Table:
-    """Return a table of accuracies, paired differences and their tests."""
+    """Return a table of accuracies and paired differences, corrected together."""
     clear = {(row, _DIFFERENCE) for row, pair in enumerate(comparison.planners) if pair.difference.is_clear}
-    significant = {(row, _P) for row, pair in enumerate(comparison.planners) if pair.difference.mcnemar_p_holm < _LEVEL}
+    notice, footnotes = basis_lines(comparison.basis, comparison.no_intervals)
     return Table(
         title=(
             f"{comparison.title}: mean accuracy of A minus that of B, on the same {comparison.episodes} episodes from "
@@ -89,13 +91,20 @@ def compare_table(comparison: Comparison) -> Table:
             "A - B [95 %]",
             "smallest",
             "A better % [95 %]",
-            "wins, losses",
-            "p (Holm)",
+            "p",
         ),
         rows=tuple(_row(pair) for pair in comparison.planners),
-        footnotes=tuple(_footnotes(comparison)),
-        bold=frozenset(clear | significant),
+        footnotes=(*_footnotes(comparison), *footnotes, *_MEANINGS),
+        bold=frozenset(clear),
+        notice=notice,
     )
+
+
+_MEANINGS = (
+    f"Bold: the interval excludes zero. {TOGETHER} So is p, the chance of such a difference if there is none.",
+    "Smallest: the true difference that runs like these show 8 times in 10.",
+    "A better: the probability that A is more accurate in a sequence; ties count half.",
+)
 
 
 def _row(pair: ComparedPlanners) -> tuple[str, ...]:
@@ -107,11 +116,10 @@ def _row(pair: ComparedPlanners) -> tuple[str, ...]:
     return (
         names[0] if names[0] == names[1] else f"{names[0]} - {names[1]}",
         *(f"{acc:.1f}" for acc in pair.acc),
-        f"{difference.acc_mean:+.1f} {interval_text(difference.ci95)}",
+        f"{difference.acc_mean:+.1f} {interval_text(difference.ci95_corrected)}",
         "-" if difference.smallest is None else f"{difference.smallest:.1f}",
         share_text(difference.improvement, difference.improvement_ci95),
-        f"{difference.mcnemar_wins}, {difference.mcnemar_losses}",
-        "<0.001" if difference.mcnemar_p_holm < 0.001 else f"{difference.mcnemar_p_holm:.3f}",
+        p_text(difference.p_corrected),
     )
 
 
@@ -133,11 +141,3 @@ def _footnotes(comparison: Comparison) -> Iterator[str]:
         yield f"Training seeds in A and B: {counts}. Numbers are means over them, intervals cover them."
     if any(any(pair.privileged) for pair in comparison.planners):
         yield "* privileged: is handed the label and the future."
-    yield from no_interval_footnotes(comparison.no_intervals)
-    yield "Bold: the interval excludes zero; p is below 0.05."
-    yield "Smallest: the true difference that runs like these show 8 times in 10."
-    yield "A better: the probability that A is more accurate in a sequence; ties count half."
-    yield (
-        f"Wins, losses: episodes that only A or only B has right at acc@{TESTED_AT}. p: McNemar's exact test of them, "
-        "with Holm's correction over the rows; it takes episodes as independent, intervals resample whole sequences."
-    )

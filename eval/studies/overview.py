@@ -8,6 +8,7 @@ from ehar.errors import UsageError
 from ehar.files import write_text
 from eval.render.tables import Table, interval_text, markdown, no_interval_footnotes
 from eval.running.run import read_run
+from eval.scores.differences import excludes_zero
 from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
 from eval.scores.statistics import Interval
 from eval.scores.summary import Summary
@@ -95,7 +96,7 @@ def gap_table(runs: Sequence[RunOverview]) -> Table:
         ),
         footnotes=(
             "Bold: the best planner without the truth. * privileged: is handed the label and the future.",
-            *_no_interval_footnotes(runs),
+            *_basis_footnotes(runs),
         ),
         bold=frozenset(bold),
     )
@@ -123,22 +124,26 @@ def difference_table(runs: Sequence[RunOverview], planner: str) -> Table:
             (name, *("" if found is None else f"{found[0]:+.1f} {interval_text(found[1])}" for found in row))
             for name, row in zip(others, cells, strict=True)
         ),
-        footnotes=("Bold: the interval excludes zero.", *_no_interval_footnotes(runs)),
+        footnotes=(
+            "Bold: the interval excludes zero. Intervals are corrected together with all pairs of their run.",
+            *_basis_footnotes(runs),
+        ),
         bold=frozenset(
             (row, column)
             for row, differences in enumerate(cells)
             for column, found in enumerate(differences, 1)
-            if found is not None and found[1] is not None and not found[1][0] <= 0 <= found[1][1]
+            if found is not None and found[1] is not None and excludes_zero(found[1])
         ),
     )
 
 
-def _no_interval_footnotes(runs: Sequence[RunOverview]) -> Iterator[str]:
-    """Yield a footnote for each run without intervals that says why."""
+def _basis_footnotes(runs: Sequence[RunOverview]) -> Iterator[str]:
+    """Yield a footnote for each run that says what its intervals rest on, or why there are none."""
     for run in runs:
-        yield from no_interval_footnotes(
-            None if run.summary.no_intervals is None else f"{run.title}, {run.summary.no_intervals}"
-        )
+        if run.summary.no_intervals is None:
+            yield f"{run.title}: {run.summary.basis.sentence}"
+        else:
+            yield from no_interval_footnotes(f"{run.title}, {run.summary.no_intervals}")
 
 
 def _names(runs: Sequence[RunOverview]) -> list[str]:
@@ -166,7 +171,7 @@ def _ends(run: RunOverview) -> str:
 def _difference(run: RunOverview, planner: str, other: str) -> tuple[float, Interval | None] | None:
     """Return a difference and its interval [points]; their signs change if the run compared the pair the other way."""
     for difference in run.summary.differences:
-        ends = difference.ci95
+        ends = difference.ci95_corrected
         if (difference.planner, difference.other) == (planner, other):
             return difference.acc_mean, ends
         if (difference.planner, difference.other) == (other, planner):

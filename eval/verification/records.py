@@ -20,7 +20,7 @@ def contradiction(config: RunConfig, records: Mapping[str, EpisodeRecords], epis
         config: configuration of the run.
         records: records of planners; all have the same number of episodes.
         episodes: episodes of the run, made again from its data; None if the data are not here. Without them, sequences,
-            windows and labels only have to be the same for every planner and in every round of start viewpoints.
+            windows, labels and people only have to be the same for every planner and in every round of starts.
     """
     known = {planner.name for planner in config.planners}
     reference = next(iter(records.values()))
@@ -38,21 +38,27 @@ def contradiction(config: RunConfig, records: Mapping[str, EpisodeRecords], epis
         row = np.arange(count) % scenarios
         sequence, first, label = np.array(reference.sequence)[row], reference.first[row], reference.label[row]
         windows = list(zip(reference.sequence[:scenarios], reference.first[:scenarios].tolist(), strict=True))
+        _, once, of_sequence = np.unique(sequence, return_index=True, return_inverse=True)
+        subjects = reference.subjects[once[of_sequence]]  # a sequence has the same people in all of its windows
         again = next((index for index, window in enumerate(windows) if window in windows[:index]), None)
         if again is not None:
             return f"{place(next(iter(records)), reference, again)}: got it twice, expected each window once a start"
     else:
         sequence, first, label = np.array(episodes.sequence_names), episodes.first, episodes.labels
+        subjects = episodes.subjects
     start = draw_starts(count, config.conditions.seed, config.world).round(DIGITS)
     for name, held in records.items():
         columns: tuple[tuple[str, Any, Any], ...] = (
             ("sequence", np.array(held.sequence), sequence),
             ("first", held.first, first),
             ("label", held.label, label),
+            ("subjects", held.subjects, subjects),
             ("start", held.start, start),
             ("viewpoint", held.viewpoint[:, 0], held.start),
         )
         for field, got, expected in columns:
+            if got.shape != expected.shape:
+                return f"{place(name, held, 0)}: {field}: got {_text(got[0])}, expected {_text(expected[0])}"
             off = got != expected if got.ndim == 1 else (got != expected).any(axis=1)
             if off.any():
                 at = int(off.argmax())

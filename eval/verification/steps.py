@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 from ehar.steps import StepLimits, from_rest
 from ehar.track import IDEAL
-from ehar.viewpoint import Workspace
 from eval.records.config import RunConfig
 from eval.records.episodes import DIGITS, EpisodeRecords
 from eval.verification.checks import FAILED, OK, UNCHECKED, Check
@@ -29,7 +28,7 @@ def check_steps(config: RunConfig, records: Mapping[str, EpisodeRecords], fps: f
         return Check(NAME, UNCHECKED, f"{config.vehicle.name}: the data are not here, and the run names no frame rate")
     if config.vehicle is None and config.conditions.track != IDEAL:
         return Check(NAME, UNCHECKED, f"{config.conditions.track}: the run does not name the limits of its vehicle")
-    limits = StepLimits(Workspace(), 1 / (rate or 1.0), config.vehicle)
+    limits = StepLimits(config.world.workspace, 1 / (rate or 1.0), config.vehicle)
     for name, held in records.items():
         broken = limits.first_broken(from_rest(held.viewpoint), ROUNDED)
         if broken is not None:

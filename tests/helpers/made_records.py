@@ -40,7 +40,10 @@ def config_of_run(**options: Any) -> RunConfig:
     return replace(CONFIG_OF_RUN, conditions=replace(CONFIG_OF_RUN.conditions, **told), **options)
 
 
-def make_records(seed: int, *, skill: float = 0.0, episodes: int = 9, length: int = 4) -> EpisodeRecords:
+def make_records(
+    seed: int, *, skill: float = 0.0, episodes: int = 9, length: int = 4, people: int = 0
+) -> EpisodeRecords:
+    """Return records of sequences of two episodes; as many people take turns, or nobody is named."""
     rng = np.random.default_rng(seed)
     fixed = np.random.default_rng(0)
     label = fixed.integers(0, 3, episodes)
@@ -53,6 +56,7 @@ def make_records(seed: int, *, skill: float = 0.0, episodes: int = 9, length: in
         first=np.arange(episodes),
         start=record.viewpoints[:, 0],
         label=label,
+        subjects=np.array([[index // 2 % people if people else -1] for index in range(episodes)]),
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 from ehar.errors import DataError
 from ehar.files import write_text
 from ehar.rollout import Record
-from eval.records.episodes import DIGITS, episode_lines, join_records, read_episodes, record_episodes
+from eval.records.episodes import COLUMNS, DIGITS, episode_lines, join_records, read_episodes, record_episodes
 from eval.records.run_files import EPISODES
 from tests.helpers.made_records import flown, make_records, three_planners
 
@@ -18,7 +18,9 @@ from tests.helpers.made_records import flown, make_records, three_planners
 def test_records_keep_what_metrics_need() -> None:
     log_probs = np.log(np.array([[[0.7, 0.2, 0.1], [0.2, 0.5, 0.3]]], dtype=np.float32))
     record = Record(np.full((1, 2, 3), 1.23456789), log_probs, 0.0)
-    kept = record_episodes(record, sequence=["a"], first=np.array([3]), start=np.zeros((1, 3)), label=np.array([1]))
+    told = {"first": np.array([3]), "start": np.zeros((1, 3)), "label": np.array([1]), "subjects": np.array([[4, 7]])}
+    kept = record_episodes(record, sequence=["a"], **told)
+    assert kept.subjects.tolist() == [[4, 7]]
     assert kept.predicted.tolist() == [[0, 1]]
     assert kept.correct.tolist() == [[False, True]]
     assert kept.true_probability.tolist() == [[0.2, 0.5]]
@@ -33,7 +35,7 @@ def test_records_read_back_are_the_records_written(tmp_path: Path) -> None:
     assert list(back) == list(records)
     for name, episodes in records.items():
         assert back[name].sequence == episodes.sequence
-        for field in ("first", "start", "label", "viewpoint", "predicted", "true_probability", "top_probability"):
+        for field in (field for field in COLUMNS if field != "sequence"):
             np.testing.assert_array_equal(getattr(back[name], field), getattr(episodes, field))
 
 
@@ -66,6 +68,9 @@ def test_a_malformed_line_is_named(tmp_path: Path) -> None:
         ("true_probability", [0, 0, 0, 1.5], r"true_probability: expected finite numbers from 0 to 1, shape \(L\)"),
         ("top_probability", [0, 0, 0, float("nan")], "top_probability: expected finite numbers from 0 to 1"),
         ("top_probability", None, "top_probability: expected finite numbers from 0 to 1"),
+        ("subjects", [-2], r"subjects: expected whole numbers from -1, shape \(P\), P = 1"),
+        ("subjects", [3, 4], r"subjects: expected whole numbers from -1, shape \(P\), P = 1"),
+        ("subjects", [], "subjects: expected a list of at least one person"),
         ("sequence", 3, "sequence: expected a name, got 3"),
         ("planner", [], r"planner: expected a name, got \[\]"),
     ],

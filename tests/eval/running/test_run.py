@@ -89,11 +89,12 @@ def test_it_prints_as_a_line_and_as_its_table(tmp_path: Path) -> None:
     title = "tiny (synthetic), perfect sensor, moving views, ideal track"
     assert repr(ran) == f"Run({title}: 3 planners, 9 episodes each)"
     assert repr(ran.summary) == f"Summary({title}: 3 planners, 9 episodes of 4 frames from 5 sequences)"
-    assert str(ran) == str(ran.summary) == text(*ran.summary.tables())
+    assert str(ran.summary) == text(*ran.summary.tables())
+    assert str(ran).startswith(str(ran.summary))
     for word in (ran.summary.title, "oracle*", "mean acc [95 %]"):
         assert word in str(ran)
     page = ran._repr_html_()
-    assert page == ran.summary._repr_html_()
+    assert page.startswith(ran.summary._repr_html_())
     assert page.count("<table") == len(ran.summary.tables()) and "<td data-value=" in page and "no-act" in page
     back = read_run(ran.save(tmp_path))
     assert (repr(back), repr(back.summary)) == (repr(ran), repr(ran.summary))

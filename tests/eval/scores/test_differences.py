@@ -8,14 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rich.console import Console
-from scipy.stats import binomtest, mannwhitneyu, trim_mean
+from scipy.stats import mannwhitneyu, norm, trim_mean
 
+from ehar.data.motion_data import UNKNOWN_SUBJECT
 from eval.records.episodes import EpisodeRecords
 from eval.records.run_files import SUMMARY
 from eval.render.figures import draw_accuracy
-from eval.render.tables import Rendered, markdown
+from eval.render.tables import Rendered, html, markdown
 from eval.running.run import write_records
-from eval.scores.metrics import right_at
+from eval.scores.resamples import Basis
 from eval.scores.statistics import BOOTSTRAP_SEED, resample_counts
 from eval.scores.summary import Summary
 from eval.scores.training_seeds import curves, seed_counts
@@ -50,14 +51,6 @@ def test_a_difference_from_the_records_alone() -> None:
     sequences, clusters = np.unique(records["nbv"].sequence, return_inverse=True)
     of = found["il-ppo", "nbv"]
 
-    right = np.mean([right_at(correct, 50) for correct in trainings], axis=0) - right_at(nbv, 50)
-    assert (of.mcnemar_wins, of.mcnemar_losses) == ((right > 0).sum(), (right < 0).sum())
-    assert of.mcnemar_p == pytest.approx(binomtest((right > 0).sum(), (right != 0).sum()).pvalue)
-    p = sorted(one.mcnemar_p for one in found.values())
-    assert sorted(one.mcnemar_p_holm for one in found.values()) == pytest.approx(
-        np.minimum(np.maximum.accumulate([3 * p[0], 2 * p[1], p[2]]), 1)
-    )
-
     by_sequence = [[correct[clusters == s].mean() for correct in trainings] for s in range(len(sequences))]
     chances = [
         mannwhitneyu(np.round(two, 9), np.round([nbv[clusters == s].mean()], 9)).statistic / 2
@@ -71,8 +64,55 @@ def test_a_difference_from_the_records_alone() -> None:
     totals = counts.sum(axis=1)
     drawn = sum(draws[:, row] * (counts @ correct.mean(axis=1)) for row, correct in enumerate(trainings)) / 2
     differ = 100 * (drawn - counts @ nbv.mean(axis=1)) / totals
-    assert of.smallest == pytest.approx((1.959964 + 0.841621) * differ.std(ddof=1), rel=1e-5)
     assert of.ci95 == pytest.approx(np.percentile(differ, [2.5, 97.5]))
+    # Corrected: the largest distance in standard errors over all three pairs, in each resample.
+    no_act = counts @ records["no-act"].correct.mean(axis=1)
+    others = [100 * (pair - no_act) / totals for pair in (drawn, counts @ nbv.mean(axis=1))]
+    estimates = [found[pair].acc_mean for pair in (("il-ppo", "nbv"), ("il-ppo", "no-act"), ("nbv", "no-act"))]
+    largest = np.max([np.abs(r - e) / r.std(ddof=1) for r, e in zip([differ, *others], estimates, strict=True)], axis=0)
+    half = np.quantile(largest, 0.95) * differ.std(ddof=1)
+    assert of.ci95_corrected == pytest.approx((of.acc_mean - half, of.acc_mean + half), rel=1e-3)
+    assert of.smallest == pytest.approx(half + 0.841621 * differ.std(ddof=1), rel=1e-3)
+    assert of.p == pytest.approx(2 * norm.sf(abs(of.acc_mean) / differ.std(ddof=1)))
+    reached = (largest >= abs(of.acc_mean) / differ.std(ddof=1) - 1e-9).sum()
+    assert of.p_corrected == pytest.approx((1 + reached) / (1 + len(largest)))
+    assert of.is_clear == (of.p_corrected <= 0.05)
+
+
+def test_people_are_resampled_where_the_records_name_them() -> None:
+    # Of six people, nbv gets none, 1/4, 1/2, 1/2, 3/4 and all right; no-act gets 1/4 of each.
+    frames = np.array([0, 1, 2, 2, 3, 4])[np.arange(60) // 2 % 6]
+    base = make_records(0, episodes=60, people=6)
+    records = {
+        name: replace(base, predicted=base.label[:, None] + (np.arange(4) >= right[:, None]))
+        for name, right in (("no-act", np.ones(60)), ("nbv", frames))
+    }
+    named = summary_of(records)
+    unknown = summary_of(
+        {name: replace(of, subjects=np.full((60, 1), UNKNOWN_SUBJECT)) for name, of in records.items()}
+    )
+    assert named.basis == Basis(sequences=30, groups=6, people=6, together=1)
+    assert unknown.basis == Basis(sequences=30)
+    (of,), (over_sequences,) = named.differences, unknown.differences
+    assert of.acc_mean == over_sequences.acc_mean == 25
+    assert over_sequences.is_clear and over_sequences.ci95_corrected is not None
+    assert over_sequences.ci95_corrected == pytest.approx((25 - 11.8, 25 + 11.8), abs=1)
+    # Student's t of 6 people: 25 -+ 2.571 x 35.4 / sqrt(6).
+    assert not of.is_clear and of.ci95_corrected is not None
+    assert of.ci95_corrected == pytest.approx((25 - 37.1, 25 + 37.1), abs=3)
+    for summary, said in ((named, "6 people and their 30 sequences"), (unknown, "do not cover other people")):
+        assert all(said in "".join((table.notice, *table.footnotes)) for table in summary.tables())
+
+
+def test_a_table_says_aloud_that_people_are_few() -> None:
+    records = {name: make_records(row, skill=row, episodes=40, people=4) for row, name in enumerate(("no-act", "nbv"))}
+    tables = summary_of(records).tables()
+    said = "Intervals rest on only 4 people: they are too narrow where people differ much."
+    assert [table.notice for table in tables] == [said, said]
+    assert f"\n\n**{said}**\n\n" in markdown(*tables) and f'<p class="notice">{said}</p>' in html(tables[0])
+    console = Console(width=100, record=True, file=io.StringIO(), force_terminal=True)
+    console.print(Rendered(tables[0]))
+    assert said in console.export_text()
 
 
 def test_the_interquartile_mean_counts_each_sequence_and_training_once() -> None:
@@ -91,7 +131,8 @@ def test_intervals_that_cannot_be_had_say_so(records: dict[str, EpisodeRecords],
     written = json.loads((tmp_path / SUMMARY).read_text())
     assert reason in written["no_intervals"]
     for of in (*written["planners"], *written["differences"]):
-        assert all(of[name] is None for name in of if name.endswith("ci95") or name == "smallest")
+        absent = [name for name in of if "ci95" in name or name in ("smallest", "p", "p_corrected")]
+        assert all(of[name] is None for name in absent)
     assert written["planners"][1]["acc_mean"] == pytest.approx(100 * records["nbv"].correct.mean())
     assert not any(of.is_clear for of in summary.differences)
     note = f"[-] No intervals: {summary.no_intervals}."

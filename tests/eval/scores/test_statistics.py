@@ -2,15 +2,21 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from eval.scores.metrics import gap_closed
 from eval.scores.statistics import (
+    Variance,
+    Widening,
     interval,
     pair,
     resample_counts,
     resampled_means,
-    smallest_difference,
+    simultaneous,
+    two_stage_counts,
     why_no_intervals,
+    widening,
 )
 
 
@@ -64,6 +70,76 @@ def test_resamples_without_a_gap_are_left_out_of_its_interval() -> None:
     assert np.isnan(interval(gap_closed(oracle, no_act, no_act))).all()
 
 
+def many_units(pairs: int) -> Widening:
+    return Widening(np.ones(pairs), np.full(pairs, np.inf))
+
+
+def test_people_are_drawn_first_and_their_sequences_within_them() -> None:
+    groups = np.array([0, 1, 1, 1, 0, 2])
+    counts = two_stage_counts(np.random.default_rng(0), groups, 40_000)
+    of_group = np.stack([counts[:, groups == group].sum(axis=1) for group in range(3)], axis=1)
+    # A group that is drawn k times gives k times as many sequences as it has.
+    times = of_group / [2, 3, 1]
+    assert (times == times.round()).all() and (times.sum(axis=1) == 3).all()
+    np.testing.assert_allclose(times.var(axis=0), 3 * 1 / 3 * 2 / 3, atol=0.05)
+    # Given that, each of its sequences is as likely as the others, and they are drawn with replacement.
+    twice = counts[times[:, 1] == 2][:, groups == 1]
+    np.testing.assert_allclose(twice.mean(axis=0), 2, atol=0.05)
+    np.testing.assert_allclose(twice.var(axis=0), 6 * 1 / 3 * 2 / 3, atol=0.05)
+
+
+def test_few_units_widen_an_interval_as_student_s_t_does() -> None:
+    # All variance lies between 4 people: the bootstrap's is 3/4 of the true one, and has 3 degrees of freedom.
+    total = np.array([2.0, 2.0])
+    wide = widening(total, [Variance(np.array([2.0, 0.0]), 4)])
+    np.testing.assert_allclose(wide.factor, [np.sqrt(4 / 3), 1])
+    np.testing.assert_allclose(wide.freedom, [3, np.inf])
+    np.testing.assert_allclose(wide.of_interval, [np.sqrt(4 / 3) * student.ppf(0.975, 3) / norm.ppf(0.975), 1])
+    # By hand: 1 of 2 lies between 5 people, half as much between 3 trainings; (5/4 + 3/4 + 1/2)^2 / (25/64 + 9/32).
+    mixed = widening(np.array([2.0]), [Variance(np.array([1.0]), 5), Variance(np.array([0.5]), 3)])
+    assert mixed.factor == pytest.approx(np.sqrt(2.5 / 2))
+    assert mixed.freedom == pytest.approx(2.5**2 / (25 / 64 + 9 / 32))
+    assert widening(np.zeros(1), [Variance(np.zeros(1), 3)]).of_interval == pytest.approx(1)
+
+
+def test_one_difference_alone_needs_no_correction_for_others() -> None:
+    resampled = np.random.default_rng(3).normal(2, 1, size=(1, 10_000))
+    found = simultaneous(np.array([2.0]), resampled, many_units(1))
+    np.testing.assert_allclose(found.ends, [[2 - 1.96, 2 + 1.96]], atol=0.08)
+    np.testing.assert_allclose([found.p, found.p_alone], 2 * norm.sf(2), atol=0.006)
+    np.testing.assert_allclose(found.smallest, 2.80, atol=0.08)
+
+
+def test_independent_differences_are_corrected_for_their_number_and_equal_ones_not_at_all() -> None:
+    rng = np.random.default_rng(4)
+    apart = simultaneous(np.zeros(8), rng.normal(size=(8, 20_000)), many_units(8))
+    critical = norm.isf((1 - 0.95 ** (1 / 8)) / 2)  # Sidak's, exact where they are independent
+    np.testing.assert_allclose(apart.ends[:, 1], critical, atol=0.06)
+    same = simultaneous(np.zeros(8), np.repeat(rng.normal(size=(1, 20_000)), 8, axis=0), many_units(8))
+    np.testing.assert_allclose(same.ends[:, 1], norm.isf(0.025), atol=0.06)
+
+
+@given(seed=st.integers(0, 1000), freedom=st.sampled_from([1.5, 4.0, np.inf]))
+def test_a_corrected_interval_excludes_zero_where_its_p_value_is_below_5_percent(seed: int, freedom: float) -> None:
+    rng = np.random.default_rng(seed)
+    estimates = rng.normal(0, 3, size=5)
+    wider = Widening(rng.uniform(1, 1.2, 5), np.full(5, freedom))
+    found = simultaneous(estimates, estimates[:, None] + rng.normal(size=(5, 999)), wider)
+    excludes = (found.ends[:, 0] > 0) | (found.ends[:, 1] < 0)
+    assert (excludes == (found.p <= 0.05)).all()
+    assert (found.p >= found.p_alone * 0.5).all()  # the first is counted, the second is Student's
+
+
+def test_differences_that_never_vary_are_certain_and_take_no_part_in_the_correction() -> None:
+    rng = np.random.default_rng(5)
+    resampled = np.stack([np.zeros(5000), np.full(5000, 3.0), rng.normal(1, 1, 5000)])
+    found = simultaneous(np.array([0.0, 3.0, 1.0]), resampled, many_units(3))
+    assert found.ends[:2].tolist() == [[0, 0], [3, 3]]
+    assert found.p[:2].tolist() == found.p_alone[:2].tolist() == [1, 0]
+    assert np.isnan(found.smallest[:2]).all()
+    np.testing.assert_allclose(found.ends[2], [1 - 1.96, 1 + 1.96], atol=0.1)
+
+
 def test_a_difference_of_the_smallest_size_shows_8_times_in_10() -> None:
     rng = np.random.default_rng(6)
     true = 2.8016 / np.sqrt(60)  # (1.9600 + 0.8416) standard errors, sequences as different as sd 1
@@ -71,16 +147,11 @@ def test_a_difference_of_the_smallest_size_shows_8_times_in_10() -> None:
     for _ in range(300):
         values = true + rng.normal(size=60)
         resampled = resampled_means(values, np.arange(60), resample_counts(rng, 60, 400))
-        shown += bool(interval(resampled)[0] > 0)
-        smallest.append(smallest_difference(resampled))
+        found = simultaneous(values.mean(keepdims=True), resampled[None], many_units(1))
+        shown += bool(found.ends[0, 0] > 0)
+        smallest.append(found.smallest[0])
     assert 0.72 < shown / 300 < 0.88
-    assert np.mean(np.array(smallest, dtype=float)) == pytest.approx(true, rel=0.03)
-
-
-def test_the_smallest_difference_is_unknown_where_nothing_varies() -> None:
-    assert smallest_difference(np.full(5, 0.1)) is None
-    assert smallest_difference(np.array([])) is None
-    assert smallest_difference(np.array([-1.0, 1.0])) == pytest.approx(2.8015852 * np.sqrt(2))
+    assert np.mean(smallest) == pytest.approx(true, rel=0.03)
 
 
 def test_without_resamples_there_is_no_interval() -> None:

@@ -42,7 +42,7 @@ def test_every_number_of_the_summary_can_be_recomputed_from_the_file(tmp_path: P
 
 def test_summary_json_has_the_fields_of_the_schema(tmp_path: Path) -> None:
     written = summary_of(three_planners()).to_json()
-    conditions = ["data", "sensor", "views", "track", "readout", "episodes", "no_intervals"]
+    conditions = ["data", "sensor", "views", "track", "readout", "episodes", "no_intervals", "basis"]
     assert list(written) == [*conditions, "planners", "differences"]
     assert list(written["planners"][0]) == [
         "name",
@@ -207,6 +207,7 @@ PLANNERS = "no-act, mine, oracle, nbv"
         ({"episodes": "nine"}, "episodes: expected a whole number, got 'nine'"),
         ({"differences": [{}]}, "differences[0]: missing planner"),
         ({"no_intervals": 3}, "no_intervals: expected text, got 3"),
+        ({"basis": {}}, "basis: missing sequences"),
     ],
 )
 def test_a_damaged_summary_is_named_in_one_line(tmp_path: Path, content: Any, message: str) -> None:

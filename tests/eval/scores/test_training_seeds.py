@@ -13,7 +13,7 @@ from eval.records.episodes import EpisodeRecords
 from eval.records.solves import Solves
 from eval.render.figures import draw_accuracy
 from eval.render.tables import Rendered, markdown
-from eval.scores.differences import SUBJECTS
+from eval.scores.differences import SUBJECTS, Difference
 from eval.scores.metrics import ece, gap_closed, mean_acc, nll, path_length
 from eval.scores.statistics import BOOTSTRAP_SEED, RESAMPLES, interval, resample_counts, resampled_means
 from eval.scores.summarise import summarise
@@ -259,6 +259,12 @@ def test_subjects_are_compared_with_all_others_each_pair_once() -> None:
         expected = summary.planner(of.planner).acc_mean - summary.planner(of.other).acc_mean
         assert of.acc_mean == pytest.approx(expected)
         assert of.ci95[0] <= of.acc_mean <= of.ci95[1]
+        assert of.ci95_corrected[1] - of.ci95_corrected[0] > of.ci95[1] - of.ci95[0]
+
+
+def cell_of(of: Difference) -> str:
+    assert of.ci95_corrected is not None
+    return f"{of.acc_mean:+.1f} [{of.ci95_corrected[0]:.1f}, {of.ci95_corrected[1]:.1f}]"
 
 
 def test_differences_are_a_matrix_with_clear_ones_in_bold() -> None:
@@ -271,8 +277,10 @@ def test_differences_are_a_matrix_with_clear_ones_in_bold() -> None:
     assert blank == {("ppo", "ppo"), ("nbv", "nbv"), ("nbv", "il"), ("nbv", "ppo"), ("il", "il"), ("il", "ppo")}
     of = next(of for of in summary.differences if (of.planner, of.other) == ("il-ppo", "no-act"))
     assert of.is_clear
-    assert cells["no-act", "il-ppo"] == f"{of.acc_mean:+.1f} [{of.ci95[0]:.1f}, {of.ci95[1]:.1f}]"
-    clear = {(of.other, of.planner) for of in summary.differences if of.ci95[0] > 0 or of.ci95[1] < 0}
+    assert cells["no-act", "il-ppo"] == cell_of(of)
+    clear = {
+        (of.other, of.planner) for of in summary.differences if of.ci95_corrected[0] > 0 or of.ci95_corrected[1] < 0
+    }
     assert {(table.rows[row][0], table.header[column]) for row, column in table.bold} == clear
     assert 0 < len(clear) < len(summary.differences)
     text = markdown(table)
@@ -288,8 +296,7 @@ def test_the_terminal_prints_clear_differences_in_bold() -> None:
     styled = console.export_text(styles=True)
     of = {(of.planner, of.other): of for of in summary.differences}
     for pair in (("il-ppo", "no-act"), ("ppo", "towards")):
-        cell = f"{of[pair].acc_mean:+.1f} [{of[pair].ci95[0]:.1f}, {of[pair].ci95[1]:.1f}]"
-        assert (f"\x1b[1m{cell}" in styled) == of[pair].is_clear
+        assert (f"\x1b[1m{cell_of(of[pair])}" in styled) == of[pair].is_clear
     assert {of["il-ppo", "no-act"].is_clear, of["ppo", "towards"].is_clear} == {True, False}
 
 

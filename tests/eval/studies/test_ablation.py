@@ -91,7 +91,7 @@ def test_flights_are_compared_with_nbv_on_the_ideal_track() -> None:
 
 def test_missing_intervals_are_said_to_be_missing() -> None:
     result = ablated(groups=[])
-    without = tuple(replace(of, ci95=None) for of in result.summary.differences)
+    without = tuple(replace(of, ci95_corrected=None) for of in result.summary.differences)
     (table,) = ablation_tables(
         result._replace(summary=replace(result.summary, differences=without, no_intervals="why"))
     )

@@ -28,7 +28,7 @@ def planner(name: str, acc: float, gap: float | None, privileged: bool = False) 
 
 
 def difference(acc: float, ci95: tuple[float, float]) -> Difference:
-    return replace(MADE.differences[0], planner="il-ppo", other="nbv", acc_mean=acc, ci95=ci95)
+    return replace(MADE.differences[0], planner="il-ppo", other="nbv", acc_mean=acc, ci95_corrected=ci95)
 
 
 PLANNERS = (
@@ -91,8 +91,8 @@ def test_a_planner_that_was_not_compared_is_named(tmp_path: Path) -> None:
     [
         ([], "expected the JSON object of a finished run of ehar benchmark, got"),
         ({}, "expected"),
-        ({"episodes": 65, "planners": [{"name": "nbv"}]}, r"planners\[0\]"),
-        ({"episodes": 65, "planners": [], "differences": [{}]}, r"differences"),
+        ({"episodes": 65, "planners": [{"name": "nbv"}], "basis": {"sequences": 3}}, r"planners\[0\]"),
+        ({"episodes": 65, "planners": [], "basis": {"sequences": 3}, "differences": [{}]}, r"differences"),
     ],
 )
 def test_what_is_no_summary_is_named(tmp_path: Path, content: Any, message: str) -> None:
@@ -113,8 +113,8 @@ def test_missing_runs_are_named(tmp_path: Path) -> None:
 
 
 def test_runs_of_another_schema_and_incomplete_ones_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="got schema 2, expected a run of ehar benchmark of schema 1; run the"):
-        read_overview([write(tmp_path / "newer", schema=2)])
+    with pytest.raises(UsageError, match="got schema 1, expected a run of ehar benchmark of schema 2; run the"):
+        read_overview([write(tmp_path / "older", schema=1)])
     planners = tuple(PlannerConfig(name, False, "") for name in ("no-act", "il-ppo/0", "il-ppo/1", "random"))
     with pytest.raises(DataError, match="this one is incomplete: no episodes of il-ppo/0, il-ppo/1, random"):
         read_overview([write(tmp_path / "cut", (planner("no-act", 40.0, None),), planners=planners)])

@@ -92,7 +92,12 @@ PROBABILITIES = np.array([[[0.6, 0.3, 0.1], [0.45, 0.45 - PROBABILITY / 2, 0.1 +
 def recorded() -> tuple[EpisodeRecords, Record]:
     record = Record(np.tile([6.0, 0.0, 1.0], (1, 2, 1)), np.log(PROBABILITIES), 0.0)
     kept = record_episodes(
-        record, sequence=["walk"], first=np.array([3]), start=np.array([[6.0, 0.0, 1.0]]), label=np.array([1])
+        record,
+        sequence=["walk"],
+        first=np.array([3]),
+        start=np.array([[6.0, 0.0, 1.0]]),
+        label=np.array([1]),
+        subjects=np.array([[-1]]),
     )
     return kept, record
 

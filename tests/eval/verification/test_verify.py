@@ -80,7 +80,7 @@ def test_a_run_is_verified_and_its_episodes_run_once_more(world: Path) -> None:
         ("moves again", UNCHECKED),
     ]
     what = {check.name: check.what for check in found.checks if check.result == OK}
-    assert what["complete"] == "schema 1: 7 planners, 60 episodes of each"
+    assert what["complete"] == "schema 2: 7 planners, 60 episodes of each"
     assert what["agents"] == "2 trainings"
     assert what["seen again"].startswith("420 episodes of 7 planners, 420 drawn")
     assert what["moves again"] == f"{6 * 60 * 9} of {6 * 60 * 9} frames of 6 planners"
@@ -203,6 +203,8 @@ EDITS: list[tuple[str, str, Callable[[Any], object], str]] = [
         lambda rows: rows[61].update(label=2 - rows[61]["label"]),
         "random, episode 1 ('sequence-15'",
     ),
+    (EPISODES, "records", lambda rows: rows[61].update(subjects=[5]), "'): subjects: got [5], expected [-1]"),
+    (EPISODES, "records", lambda rows: [row.update(subjects=[5, 6]) for row in rows], "subjects: got [5, 6], expected"),
     (EPISODES, "records", lambda rows: rows[61].update(sequence="mine"), "sequence: got mine, expected sequence-15"),
     (
         EPISODES,

@@ -1,0 +1,61 @@
+"""Checks that finished runs have the same episodes, for studies that put runs side by side."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ehar.errors import DataError, UsageError
+from eval.records.config import CONFIG
+from eval.running.run import Run, same_episodes
+
+SAME_EPISODES = (
+    "data_sha256",
+    "part",
+    "starts",
+    "seed",
+    "length",
+    "fps",
+    "sensor",
+    "sensor_sha256",
+    "world",
+)  # they decide the episodes
+_SHOWN = 12  # digits of a hash
+
+
+def check_same_episodes(a: Run, b: Run, *, also: Sequence[str] = ()) -> None:
+    """Check that two runs have the same episodes.
+
+    Args:
+        a: a run.
+        b: another run.
+        also: further keys of config.json whose values have to be the same.
+
+    Raises:
+        UsageError: their configurations differ; the message names what differs, with both values.
+        DataError: their episodes differ although their configurations do not.
+    """
+    where = f"{a.directory} and {b.directory}"
+    in_a, in_b = a.config.to_json(), b.config.to_json()
+    differing = [name for name in (*SAME_EPISODES, *also) if in_a[name] != in_b[name]]
+    if differing:
+        got = ", ".join(f"{label(name)} ({shown(name, in_a)}, {shown(name, in_b)})" for name in differing)
+        raise UsageError(f"{where}: expected runs of the same episodes; they differ in {got}")
+    of_a, of_b = (next(iter(one.records.values())) for one in (a, b))
+    if not same_episodes(of_a, of_b):
+        raise DataError(
+            f"{where}: expected the same episodes, as their {CONFIG} say, got {len(of_a)} and {len(of_b)} that differ "
+            "in sequence, first frame, start, label or people"
+        )
+
+
+def label(name: str) -> str:
+    """Return a key of config.json for people."""
+    return name.removesuffix("_sha256")
+
+
+def shown(name: str, config: Mapping[str, Any]) -> str:
+    """Return a value of config.json for people: a hash is cut short, and the hash of the data follows its name."""
+    if name == "world":
+        return str(config["world"]["name"])
+    value = config.get(name)
+    text = str(value)[:_SHOWN] if name.endswith("_sha256") else str(value)
+    return f"{config.get('data')} {text}" if name == "data_sha256" else text
