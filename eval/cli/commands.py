@@ -172,7 +172,7 @@ TRAIN = CommandGroup(
             show_trained,
             text="""Find the place relative to people that is best on validation.
 
-            For the recogniser in --models, or the one that ships; what is done is kept.
+            For the recogniser in --models, or the one that ships. What is done is kept.
 
             For example:
                 ehar train fixed-best --data mine.npz --models models/mine

@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 
 from ehar.arrays import FloatArray
 from ehar.planner import Context, Observation, Planner
-from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, Workspace, wrap_difference
+from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, wrap_difference
 from planners.place.people import PeopleTracker
 
 SWITCH = float(np.radians(20))  # how much nearer another azimuth has to be, so that noise does not turn the camera back
@@ -21,13 +21,14 @@ class Place:
     """A place relative to people.
 
     Args:
-        distance: share of the way from the workspace's nearest distance, 0, to its farthest, 1.
+        distance: share of the way from the workspace's nearest distance, 0, to its farthest, 1; None is any distance:
+            the camera keeps its own.
         azimuth: angle from the people's front, to either side [rad]; None is any azimuth: the camera keeps its own.
         polar: polar angle [rad].
         absolute: whether the azimuth is counted from the world's axis instead, and to one side.
     """
 
-    distance: Annotated[float, Ge(0), Le(1)]
+    distance: Annotated[float, Ge(0), Le(1)] | None
     azimuth: float | None
     polar: Annotated[float, Ge(0), Le(np.pi)]
     absolute: bool = False
@@ -37,11 +38,8 @@ class Place:
         where = "any azimuth"
         if self.azimuth is not None:
             where = f"{np.degrees(self.azimuth):.0f} degrees from {'azimuth 0' if self.absolute else 'the front'}"
-        return f"{self.distance:.0%} of the distance, {where}, polar angle {np.degrees(self.polar):.0f} degrees"
-
-    def distance_in(self, workspace: Workspace) -> float:
-        """Return the distance in a workspace [m]."""
-        return workspace.distance_min + self.distance * (workspace.distance_max - workspace.distance_min)
+        distance = "any distance" if self.distance is None else f"{self.distance:.0%} of the distance"
+        return f"{distance}, {where}, polar angle {np.degrees(self.polar):.0f} degrees"
 
 
 PLACES = {
@@ -80,13 +78,21 @@ class GoToPlace(Planner):
         here = observation.viewpoint[:, AZIMUTH]
         if observation.frame == 0:
             self._azimuth = np.array(here)
+            self._distance = self._distance_from(observation.viewpoint[:, DISTANCE])
         if self.place.azimuth is not None:
             self._azimuth = self._nearest(here, self._azimuths(observation, self.place.azimuth))
         target: FloatArray = np.empty(observation.viewpoint.shape)
-        target[:, DISTANCE] = self.place.distance_in(self._workspace)
+        target[:, DISTANCE] = self._distance
         target[:, AZIMUTH] = self._azimuth
         target[:, POLAR] = self.place.polar
         return self._workspace.clip(target)
+
+    def _distance_from(self, here: FloatArray) -> FloatArray:
+        """Return the distances to go to, (B,) [m], from the first ones."""
+        if self.place.distance is None:
+            return np.array(here)
+        nearest, farthest = self._workspace.distance_min, self._workspace.distance_max
+        return np.full(len(here), nearest + self.place.distance * (farthest - nearest))
 
     def _azimuths(self, observation: Observation, azimuth: float) -> FloatArray:
         """Return the azimuths that are equally good, (B, C) [rad]; NaN in a row whose people's front is not known."""

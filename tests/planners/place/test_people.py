@@ -44,6 +44,7 @@ def test_a_trunk_needs_mirrored_joints_but_no_bones() -> None:
     assert trunk_of(Skeleton(("head", "hand", "tail"), ((0, 1), (1, 2)))).shape == (0, 2)
 
 
+@share_of_examples(0.3)
 @given(facing=ANGLE, std=st.floats(0, 1.1))
 def test_the_front_of_one_person_is_where_it_faces(facing: float, std: float) -> None:
     assert_same_angle(fronts([facing], std), facing)
@@ -55,11 +56,13 @@ def test_an_uncertain_front_is_not_known(std: float) -> None:
     assert np.isnan(fronts([0.3, 0.5], std, [(0, 0), (1, 0)])).all()
 
 
+@share_of_examples(0.3)
 @given(facing=ANGLE, between=st.floats(-1.9, 1.9))
 def test_the_front_of_people_who_face_one_way_is_halfway(facing: float, between: float) -> None:
     assert_same_angle(fronts([facing, facing + between], 0.1, [(0, 0), (1, 1)]), facing + between / 2, 1e-6)
 
 
+@share_of_examples(0.3)
 @given(facing=ANGLE, angle=st.floats(0, 3.1))
 def test_views_under_an_angle_lie_on_both_sides_of_the_front(facing: float, angle: float) -> None:
     assert_same_angle(fronts([facing], 0.2, angle=angle)[:2], np.array([facing + angle, facing - angle]))
