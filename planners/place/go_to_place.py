@@ -38,7 +38,9 @@ class Place:
         where = "any azimuth"
         if self.azimuth is not None:
             where = f"{np.degrees(self.azimuth):.0f} degrees from {'azimuth 0' if self.absolute else 'the front'}"
-        distance = "any distance" if self.distance is None else f"{self.distance:.0%} of the distance"
+        distance = (
+            "any distance" if self.distance is None else f"{100 * self.distance:.0f} % from the nearest to the farthest"
+        )
         return f"{distance}, {where}, polar angle {np.degrees(self.polar):.0f} degrees"
 
 

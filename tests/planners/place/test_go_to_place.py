@@ -238,5 +238,8 @@ def test_a_place_of_any_distance_keeps_that_of_the_start() -> None:
 
 def test_a_place_in_words() -> None:
     assert str(Place(None, 1.0, 0.5, absolute=True)).startswith("any distance, 57 degrees from azimuth 0, ")
-    assert str(PLACES["front"]) == "10% of the distance, 0 degrees from the front, polar angle 75 degrees"
-    assert str(PLACES["near-level"]) == "10% of the distance, any azimuth, polar angle 75 degrees"
+    assert (
+        str(PLACES["front"])
+        == "10 % from the nearest to the farthest, 0 degrees from the front, polar angle 75 degrees"
+    )
+    assert str(PLACES["near-level"]) == "10 % from the nearest to the farthest, any azimuth, polar angle 75 degrees"
