@@ -125,7 +125,7 @@ TRAIN = CommandGroup(
         "all": Command(
             "eval.running.training:train_all",
             show_trained,
-            text="""Train recogniser, gain field and agents, in this order.
+            text="""Train recogniser, gain field, fixed-best and agents, in this order.
 
             What is done is kept; stopped and started again, it goes on.
 
@@ -166,6 +166,19 @@ TRAIN = CommandGroup(
             """,
             conditions=(*TRAINED, "models", "recogniser", "seed"),
             flags={**TRAINED_FROM, "seed": Flag("seed of episodes, forks and noise.")},
+        ),
+        "fixed-best": Command(
+            "eval.running.training:train_fixed_best",
+            show_trained,
+            text="""Find the place relative to people that is best on validation.
+
+            For the recogniser in --models, or the one that ships. What is done is kept.
+
+            For example:
+                ehar train fixed-best --data mine.npz --models models/mine
+            """,
+            conditions=(*TRAINED, "models", "recogniser", "seed"),
+            flags={**TRAINED_FROM, "seed": Flag("seed of start viewpoints and noise.")},
         ),
         "agent": Command(
             "eval.running.training:train_agents",

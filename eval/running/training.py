@@ -11,6 +11,7 @@ from ehar.errors import ModelError
 from ehar.files import read_json
 from ehar.processes import cores
 from planners.agents.config import AgentTrainingConfig, Scale
+from planners.place.config import FixedBestConfig
 from planners.value.config import GainTrainingConfig
 from recognition.setting import load_motion_of, load_setting
 from recognition.training.config import TrainingConfig
@@ -101,6 +102,11 @@ class TrainAllConfig:
         return GainTrainingConfig(conditions=self.with_models, workers=self.workers)
 
     @property
+    def fixed_best(self) -> FixedBestConfig:
+        """The configuration of the fit of `fixed-best`."""
+        return FixedBestConfig(conditions=self.with_models, workers=self.workers)
+
+    @property
     def agents(self) -> AgentTrainingConfig:
         """The configuration of the agents' training."""
         return AgentTrainingConfig(
@@ -153,6 +159,19 @@ def train_gain_field(config: GainTrainingConfig) -> Trained:
     return Trained((result.path,), (*lines, f"{'warning: ' * result.cut_short}{result.reason}"))
 
 
+def train_fixed_best(config: FixedBestConfig) -> Trained:
+    """Find the place of `fixed-best`, with a bar on standard error; goes on where a stopped run left off."""
+    from eval.running.progress import StageProgress  # these bring rich and torch, which `ehar --help` does not need
+    from planners.place import fit
+
+    with StageProgress() as progress:
+        result = fit.fit_fixed_best(config, progress.report)
+    best, worst = result.tried[0], result.tried[-1]
+    found = f"the best of {len(result.tried)} places: {best.place}"
+    accuracy = f"accuracy {100 * best.accuracy:.1f} % (mean over frames), {100 * worst.accuracy:.1f} % at the worst"
+    return Trained((result.path,), (found, f"{accuracy}, on the {result.part} part; written to {result.path}"))
+
+
 def train_agents(config: AgentTrainingConfig) -> Trained:
     """Train the agents that are missing, with bars on standard error."""
     from eval.running.progress import StageProgress  # these bring rich and torch, which `ehar --help` does not need
@@ -165,7 +184,7 @@ def train_agents(config: AgentTrainingConfig) -> Trained:
 
 
 def train_all(config: TrainAllConfig) -> Trained:
-    """Train recogniser, gain field and the four agents; finished parts are kept, and stopped parts go on.
+    """Train recogniser, gain field, fixed-best and the four agents; finished parts are kept, and stopped parts go on.
 
     Raises:
         EharError: a training raised it, or an option of the agents is wrong, which is checked before anything begins.
@@ -174,12 +193,13 @@ def train_all(config: TrainAllConfig) -> Trained:
     stages: tuple[tuple[str, Callable[[TrainAllConfig], bool], Callable[[], Trained]], ...] = (
         ("the recogniser", has_recogniser, lambda: train_recogniser(config.recogniser)),
         ("the gain field", has_gain_field, lambda: train_gain_field(config.gain_field)),
+        ("the place of fixed-best", has_fixed_best, lambda: train_fixed_best(config.fixed_best)),
         ("the agents il, ppo, il-ppo and dagger", lambda _: False, lambda: train_agents(config.agents)),
     )
     paths: list[Path] = []
     for number, (name, is_there, train) in enumerate(stages, 1):
         kept = is_there(config)
-        print(f"{number} of 3: {name}{f' in {config.out} is kept' * kept}", flush=True)
+        print(f"{number} of {len(stages)}: {name}{f' in {config.out} is kept' * kept}", flush=True)
         if not kept:
             paths += train().paths
     return Trained(tuple(paths), (f"next: ehar benchmark {config.benchmark_options}",))
@@ -213,6 +233,18 @@ def has_recogniser(config: TrainAllConfig) -> bool:
             f"{description}: got a recogniser of size {run.size}, expected {wanted}, as --setting paper trains it: "
             "remove it to train again, or choose another --out"
         )
+    return True
+
+
+def has_fixed_best(config: TrainAllConfig) -> bool:
+    """Return whether there is a place of fixed-best for the recogniser; the place for another one is found anew."""
+    from planners.place.storage import load_fixed_place
+
+    setting = load_setting(config.with_models)
+    try:
+        load_fixed_place(setting.conditions, setting.data, setting.recogniser_sha256)
+    except ModelError:
+        return False
     return True
 
 

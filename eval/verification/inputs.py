@@ -14,7 +14,7 @@ from ehar.world import load_world
 from eval.records.config import CONFIG, RunConfig
 from eval.running.choice import ModelPlace
 from eval.verification.checks import FAILED, OK, UNCHECKED, Check
-from planners.registry import is_learned
+from planners.registry import is_learned, needs_fixed_place
 from recognition.own_recogniser import resolve_recogniser
 from recognition.setting import Setting, load_setting
 
@@ -152,7 +152,7 @@ def _compared(name: str, got: str, expected: str, where: str) -> Check:
 
 
 def _planner_weights(config: RunConfig, place: ModelPlace) -> list[Check]:
-    """Return the checks of the gain model and of the agents."""
+    """Return the checks of the gain model, of the fixed place and of the agents."""
     checks = []
     if config.gain_model_sha256 is not None:
         try:
@@ -160,7 +160,18 @@ def _planner_weights(config: RunConfig, place: ModelPlace) -> list[Check]:
             checks.append(_compared("gain model", config.gain_model_sha256, model.sha256, str(place.models or "ehar")))
         except ModelError as error:
             checks.append(Check("gain model", UNCHECKED, str(error)))
-    trained = [planner for planner in config.planners if planner.weights_sha256 is not None]
+    trained = []
+    for planner in config.planners:
+        if planner.weights_sha256 is None:
+            continue
+        if not needs_fixed_place(planner.name):
+            trained.append(planner)
+            continue
+        try:
+            fitted = place.load_fixed_place()
+            checks.append(_compared("fixed place", planner.weights_sha256, fitted.sha256, str(place.models or "ehar")))
+        except ModelError as error:
+            checks.append(Check("fixed place", UNCHECKED, str(error)))
     absent = []
     for planner in trained:
         try:

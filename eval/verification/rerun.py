@@ -197,7 +197,7 @@ def _make_one_again(held: PlannerConfig, models: ModelPlace) -> tuple[Planner, O
     if spec is None:
         if not is_ours(held.name):
             raise UsageError("not replayable, as it cannot be made from its name")
-        return make_planner(held.name, models.load_gain_model, models.load_agent), None
+        return make_planner(held.name, models.load_gain_model, models.load_agent, models.load_fixed_place), None
     try:
         found = source_sha256(load_own_class(spec))
         if found != held.source_sha256:

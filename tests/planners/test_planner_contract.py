@@ -16,11 +16,19 @@ from ehar.viewpoint import MOVES, Workspace, wrap_difference
 from planners.registry import make_planner, planner_names
 from tests.helpers.agents import untrained_agent
 from tests.helpers.fakes import CLASS_NAMES, FakeRecogniser, tiny_batch, tiny_context
+from tests.helpers.fixed_places import fixed_place
 from tests.helpers.gain_models import model_of, peak_weights
 
 PAPER = Workspace()
 PRIVILEGED = ("oracle", "oracle-lookahead")
-FAR_SIGHTED = ("nbv-search", "nbv")  # head for more than a neighbouring cell
+FAR_SIGHTED = (
+    "near-level",
+    "side",
+    "front",
+    "fixed-best",
+    "nbv-search",
+    "nbv",
+)  # head for more than a neighbouring cell
 NAMES = (*planner_names(), "il-ppo-no-recognition", "il-ppo-no-vision", "il-ppo-no-position")
 SINGLE_MOVES = tuple(name for name in NAMES if name not in FAR_SIGHTED)
 
@@ -30,7 +38,7 @@ class Spy:
 
     def __init__(self, name: str) -> None:
         model = model_of(peak_weights(np.array([8.0, 1.0, 1.2])))
-        self.planner = make_planner(name, lambda: model, untrained_agent)
+        self.planner = make_planner(name, lambda: model, untrained_agent, fixed_place)
         self.name = self.planner.name
         self.privileged = self.planner.privileged
         self.observations: list[Observation] = []

@@ -17,6 +17,7 @@ from eval.conformance.checks import Conformance
 from planners.registry import make_planner, planner_names
 from tests.helpers.agents import untrained_agent
 from tests.helpers.fakes import tiny_data
+from tests.helpers.fixed_places import fixed_place
 from tests.helpers.gain_models import model_of, peak_weights
 
 pytestmark = pytest.mark.usefixtures("fake_weights")
@@ -199,7 +200,7 @@ def test_what_is_wrong_is_found_and_said(planner: Planner, name: str, got: str) 
 )
 def test_our_planners_pass(name: str) -> None:
     model = model_of(peak_weights(np.array([8.0, 1.0, 1.2])))
-    found = checked(make_planner(name, lambda: model, untrained_agent))
+    found = checked(make_planner(name, lambda: model, untrained_agent, fixed_place))
     assert found.passed, str(found)
     unchecked = {check.name for check in found.checks if check.passed is None}
     expected = {"random": {ROWS}, "oracle": {"the hidden truth changes nothing", "the future changes nothing"}}

@@ -39,7 +39,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     options: Any = {"data": folder / "tiny.npz", "models": folder / "models"}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
-        planners = ["no-act", "random", "nbv", "il-ppo", Seeing(), "oracle"]
+        planners = ["no-act", "random", "fixed-best", "nbv", "il-ppo", Seeing(), "oracle"]
         run_tiny(planners, starts=2, out=folder / "run", **options)  # 60 episodes, two chunks
         few = ["no-act", "v-rotate", "oracle"]
         run_tiny(few, starts=1, readout="belief", out=folder / "ideal", **options)
@@ -71,19 +71,19 @@ def results(found: Verification) -> list[tuple[str, str]]:
 
 
 def test_a_run_is_verified_and_its_episodes_run_once_more(world: Path) -> None:
-    found = verify(world / "run", rerun_episodes=420, reporter=Log())
+    found = verify(world / "run", rerun_episodes=480, reporter=Log())
     assert results(found) == [
         *((name, OK) for name in ("complete", "records", "steps", "figures")),
-        *((name, OK) for name in ("data", "recogniser", "gain model", "agents")),
+        *((name, OK) for name in ("data", "recogniser", "gain model", "fixed place", "agents")),
         ("seen again", OK),
         ("moves again", OK),
         ("moves again", UNCHECKED),
     ]
     what = {check.name: check.what for check in found.checks if check.result == OK}
-    assert what["complete"] == "schema 2: 7 planners, 60 episodes of each"
+    assert what["complete"] == "schema 2: 8 planners, 60 episodes of each"
     assert what["agents"] == "2 trainings"
-    assert what["seen again"].startswith("420 episodes of 7 planners, 420 drawn")
-    assert what["moves again"] == f"{6 * 60 * 9} of {6 * 60 * 9} frames of 6 planners"
+    assert what["seen again"].startswith("480 episodes of 8 planners, 480 drawn")
+    assert what["moves again"] == f"{7 * 60 * 9} of {7 * 60 * 9} frames of 7 planners"
     assert found.checks[-1].what == "seeing: not replayable, as it cannot be made from its name"
     assert found.difference is None
     assert found.verdict == "verified, but for what was not checked: moves again"
@@ -193,8 +193,14 @@ EDITS: list[tuple[str, str, Callable[[Any], object], str]] = [
     (CONFIG, "gain model", lambda held: held.update(gain_model_sha256="0"), "gain model: got sha256 0, expected "),
     (
         CONFIG,
+        "fixed place",
+        lambda held: held["planners"][2].update(weights_sha256="0"),
+        "fixed place: got sha256 0, expected ",
+    ),
+    (
+        CONFIG,
         "agents",
-        lambda held: held["planners"][3].update(weights_sha256="0"),
+        lambda held: held["planners"][4].update(weights_sha256="0"),
         "config.json: il-ppo/0: weights_sha256: got 0, expected ",
     ),
     (
@@ -361,7 +367,7 @@ def test_weights_that_lie_elsewhere(run: Path, world: Path, tmp_path: Path) -> N
     edit_json(run / CONFIG, lambda held: held.update(models=str(tmp_path / "gone")))
     found = verify(run, rerun_episodes=7, reporter=Log())
     unchecked = {check.name: check.what for check in found.checks if check.result == UNCHECKED}
-    assert set(unchecked) == {"gain model", "agents", "moves again"}
+    assert set(unchecked) == {"gain model", "fixed place", "agents", "moves again"}
     assert unchecked["agents"].startswith("2 of 2: il-ppo/0: ")
     assert found.difference is None
     assert verify(run, models=world / "models", reporter=Log()).verdict == "verified"

@@ -18,16 +18,10 @@ from planners.value.body_filter import UNIFORM_STD, BodyFilter, trunk_pairs
 from recognition.training.views import training_viewpoints
 from tests.helpers.examples import share_of_examples
 from tests.helpers.fakes import POSE, SKELETON, tiny_data
+from tests.helpers.people import facing_people
 
 PAIRS = np.array([[1, 2], [4, 5]])
 FRAME_TIME = 0.04
-
-
-def facing_people(azimuth: FloatArray) -> FloatArray:
-    """Return the tests' pose, which faces along x, turned to azimuths (...,): (..., 6, 3)."""
-    cos, sin, zero = np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)
-    turn = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, zero + 1], axis=-1).reshape(*azimuth.shape, 3, 3)
-    return np.einsum("...ij,kj->...ki", turn, POSE.astype(np.float64))
 
 
 def arc(frames: int, *, polar: float, turn: float, begin: float = 0.3) -> FloatArray:
