@@ -14,7 +14,7 @@ class TrainingConfig:
     Args:
         conditions: conditions of the clips, and the form to train; the seed is for initial weights, clips and dropout.
         out: folder to write to.
-        size: small, for 2 CPU cores, or the published widths.
+        size: small, for 2 CPU cores; half of the published widths, or the published ones.
         clips: number of training clips in all; each is drawn anew.
         batch: number of clips in a step.
         learning_rate: peak of the schedule (AdamW).
