@@ -177,8 +177,12 @@ TRAIN = CommandGroup(
             For example:
                 ehar train agent --data mine.npz --models models/mine --stages il,il-ppo
             """,
-            conditions=(*TRAINED, "models", "recogniser"),
-            flags={**TRAINED_FROM, "tensorboard": Flag(hint="none")},
+            conditions=(*TRAINED, "models", "form", "recogniser"),
+            flags={
+                **TRAINED_FROM,
+                "form": Flag("of the recogniser: causal, or ctrgcn, as published."),
+                "tensorboard": Flag(hint="none"),
+            },
         ),
     },
 )

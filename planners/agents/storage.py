@@ -52,7 +52,8 @@ def agent_name(stage: str, without: str = "none") -> str:
 
 def agent_path(directory: Path, name: str, conditions: Conditions, seed: int) -> Path:
     """Return the path of an agent's weights in a models directory; the JSON lies beside them."""
-    return directory / f"agent-{name}-{conditions.seen}-seed{seed}.safetensors"
+    form = "" if conditions.form == "causal" else f"{conditions.form}-"
+    return directory / f"agent-{name}-{form}{conditions.seen}-seed{seed}.safetensors"
 
 
 def agent_seeds(conditions: Conditions, data: MotionData, name: str) -> tuple[int, ...]:

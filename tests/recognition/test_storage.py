@@ -94,7 +94,7 @@ def test_a_missing_file(tmp_path: Path, suffix: str) -> None:
     path.with_suffix(suffix).unlink()
     message = refusal(tmp_path)
     assert f"causal-perfect-moving{suffix}: no such file" in message
-    assert "--sensor perfect --views moving --form causal" in message
+    assert "--sensor perfect --views moving --out" in message
 
 
 def test_data_without_shipped_weights_asks_for_models() -> None:
