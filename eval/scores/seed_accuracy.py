@@ -10,7 +10,15 @@ from eval.records.episodes import EpisodeRecords, join_records
 from eval.scores.metrics import acc_at, mean_acc
 from eval.scores.training_seeds import group_planners
 
-TABLE_3 = ("il-ppo-no-recognition", "il-ppo-no-vision", "il-ppo-no-position", "il-ppo")  # w/o f^A, f^V, f^P; ours
+TABLE_3 = (  # the paper's rows: without the embeddings of f^A, without f^V, without f^P, with everything
+    "il-ppo-no-embedding",
+    "il-ppo-no-log-probs",  # what f^A is told here beside embeddings, one by one, and all of f^A's inputs
+    "il-ppo-no-time",
+    "il-ppo-no-recognition",
+    "il-ppo-no-vision",
+    "il-ppo-no-position",
+    "il-ppo",
+)
 TABLE_3_AT = (10, 50, 100)  # the observation ratios of Table 3 [%]
 
 

@@ -13,7 +13,7 @@ Stage = Literal["il", "ppo", "il-ppo", "dagger"]
 Teacher = Literal["oracle", "oracle-lookahead"]
 Labels = Literal["best", "soft"]
 Scale = Literal["quick", "paper"]
-Left = Literal["none", "recognition", "vision", "position"]
+Left = Literal["none", "recognition", "vision", "position", "embedding", "log-probs", "time"]
 STAGES: tuple[Stage, ...] = get_args(Stage)
 LEAST_LENGTH = 3  # least frames of an episode
 LEAST_LOOKAHEAD = 5  # least frames of an episode with the look-ahead teacher, which is not asked in shorter ones
@@ -113,7 +113,7 @@ class AgentTrainingConfig:
         out: folder to write to.
         stages: agents to train, with commas between them.
         seeds: training seeds; each gives one agent.
-        without: encoder that is left out (Table 3), as in il-no-vision.
+        without: what is left out (Table 3), as in il-no-vision.
         setting: quick, for 2 CPU cores; paper, as published, for a GPU.
         teacher: the teacher that il clones.
         labels: labels for il: the best move, or each move's worth (soft).

@@ -63,7 +63,7 @@ def demonstrations_of(
     config: AgentTrainingConfig, setting: ImitationSetting, world: TrainingWorld, report: Report
 ) -> Demonstrations:
     """Return all rounds of demonstrations; from the second on, an agent cloned from the earlier rounds acts."""
-    acts = config.without if setting.rounds > 1 else "none"  # the encoder that the acting agent leaves out
+    acts = config.without if setting.rounds > 1 else "none"  # what the acting agent leaves out
     key = json.dumps(
         [asdict(setting), config.variations_of_each, config.conditions.length, config.conditions.fps, acts],
         sort_keys=True,

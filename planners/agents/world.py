@@ -59,4 +59,5 @@ class TrainingWorld:
             embedding=self.setting.runner.recogniser.embedding_size,
         )
         without = () if config.without == "none" else (config.without,)
-        return AgentNetwork(AgentSpec(sizes, without, classes + 2 if config.ppo.hindsight else 0), seed=seed)
+        spec = AgentSpec(sizes, without, classes + 2 if config.ppo.hindsight else 0)
+        return AgentNetwork(spec, classes=classes, seed=seed)

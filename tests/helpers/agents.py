@@ -27,7 +27,7 @@ def untrained_network(
         classes=len(CLASS_NAMES),
         embedding=FakeRecogniser.embedding_size,
     )
-    network = AgentNetwork(AgentSpec(sizes, without, hindsight))
+    network = AgentNetwork(AgentSpec(sizes, without, hindsight), classes=len(CLASS_NAMES))
     randomised(network, seed)
     with torch.no_grad():
         network.actor.bias[HOVER] -= 2  # so that it goes somewhere
