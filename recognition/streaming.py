@@ -173,7 +173,7 @@ class PrefixRecogniser(_Recogniser):
         return recognition, after
 
     def _embed(self, clips: Tensor) -> Tensor:
-        """Return the embeddings (N, D) of clips (N, T, P, J, C), in pieces on a CPU: whole batches take twice as long."""
+        """Return the embeddings (N, D) of clips (N, T, P, J, C), in pieces on a CPU: whole batches take longer."""
         x = clips.permute(0, 4, 1, 3, 2)
         if self.device.type != "cpu":
             return self._network.embed(x)

@@ -30,10 +30,12 @@ class ImitationSetting:
         rounds: number of rounds. In the first the teacher acts, or a wanderer if the teacher only tries moves. In later
             rounds the agent cloned so far acts, and the teacher says what it should have done (DAgger). 1 is plain
             cloning.
-        epochs: number of passes over the demonstrations.
+        epochs: number of passes over the demonstrations, at most.
+        patience: number of epochs without a smaller loss on held-out demonstrations after which it ends.
         batch: number of frames of a gradient step.
         learning_rate: learning rate at the start; it falls linearly.
         entropy: weight of the policy's entropy with soft labels, in standard deviations of a move's worth.
+        per_seed: whether each training seed draws demonstrations of its own.
     """
 
     teacher: Teacher = "oracle"
@@ -41,9 +43,11 @@ class ImitationSetting:
     episodes: int = 1536
     rounds: int = 1
     epochs: int = 20
+    patience: int = 5
     batch: int = 256
     learning_rate: float = 1e-3
     entropy: float = 0.2
+    per_seed: bool = False
 
 
 DAGGER = ImitationSetting(teacher="oracle-lookahead", labels="soft", rounds=2)
@@ -56,7 +60,9 @@ class PPOSetting:
     """The settings of policy optimisation; the defaults were chosen by comparison on validation scenarios.
 
     Args:
-        frames: number of environment frames in all.
+        frames: number of environment frames, at most.
+        evaluate_every: number of frames from one evaluation on held-out episodes to the next.
+        patience: number of evaluations without a better one after which it ends.
         num_envs: number of episodes of a rollout.
         epochs: number of passes over each rollout.
         minibatches: number of minibatches of each pass.
@@ -72,7 +78,9 @@ class PPOSetting:
         copies: number of episodes that differ only in the moves, and are rewarded relative to each other.
     """
 
-    frames: int = 300_000
+    frames: int = 600_000
+    evaluate_every: int = 30_000
+    patience: int = 5
     num_envs: int = 256
     epochs: int = 4
     minibatches: int = 8

@@ -40,7 +40,7 @@ class InputSizes:
 
 
 def recognition_parts(size: int, classes: int) -> dict[str, slice]:
-    """Return the columns of each part of f^A's inputs: embeddings (last and mean), log-probabilities, observation ratio.
+    """Return the columns of each part of f^A's inputs: embeddings, last and mean; log-probabilities; time.
 
     Args:
         size: 2 D + K + 1.

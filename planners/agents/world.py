@@ -13,15 +13,25 @@ from ehar.errors import DataError
 from planners.agents.config import AgentTrainingConfig
 from planners.agents.inputs import InputSizes
 from planners.agents.network import AgentNetwork, AgentSpec
+from planners.agents.validation import Validation
 from recognition.setting import Setting, load_setting
 
 
 @dataclass(frozen=True, eq=False)
 class TrainingWorld:
-    """The world in which agents are trained: the policy part of some data with variations, seen by a recogniser."""
+    """The world in which agents are trained: the policy part of some data with variations, seen by a recogniser.
+
+    Args:
+        setting: data, recogniser and sensor.
+        scenarios: the scenarios to train on.
+        held_out: those to validate on, of other people where the training part names at least three.
+        is_held_out: whether they are held out: if no validation sequence is long enough, they are those to train on.
+    """
 
     setting: Setting
     scenarios: Scenarios
+    held_out: Scenarios
+    is_held_out: bool
 
     @staticmethod
     def load(config: AgentTrainingConfig) -> "TrainingWorld":
@@ -32,11 +42,19 @@ class TrainingWorld:
         """
         setting, length = load_setting(config.conditions), config.conditions.length
         data = setting.data
-        policy = split_parts(data).policy
+        parts = split_parts(data)
+        policy, unseen = parts.policy, windows(data, parts.validation, length, 1)
         if not (data.lengths[policy] >= length).any():
             raise DataError(f"{data.name}: expected policy sequences of at least {length} frames, got none")
         motion = with_variations(data, policy, config.variations_of_each)
-        return TrainingWorld(setting, windows(motion, np.arange(len(motion.labels)), length, 1))
+        scenarios = windows(motion, np.arange(len(motion.labels)), length, 1)
+        held_out = unseen if len(unseen) else windows(data, policy, length, 1)
+        return TrainingWorld(setting, scenarios, held_out, bool(len(unseen)))
+
+    @property
+    def validation(self) -> Validation:
+        """The episodes on which agents are validated."""
+        return Validation(self.setting.runner, self.held_out)
 
     def make_env(self, episodes: int, *, copies: int = 1) -> EpisodeVectorEnv:
         """Return a natively batched environment on the grid."""

@@ -110,7 +110,7 @@ def test_seeds_differ_and_share_the_demonstrations(
     written = train(replace(config, stages="il,ppo", seeds=3))
     for stage in ("il", "ppo"):
         assert len({written[agent_file(config, stage, seed).name] for seed in range(3)}) == 3
-    assert len(list(config.directory.glob("demonstrations-*"))) == IMITATION.rounds
+    assert len(list(config.directory.glob("demonstrations-*-round*"))) == IMITATION.rounds
     monkeypatch.setattr(agent_training, "collect", None)
     with pytest.raises(TypeError):
         train(replace(config, stages="il", seeds=4))  # the fourth needs them again, from their files
@@ -119,7 +119,7 @@ def test_seeds_differ_and_share_the_demonstrations(
 def test_dagger_has_a_setting_of_its_own(config: AgentTrainingConfig) -> None:
     chosen = replace(config, stages="dagger", teacher="oracle", labels="best", rounds=1)
     written = train(chosen)
-    assert len(list(config.directory.glob("demonstrations-*"))) == DAGGER.rounds
+    assert len(list(config.directory.glob("demonstrations-*-round*"))) == DAGGER.rounds
     run = json.loads(written["agent-dagger-perfect-moving-seed0.json"])["training"]["run"]
     assert run["imitation"]["teacher"] == "oracle-lookahead" and run["imitation"]["labels"] == "soft"
     assert "ppo" not in run
