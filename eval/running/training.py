@@ -9,7 +9,7 @@ from ehar.conditions import Conditions
 from ehar.errors import ModelError
 from ehar.files import read_json
 from ehar.processes import cores
-from planners.agents.config import AgentTrainingConfig, Scale
+from planners.agents.config import PAPER_FORM, AgentTrainingConfig, Scale
 from planners.value.config import GainTrainingConfig
 from recognition.setting import load_motion_of, load_setting
 from recognition.training.config import TrainingConfig
@@ -56,7 +56,7 @@ class TrainAllConfig:
         conditions: conditions of all trainings.
         out: folder to write to.
         seeds: number of training seeds; each trains separate agents.
-        setting: quick, for 2 CPU cores; paper, as published, for a GPU.
+        setting: quick, for 2 CPU cores; paper, as published, for a GPU: it takes --views paper, and trains no field.
         workers: number of processes; results do not depend on it.
         device: device of the recogniser's and of PPO's network: cpu or cuda.
     """
@@ -69,15 +69,20 @@ class TrainAllConfig:
     device: str = "cpu"
 
     @property
+    def told(self) -> Conditions:
+        """The conditions of every training; in the paper setting, with the published form."""
+        return self.conditions if self.setting == "quick" else replace(self.conditions, form=PAPER_FORM)
+
+    @property
     def with_models(self) -> Conditions:
-        """The conditions with the weights that are trained here."""
-        return replace(self.conditions, models=self.out)
+        """These conditions with the weights that are trained here."""
+        return replace(self.told, models=self.out)
 
     @property
     def benchmark_options(self) -> str:
         """The options of a benchmark under these conditions, without those that equal its defaults."""
         usual, told = Conditions(), self.with_models
-        options = {name: getattr(told, name) for name in ("data", "models", "sensor", "views", "length", "fps")}
+        options = {name: getattr(told, name) for name in ("data", "models", "sensor", "views", "form", "length", "fps")}
         said = (name for name in options if name in ("data", "models") or options[name] != getattr(usual, name))
         return " ".join(f"--{name} {shlex.quote(str(options[name]))}" for name in said)
 
@@ -85,7 +90,7 @@ class TrainAllConfig:
     def recogniser(self) -> TrainingConfig:
         """The configuration of the recogniser's training."""
         return TrainingConfig(
-            conditions=self.conditions,
+            conditions=self.told,
             out=self.out,
             size="small" if self.setting == "quick" else "published",
             clips=TrainingConfig.clips if self.setting == "quick" else PAPER_CLIPS,
@@ -157,15 +162,18 @@ def train_all(config: TrainAllConfig) -> Trained:
         EharError: a training raised it, or an option of the agents is wrong, which is checked before anything begins.
     """
     config.agents.check()
-    stages: tuple[tuple[str, Callable[[TrainAllConfig], bool], Callable[[], Trained]], ...] = (
+    agents = " and ".join(", ".join(config.agents.stage_names).rsplit(", ", 1))
+    stages: list[tuple[str, Callable[[TrainAllConfig], bool], Callable[[], Trained]]] = [
         ("the recogniser", has_recogniser, lambda: train_recogniser(config.recogniser)),
         ("the gain field", has_gain_field, lambda: train_gain_field(config.gain_field)),
-        ("the agents il, ppo, il-ppo and dagger", lambda _: False, lambda: train_agents(config.agents)),
-    )
+        (f"the agents {agents}", lambda _: False, lambda: train_agents(config.agents)),
+    ]
+    if config.setting == "paper":
+        del stages[1]  # gain fields are for the causal form, and no part of the paper
     paths: list[Path] = []
     for number, (name, is_there, train) in enumerate(stages, 1):
         kept = is_there(config)
-        print(f"{number} of 3: {name}{f' in {config.out} is kept' * kept}", flush=True)
+        print(f"{number} of {len(stages)}: {name}{f' in {config.out} is kept' * kept}", flush=True)
         if not kept:
             paths += train().paths
     return Trained(tuple(paths), (f"next: ehar benchmark {config.benchmark_options}",))
@@ -179,11 +187,11 @@ def has_recogniser(config: TrainAllConfig) -> bool:
     """
     from recognition.storage import load_recogniser, recogniser_path
 
-    path = recogniser_path(config.out, config.conditions)
+    path = recogniser_path(config.out, config.told)
     description = path.with_suffix(".json")
     if not (path.is_file() and description.is_file()):
         return False
-    data = load_motion_of(config.conditions)
+    data = load_motion_of(config.told)
     load_recogniser(config.with_models, data)
     # Added recordings may leave classes and joints unchanged, but then other sequences are held out for the test.
     run = read_json(description, _Trained, "a recogniser", unknown=True, defaults=True, wrong=ModelError).training.run

@@ -10,8 +10,9 @@ from ehar.errors import ModelError
 from ehar.viewpoint import MOVES
 from planners.agents.inputs import ENCODED, LEFT_OUT, RECOGNITION, InputSizes, recognition_parts
 
-WIDTH = 96  # width of each encoder
-STATE = 128  # S, the size of the state s_t
+WIDTH = 96  # a guess: width of each encoder, which the paper leaves to a supplement that is not public
+STATE = 128  # a guess: S, the size of the state s_t
+CRITIC = 64  # a guess: width of the critic's one hidden layer
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ class AgentNetwork(nn.Module):
             self.encoders = nn.ModuleDict({name: _encoder(sizes[name], name == RECOGNITION) for name in spec.encoded})
             self.state_encoder = nn.Sequential(nn.Linear(WIDTH * len(spec.encoded), STATE), nn.ReLU())
             self.actor = nn.Linear(STATE, len(MOVES))
-            self.critic = nn.Sequential(nn.Linear(STATE + spec.hindsight, 64), nn.ReLU(), nn.Linear(64, 1))
+            self.critic = nn.Sequential(nn.Linear(STATE + spec.hindsight, CRITIC), nn.ReLU(), nn.Linear(CRITIC, 1))
             with torch.no_grad():
                 self.actor.weight.mul_(0.01)
                 self.actor.bias.zero_()

@@ -200,6 +200,7 @@ class StageRun:
             history={
                 "data": world.setting.data.title,
                 "run": self.identity,
+                "not_as_in_the_paper": list(world.departures(self.config)),
                 "validated_on_held_out_sequences": world.is_held_out,
                 "ended": ended.to_json(),
                 **others,

@@ -46,6 +46,8 @@ def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> lis
     """
     config.check()
     world = TrainingWorld.load(config)
+    for departure in world.departures(config):
+        note(f"warning: not the paper's recogniser: {departure}")
     paths: list[Path] = []
     for stage in config.stage_names:
         runs = [StageRun.of(config, world, stage, seed) for seed in range(config.seeds)]

@@ -10,11 +10,13 @@ from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeVectorEnv
 from ehar.envs.task import EpisodeTask
 from ehar.errors import DataError
-from planners.agents.config import AgentTrainingConfig
+from planners.agents.config import PAPER_VIEWS, AgentTrainingConfig
 from planners.agents.inputs import InputSizes
 from planners.agents.network import AgentNetwork, AgentSpec
 from planners.agents.validation import Validation
 from recognition.setting import Setting, load_setting
+from recognition.storage import recogniser_path
+from recognition.weight_files import recorded_run
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +42,7 @@ class TrainingWorld:
         Raises:
             EharError: data or recogniser are missing or malformed, or no policy sequence is long enough.
         """
-        setting, length = load_setting(config.conditions), config.conditions.length
+        setting, length = load_setting(config.conditions, device=config.device), config.conditions.length
         data = setting.data
         parts = split_parts(data)
         policy, unseen = parts.policy, windows(data, parts.validation, length, 1)
@@ -66,6 +68,16 @@ class TrainingWorld:
             copies=copies,
         )
         return EpisodeVectorEnv(episodes, task)
+
+    def departures(self, config: AgentTrainingConfig) -> tuple[str, ...]:
+        """Return in what the recogniser is not the paper's, though the setting is; nothing with another setting."""
+        if config.setting != "paper" or config.conditions.directory is None:
+            return ()
+        run = recorded_run(recogniser_path(config.conditions.directory, config.conditions))
+        wanted = {"size": "published", "optimiser": "published", "views": PAPER_VIEWS, "sensor": "perfect"}
+        return tuple(
+            f"{name} {run.get(name)} in place of {value}" for name, value in wanted.items() if run.get(name) != value
+        )
 
     def network(self, config: AgentTrainingConfig, seed: int) -> AgentNetwork:
         """Return an untrained network."""

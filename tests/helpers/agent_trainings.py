@@ -38,7 +38,8 @@ class TinyTraining(AgentTrainingConfig):
         if stage == "dagger":
             return replace(DAGGER, episodes=96, epochs=2, batch=32)
         named = {"teacher": self.teacher, "labels": self.labels, "rounds": self.rounds}
-        return replace(IMITATION, episodes=self.episodes or IMITATION.episodes, **named)
+        per_seed = self.setting == "paper"
+        return replace(IMITATION, episodes=self.episodes or IMITATION.episodes, per_seed=per_seed, **named)
 
 
 @cache
