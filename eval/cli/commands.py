@@ -180,7 +180,13 @@ TRAIN = CommandGroup(
             conditions=(*TRAINED, "models", "form", "recogniser"),
             flags={
                 **TRAINED_FROM,
-                "form": Flag("of the recogniser: causal, or ctrgcn, as published."),
+                "views": Flag("of the recogniser: moving or paper."),
+                "form": Flag("of the recogniser; ctrgcn is as published."),
+                "stages": Flag("agents, with commas.", hint="all; il,ppo,il-ppo in paper"),
+                "setting": Flag("paper takes a GPU, and --views paper --form ctrgcn."),
+                "episodes": Flag("demonstrated episodes.", hint="1,536; 10,000 in paper"),
+                "frames": Flag("most of PPO.", hint="600,000; 10 million in paper"),
+                "variations": Flag("variations of each sequence.", hint="3; 0 in paper"),
                 "tensorboard": Flag(hint="none"),
             },
         ),
@@ -374,6 +380,18 @@ STUDY = CommandGroup(
                 ),
                 "out": Flag("folder for analysis.json, analysis.md and figures.", hint="RUN/analysis"),
             },
+        ),
+        "paper": Command(
+            "eval.studies.paper:paper",
+            show_tables,
+            text="""Show the paper's Tables 1 to 4 of finished runs.
+
+            Every planner, learned ones over their trainings; and where Figures 5 to 7 are.
+
+            For example:
+                ehar study paper runs/duo-paper runs/duo-encoders --out tables.md
+            """,
+            flags={"runs": Flag(kind=tuple[Path, ...], positional=True, metavar="RUN ...", hint="at least one")},
         ),
         "overview": Command(
             "eval.studies.overview:overview",

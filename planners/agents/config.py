@@ -138,7 +138,7 @@ class AgentTrainingConfig:
         out: folder to write to.
         stages: agents to train, with commas between them; None is all four, or the paper's three in paper.
         seeds: training seeds; each gives one agent.
-        without: what is left out (Table 3), as in il-no-vision.
+        without: what is left out (Table 3): il-no-vision.
         setting: quick, for 2 CPU cores; paper, as published, for a GPU; it takes --views paper --form ctrgcn.
         teacher: the teacher that il clones.
         labels: labels for il: the best move, or each move's worth (soft).
@@ -147,7 +147,7 @@ class AgentTrainingConfig:
         frames: most frames of PPO; None is 600,000, or 10 million in paper.
         variations: variations of each sequence; None is 3, or 0 in paper.
         workers: processes; results do not depend on them.
-        device: device of PPO's network and of ours that recognises, cpu or cuda.
+        device: cpu or cuda, for PPO and our recogniser.
         tensorboard: folder for TensorBoard's logs.
     """
 
