@@ -27,6 +27,7 @@ from recognition.storage import load_weights, recogniser_path, save_recogniser
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.training.clips import Clips, ClipSource
 from recognition.training.config import TrainingConfig
+from recognition.training.optimisers import make_optimiser, may_stop, published_rate
 from recognition.weight_files import description_path, recorded_run
 
 WARM_UP = 0.05  # share of the steps in which the learning rate rises
@@ -120,8 +121,8 @@ class _Run:
         self.identity = _identify(config, data.sha256)
         if loaded.sha256 is not None:
             self.identity["sensor_sha256"] = loaded.sha256
-        self.optimiser = torch.optim.AdamW(
-            self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
+        self.optimiser = make_optimiser(
+            self.network, config.optimiser, learning_rate=config.learning_rate, weight_decay=config.weight_decay
         )
         self.steps = max(1, config.clips // config.batch)
         self.step = 0
@@ -149,8 +150,9 @@ class _Run:
         config = self.config
         rng = np.random.default_rng((config.conditions.seed, self.step))
         clips = self.source.draw(rng, config.batch)
+        published, progress = config.optimiser == "published", self.step / self.steps
         for group in self.optimiser.param_groups:
-            group["lr"] = config.learning_rate * _schedule(self.step / self.steps)
+            group["lr"] = published_rate(progress) if published else config.learning_rate * _schedule(progress)
         self.network.train()
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(int(rng.integers(2**31)))  # dropout
@@ -160,7 +162,8 @@ class _Run:
             raise ModelError(f"{self.path.name}: the loss is {value} at step {self.step}: expected a finite one")
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
-        torch.nn.utils.clip_grad_norm_(self.network.parameters(), GRADIENT_NORM)
+        if not published:
+            torch.nn.utils.clip_grad_norm_(self.network.parameters(), GRADIENT_NORM)
         self.optimiser.step()
         self.step += 1
         return value
@@ -209,7 +212,7 @@ class _Run:
 
     def _stalled(self) -> bool:
         """Return whether validation has not improved for `patience` evaluations."""
-        if not self.evaluations:
+        if not self.evaluations or not may_stop(self.config.optimiser, self.step / self.steps):
             return False
         best = min(range(len(self.evaluations)), key=lambda i: self.evaluations[i].nll)
         return len(self.evaluations) - 1 - best >= self.config.patience
