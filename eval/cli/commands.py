@@ -148,7 +148,7 @@ TRAIN = CommandGroup(
             conditions=(*TRAINED, "form", "seed"),
             flags={
                 **TRAINED_ANEW,
-                "form": Flag("causal streams; ctrgcn, as published, is trained on prefixes of random length."),
+                "form": Flag("causal streams; ctrgcn, as published, is trained on prefixes."),
                 "length": Flag("frames of a clip."),
                 "seed": Flag("seed of initial weights, clips and dropout."),
                 "init": Flag(hint="none"),

@@ -12,7 +12,7 @@ from ehar.processes import cores
 from planners.agents.config import PAPER_FORM, AgentTrainingConfig, Scale
 from planners.value.config import GainTrainingConfig
 from recognition.setting import load_motion_of, load_setting
-from recognition.training.config import TrainingConfig
+from recognition.training.config import PUBLISHED_BATCH, TrainingConfig
 
 PAPER_CLIPS = 200_000  # about as many as 32 views of each training scenario of ExPI (Sec. 4.2 and 5.1)
 
@@ -93,6 +93,8 @@ class TrainAllConfig:
             conditions=self.told,
             out=self.out,
             size="small" if self.setting == "quick" else "published",
+            optimiser="adamw" if self.setting == "quick" else "published",
+            batch=TrainingConfig.batch if self.setting == "quick" else PUBLISHED_BATCH,
             clips=TrainingConfig.clips if self.setting == "quick" else PAPER_CLIPS,
             device=self.device,
         )

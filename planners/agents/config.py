@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
 
-from ehar.conditions import Conditions
+from ehar.conditions import Conditions, Form
 from ehar.errors import UsageError
 from ehar.processes import cores
 
@@ -120,7 +120,8 @@ PAPER_PPO = PPOSetting(
     hold=1,  # Sec. 3: "at each time step, the agent chooses"
     copies=1,  # Sec. 4.2: the rewards of Eq. 1 as they are
 )
-PAPER_VIEWS, PAPER_FORM = "paper", "ctrgcn"  # Sec. 4.2: 32 static views; Sec. 4.1: CTR-GCN
+PAPER_VIEWS = "paper"  # Sec. 4.2: 32 static positions
+PAPER_FORM: Form = "ctrgcn"  # Sec. 4.1
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -172,7 +172,11 @@ def test_the_same_data_and_conditions_go_into_every_training(tmp_path: Path) -> 
     quick = replace(config, setting="quick")
     for part in (quick.recogniser, quick.gain_field, quick.agents):
         assert replace(part.conditions, models=None) == told
-    assert config.recogniser.size == "published"
+    assert (config.recogniser.size, config.recogniser.optimiser, config.recogniser.batch) == (
+        "published",
+        "published",
+        64,
+    )
     assert config.agents.seeds == 3 and config.agents.imitation("il").episodes == 10_000
     assert config.agents.directory == config.gain_field.conditions.models == config.recogniser.out == tmp_path
 
