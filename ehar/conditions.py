@@ -127,6 +127,7 @@ class Conditions:
         sensor = self.sensor if isinstance(self.sensor, str) else self.sensor.name
         parts = [self.data_option, f"--sensor {quote(sensor)} --views {self.views}"]
         parts += [f"--world {quote(self.world_name)}"] if self.world_name != PAPER.name else []
+        parts += [f"--form {self.form}"] if self.form != Conditions.form else []
         parts += [f"--length {self.length}"] if self.length != Conditions.length else []
         parts += [f"--fps {self.fps:g}"] if self.fps is not None else []
         parts += [f"--recogniser {quote(_named(self.recogniser))}"] if self.recogniser is not None else []

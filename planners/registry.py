@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ehar.errors import UsageError
 from ehar.planner import Planner
 from ehar.plugins.class_spec import FORMS
-from planners.agents.inputs import ENCODED
+from planners.agents.inputs import LEFT_OUT
 from planners.heuristic import HRotate, NoAct, Random, Towards, VRotate
 from planners.oracle import Oracle, OracleLookahead
 from planners.own_planner import Origin, entry_point_names, make_own_planner, origin_of, own_spec
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 HEURISTICS = (NoAct, Random, Towards, HRotate, VRotate)
 VALUING = ("nbv-greedy", "nbv-search", "nbv")
 LEARNED = ("il", "ppo", "il-ppo", "dagger")
-ABLATED = tuple(f"{name}-no-{encoder}" for name in LEARNED for encoder in ENCODED)  # Table 3
+ABLATED = tuple(f"{name}-no-{left}" for name in LEARNED for left in LEFT_OUT)  # Table 3
 ORACLES = (Oracle, OracleLookahead)
 
 

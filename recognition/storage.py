@@ -95,7 +95,7 @@ def load_recogniser(
         )
     path = recogniser_path(directory or SHIPPED / data.name, conditions)
     folder = "DIR" if directory is None else quote(str(directory))
-    made = f"ehar train recogniser {conditions.options} --form {form} --out {folder}"
+    made = f"ehar train recogniser {conditions.options} --out {folder}"
     check_files(path, f"a recogniser, as made by `{made}`" + ("" if directory else ", and --models DIR"))
     file, what = description_path(path), "a recogniser, as `ehar train recogniser` writes it"
     description = read_json(file, RecogniserDescription, what, optional=("world",), wrong=ModelError)

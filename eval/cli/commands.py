@@ -148,7 +148,7 @@ TRAIN = CommandGroup(
             conditions=(*TRAINED, "form", "seed"),
             flags={
                 **TRAINED_ANEW,
-                "form": Flag("causal streams; ctrgcn, as published, is trained on prefixes of random length."),
+                "form": Flag("causal streams; ctrgcn, as published, is trained on prefixes."),
                 "length": Flag("frames of a clip."),
                 "seed": Flag("seed of initial weights, clips and dropout."),
                 "init": Flag(hint="none"),
@@ -188,8 +188,18 @@ TRAIN = CommandGroup(
             For example:
                 ehar train agent --data mine.npz --models models/mine --stages il,il-ppo
             """,
-            conditions=(*TRAINED, "models", "recogniser"),
-            flags={**TRAINED_FROM, "tensorboard": Flag(hint="none")},
+            conditions=(*TRAINED, "models", "form", "recogniser"),
+            flags={
+                **TRAINED_FROM,
+                "views": Flag("of the recogniser: moving or paper."),
+                "form": Flag("of the recogniser; ctrgcn is as published."),
+                "stages": Flag("agents, with commas.", hint="all; il,ppo,il-ppo in paper"),
+                "setting": Flag("paper takes a GPU, and --views paper --form ctrgcn."),
+                "episodes": Flag("demonstrated episodes.", hint="1,536; 10,000 in paper"),
+                "frames": Flag("most of PPO.", hint="600,000; 10 million in paper"),
+                "variations": Flag("variations of each sequence.", hint="3; 0 in paper"),
+                "tensorboard": Flag(hint="none"),
+            },
         ),
     },
 )
@@ -407,6 +417,18 @@ STUDY = CommandGroup(
                 "planner": Flag("planner to compare with each other one.", metavar="PLANNER"),
                 "out": Flag("folder for table.md and summary.json.", hint="none"),
             },
+        ),
+        "paper": Command(
+            "eval.studies.paper:paper",
+            show_tables,
+            text="""Show the paper's Tables 1 to 4 of finished runs.
+
+            Every planner, learned ones over their trainings; and where Figures 5 to 7 are.
+
+            For example:
+                ehar study paper runs/duo-paper runs/duo-encoders --out tables.md
+            """,
+            flags={"runs": Flag(kind=tuple[Path, ...], positional=True, metavar="RUN ...", hint="at least one")},
         ),
         "overview": Command(
             "eval.studies.overview:overview",

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 READOUTS = ("recogniser", "belief")
 _CAUSAL_FIELDS = "gain fields are trained for the causal recogniser"
-_CAUSAL_AGENTS = "agents are trained for the causal recogniser"
 _CAUSAL_PLACES = "fixed places are fitted for the causal recogniser"
 
 
@@ -96,8 +95,6 @@ class ModelPlace:
         """
         from planners.agents.storage import load_agent  # brings torch
 
-        if self.conditions.form != "causal":
-            raise ModelError(f"planner {spec!r}: {_CAUSAL_AGENTS}, and this is {self.form}")
         if self._untrained:
             raise ModelError(f"planner {spec!r}: {self._no_agent}")
         name, seed = split_record_name(spec)
@@ -148,8 +145,6 @@ class ModelPlace:
 
     def reason_for_no_agent(self, name: str) -> str | None:
         """Return why a learned planner cannot run here, and what to do about it; None where it can."""
-        if self.conditions.form != "causal":
-            return f"{_CAUSAL_AGENTS}, and this is {self.form}"
         seeds = self.seeds(name)
         if not seeds:
             return self._no_agent

@@ -10,11 +10,13 @@ from ehar.conditions import Conditions
 from ehar.errors import ModelError
 from ehar.files import read_json
 from ehar.processes import cores
-from planners.agents.config import AgentTrainingConfig, Scale
+from planners.agents.config import PAPER_FORM, AgentTrainingConfig, Scale
 from planners.place.config import FixedBestConfig
 from planners.value.config import GainTrainingConfig
 from recognition.setting import load_motion_of, load_setting
-from recognition.training.config import TrainingConfig
+from recognition.training.config import PUBLISHED_BATCH, TrainingConfig
+
+PAPER_CLIPS = 200_000  # about as many as 32 views of each training scenario of ExPI (Sec. 4.2 and 5.1)
 
 if TYPE_CHECKING:
     from ehar.planner import Planner
@@ -60,7 +62,7 @@ class TrainAllConfig:
         conditions: conditions of all trainings.
         out: folder to write to.
         seeds: number of training seeds; each trains separate agents.
-        setting: quick, for 2 CPU cores; paper, as published, for a GPU.
+        setting: quick, for 2 CPU cores; paper, as published, for a GPU: it takes --views paper, and trains no field.
         workers: number of processes; results do not depend on it.
         device: device of the recogniser's and of PPO's network: cpu or cuda.
     """
@@ -73,15 +75,20 @@ class TrainAllConfig:
     device: str = "cpu"
 
     @property
+    def told(self) -> Conditions:
+        """The conditions of every training; in the paper setting, with the published form."""
+        return self.conditions if self.setting == "quick" else replace(self.conditions, form=PAPER_FORM)
+
+    @property
     def with_models(self) -> Conditions:
-        """The conditions with the weights that are trained here."""
-        return replace(self.conditions, models=self.out)
+        """These conditions with the weights that are trained here."""
+        return replace(self.told, models=self.out)
 
     @property
     def benchmark_options(self) -> str:
         """The options of a benchmark under these conditions, without those that equal its defaults."""
         usual, told = Conditions(), self.with_models
-        options = {name: getattr(told, name) for name in ("data", "models", "sensor", "views", "length", "fps")}
+        options = {name: getattr(told, name) for name in ("data", "models", "sensor", "views", "form", "length", "fps")}
         options["world"] = told.world_name
         said = (name for name in options if name in ("data", "models") or options[name] != getattr(usual, name))
         return " ".join(f"--{name} {shlex.quote(str(options[name]))}" for name in said)
@@ -90,9 +97,12 @@ class TrainAllConfig:
     def recogniser(self) -> TrainingConfig:
         """The configuration of the recogniser's training."""
         return TrainingConfig(
-            conditions=self.conditions,
+            conditions=self.told,
             out=self.out,
             size="small" if self.setting == "quick" else "published",
+            optimiser="adamw" if self.setting == "quick" else "published",
+            batch=TrainingConfig.batch if self.setting == "quick" else PUBLISHED_BATCH,
+            clips=TrainingConfig.clips if self.setting == "quick" else PAPER_CLIPS,
             device=self.device,
         )
 
@@ -190,12 +200,15 @@ def train_all(config: TrainAllConfig) -> Trained:
         EharError: a training raised it, or an option of the agents is wrong, which is checked before anything begins.
     """
     config.agents.check()
-    stages: tuple[tuple[str, Callable[[TrainAllConfig], bool], Callable[[], Trained]], ...] = (
+    agents = " and ".join(", ".join(config.agents.stage_names).rsplit(", ", 1))
+    stages: list[tuple[str, Callable[[TrainAllConfig], bool], Callable[[], Trained]]] = [
         ("the recogniser", has_recogniser, lambda: train_recogniser(config.recogniser)),
         ("the gain field", has_gain_field, lambda: train_gain_field(config.gain_field)),
         ("the place of fixed-best", has_fixed_best, lambda: train_fixed_best(config.fixed_best)),
-        ("the agents il, ppo, il-ppo and dagger", lambda _: False, lambda: train_agents(config.agents)),
-    )
+        (f"the agents {agents}", lambda _: False, lambda: train_agents(config.agents)),
+    ]
+    if config.setting == "paper":
+        del stages[1:3]  # gain fields and places are for the causal form, and no part of the paper
     paths: list[Path] = []
     for number, (name, is_there, train) in enumerate(stages, 1):
         kept = is_there(config)
@@ -213,11 +226,11 @@ def has_recogniser(config: TrainAllConfig) -> bool:
     """
     from recognition.storage import load_recogniser, recogniser_path
 
-    path = recogniser_path(config.out, config.conditions)
+    path = recogniser_path(config.out, config.told)
     description = path.with_suffix(".json")
     if not (path.is_file() and description.is_file()):
         return False
-    data = load_motion_of(config.conditions)
+    data = load_motion_of(config.told)
     load_recogniser(config.with_models, data)
     # Added recordings may leave classes and joints unchanged, but then other sequences are held out for the test.
     run = read_json(description, _Trained, "a recogniser", unknown=True, defaults=True, wrong=ModelError).training.run

@@ -57,13 +57,14 @@ class AgentDescription:
 
 
 def agent_name(stage: str, without: str = "none") -> str:
-    """Return the name of a training stage's agent; the name says which encoder is left out, if any."""
+    """Return the name of a training stage's agent; the name says what is left out, if anything."""
     return stage if without == "none" else f"{stage}-no-{without}"
 
 
 def agent_path(directory: Path, name: str, conditions: Conditions, seed: int) -> Path:
     """Return the path of an agent's weights in a models directory; the JSON lies beside them."""
-    return directory / f"agent-{name}-{conditions.seen}-seed{seed}.safetensors"
+    form = "" if conditions.form == "causal" else f"{conditions.form}-"
+    return directory / f"agent-{name}-{form}{conditions.seen}-seed{seed}.safetensors"
 
 
 def agent_seeds(conditions: Conditions, data: MotionData, name: str) -> tuple[int, ...]:
@@ -128,7 +129,7 @@ def load_agent(conditions: Conditions, data: MotionData, name: str, *, recognise
     held = read_json(description_path(path), AgentDescription, what, optional=("world",), wrong=ModelError)
     check_world(path, held.world, conditions)
     _check_fit(path, held, data, recogniser_sha256)
-    return Agent(name=name, network=_load_network(path, held.spec), sha256=files_sha256(path), length=held.length)
+    return Agent(name=name, network=_load_network(path, held), sha256=files_sha256(path), length=held.length)
 
 
 def _check_fit(path: Path, held: AgentDescription, data: MotionData, recogniser_sha256: str) -> None:
@@ -150,11 +151,11 @@ def _check_fit(path: Path, held: AgentDescription, data: MotionData, recogniser_
             )
 
 
-def _load_network(path: Path, spec: AgentSpec) -> AgentNetwork:
+def _load_network(path: Path, held: AgentDescription) -> AgentNetwork:
     """Build a network and load its weights."""
     try:
         with torch.device("meta"):  # no memory is taken for sizes that the weights may not have
-            network = AgentNetwork(spec)
+            network = AgentNetwork(held.spec, classes=len(held.classes))
     except (RuntimeError, TypeError) as error:
         raise ModelError(f"{path}: expected the weights of an agent, got {error}".splitlines()[0]) from error
     network.load_state_dict(load_tensors(path, network, "an agent"), assign=True)

@@ -1,4 +1,4 @@
-"""The choice of a network: causal or published form, small or published size."""
+"""The choice of a network: causal or published form; small, half or published size."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -14,7 +14,7 @@ from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.ctrgcn import CTRGCN
 from recognition.networks.features import channel_count
 from recognition.networks.graph import partition
-from recognition.networks.sizes import PUBLISHED_STRIDES, PUBLISHED_WIDTHS, SMALL_WIDTHS, Size
+from recognition.networks.sizes import STRIDES, WIDTHS, Size
 
 Network = CausalCTRGCN | CTRGCN
 
@@ -27,7 +27,7 @@ class NetworkSpec:
 
     Args:
         form: "causal" streams; "ctrgcn" is the published network, evaluated on each prefix.
-        size: "published" widths, or "small" ones for 2 CPU cores.
+        size: "published" widths, "half" of them, or "small": four blocks for 2 CPU cores.
         class_names: names of the K classes.
         skeleton: skeleton of one person.
         persons: number P of persons.
@@ -53,7 +53,7 @@ class NetworkSpec:
     @property
     def widths(self) -> tuple[int, ...]:
         """Output channels of each block."""
-        return PUBLISHED_WIDTHS if self.size == "published" else SMALL_WIDTHS
+        return WIDTHS[self.size]
 
     def build(self, seed: int = 0) -> Network:
         """Return a freshly initialised network; torch's global generator is left as it was."""
@@ -75,6 +75,6 @@ class NetworkSpec:
                 in_channels=channel_count(self.persons),
                 adjacency=topology,
                 widths=self.widths,
-                strides=PUBLISHED_STRIDES if self.size == "published" else (1,) * len(SMALL_WIDTHS),
+                strides=STRIDES[self.size],
                 generator=torch.Generator().manual_seed(seed),
             )

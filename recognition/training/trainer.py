@@ -29,6 +29,7 @@ from recognition.storage import load_weights, recogniser_path, save_recogniser
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.training.clips import Clips, ClipSource
 from recognition.training.config import TrainingConfig
+from recognition.training.optimisers import make_optimiser, published_rate
 from recognition.weight_files import description_path, recorded_run
 
 WARM_UP = 150  # steps in which the learning rate rises; then it stays
@@ -172,8 +173,8 @@ class _Run:
             self.identity["sensor_sha256"] = loaded.sha256
         if not world.agrees_with(PAPER):
             self.identity["world"] = as_json(asdict(world))
-        self.optimiser = torch.optim.AdamW(
-            self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
+        self.optimiser = make_optimiser(
+            self.network, config.optimiser, learning_rate=config.learning_rate, weight_decay=config.weight_decay
         )
         self.steps = max(1, config.clips // config.batch)
         self.step = 0
@@ -207,14 +208,16 @@ class _Run:
         return max(last + interval, int(last * SPREAD))
 
     def _has_learned(self) -> bool:
-        """Return whether twice the clips gained too little to go on."""
-        if not self.evaluations or self.evaluations[-1].clips < LEAST_CLIPS:
+        """Return whether twice the clips gained too little to go on; the published schedule runs to its end."""
+        if self.config.optimiser == "published" or not self.evaluations or self.evaluations[-1].clips < LEAST_CLIPS:
             return False
         gain = doubling_gain(self.evaluations)
         return gain is not None and gain < WORTH
 
     def _expected_clips(self) -> int:
         """Return the clips after which training stops if nothing gets better from now on."""
+        if self.config.optimiser == "published":
+            return self.config.clips
         if not self.evaluations:
             return min(LEAST_CLIPS, self.config.clips)
         best = max(past.accuracy for past in self.evaluations)
@@ -226,8 +229,11 @@ class _Run:
         config = self.config
         rng = np.random.default_rng((config.conditions.seed, self.step))
         clips = self.source.draw(rng, config.batch)
+        published, progress = config.optimiser == "published", self.step / self.steps
         for group in self.optimiser.param_groups:
-            group["lr"] = config.learning_rate * min(1.0, (self.step + 1) / WARM_UP)
+            group["lr"] = (
+                published_rate(progress) if published else config.learning_rate * min(1.0, (self.step + 1) / WARM_UP)
+            )
         self.network.train()
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(int(rng.integers(2**31)))  # dropout
@@ -237,7 +243,8 @@ class _Run:
             raise ModelError(f"{self.path.name}: the loss is {value} at step {self.step}: expected a finite one")
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
-        torch.nn.utils.clip_grad_norm_(self.network.parameters(), GRADIENT_NORM)
+        if not published:
+            torch.nn.utils.clip_grad_norm_(self.network.parameters(), GRADIENT_NORM)
         self.optimiser.step()
         self.average.update_parameters(self.network)
         self.step += 1
@@ -289,7 +296,8 @@ class _Run:
         self.evaluations.append(Evaluation(self.step, self.clips, train_loss, nll, accuracy))
 
     def _averaged(self) -> Network:
-        network = self.average.module
+        """Return the network with the weights that count: with the published optimiser the last ones, as they are."""
+        network = self.network if self.config.optimiser == "published" else self.average.module
         assert isinstance(network, Network)
         return network
 
@@ -299,6 +307,8 @@ class _Run:
         best = next(past for past in reversed(self.evaluations) if past.accuracy == top)
         gain, clips = doubling_gain(self.evaluations), self.clips
         gained = "" if gain is None else f"twice the clips, {clips // 2:,} to {clips:,}, gained {100 * gain:.1f} points"
+        if self.config.optimiser == "published":
+            return Outcome(best, gain, False, f"the published schedule ended after {clips:,} clips")
         if self._has_learned():
             return Outcome(best, gain, False, f"it had learned: {gained} on validation")
         return Outcome(best, gain, True, f"cut short at {clips:,} clips: {gained or 'too few to tell what more bring'}")

@@ -39,11 +39,12 @@ def randomised(network: nn.Module, seed: int = 0) -> nn.Module:
 
 
 def save_random_world(folder: Path, length: int, world: World = PAPER) -> None:
-    """Write tiny.npz, and to models a recogniser for it, for episodes of `length` frames, that has learned nothing."""
+    """Write tiny.npz, and to models recognisers of both forms for episodes of `length` frames; they learned nothing."""
     data = tiny_data(sequences=24)
     save_motion(folder / "tiny.npz", data)
-    spec = NetworkSpec.of(data, form="causal", size="small", length=length, world=world)
-    path = recogniser_path(folder / "models", Conditions())
-    network = spec.build()
-    randomised(network)
-    save_recogniser(path, network, spec, Temperature(), {})
+    for told in (Conditions(), Conditions(views="paper", form="ctrgcn")):
+        spec = NetworkSpec.of(data, form=told.form, size="small", length=length, world=world)
+        network = spec.build()
+        randomised(network)
+        run = {"size": "small", "views": told.views, "sensor": "perfect"}
+        save_recogniser(recogniser_path(folder / "models", told), network, spec, Temperature(), {"run": run})

@@ -67,7 +67,7 @@ def test_those_for_whom_nothing_was_trained_are_left_out_aloud(tmp_path: Path) -
     fitted, valuing, learned = log.notes
     assert fitted.endswith("fixed places are fitted for the causal recogniser, and this is ctrgcn")
     assert valuing.endswith("gain fields are trained for the causal recogniser, and this is ctrgcn")
-    assert learned.endswith("agents are trained for the causal recogniser, and this is ctrgcn")
+    assert learned.startswith("left out: il, ppo, il-ppo, dagger: no agent was trained for this recogniser: ")
 
 
 def test_who_is_named_has_to_run(tmp_path: Path) -> None:

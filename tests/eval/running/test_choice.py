@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ehar.conditions import Conditions
+from ehar.conditions import Conditions, Form
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.planner import Planner
 from eval.running.choice import ModelPlace, choose_planners, listed, make_planners
@@ -36,10 +36,10 @@ def save_field(models: Path, *, recogniser: str = "fake") -> None:
     save_gain_model(path, model_of(peak_weights(np.array([8.0, 1.0, 1.0]))), recogniser_sha256=recogniser, history={})
 
 
-def save_agents(models: Path, *names: str) -> None:
+def save_agents(models: Path, *names: str, form: Form = "causal") -> None:
     for record in names:
         name, _, seed = record.partition("/")
-        save_untrained(models, DATA, name, seed=int(seed))
+        save_untrained(models, DATA, name, seed=int(seed), form=form)
 
 
 def chosen(
@@ -107,14 +107,17 @@ def test_without_names_all_run_for_whom_something_was_trained(tmp_path: Path) ->
     assert notes == []
 
 
-def test_the_published_recogniser_has_no_agents(tmp_path: Path) -> None:
-    save_agents(tmp_path, "il/0", "ppo/0", "il-ppo/0")
+def test_the_published_recogniser_has_agents_of_its_own(tmp_path: Path) -> None:
+    save_agents(tmp_path, "il/0")  # for the causal one
     place = place_of(tmp_path, form="ctrgcn")
     names, _, notes = chosen(None, place)
     assert not [name for name in names if name.startswith(("il", "ppo", "dagger"))]
-    assert notes[-1].startswith("left out: il, ppo, il-ppo, dagger: agents are trained for the causal recogniser, and ")
-    with pytest.raises(ModelError, match="planner 'il/0': agents are trained for the causal recogniser"):
+    assert "`ehar train agent --data X.npz --sensor perfect --views moving --form ctrgcn --models " in notes[-1]
+    with pytest.raises(ModelError, match=r"agent-il-ctrgcn-perfect-moving-seed0\.safetensors: no such file"):
         chosen(["no-act", "il"], place)
+    save_agents(tmp_path, "il/0", form="ctrgcn")
+    names, _, _ = chosen(None, place)
+    assert [name for name in names if name.startswith("il")] == ["il/0"]
 
 
 def test_what_was_trained_for_another_recogniser_is_left_out_beside_your_own(tmp_path: Path) -> None:

@@ -30,8 +30,10 @@ from planners.value.config import GainTrainingConfig
 from planners.value.fit import Scores
 from planners.value.model import SHIPPED as GAIN_FIELDS
 from planners.value.training import GainTraining
+from recognition.calibration import Temperature
+from recognition.networks.spec import NetworkSpec
 from recognition.storage import SHIPPED as RECOGNISERS
-from recognition.storage import load_recogniser
+from recognition.storage import load_recogniser, recogniser_path, save_recogniser
 from recognition.training.config import TrainingConfig
 from recognition.training.trainer import Evaluation, Outcome
 from tests.helpers.fixed_places import save_place
@@ -143,9 +145,14 @@ def test_a_recogniser_of_other_data_is_named_not_overwritten(tmp_path: Path, cal
 
 
 def test_a_small_recogniser_is_not_taken_for_the_published_one(tmp_path: Path, calls: list[str]) -> None:
-    copy(RECOGNISERS / "duo", RECOGNISER, tmp_path)
+    told = replace(DUO, views="paper")
+    data = load_data("duo")
+    spec = NetworkSpec.of(data, form="ctrgcn", size="small", length=DUO.length)
+    path = recogniser_path(tmp_path, replace(told, form="ctrgcn"))
+    run = {"data_sha256": data.sha256, "size": "small"}
+    save_recogniser(path, spec.build(), spec, Temperature(), {"run": run})
     with pytest.raises(ModelError, match="got a recogniser of size small, expected published, as --setting paper"):
-        train_all(TrainAllConfig(conditions=DUO, out=tmp_path, setting="paper"))
+        train_all(TrainAllConfig(conditions=told, out=tmp_path, setting="paper"))
     assert calls == []
 
 
@@ -169,6 +176,11 @@ def test_a_recogniser_of_other_recordings_of_the_same_classes_is_named(tmp_path:
         ({"workers": 0}, "--workers: got 0, expected at least 1"),
         ({"length": 4}, "--length: got 4, expected at least 5"),
         ({"device": "tpu"}, "--device tpu: expected cpu or cuda"),
+        (
+            {"setting": "paper"},
+            "--setting paper: expected the paper's recogniser, --views paper --form ctrgcn, "
+            "got --views moving --form ctrgcn",
+        ),
     ],
 )
 def test_what_makes_no_sense_is_refused_before_anything_is_trained(
@@ -190,9 +202,16 @@ def test_weights_without_their_description_are_no_recogniser(tmp_path: Path) -> 
 def test_the_same_data_and_conditions_go_into_every_training(tmp_path: Path) -> None:
     told = Conditions(data="x.npz", sensor="estimator", views="paper", length=30, fps=30.0)
     config = TrainAllConfig(conditions=told, out=tmp_path, seeds=3, setting="paper")
-    for part in (config.recogniser, config.gain_field, config.fixed_best, config.agents):
+    for part in (config.recogniser, config.agents):
+        assert replace(part.conditions, models=None) == replace(told, form="ctrgcn")
+    quick = replace(config, setting="quick")
+    for part in (quick.recogniser, quick.gain_field, quick.fixed_best, quick.agents):
         assert replace(part.conditions, models=None) == told
-    assert config.recogniser.size == "published"
+    assert (config.recogniser.size, config.recogniser.optimiser, config.recogniser.batch) == (
+        "published",
+        "published",
+        64,
+    )
     assert config.agents.seeds == 3 and config.agents.imitation("il").episodes == 10_000
     assert config.agents.directory == config.gain_field.conditions.models == config.recogniser.out == tmp_path
 
