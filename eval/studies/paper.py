@@ -82,7 +82,8 @@ def accuracy_table(run: Run) -> Table:
             f"{spread_text(held.acc[str(percent)])} {interval_text(pair(end))}"
             for percent, end in zip(ACC_AT, ends, strict=True)
         )
-        mean = f"{spread_text(held.acc_mean)} {interval_text(pair(100 * resamples.interval(means.mean, means.resampled, bounds=(0, 1))))}"
+        around = resamples.interval(means.mean, means.resampled, bounds=(0, 1))
+        mean = f"{spread_text(held.acc_mean)} {interval_text(pair(100 * around))}"
         mark = PRIVILEGED * any(record in privileged for record in group.records)
         rows.append((group.name + mark, str(len(group.records)), *cells, mean))
     return Table(

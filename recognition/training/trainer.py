@@ -230,10 +230,9 @@ class _Run:
         rng = np.random.default_rng((config.conditions.seed, self.step))
         clips = self.source.draw(rng, config.batch)
         published, progress = config.optimiser == "published", self.step / self.steps
+        rate = published_rate(progress) if published else config.learning_rate * min(1.0, (self.step + 1) / WARM_UP)
         for group in self.optimiser.param_groups:
-            group["lr"] = (
-                published_rate(progress) if published else config.learning_rate * min(1.0, (self.step + 1) / WARM_UP)
-            )
+            group["lr"] = rate
         self.network.train()
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(int(rng.integers(2**31)))  # dropout
