@@ -8,7 +8,7 @@ from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion, Motion
 from ehar.steps import LEAD, StepLimits, from_rest
-from ehar.viewpoint import sample_starts
+from ehar.world import PAPER
 
 DIGITS = 6  # of recorded viewpoints
 
@@ -20,12 +20,12 @@ def motion_of(name: str) -> Motion:
 def flown(motion: Motion, *, fps: float, frames: int = 40) -> FloatArray:
     """Return ways (8, frames + 1, 3) to random targets, some of which are held."""
     rng = np.random.default_rng(0)
-    target = sample_starts(rng, 8)
+    target = PAPER.sample_starts(rng, 8)
     target[:3, 2] = 0.0  # from straight above
     motion.reset(target.copy(), 1 / fps)
     way = [target]
     for _ in range(frames):
-        target = sample_starts(rng, 8) if rng.random() < 0.3 else target
+        target = PAPER.sample_starts(rng, 8) if rng.random() < 0.3 else target
         way.append(motion.advance(target.copy()).copy())
     return np.stack(way, axis=1)
 

@@ -25,7 +25,7 @@ from ehar.runner import Runner
 from ehar.sensors.registry import SENSORS, make_sensor
 from ehar.sensors.sensor import SensorNoise
 from ehar.track import IDEAL, load_track
-from ehar.viewpoint import sample_starts
+from ehar.world import PAPER
 from eval.running.choice import ModelPlace, choose_planners
 from eval.running.recorder import Recorder, array_names
 from planners.registry import LEARNED, planner_names
@@ -69,7 +69,7 @@ class World(NamedTuple):
 
     def batches(self) -> tuple[Batch, Batch]:
         """Return episodes of both; starts are equal, and noise up to the last frame that they share."""
-        starts = sample_starts(np.random.default_rng(1), EPISODES)
+        starts = PAPER.sample_starts(np.random.default_rng(1), EPISODES)
         noise, later = (noise_of(self.windows, EPISODES, np.random.default_rng(seed)) for seed in (2, 3))
         changed = (np.where(_after(one), b, one) for one, b in zip(noise, later, strict=True))
         every = np.arange(EPISODES)

@@ -15,7 +15,7 @@ import torch
 from ehar.conditions import Conditions
 from ehar.data.scenario import split_parts, windows
 from ehar.errors import DataError, ModelError, UsageError
-from ehar.viewpoint import sample_starts
+from ehar.world import PAPER
 from planners.agents import stages as agent_stages
 from planners.agents import training as agent_training
 from planners.agents.config import DAGGER, PAPER_STAGES, AgentTrainingConfig, Stage
@@ -124,7 +124,7 @@ def test_the_paper_s_agents_work_with_the_published_network(config: AgentTrainin
         seed=1,
     )
     scenarios, rng = windows(found.data, split_parts(found.data).test, 8, 8), np.random.default_rng(0)
-    batch = found.runner.batch(scenarios, np.arange(4), sample_starts(rng, 4), rng)
+    batch = found.runner.batch(scenarios, np.arange(4), PAPER.sample_starts(rng, 4), rng)
     assert found.runner.roll(agent, batch, rng).log_probs.shape == (4, 8, len(found.data.class_names))
 
 

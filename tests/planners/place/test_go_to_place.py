@@ -14,7 +14,8 @@ from ehar.rollout import Batch, rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise
-from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, Workspace, from_cells, sample_starts, to_cells, wrap_difference
+from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, Workspace, wrap_difference
+from ehar.world import PAPER
 from planners.place.go_to_place import PLACES, GoToPlace, Place
 from tests.helpers.fakes import SKELETON, FakeRecogniser, tiny_context, tiny_data
 from tests.helpers.people import facing_people
@@ -63,7 +64,7 @@ def run(
 
 
 def starts(count: int, seed: int = 1) -> FloatArray:
-    return sample_starts(np.random.default_rng(seed), count)
+    return PAPER.sample_starts(np.random.default_rng(seed), count)
 
 
 def azimuths_off(viewpoints: FloatArray, expected: FloatArray) -> FloatArray:
@@ -73,7 +74,9 @@ def azimuths_off(viewpoints: FloatArray, expected: FloatArray) -> FloatArray:
 
 @pytest.mark.parametrize("polar", [0, 8, 20])
 def test_front_ends_near_level_and_in_front(polar: int) -> None:
-    begin = from_cells(np.array([[60, 3, polar], [0, 90, polar], [95, 40, polar], [20, 70, polar], [5, 55, polar]]))
+    begin = PAPER.workspace.from_cells(
+        np.array([[60, 3, polar], [0, 90, polar], [95, 40, polar], [20, 70, polar], [5, 55, polar]])
+    )
     viewpoints = run(planner("front"), one_each(FACING, 200), begin)
     assert (azimuths_off(viewpoints, FACING) <= EIGHT).all()
     np.testing.assert_allclose(viewpoints[:, -1, DISTANCE], 6.0, atol=0.05)
@@ -82,7 +85,9 @@ def test_front_ends_near_level_and_in_front(polar: int) -> None:
 
 def test_side_ends_at_the_side_that_was_nearer() -> None:
     begin = starts(len(FACING))
-    begin[:, AZIMUTH] = from_cells(to_cells(np.stack([begin[:, 0], FACING + 0.7, begin[:, 2]], axis=1)))[:, AZIMUTH]
+    begin[:, AZIMUTH] = PAPER.workspace.from_cells(
+        PAPER.workspace.to_cells(np.stack([begin[:, 0], FACING + 0.7, begin[:, 2]], axis=1))
+    )[:, AZIMUTH]
     viewpoints = run(planner("side"), one_each(FACING, 200), begin)
     assert (azimuths_off(viewpoints, FACING + np.pi / 2) <= EIGHT).all()
 
@@ -112,7 +117,7 @@ def test_a_mirrored_motion_gives_the_mirrored_way(name: str) -> None:
     people = one_each(FACING, 60)
     mirrored = (people * [1, -1, 1])[..., SKELETON.mirror, :]
     viewpoints = run(planner(name), people, begin)
-    other = run(planner(name), mirrored, from_cells(to_cells(begin) * [1, -1, 1]))
+    other = run(planner(name), mirrored, PAPER.workspace.from_cells(PAPER.workspace.to_cells(begin) * [1, -1, 1]))
     assert not np.array_equal(viewpoints[:, -1, AZIMUTH], begin[:, AZIMUTH])
     np.testing.assert_allclose(other[..., [DISTANCE, POLAR]], viewpoints[..., [DISTANCE, POLAR]], atol=1e-9)
     assert (np.abs(wrap_difference(other[..., AZIMUTH] + viewpoints[..., AZIMUTH])) < 1e-6).all()
@@ -154,7 +159,7 @@ def test_people_who_face_each_other_are_seen_from_across(name: str) -> None:
     line = np.array([0.4, -1.2, 2.5, 1.5])
     people = pairs(np.stack([line, line + np.pi], axis=1), line, 200)
     begin = starts(4, seed=5)
-    begin[:, POLAR] = from_cells(np.full((4, 3), 8))[:, POLAR]
+    begin[:, POLAR] = PAPER.workspace.from_cells(np.full((4, 3), 8))[:, POLAR]
     viewpoints = run(planner(name), people, begin)
     across = np.stack([line + np.pi / 2, line - np.pi / 2], axis=1)
     off = np.abs(wrap_difference(viewpoints[:, -1, AZIMUTH, None] - across))
@@ -171,7 +176,7 @@ def test_people_who_face_one_way_are_seen_from_the_front() -> None:
 
 
 def test_places_follow_the_workspace() -> None:
-    begin = from_cells(np.tile([-20, 10, 15], (5, 1)))  # 3 m, which no paper workspace has
+    begin = PAPER.workspace.from_cells(np.tile([-20, 10, 15], (5, 1)))  # 3 m, which no paper workspace has
     viewpoints = run(planner("front"), one_each(FACING, 120), begin, motion=GridMotion(workspace=INDOOR))
     assert (azimuths_off(viewpoints, FACING) <= EIGHT).all()
     np.testing.assert_allclose(viewpoints[:, -1, DISTANCE], 1.75, atol=0.051)
@@ -179,15 +184,15 @@ def test_places_follow_the_workspace() -> None:
     below = run(
         planner("front"),
         one_each(FACING, 90),
-        from_cells(np.tile([5, 0, 3], (5, 1))),
+        PAPER.workspace.from_cells(np.tile([5, 0, 3], (5, 1))),
         motion=GridMotion(workspace=high),
     )
     np.testing.assert_allclose(below[:, -1, POLAR], np.radians(36))
 
 
 def test_a_camera_right_in_front_picks_one_side_and_keeps_to_it() -> None:
-    facing = from_cells(np.tile([0, 7, 0], (12, 1)))[:, AZIMUTH]
-    begin = from_cells(np.tile([10, 7, 21], (12, 1)))
+    facing = PAPER.workspace.from_cells(np.tile([0, 7, 0], (12, 1)))[:, AZIMUTH]
+    begin = PAPER.workspace.from_cells(np.tile([10, 7, 21], (12, 1)))
     sensor = make_sensor("estimator", tiny_data())
     viewpoints = run(planner("side"), one_each(facing, 60), begin, sensor=sensor)
     turns = np.sign(wrap_difference(np.diff(viewpoints[..., AZIMUTH], axis=1))).round()
@@ -198,7 +203,7 @@ def test_a_camera_right_in_front_picks_one_side_and_keeps_to_it() -> None:
 
 def observations(episodes: int, frames: int) -> list[Observation]:
     rng = np.random.default_rng(2)
-    viewpoints = sample_starts(rng, episodes)
+    viewpoints = PAPER.sample_starts(rng, episodes)
     shown = []
     for frame in range(frames):
         joints = rng.uniform(200, 600, (episodes, 2, 6, 2))
