@@ -38,166 +38,167 @@ docs: setup
 	NO_MKDOCS_2_WARNING=1 $(RUN)mkdocs build --strict
 	@echo "the documentation is in build/site/index.html"
 
-# A recogniser for exact joints from scratch, and from it, in a third of the clips, one for what an estimator sees.
-FINE_TUNE := --sensor estimator --clips 6000 --learning-rate 1e-3 --init
-
-# The weights that ship in recognition/weights and planners/weights, trained anew into models: on 2 cores about 15
-# minutes a recogniser, 5 minutes a gain field and 5 minutes a seed of agents. Of the agents, seed 0 ships.
-weights: setup
-	set -e; for data in duo solo; do for views in moving paper; do options="--data $$data --views $$views"; \
-	  train="$(RUN)ehar train recogniser $$options --out models/$$data"; \
-	  $$train; $$train $(FINE_TUNE) models/$$data/causal-perfect-$$views.safetensors; \
-	  for sensor in perfect estimator; do \
-	    for what in gain-field agent; do \
-	      $(RUN)ehar train $$what $$options --sensor $$sensor --models models/$$data; done; done; done; done
-
-# The models, the runs, and the tables of docs/results; DATA is a folder with hdm05, bandai2 and sbu.npz. The short
-# sequences of sbu are cheap, and few: more rollouts for its gain field.
+# --- weights and results: file targets, so a run that was stopped goes on where it was, and -j runs what is independent.
+# LAUNCH comes before every command, for a cluster: make -j 20 results LAUNCH="srun --ntasks=1".
+# A model set is NAME or NAME-SEED: models/duo-1 is the second training on duo. DATA is a folder with hdm05, bandai2 and
+# sbu.npz.
+LAUNCH ?=
+EHAR := $(LAUNCH) $(RUN)ehar
 DATA ?= ../shared/data
 STARTS ?= 5
 SEEDS ?= 5
-ENCODERS := recognition vision position
-RULES := no-act random towards h-rotate v-rotate nbv-greedy nbv-search nbv
-PLANNERS := $(RULES) il ppo il-ppo dagger oracle oracle-lookahead
+
+duo := --data duo
+solo := --data solo
+hdm05 := --data $(DATA)/hdm05.npz
+bandai2 := --data $(DATA)/bandai2.npz
+sbu := --data $(DATA)/sbu.npz --fps 30 --length 30
 SETS := duo solo hdm05 bandai2 sbu
+TRAININGS := duo duo-1 duo-2 solo solo-1 solo-2 hdm05 bandai2 sbu
+
+# The rules name every file (static patterns): make would pass over files that only patterns name.
+# Of a model set $(1): its data, and the seed of its trainings.
+data_of = $($(firstword $(subst -, ,$(1))))
+seed_of = $(or $(word 2,$(subst -, ,$(1))),0)
+train_options = $(call data_of,$(1)) --seed $(call seed_of,$(1))
+
+RULES := no-act random towards h-rotate v-rotate near-level front side fixed-best nbv-greedy nbv-search nbv
+AGENTS := il ppo il-ppo dagger
+ORACLES := oracle oracle-lookahead
 VEHICLES := px4-auto px4-max tracking-drone
+LAST_SEED := $(shell echo $$(($(SEEDS) - 1)))
 
-# Train agents in models/$(1) under the conditions $(2), and compare all planners in runs/agents-$(1)-$(3).
-compare = $(RUN)ehar train agent $(2) --models models/$(1) --seeds $(SEEDS) && \
-  $(RUN)ehar benchmark $(PLANNERS) $(2) --models models/$(1) --starts $(STARTS) --out runs/agents-$(1)-$(3)
+.DELETE_ON_ERROR:
 
-# Compare them as a vehicle, on the episodes of runs/agents-$(1)-estimator.
-fly = $(RUN)ehar benchmark $(PLANNERS) $(2) --sensor estimator --models models/$(1) --starts $(STARTS) \
-  --track tracking-drone --ideal runs/agents-$(1)-estimator --out runs/agents-$(1)-drone
+# Recognisers. The first one of a set is trained from scratch, through the estimator; the others begin with its weights.
+$(TRAININGS:%=models/%/causal-estimator-moving.safetensors): models/%/causal-estimator-moving.safetensors: | setup
+	$(EHAR) train recogniser $(call train_options,$*) --sensor estimator --out $(@D)
 
-# How far the policy part, which agents and gain fields were trained on, is above the test part.
-own_part = $(RUN)ehar benchmark no-act nbv il ppo il-ppo dagger oracle $(2) --models models/$(1) --part policy --starts 1 \
-  --no-report --out runs/policy-$(1)-$(3)
+$(TRAININGS:%=models/%/causal-perfect-moving.safetensors): models/%/causal-perfect-moving.safetensors: models/%/causal-estimator-moving.safetensors
+	$(EHAR) train recogniser $(call train_options,$*) --init $< --out $(@D)
 
-# Imitation on solo in the paper's setting with one option, $(2), otherwise as il; in models/solo-$(1).
-imitate = mkdir -p models/solo-$(1) && cp models/solo/causal-perfect-paper.* models/solo-$(1) && \
-  $(RUN)ehar train agent --data solo --views paper --models models/solo-$(1) --seeds $(SEEDS) --stages il $(2) && \
-  $(RUN)ehar benchmark no-act il oracle --data solo --views paper --models models/solo-$(1) --starts $(STARTS) \
-  --no-report --out runs/imitation-solo-$(1)
+$(TRAININGS:%=models/%/causal-perfect-paper.safetensors): models/%/causal-perfect-paper.safetensors: models/%/causal-perfect-moving.safetensors
+	$(EHAR) train recogniser $(call train_options,$*) --views paper --init $< --out $(@D)
 
-# Train recognisers and gain fields on real motion in models/$(1), with the options $(2) and $(3) batches of rollouts.
-prepare = $(RUN)ehar train recogniser $(2) --out models/$(1) && \
-  $(RUN)ehar train recogniser $(2) --out models/$(1) $(FINE_TUNE) models/$(1)/causal-perfect-moving.safetensors && \
-  $(RUN)ehar train gain-field $(2) --models models/$(1) --batches $(3) && \
-  $(RUN)ehar train gain-field $(2) --models models/$(1) --batches $(3) --sensor estimator
+$(SETS:%=models/%/ctrgcn-perfect-moving.safetensors): models/%/ctrgcn-perfect-moving.safetensors: | setup
+	$(EHAR) train recogniser $(call train_options,$*) --form ctrgcn --out $(@D)
 
-# Compare the planners that are not agents through the sensor $(3), in runs/nbv-$(1)-$(3), on data and models $(2).
-without_agents = $(RUN)ehar benchmark $(RULES) oracle $(2) --sensor $(3) --starts $(STARTS) --out runs/nbv-$(1)-$(3)
+# Gain fields, the places of fixed-best, and agents, each for its recogniser: perfect-moving, estimator-moving, ...
+define planner_weights
+$$(TRAININGS:%=models/%/gain-field-$(1)-$(2).safetensors): models/%/gain-field-$(1)-$(2).safetensors: models/%/causal-$(1)-$(2).safetensors
+	$$(EHAR) train gain-field $$(call train_options,$$*) --sensor $(1) --views $(2) --models $$(@D)
 
-# The belief on $(1), whose data and models are $(2), with both sensors.
-believe = for sensor in perfect estimator; do \
-  $(RUN)ehar study belief $(2) --sensor $$sensor --out runs/belief-$(1)-$$sensor || exit 1; done
+$$(TRAININGS:%=models/%/fixed-best-$(1)-$(2).json): models/%/fixed-best-$(1)-$(2).json: models/%/causal-$(1)-$(2).safetensors
+	$$(EHAR) train fixed-best $$(call train_options,$$*) --sensor $(1) --views $(2) --models $$(@D)
 
-# What fixed cameras win on $(1), whose data and models are $(2).
-fixed = $(RUN)ehar study headroom $(2) --sensor estimator --azimuths 6 --polars 3 --out runs/headroom-$(1)-estimator
+$$(TRAININGS:%=models/%/agent-dagger-$(1)-$(2)-seed$$(LAST_SEED).safetensors): models/%/agent-dagger-$(1)-$(2)-seed$$(LAST_SEED).safetensors: models/%/causal-$(1)-$(2).safetensors
+	$$(EHAR) train agent $$(call data_of,$$*) --sensor $(1) --views $(2) --models $$(@D) --seeds $$(SEEDS)
 
-# Write the page docs/results/$(1).md with the title $(2): the command $(3), when it ran, and the tables $(4).
+$$(TRAININGS:%=models/%/planners-$(1)-$(2)): models/%/planners-$(1)-$(2): models/%/gain-field-$(1)-$(2).safetensors models/%/fixed-best-$(1)-$(2).json
+	touch $$@
+
+$$(TRAININGS:%=models/%/all-$(1)-$(2)): models/%/all-$(1)-$(2): models/%/planners-$(1)-$(2) models/%/agent-dagger-$(1)-$(2)-seed$$(LAST_SEED).safetensors
+	touch $$@
+endef
+$(eval $(call planner_weights,estimator,moving))
+$(eval $(call planner_weights,perfect,moving))
+$(eval $(call planner_weights,perfect,paper))
+
+# The weights that ship in recognition/weights and planners/weights, trained anew into models. Of the agents, seed 0 ships.
+weights: $(foreach set,duo solo,$(foreach seen,estimator-moving perfect-moving perfect-paper,models/$(set)/all-$(seen)))
+
+# Runs. agents: every planner; rules: every planner that is not an agent; each through a sensor, on a track.
+$(TRAININGS:%=runs/rules-%-estimator/summary.json): runs/rules-%-estimator/summary.json: models/%/planners-estimator-moving
+	$(EHAR) benchmark $(RULES) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* --starts $(STARTS) \
+	  --out $(@D)
+
+$(SETS:%=runs/rules-%-perfect/summary.json): runs/rules-%-perfect/summary.json: models/%/planners-perfect-moving
+	$(EHAR) benchmark $(RULES) $(ORACLES) $(call data_of,$*) --sensor perfect --models models/$* --starts $(STARTS) \
+	  --out $(@D)
+
+$(SETS:%=runs/agents-%-estimator/summary.json): runs/agents-%-estimator/summary.json: models/%/all-estimator-moving
+	$(EHAR) benchmark $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* \
+	  --starts $(STARTS) --out $(@D)
+
+$(SETS:%=runs/agents-%-paper/summary.json): runs/agents-%-paper/summary.json: models/%/all-perfect-paper
+	$(EHAR) benchmark $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor perfect --views paper --models models/$* \
+	  --starts $(STARTS) --out $(@D)
+
+$(SETS:%=runs/agents-%-drone/summary.json): runs/agents-%-drone/summary.json: runs/agents-%-estimator/summary.json
+	$(EHAR) benchmark $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* \
+	  --starts $(STARTS) --track tracking-drone --ideal $(<D) --out $(@D)
+
+LONG := --data solo --models models/solo --sensor estimator --length 150 --starts 2
+runs/flight-solo-ideal/summary.json: models/solo/planners-estimator-moving
+	$(EHAR) benchmark $(RULES) oracle $(LONG) --out $(@D)
+
+$(VEHICLES:%=runs/flight-solo-%/summary.json): runs/flight-solo-%/summary.json: runs/flight-solo-ideal/summary.json
+	$(EHAR) benchmark $(RULES) oracle $(LONG) --track $* --ideal $(<D) --out $(@D)
+
+runs/trainings-duo/summary.json runs/trainings-solo/summary.json: runs/trainings-%/summary.json: \
+  runs/rules-%-estimator/summary.json runs/rules-%-1-estimator/summary.json \
+  runs/rules-%-2-estimator/summary.json
+	$(EHAR) study trainings $(^:/summary.json=) --out $(@D)
+
+$(SETS:%=runs/belief-%/summary.json): runs/belief-%/summary.json: models/%/planners-estimator-moving
+	$(EHAR) study belief $(call data_of,$*) --sensor estimator --models models/$* --out $(@D)
+
+$(SETS:%=runs/headroom-%/summary.json): runs/headroom-%/summary.json: models/%/causal-estimator-moving.safetensors
+	$(EHAR) study headroom $(call data_of,$*) --sensor estimator --models models/$* --azimuths 6 --polars 3 --out $(@D)
+
+$(SETS:%=runs/ablation-%/summary.json): runs/ablation-%/summary.json: models/%/planners-estimator-moving
+	$(EHAR) study ablation $(call data_of,$*) --sensor estimator --models models/$* --starts $(STARTS) \
+	  --tracks $(VEHICLES) --out $(@D)
+
+$(SETS:%=runs/form-%-causal/summary.json): runs/form-%-causal/summary.json: models/%/causal-perfect-moving.safetensors
+	$(EHAR) benchmark no-act $(call data_of,$*) --models models/$* --starts 2 --no-report --out $(@D)
+
+$(SETS:%=runs/form-%-ctrgcn/summary.json): runs/form-%-ctrgcn/summary.json: models/%/ctrgcn-perfect-moving.safetensors
+	$(EHAR) benchmark no-act $(call data_of,$*) --models models/$* --form ctrgcn --starts 2 --no-report --out $(@D)
+
+# Write the page $(1) with the title $(2): the command $(3), when it ran, and the tables $(4).
 page = { printf '%s\n' '\# $(2)' '' '```' '$(3)' '```' '' \
   "Measured on $$(date +%F), at commit $$(git rev-parse --short HEAD). \`make results\` runs all of it again and writes this" \
   'page. [What these figures are](../results.md\#what-these-figures-are) says how to read them.' ''; \
-  for table in $(4); do cat $$table; echo; done; } > docs/results/$(1).md
+  for table in $(4); do cat $$table; echo; done; } > $(1)
 
-# Put runs $(3) side by side, with the differences of the planner $(4), on the page $(1) with the title $(2).
-side_by_side = $(RUN)ehar study overview $(3) --planner $(4) --out runs/$(1).md && \
-  $(call page,$(1),$(2),ehar study overview $(3) --planner $(4),runs/$(1).md)
+# Put the runs that a page depends on side by side, with the differences of the planner $(1) and the title $(2).
+side_by_side = $(RUN)ehar study overview $(^:/summary.json=) --planner $(1) --out runs/$(@F) && \
+  $(call page,$@,$(2),ehar study overview $(^:/summary.json=) --planner $(1),runs/$(@F))
 
-HDM05 := --data $(DATA)/hdm05.npz
-BANDAI2 := --data $(DATA)/bandai2.npz
-SBU := --data $(DATA)/sbu.npz --fps 30 --length 30
+docs/results/planners.md: $(SETS:%=runs/agents-%-estimator/summary.json)
+	$(call side_by_side,il-ppo,All planners through the estimator)
 
-LONG := --data solo --sensor estimator --length 150 --starts 2
-CONDITIONS := $(foreach name,duo solo,$(foreach kind,paper perfect estimator,runs/agents-$(name)-$(kind)))
+docs/results/nbv.md: $(SETS:%=runs/rules-%-estimator/summary.json)
+	$(call side_by_side,nbv,nbv against the others through the estimator)
 
-results: setup
-	$(call prepare,hdm05,$(HDM05),24)
-	$(call prepare,bandai2,$(BANDAI2),24)
-	$(call prepare,sbu,$(SBU),40)
-	$(call compare,hdm05,$(HDM05) --sensor estimator,estimator)
-	$(call compare,bandai2,$(BANDAI2) --sensor estimator,estimator)
-	$(call compare,sbu,$(SBU) --sensor estimator,estimator)
-	for name in duo solo; do mkdir -p models/$$name && cp recognition/weights/$$name/* planners/weights/$$name/gain-field-* models/$$name; done
-	$(call compare,duo,--data duo --sensor estimator,estimator)
-	$(call compare,solo,--data solo --sensor estimator,estimator)
-	$(call compare,duo,--data duo --views paper,paper)
-	$(call compare,solo,--data solo --views paper,paper)
-	$(call compare,duo,--data duo,perfect)
-	$(call compare,solo,--data solo,perfect)
-	$(call fly,hdm05,$(HDM05))
-	$(call fly,bandai2,$(BANDAI2))
-	$(call fly,sbu,$(SBU))
-	$(call fly,duo,--data duo)
-	$(call fly,solo,--data solo)
-	for encoder in $(ENCODERS); do $(RUN)ehar train agent --data solo --views paper --models models/solo --seeds $(SEEDS) \
-	  --without $$encoder --stages il,il-ppo || exit 1; done
-	$(RUN)ehar benchmark no-act il il-ppo $(foreach encoder,$(ENCODERS),il-no-$(encoder) il-ppo-no-$(encoder)) oracle \
-	  --data solo --views paper --models models/solo --starts $(STARTS) --out runs/encoders-solo-paper
-	$(call imitate,soft,--labels soft)
-	$(call imitate,lookahead,--teacher oracle-lookahead)
-	$(call imitate,rounds,--rounds 2)
-	# PPO from what dagger learned: il with all of dagger's options, and il-ppo from it; beside the agents as they are.
-	mkdir -p models/duo-dagger && cp models/duo/causal-perfect-paper.* models/duo-dagger
-	$(RUN)ehar train agent --data duo --views paper --models models/duo-dagger --seeds $(SEEDS) --stages il,il-ppo \
-	  --labels soft --teacher oracle-lookahead --rounds 2
-	for part in validation test; do $(RUN)ehar benchmark no-act il il-ppo oracle --data duo --views paper \
-	  --models models/duo-dagger --part $$part --starts $(STARTS) --no-report --out runs/dagger-ppo-duo-$$part || exit 1; done
-	$(RUN)ehar benchmark no-act il ppo il-ppo dagger oracle --data duo --views paper --models models/duo \
-	  --part validation --starts $(STARTS) --no-report --out runs/validation-duo-paper
-	$(call own_part,sbu,$(SBU) --sensor estimator,estimator)
-	$(call own_part,solo,--data solo --views paper,paper)
-	$(RUN)ehar study analyse runs/agents-hdm05-estimator --planners il-ppo nbv
-	$(RUN)ehar study analyse runs/agents-sbu-estimator --planners il-ppo nbv --states il-ppo/0
-	$(call without_agents,duo,--data duo,perfect)
-	$(call without_agents,solo,--data solo,perfect)
-	$(call without_agents,hdm05,$(HDM05) --models models/hdm05,perfect)
-	$(call without_agents,bandai2,$(BANDAI2) --models models/bandai2,perfect)
-	$(call without_agents,sbu,$(SBU) --models models/sbu,perfect)
-	$(RUN)ehar benchmark $(RULES) oracle $(LONG) --out runs/flight-solo-ideal
-	for track in $(VEHICLES); do $(RUN)ehar benchmark $(RULES) oracle $(LONG) --track $$track --ideal runs/flight-solo-ideal \
-	  --out runs/flight-solo-$$track || exit 1; done
-	$(RUN)ehar study ablation $(SBU) --models models/sbu --sensor estimator --starts $(STARTS) --tracks $(VEHICLES) \
-	  --out runs/ablation-sbu-estimator
-	$(call believe,duo,--data duo)
-	$(call believe,solo,--data solo)
-	$(call believe,hdm05,$(HDM05) --models models/hdm05)
-	$(call believe,bandai2,$(BANDAI2) --models models/bandai2)
-	$(call believe,sbu,$(SBU) --models models/sbu)
-	$(call fixed,hdm05,$(HDM05) --models models/hdm05)
-	$(call fixed,bandai2,$(BANDAI2) --models models/bandai2)
-	$(call fixed,sbu,$(SBU) --models models/sbu)
-	$(RUN)ehar study headroom $(SBU) --models models/sbu --azimuths 6 --polars 4 --out runs/headroom-sbu-perfect
-	$(RUN)ehar train recogniser $(HDM05) --out models/hdm05 --form ctrgcn
-	$(RUN)ehar train recogniser --data duo --out models/duo --form ctrgcn
-	for form in causal ctrgcn; do \
-	  $(RUN)ehar benchmark no-act $(HDM05) --models models/hdm05 --form $$form --starts 2 --no-report --out runs/form-hdm05-$$form && \
-	  $(RUN)ehar benchmark no-act --data duo --models models/duo --form $$form --starts 2 --no-report --out runs/form-duo-$$form \
-	  || exit 1; done
-	$(call side_by_side,planners,All planners through the estimator,$(SETS:%=runs/agents-%-estimator),il-ppo)
-	$(call side_by_side,nbv,nbv against the others through the estimator,$(SETS:%=runs/agents-%-estimator),nbv)
-	$(call side_by_side,exact-joints,Planners with exact joints,$(SETS:%=runs/nbv-%-perfect),nbv)
-	$(call side_by_side,conditions,Two synthetic sets under three conditions,$(CONDITIONS),il-ppo)
-	$(call side_by_side,flown,All planners in flight on single clips,$(SETS:%=runs/agents-%-drone),nbv)
-	$(call page,flight-solo,Flight over 2.5 seconds of solo,ehar benchmark $(RULES) oracle $(LONG) --track px4-auto,\
-	  $(foreach track,ideal $(VEHICLES),runs/flight-solo-$(track)/table.md))
-	$(call page,ablation-sbu,What each part and setting of nbv is worth on sbu,ehar study ablation $(SBU) --sensor estimator,\
-	  runs/ablation-sbu-estimator/table.md)
-	$(call page,belief,The belief against the recogniser,ehar study belief --data duo --sensor estimator,\
-	  $(foreach sensor,estimator perfect,$(SETS:%=runs/belief-%-$(sensor)/table.md)))
-	$(call page,headroom,What there is to win,ehar study headroom $(SBU) --models models/sbu --azimuths 6 --polars 4,\
-	  runs/headroom-*/table.md)
-	$(call page,forms,The streaming form against the published one,ehar benchmark no-act --data duo --form ctrgcn --starts 2,\
-	  runs/form-*/table.md)
-	cp runs/agents-hdm05-estimator/analysis/*.png docs/results
-	$(call page,behaviour,Where the agent goes,ehar study analyse runs/agents-hdm05-estimator --planners il-ppo nbv,\
-	  runs/agents-hdm05-estimator/analysis/analysis.md)
-	$(call page,agents,What parts and options of the learned agent are worth,ehar benchmark no-act il il-ppo oracle,\
-	  runs/encoders-solo-paper/table.md runs/imitation-solo-*/table.md runs/policy-*/table.md runs/dagger-ppo-duo-*/table.md)
-	$(call page,benchmarks,Every planner on every set with all columns,ehar benchmark $(PLANNERS) --data duo --sensor estimator,\
-	  runs/agents-*-estimator/table.md runs/nbv-*-perfect/table.md)
+docs/results/exact-joints.md: $(SETS:%=runs/rules-%-perfect/summary.json)
+	$(call side_by_side,nbv,Planners with exact joints)
+
+docs/results/flown.md: $(SETS:%=runs/agents-%-drone/summary.json)
+	$(call side_by_side,nbv,All planners in flight on single clips)
+
+docs/results/trainings.md: runs/trainings-duo/summary.json runs/trainings-solo/summary.json
+	$(call page,$@,Three trainings of recogniser and gain field,ehar study trainings runs/rules-duo-estimator \
+	  runs/rules-duo-1-estimator runs/rules-duo-2-estimator,$(^:summary.json=table.md))
+
+docs/results/flight-solo.md: $(foreach track,ideal $(VEHICLES),runs/flight-solo-$(track)/summary.json)
+	$(call page,$@,Flight over 2.5 seconds of solo,ehar benchmark $(RULES) oracle $(LONG) --track px4-auto,$(^:summary.json=table.md))
+
+docs/results/ablation-sbu.md: runs/ablation-sbu/summary.json
+	$(call page,$@,What each part and setting of nbv is worth on sbu,ehar study ablation $(sbu) --sensor estimator,$(^:summary.json=table.md))
+
+docs/results/belief.md: $(SETS:%=runs/belief-%/summary.json)
+	$(call page,$@,The belief against the recogniser,ehar study belief --data duo --sensor estimator,$(^:summary.json=table.md))
+
+docs/results/headroom.md: $(SETS:%=runs/headroom-%/summary.json)
+	$(call page,$@,What there is to win,ehar study headroom $(sbu) --sensor estimator --models models/sbu,$(^:summary.json=table.md))
+
+docs/results/forms.md: $(foreach set,duo hdm05,$(foreach form,causal ctrgcn,runs/form-$(set)-$(form)/summary.json))
+	$(call page,$@,The streaming form against the published one,ehar benchmark no-act --data duo --form ctrgcn --starts 2,$(^:summary.json=table.md))
+
+PAGES := planners nbv exact-joints flown trainings flight-solo ablation-sbu belief headroom forms
+results: $(PAGES:%=docs/results/%.md)
 
 clean:
 	rm -rf $(VENV)

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ehar.sensors.perfect import PerfectSensor as PerfectSensor
     from ehar.version import __version__ as __version__
     from ehar.viewpoint import Workspace as Workspace
+    from ehar.world import World as World
 else:
     __getattr__, __dir__, __all__ = lazy_exports(
         __name__,
@@ -48,6 +49,7 @@ else:
             "Skeleton": "ehar.data.skeleton",
             "Vehicle": "ehar.flight.vehicle",
             "Workspace": "ehar.viewpoint",
+            "World": "ehar.world",
             "__version__": "ehar.version",
             "load_data": "ehar.data.source",
             "rollout": "ehar.rollout",

@@ -1,7 +1,7 @@
 """Array types. Axis letters: B batch, T frames, P persons, J joints, K classes, D embedding, F forks."""
 
 from dataclasses import fields
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +9,15 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.floating[Any]]
 IntArray = npt.NDArray[np.integer[Any]]
 BoolArray = npt.NDArray[np.bool_]
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+
+def read_only(array: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
+    """Return a copy that nobody can write into.
+
+    Its memory is that of a `bytes` object. So writing cannot be turned back on, and `.base` leads to nothing else.
+    """
+    return np.ndarray(array.shape, array.dtype, np.ascontiguousarray(array).tobytes())
 
 
 def in_brief(held: Any) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ehar.arrays import FloatArray
+from ehar.errors import UsageError
 from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR
 
 # The paper names no intrinsics. A camera drone's wide lens: 24 mm full-frame equivalent, 74 degrees across.
@@ -22,11 +23,23 @@ class Camera:
         width: image width [px].
         height: image height [px].
         focal_length: focal length [px], the same for both axes.
+
+    Raises:
+        UsageError: a number is not above 0.
     """
 
     width: int = IMAGE_WIDTH
     height: int = IMAGE_HEIGHT
     focal_length: float = FOCAL_LENGTH
+
+    def __post_init__(self) -> None:
+        """Check the intrinsics."""
+        if not (self.width > 0 and self.height > 0 and 0 < self.focal_length < np.inf):
+            raise UsageError(f"camera: expected width, height and focal length above 0, got {self}")
+
+    def __str__(self) -> str:
+        """Return the intrinsics in words."""
+        return f"{self.width} x {self.height} px, focal length {self.focal_length:g} px"
 
 
 def look_at_rotation(viewpoint: FloatArray) -> FloatArray:

@@ -16,6 +16,7 @@ from ehar.plugins.class_spec import arguments_text, parse_spec
 from ehar.recogniser import Recogniser
 from ehar.sensors.sensor import Sensor
 from ehar.track import IDEAL
+from ehar.world import PAPER, World, by_name
 
 Form = Literal["causal", "ctrgcn"]
 FORMS: tuple[Form, ...] = get_args(Form)
@@ -32,7 +33,8 @@ class Conditions:
         data: duo, solo, or a prepared .npz.
         models: folder of weights.
         sensor: perfect (exact joints), estimator (noise, occlusion, dropout, swaps), or your own: file.py:Class.
-        track: ideal (grid moves), px4-auto, px4-max, tracking-drone, a vehicle file, or your own: file.py:Class.
+        track: ideal (grid moves), px4-auto, px4-max, tracking-drone, ground-robot, a vehicle file, or your own:
+            file.py:Class.
         starts: start viewpoints of each scenario.
         length: frames of an episode.
         fps: frame rate to resample to [Hz].
@@ -41,6 +43,7 @@ class Conditions:
         views: cameras the recogniser was trained on: moving or paper.
         form: causal (streams) or ctrgcn (as published, on each prefix).
         recogniser: your own: file.py:Class.
+        world: paper, indoor, or a world file (.json).
 
     Raises:
         UsageError: a word is unknown, or a number is too small.
@@ -58,6 +61,7 @@ class Conditions:
     views: str = "moving"
     form: Form = "causal"
     recogniser: str | Recogniser | None = None
+    world: str | Path | World = PAPER.name
 
     def __post_init__(self) -> None:
         """Check words and numbers."""
@@ -74,8 +78,9 @@ class Conditions:
 
     def __repr__(self) -> str:
         """Return the data, and the fields that differ from their defaults."""
-        values = ((part.name, getattr(self, part.name), part.default) for part in fields(self))
-        shown = (f"{name}={value!r}" for name, value, usual in values if name == "data" or value != usual)
+        told = {part.name: getattr(self, part.name) for part in fields(self)} | {"world": self.world_name}
+        usual = {part.name: part.default for part in fields(self)}
+        shown = (f"{name}={value!r}" for name, value in told.items() if name == "data" or value != usual[name])
         return f"Conditions({', '.join(shown)})"
 
     @staticmethod
@@ -87,6 +92,12 @@ class Conditions:
             optional = type(None) in choices
             types[name] = (str | None if optional else str) if str in choices else kind
         return types
+
+    @property
+    def world_name(self) -> str:
+        """The name or the file of the world; for an object that is not ours, its name as a file that can be written."""
+        named = by_name(self.world) if isinstance(self.world, World) else self.world
+        return f"{named.name}.json" if isinstance(named, World) else str(named)
 
     @property
     def sensor_name(self) -> str:
@@ -115,6 +126,8 @@ class Conditions:
         """The conditions of a training as options of its command; errors suggest these."""
         sensor = self.sensor if isinstance(self.sensor, str) else self.sensor.name
         parts = [self.data_option, f"--sensor {quote(sensor)} --views {self.views}"]
+        parts += [f"--world {quote(self.world_name)}"] if self.world_name != PAPER.name else []
+        parts += [f"--form {self.form}"] if self.form != Conditions.form else []
         parts += [f"--length {self.length}"] if self.length != Conditions.length else []
         parts += [f"--fps {self.fps:g}"] if self.fps is not None else []
         parts += [f"--recogniser {quote(_named(self.recogniser))}"] if self.recogniser is not None else []

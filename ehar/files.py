@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -72,6 +72,7 @@ def read_json(
     *,
     unknown: bool = False,
     defaults: bool = False,
+    optional: Collection[str] = (),
     wrong: type[EharError] = DataError,
 ) -> Kind:
     """Read a JSON file into a data class.
@@ -84,7 +85,8 @@ def read_json(
         kind: the data class; its fields are the keys of the file, and nested data classes are objects.
         expected: name of such a file in errors: "a vehicle file".
         unknown: whether to ignore keys that are not fields.
-        defaults: whether a key may be missing if its field has a default.
+        defaults: whether any key may be missing if its field has a default.
+        optional: names of fields with defaults whose keys may be missing; older files lack them.
         wrong: class of the error for wrong content.
 
     Raises:
@@ -98,7 +100,9 @@ def read_json(
         raise UsageError(f"{path}: expected {expected}, got: {error.strerror}") from error
     except ValueError as error:
         raise wrong(f"{path}: expected the JSON of {expected}, got {error}") from error
-    return parse_json(text, kind, str(path), expected, unknown=unknown, defaults=defaults, wrong=wrong)
+    return parse_json(
+        text, kind, str(path), expected, unknown=unknown, defaults=defaults, optional=optional, wrong=wrong
+    )
 
 
 def parse_json(
@@ -109,6 +113,7 @@ def parse_json(
     *,
     unknown: bool = False,
     defaults: bool = False,
+    optional: Collection[str] = (),
     wrong: type[EharError] = DataError,
 ) -> Kind:
     """Read JSON text into a data class, as `read_json` reads a file.
@@ -119,7 +124,8 @@ def parse_json(
         where: the source of the text in errors: the file, and the place in it.
         expected: name of such a text in errors.
         unknown: whether to ignore keys that are not fields.
-        defaults: whether a key may be missing if its field has a default.
+        defaults: whether any key may be missing if its field has a default.
+        optional: names of fields with defaults whose keys may be missing; older files lack them.
         wrong: class of the error for wrong content.
 
     Raises:
@@ -135,7 +141,7 @@ def parse_json(
     except EharError as error:  # from a data class that checks itself
         raise wrong(f"{where}: {error}") from error
     if not defaults:
-        absent = list(_absent(value, json.loads(text), ()))
+        absent = [place for place in _absent(value, json.loads(text), ()) if place[-1] not in optional]
         if absent:
             raise wrong(f"{where}: {_wrong_keys(kind, min(absent, key=len)[:-1], absent, [])}")
     return value

@@ -5,16 +5,7 @@ from typing import Protocol
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.viewpoint import (
-    AZIMUTH,
-    AZIMUTH_CELLS,
-    HOVER,
-    START_DISTANCE,
-    STEP,
-    Workspace,
-    apply_moves,
-    to_cells,
-)
+from ehar.viewpoint import AZIMUTH, DISTANCE, HOVER, POLAR, Workspace, apply_moves
 
 
 class Motion(Protocol):
@@ -43,13 +34,15 @@ class Motion(Protocol):
 def move_towards(viewpoint: FloatArray, target: FloatArray, workspace: Workspace) -> IntArray:
     """Return the moves (...,) that lower the largest remaining axis error, counted in cells.
 
-    Targets are first clipped to the workspace. If every error is at most half a cell, the camera hovers. If two errors
-    are equal, the first axis wins: distance, azimuth, polar angle.
+    Targets are first clipped to the cells of the workspace. If every error is at most half a cell, the camera hovers.
+    If two errors are equal, the first axis wins: distance, azimuth, polar angle.
     """
-    wanted = workspace.clip(target)
-    wanted[..., 0] -= START_DISTANCE
-    error = wanted / STEP - to_cells(viewpoint)
-    error[..., AZIMUTH] = (error[..., AZIMUTH] + AZIMUTH_CELLS / 2) % AZIMUTH_CELLS - AZIMUTH_CELLS / 2
+    wanted = (workspace.clip(target) - workspace.origin) / workspace.step
+    for axis in (DISTANCE, POLAR):  # a bound may lie beyond the last cell, and no move leads there
+        wanted[..., axis] = np.minimum(wanted[..., axis], workspace.cells[axis] - 1)
+    error = wanted - workspace.to_cells(viewpoint)
+    turn = workspace.cells[AZIMUTH]
+    error[..., AZIMUTH] = (error[..., AZIMUTH] + turn / 2) % turn - turn / 2
     axis = np.argmax(np.abs(error), axis=-1)
     largest = np.take_along_axis(error, axis[..., None], axis=-1)[..., 0]
     moves: IntArray = np.where(np.abs(largest) <= 0.5 + 1e-9, HOVER, 2 * axis + (largest < 0))
@@ -60,7 +53,7 @@ class GridMotion:
     """The paper's ideal camera: one of 7 moves per frame, at any frame rate (Sec. 3)."""
 
     def __init__(self, *, workspace: Workspace | None = None) -> None:
-        """Create the motion; `workspace` defaults to the paper's."""
+        """Create the motion; `workspace` has the grid, and defaults to the paper's."""
         self.workspace = workspace or Workspace()
         self._viewpoint: FloatArray = np.empty((0, 3))
 

@@ -12,6 +12,7 @@ from ehar.flight.vehicle import Vehicle
 from ehar.recogniser import Recogniser
 from ehar.sensors.sensor import Sensed
 from ehar.viewpoint import Workspace
+from ehar.world import PAPER, World
 
 
 @dataclass(frozen=True, repr=False)
@@ -23,10 +24,11 @@ class Context:
     frame_time: float  # [s]
     class_names: tuple[str, ...]
     skeleton: Skeleton
-    workspace: Workspace
+    workspace: Workspace  # where the camera may be: the world's, or that of your own motion
     track: str  # "ideal": grid moves, or a vehicle's name
     rng: np.random.Generator  # the planner's generator, the same for the same episodes
     vehicle: Vehicle | None = None  # what carries the camera; None on the ideal track
+    world: World = PAPER  # the world, with the cameras' intrinsics
 
     __repr__ = in_brief
 

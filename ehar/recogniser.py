@@ -27,7 +27,11 @@ class RecogniserState(Protocol):
 
 
 class Recogniser(Protocol):
-    """Recognises activities frame by frame; `step` costs the same at every frame."""
+    """Recognises activities frame by frame; `step` costs the same at every frame.
+
+    It may have a method `fingerprint()` that returns a hash of its weights as they are now, as bytes. Then a rollout
+    notices if a planner wrote into them.
+    """
 
     class_names: tuple[str, ...]
     embedding_size: int

@@ -2,13 +2,14 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ehar.arrays import FloatArray, IntArray, in_brief
+from ehar.arrays import FloatArray, IntArray, in_brief, read_only
 from ehar.data.scenario import Scenarios
+from ehar.data.skeleton import Skeleton
 from ehar.errors import EpisodeError
 from ehar.motion import Motion
 from ehar.planner import Context, Observation, Planner, Truth
@@ -16,6 +17,9 @@ from ehar.plugins.blame import blamed
 from ehar.recogniser import Recogniser, Recognition
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise
+from ehar.steps import LEAD, StepLimits
+
+ROUNDING = 1e-9  # [m], [rad], of the viewpoints that a motion returns
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,6 +78,21 @@ class Batch:
             names=tuple(np.array(self.names, dtype=object)[rows]),
         )
 
+    def protected(self) -> "Batch":
+        """Return a copy that nobody can write into."""
+        noise = SensorNoise(*(read_only(draws) for draws in self.noise))
+        return Batch(read_only(self.positions), read_only(self.labels), read_only(self.starts), noise, self.names)
+
+    def first_change(self, before: "Batch") -> str | None:
+        """Return the name of the first part that is not what it was; None if there is none."""
+        now, then = (
+            {"positions": one.positions, "labels": one.labels, "starts": one.starts, **one.noise._asdict()}
+            for one in (self, before)
+        )
+        return next(
+            (name for name, array in now.items() if not np.array_equal(array, then[name], equal_nan=True)), None
+        )
+
 
 def noise_of(scenarios: Scenarios, episodes: int, rng: np.random.Generator) -> SensorNoise:
     """Draw the sensor's noise for a number of episodes, (B, L, ...)."""
@@ -97,33 +116,41 @@ def rollout(
 
     Frame 0 is seen from the start viewpoint; after each frame but the last the planner moves the camera.
 
+    A planner gets read-only copies. In Python a planner can still find the motion, the batch or the recogniser, and
+    write into them. So every step is checked against what the motion can do, and at the end the batch is compared with
+    what it was, and the recogniser if it has a `fingerprint`.
+
     Raises:
         EpisodeError: a start lies outside of the workspace; or planner, recogniser, sensor or motion raised an error,
-            or returned arrays of other shapes, or arrays that are not finite.
+            or returned arrays of other shapes, or arrays that are not finite; or somebody moved the camera by hand, or
+            wrote into the batch or the recogniser.
     """
     _check_starts(batch, context)
-    episodes, length = batch.positions.shape[:2]
-    viewpoint = batch.starts
+    world = batch.protected()
+    episodes, length = world.positions.shape[:2]
+    viewpoint = world.starts
     viewpoints = np.empty((episodes, length, 3))
     log_probs = np.empty((episodes, length, len(context.class_names)), dtype=np.float32)
     plan_seconds = 0.0
 
     def imagine(frame: int, candidates: FloatArray) -> Sensed:
-        noise = batch.noise.frame(frame).forked()
-        return sense(sensor, batch.positions[:, None, frame], candidates, noise, f"frame {frame}, as imagined")
+        noise = world.noise.frame(frame).forked()
+        sensed = sense(sensor, world.positions[:, None, frame], candidates, noise, f"frame {frame}, as imagined")
+        return Sensed(*(read_only(array) for array in sensed))
 
-    moving = f"motion {type(motion).__name__}"
+    planning, privileged = f"planner {planner.name!r}", bool(planner.privileged)
+    seeing, fingerprint = f"recogniser {type(recogniser).__name__}", _fingerprint(recogniser)
+    moving, steps = f"motion {type(motion).__name__}", StepLimits.of(motion, context.frame_time)
     with blamed(motion, f"{moving}, reset"):
-        begins = viewpoint.copy()  # other planners begin at these viewpoints too
-        motion.reset(begins, context.frame_time)
-    with blamed(planner, f"planner {planner.name!r}, reset"):
-        planner.reset(context)
-    seeing = f"recogniser {type(recogniser).__name__}"
+        motion.reset(viewpoint.copy(), context.frame_time)
+    with blamed(planner, f"{planning}, reset"):
+        planner.reset(_own_context(context))
     with blamed(recogniser, f"{seeing}, start"):
         state = recogniser.start(episodes)
+    trail = [viewpoint] * (LEAD + 1)
     for frame in range(length):
-        noise = batch.noise.frame(frame)
-        sensed = sense(sensor, batch.positions[:, frame], viewpoint, noise, f"frame {frame}")
+        noise = world.noise.frame(frame)
+        sensed = sense(sensor, world.positions[:, frame], viewpoint, noise, f"frame {frame}")
         with blamed(recogniser, f"{seeing}, frame {frame}"):
             recognition, state = recogniser.step(state, sensed, viewpoint)
         viewpoints[:, frame] = viewpoint
@@ -134,24 +161,58 @@ def rollout(
         observation = Observation(
             frame=frame,
             length=length,
-            joints_2d=sensed.joints_2d,
-            confidence=sensed.confidence,
-            viewpoint=viewpoint,
-            log_probs=recognition.log_probs,
-            embedding=recognition.embedding,
-            velocity=finite_rates(motion, "velocity", episodes, frame),
-            acceleration=finite_rates(motion, "acceleration", episodes, frame),
-            truth=Truth(batch.labels, recogniser, state, imagine) if planner.privileged else None,
+            joints_2d=read_only(sensed.joints_2d),
+            confidence=read_only(sensed.confidence),
+            viewpoint=read_only(viewpoint),
+            log_probs=read_only(recognition.log_probs),
+            embedding=read_only(recognition.embedding),
+            velocity=read_only(finite_rates(motion, "velocity", episodes, frame)),
+            acceleration=read_only(finite_rates(motion, "acceleration", episodes, frame)),
+            truth=Truth(read_only(world.labels), recogniser, state, imagine) if privileged else None,
         )
         begin = time.perf_counter()
-        with blamed(planner, f"planner {planner.name!r}, frame {frame}"):
+        with blamed(planner, f"{planning}, frame {frame}"):
             target = planner.act(observation)
         plan_seconds += time.perf_counter() - begin
         targets = _checked(target, planner, batch, frame)
         with blamed(motion, f"{moving}, frame {frame}"):
             reached = motion.advance(targets)
-        viewpoint = finite_viewpoints(reached, episodes, f"{moving}, frame {frame}")
+        viewpoint = read_only(finite_viewpoints(reached, episodes, f"{moving}, frame {frame}"))
+        trail = [*trail[-LEAD - 1 :], viewpoint]
+        if steps is not None:
+            broken = steps.first_broken(np.stack(trail, axis=1), ROUNDING)
+            if broken is not None:
+                where = f"{planning}, episode {world.names[broken.episode]!r}, frame {frame + 1}"
+                raise EpisodeError(f"{where}: the camera {broken.what}: somebody moved it past {moving}")
+    changed = batch.first_change(world)
+    if changed is not None:
+        raise EpisodeError(f"{planning}: {changed} of the episodes changed during the rollout, expected no change")
+    if _fingerprint(recogniser) != fingerprint:
+        raise EpisodeError(f"{planning}: {seeing} changed during the rollout, expected no change")
+    if bool(planner.privileged) != privileged:
+        raise EpisodeError(
+            f"{planning}: privileged was {privileged} at first, expected no change, got {not privileged}"
+        )
     return Record(viewpoints, log_probs, plan_seconds)
+
+
+def _own_context(context: Context) -> Context:
+    """Return a context whose parts are the planner's own: other planners, motion and sensor have others."""
+    return replace(
+        context,
+        skeleton=Skeleton(context.skeleton.joint_names, context.skeleton.bones),
+        workspace=replace(context.workspace),
+        vehicle=None if context.vehicle is None else replace(context.vehicle),
+    )
+
+
+def _fingerprint(recogniser: Recogniser) -> bytes | None:
+    """Return a hash of what decides a recogniser's answers; None if it gives none."""
+    fingerprint = getattr(recogniser, "fingerprint", None)
+    if fingerprint is None:
+        return None
+    with blamed(recogniser, f"recogniser {type(recogniser).__name__}, fingerprint"):
+        return bytes(fingerprint())
 
 
 def check_recognition(recognition: Recognition, recogniser: Recogniser, episodes: int, frame: str) -> None:
@@ -221,7 +282,7 @@ def _checked(target: FloatArray, planner: Planner, batch: Batch, frame: int) -> 
     """Return the targets as float64; raise an error that names planner, episode and frame if they are wrong."""
     expected = (len(batch.labels), 3)
     try:
-        targets = np.asarray(target, dtype=np.float64)
+        targets = np.array(target, dtype=np.float64)  # a copy: the planner may keep what it returned
     except (TypeError, ValueError) as error:
         raise EpisodeError(
             f"planner {planner.name!r}, frame {frame}: "

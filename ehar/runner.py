@@ -14,6 +14,7 @@ from ehar.rollout import Batch, Record, noise_of, rollout
 from ehar.sensors.sensor import Sensor
 from ehar.track import Track
 from ehar.viewpoint import Workspace
+from ehar.world import PAPER, World
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -25,17 +26,23 @@ class Runner:
         recogniser: the recogniser that all planners share.
         sensor: the sensor that all planners share.
         track: how cameras move.
+        world: where cameras may be, and where episodes begin.
     """
 
     data: MotionData
     recogniser: Recogniser
     sensor: Sensor
     track: Track = field(default_factory=Track)
+    world: World = PAPER
 
     def __repr__(self) -> str:
         """Return one line that names each part."""
         seen = f"{type(self.recogniser).__name__}, sensor {self.sensor.name}, track {self.track.name}"
-        return f"Runner({self.data.title}, {seen})"
+        return f"Runner({self.data.title}, {seen}{'' if self.world == PAPER else f', world {self.world.name}'})"
+
+    def new_motion(self) -> Motion:
+        """Return a new motion of the track, in the world's workspace."""
+        return self.track.new_motion(self.world.workspace)
 
     def batch(self, scenarios: Scenarios, chosen: IntArray, starts: FloatArray, rng: np.random.Generator) -> Batch:
         """Return episodes that run together.
@@ -57,7 +64,7 @@ class Runner:
             episodes: B.
             length: L, frames in an episode.
             rng: the planner's generator.
-            workspace: where the camera may be; None means the paper's.
+            workspace: where the camera may be; None means all of the world's.
         """
         return Context(
             episodes=episodes,
@@ -65,10 +72,11 @@ class Runner:
             frame_time=1 / self.data.fps,
             class_names=self.data.class_names,
             skeleton=self.data.skeleton,
-            workspace=workspace or Workspace(),
+            workspace=workspace or self.world.workspace,
             track=self.track.name,
             rng=rng,
             vehicle=self.track.vehicle,
+            world=self.world,
         )
 
     def roll(self, planner: Planner, batch: Batch, rng: np.random.Generator, motion: Motion | None = None) -> Record:
@@ -83,7 +91,7 @@ class Runner:
         Raises:
             EpisodeError: see `ehar.rollout.rollout`.
         """
-        body = self.track.new_motion() if motion is None else motion
+        body = self.new_motion() if motion is None else motion
         episodes, length = batch.positions.shape[:2]
         context = self.context(episodes, length, rng, body.workspace)
         return rollout(planner, batch, self.recogniser, self.sensor, body, context)

@@ -36,8 +36,11 @@ class Track:
         """Its name in records."""
         return self.name if self.spec is None else self.spec
 
-    def new_motion(self) -> Motion:
+    def new_motion(self, workspace: Workspace) -> Motion:
         """Return a new motion: on the grid, in flight, or your own.
+
+        Args:
+            workspace: where the camera may be; your own motion brings its own.
 
         Raises:
             UsageError: your own motion cannot be made.
@@ -45,20 +48,22 @@ class Track:
         if self.own is not None:
             return self.own()
         if self.vehicle is None:
-            return GridMotion()
+            return GridMotion(workspace=workspace)
         from ehar.flight.motion import FlightMotion  # imported here: too slow for `ehar --help`
 
-        return FlightMotion(vehicle=self.vehicle)
+        return FlightMotion(vehicle=self.vehicle, workspace=workspace)
 
 
-def load_track(track: str | Path | Vehicle | Motion) -> Track:
+def load_track(track: str | Path | Vehicle | Motion, workspace: Workspace | None = None) -> Track:
     """Return the track that a name or an object means.
 
-    Your own motion is made again for each batch of episodes; an object is copied for each.
+    Your own motion is made again for each batch of episodes; an object is copied for each. A constructor with an
+    argument called `workspace` is handed that of the world.
 
     Args:
         track: a name, a vehicle file (.json), a vehicle, or your own motion: an object, or `path/to/file.py:Class` or
             `package.module:Class`, with or without `(argument=value, ...)`.
+        workspace: the workspace of the world; None means the paper's.
 
     Raises:
         UsageError: there is no such track, the file is no vehicle file, or your own class is no motion.
@@ -66,13 +71,13 @@ def load_track(track: str | Path | Vehicle | Motion) -> Track:
     if isinstance(track, Vehicle):
         return Track(track.name, track)
     if not isinstance(track, str | Path):
-        return _own(track)
+        return _own(track, workspace or Workspace())
     if track == IDEAL:
         return Track()
     if track not in VEHICLES and Path(track).suffix != ".json":
         spec = parse_spec(track) if isinstance(track, str) else None
         if spec is not None and spec.place:
-            return _own(track)
+            return _own(track, workspace or Workspace())
         known = ", ".join((IDEAL, *VEHICLES))
         raise UsageError(f"unknown track {str(track)!r}; expected {known}, or a vehicle file (.json), or {FORMS}")
     vehicle = load_vehicle(track)
@@ -81,12 +86,12 @@ def load_track(track: str | Path | Vehicle | Motion) -> Track:
     return Track(vehicle.name, vehicle)
 
 
-def _own(track: object) -> Track:
+def _own(track: object, space: Workspace) -> Track:
     """Return the track of your own motion."""
     from ehar.plugins.own_class import Contract, bring  # imported here: too slow for `ehar --help`
 
     contract = Contract("motion", Motion, ("reset", "advance"), ("workspace", "velocity", "acceleration"))
-    own = bring(track, contract, {})
+    own = bring(track, contract, {"workspace": space})
     workspace, name = own.made.workspace, getattr(own.made, "name", type(own.made).__name__)
     if not isinstance(workspace, Workspace):
         raise UsageError(f"{own.what}: workspace: expected an ehar.viewpoint.Workspace, got {type(workspace).__name__}")

@@ -1,24 +1,19 @@
-"""Viewpoints (distance [m], azimuth [rad], polar angle [rad]): workspace, start grid and the 7 moves.
+"""Viewpoints (distance [m], azimuth [rad], polar angle [rad]): workspace, its grid of cells and the 7 moves.
 
 The polar angle is measured from straight above: 0 looks down from the top, pi/2 is level with the people.
 The paper calls it elevation (Sec. 3); its Figure 6 and its V-Rotate only make sense with this reading.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.errors import UsageError
 
 DISTANCE, AZIMUTH, POLAR = 0, 1, 2
-
-DISTANCE_STEP = 0.1  # [m], Sec. 3: "small translation"
-ANGLE_STEP = np.radians(3.6)  # [rad], Sec. 3: "small ... rotation"
-STEP = np.array([DISTANCE_STEP, ANGLE_STEP, ANGLE_STEP])
-
-START_DISTANCE = 5.0  # [m], Sec. 5.1: the nearest start
-START_CELLS = np.array([100, 100, 25])  # Sec. 5.1: |P_0| = 100 * 100 * 25 = 250,000
-AZIMUTH_CELLS = 100  # a full turn
 
 # Sec. 5.2: a = 0/1 raises/lowers the distance, 2/3 the azimuth, 4/5 the polar angle, 6 hovers. In cells.
 MOVES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [0, 0, 0]])
@@ -26,21 +21,86 @@ MOVE_NAMES = ("distance+", "distance-", "azimuth+", "azimuth-", "polar+", "polar
 HOVER = 6
 
 
+EDGE = 1e-9  # share of a step by which the last cell may lie beyond a bound, because sums of steps are rounded
+
+
 @dataclass(frozen=True)
 class Workspace:
-    """The viewpoints that a camera may take: the closed hull of the start viewpoints (Sec. 5.1), with any azimuth.
+    """The viewpoints that a camera may take, with any azimuth, and a grid of cells in it; the default is the paper's.
+
+    The grid begins at the least distance, azimuth 0 and the least polar angle. All its cells lie inside the bounds. A
+    bound that is no whole number of steps away from the other is on the grid only if it is the lower one.
 
     Args:
         distance_min: nearest distance to the centre [m].
         distance_max: farthest distance to the centre [m].
         polar_min: smallest polar angle [rad]; 0 is straight above.
-        polar_max: largest polar angle [rad]; pi/2 is level with the centre.
+        polar_max: largest polar angle [rad]; pi/2 is level with the centre, and more is below it.
+        distance_step: change of the distance by a move [m].
+        angle_step: change of the azimuth or the polar angle by a move [rad]; a full turn is a whole number of steps.
+
+    Raises:
+        UsageError: a number is not finite, or the workspace is impossible.
     """
 
-    distance_min: float = 5.0
+    distance_min: float = 5.0  # Sec. 5.1: the paper's starts span [5, 15] m and [0, 90] degrees
     distance_max: float = 15.0
     polar_min: float = 0.0
     polar_max: float = float(np.pi / 2)
+    distance_step: float = 0.1  # Sec. 3: "small translation"
+    angle_step: float = float(np.radians(3.6))  # Sec. 3: "small ... rotation"
+
+    def __post_init__(self) -> None:
+        """Check bounds and steps."""
+        for part in fields(self):
+            value = getattr(self, part.name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                raise UsageError(f"workspace: {part.name}: expected a finite number, got {value!r}")
+        if not 0 < self.distance_min <= self.distance_max:
+            raise UsageError(
+                "workspace: expected 0 < distance_min <= distance_max, "
+                f"got {self.distance_min:g} and {self.distance_max:g} m"
+            )
+        low, high, step = (math.degrees(angle) for angle in (self.polar_min, self.polar_max, self.angle_step))
+        if not 0 <= self.polar_min <= self.polar_max <= np.pi:
+            raise UsageError(f"workspace: expected polar angles 0 <= min <= max <= 180 deg, got {low:g} and {high:g}")
+        if self.distance_step <= 0:
+            raise UsageError(f"workspace: expected a distance_step above 0, got {self.distance_step:g} m")
+        turns = 2 * np.pi / self.angle_step if self.angle_step > 0 else 0.5
+        if abs(turns - round(turns)) > 1e-6:
+            raise UsageError(f"workspace: expected an angle_step that divides 360 deg, got {step:g}")
+
+    @cached_property
+    def origin(self) -> FloatArray:
+        """The viewpoint of cell (0, 0, 0), (3,)."""
+        return np.array([self.distance_min, 0.0, self.polar_min])
+
+    @cached_property
+    def step(self) -> FloatArray:
+        """The changes of distance, azimuth and polar angle by a move, (3,) [m], [rad], [rad]."""
+        return np.array([self.distance_step, self.angle_step, self.angle_step])
+
+    @cached_property
+    def cells(self) -> tuple[int, int, int]:
+        """The number of cells along distance, azimuth and polar angle."""
+        deep = (self.distance_max - self.distance_min) / self.distance_step
+        down = (self.polar_max - self.polar_min) / self.angle_step
+        return math.floor(deep + EDGE) + 1, round(2 * np.pi / self.angle_step), math.floor(down + EDGE) + 1
+
+    def to_cells(self, viewpoint: FloatArray) -> IntArray:
+        """Return the nearest grid cells (..., 3) of viewpoints; a cell is the number of steps from `origin`."""
+        cells: IntArray = np.rint((viewpoint - self.origin) / self.step).astype(np.int64)
+        cells[..., AZIMUTH] %= self.cells[AZIMUTH]
+        for axis in (DISTANCE, POLAR):
+            cells[..., axis] = np.clip(cells[..., axis], 0, self.cells[axis] - 1)
+        return cells
+
+    def from_cells(self, cells: IntArray) -> FloatArray:
+        """Return the viewpoints (..., 3) of grid cells (..., 3), azimuths in [0, 2 pi)."""
+        wrapped = np.array(cells)
+        wrapped[..., AZIMUTH] %= self.cells[AZIMUTH]
+        viewpoint: FloatArray = self.origin + wrapped * self.step
+        return viewpoint
 
     def clip(self, viewpoint: FloatArray) -> FloatArray:
         """Return the nearest viewpoints in the workspace, (..., 3), with azimuths wrapped to [0, 2 pi)."""
@@ -81,21 +141,6 @@ def cartesian(viewpoint: FloatArray) -> FloatArray:
     return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), distance * np.cos(polar)], axis=-1)
 
 
-def to_cells(viewpoint: FloatArray) -> IntArray:
-    """Return the nearest grid cells (..., 3); a cell is the number of steps from (5 m, 0, 0)."""
-    cells: IntArray = np.rint((viewpoint - np.array([START_DISTANCE, 0.0, 0.0])) / STEP).astype(np.int64)
-    cells[..., AZIMUTH] %= AZIMUTH_CELLS
-    return cells
-
-
-def from_cells(cells: IntArray) -> FloatArray:
-    """Return the viewpoints (..., 3) of grid cells (..., 3), azimuths in [0, 2 pi)."""
-    wrapped = np.array(cells)
-    wrapped[..., AZIMUTH] %= AZIMUTH_CELLS
-    viewpoint: FloatArray = np.array([START_DISTANCE, 0.0, 0.0]) + wrapped * STEP
-    return viewpoint
-
-
 def apply_moves(viewpoint: FloatArray, moves: IntArray, workspace: Workspace) -> FloatArray:
     """Return the viewpoints that grid moves lead to; a move out of the workspace leaves the camera where it is.
 
@@ -104,17 +149,14 @@ def apply_moves(viewpoint: FloatArray, moves: IntArray, workspace: Workspace) ->
         moves: (...,) indices into `MOVES`.
         workspace: the bounds.
     """
-    here = from_cells(to_cells(viewpoint))
-    there = from_cells(to_cells(viewpoint) + MOVES[moves])
-    return np.where(workspace.contains(there)[..., None], there, here)
+    cells = workspace.to_cells(viewpoint)
+    there = cells + MOVES[moves]
+    last = np.array(workspace.cells) - 1
+    inside = ((there >= 0) & (there <= last) | (np.arange(3) == AZIMUTH)).all(axis=-1)
+    return workspace.from_cells(np.where(inside[..., None], there, cells))
 
 
 def neighbours(viewpoint: FloatArray, workspace: Workspace) -> FloatArray:
     """Return where each of the 7 moves leads, (..., 7, 3), from viewpoints (..., 3)."""
     tiled = np.repeat(np.asarray(viewpoint)[..., None, :], len(MOVES), axis=-2)
     return apply_moves(tiled, np.broadcast_to(np.arange(len(MOVES)), tiled.shape[:-1]), workspace)
-
-
-def sample_starts(rng: np.random.Generator, count: int) -> FloatArray:
-    """Return start viewpoints (count, 3), uniform over the 250,000 of Sec. 5.1."""
-    return from_cells(rng.integers(0, START_CELLS, size=(count, 3)))

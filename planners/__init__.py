@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from planners.heuristic import VRotate as VRotate
     from planners.oracle import Oracle as Oracle
     from planners.oracle import OracleLookahead as OracleLookahead
+    from planners.place.go_to_place import GoToPlace as GoToPlace
+    from planners.place.go_to_place import Place as Place
     from planners.registry import make_planner as make_planner
     from planners.registry import planner_names as planner_names
     from planners.search.next_best_view import NextBestView as NextBestView
@@ -30,6 +32,8 @@ else:
             "VRotate": "planners.heuristic",
             "Oracle": "planners.oracle",
             "OracleLookahead": "planners.oracle",
+            "GoToPlace": "planners.place.go_to_place",
+            "Place": "planners.place.go_to_place",
             "NextBestView": "planners.search.next_best_view",
             "NextBestViewGreedy": "planners.search.view_search",
             "NextBestViewSearch": "planners.search.view_search",

@@ -18,7 +18,7 @@ def make_env(*, conditions: Conditions = TRAINED_ON, track: str = IDEAL) -> Epis
     """Return one environment.
 
     Args:
-        conditions: data, sensor, recogniser, part and length.
+        conditions: data, sensor, recogniser, world, part and length.
         track: name of the track, for conditions that name none.
 
     Raises:
@@ -39,10 +39,12 @@ def _load(conditions: Conditions, track: str) -> EpisodeTask:
             f"track {setting.runner.track.named}: expected {IDEAL} or a vehicle: what actions mean to a motion of your "
             "own is not known"
         )
-    vehicle = setting.runner.track.vehicle
+    vehicle, world = setting.runner.track.vehicle, setting.runner.world
+    space = world.workspace
     return EpisodeTask(
         scenarios=windows(setting.data, setting.sequences, conditions.length, 1),
         recogniser=setting.runner.recogniser,
         sensor=setting.runner.sensor,
-        controls=GridControls() if vehicle is None else FlightControls(vehicle=vehicle),
+        controls=GridControls(workspace=space) if vehicle is None else FlightControls(vehicle=vehicle, workspace=space),
+        world=world,
     )

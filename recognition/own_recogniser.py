@@ -4,24 +4,27 @@ from ehar.data.motion_data import MotionData
 from ehar.errors import ModelError, UsageError
 from ehar.plugins.own_class import HANDED, Contract, Own, bring
 from ehar.recogniser import Recogniser
+from ehar.world import World
 
 CONTRACT = Contract("recogniser", Recogniser, ("start", "step"), ("class_names", "embedding_size"))
 
 
-def resolve_recogniser(brought: str | Recogniser, data: MotionData) -> Own:
+def resolve_recogniser(brought: str | Recogniser, data: MotionData, world: World) -> Own:
     """Return your own recogniser, checked against the classes of the data.
 
-    A constructor with arguments called `class_names`, `skeleton`, `persons` or `fps` is handed those of the data.
+    A constructor with arguments called `class_names`, `skeleton`, `persons` or `fps` is handed those of the data, one
+    with an argument called `camera` the world's.
 
     Args:
         brought: an object, or the text that names its class.
         data: the data that it will see.
+        world: the world that it will see it in.
 
     Raises:
         UsageError: the recogniser cannot be loaded or made, or the object is not a recogniser.
         ModelError: the recogniser has other classes than the data.
     """
-    own = bring(brought, CONTRACT, {name: getattr(data, name) for name in HANDED})
+    own = bring(brought, CONTRACT, {name: getattr(data, name) for name in HANDED} | {"camera": world.camera})
     known, size = own.made.class_names, own.made.embedding_size
     try:
         fits = tuple(known) == data.class_names

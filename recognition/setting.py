@@ -1,5 +1,6 @@
 """Loads conditions: the motion, the recogniser, the sensor and the track that they name, ready to run."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from ehar.arrays import IntArray
@@ -8,6 +9,7 @@ from ehar.data.motion_data import MotionData
 from ehar.data.scenario import part_of
 from ehar.runner import Runner
 from ehar.track import load_track
+from ehar.world import World, by_name, load_world
 from recognition.own_recogniser import resolve_recogniser
 
 
@@ -16,11 +18,12 @@ class Setting:
     """The setting in which planners are compared.
 
     Args:
-        conditions: the conditions, with names in place of objects, as in records.
+        conditions: the conditions, with names in place of objects, as in records; a world that is not ehar's stays.
         runner: runs planners in this setting.
         recogniser_sha256: hash of the recogniser's weights; for your own recogniser, of its file and arguments.
         form: form of the recogniser; for your own, its name in tables.
         sensor_sha256: hash of the file and arguments of your own sensor; None for a sensor of ehar.
+        trained_length: number of frames of the clips that the recogniser was trained on; None for your own.
     """
 
     conditions: Conditions
@@ -28,6 +31,17 @@ class Setting:
     recogniser_sha256: str
     form: str
     sensor_sha256: str | None = None
+    trained_length: int | None = None
+
+    @property
+    def world(self) -> World:
+        """The world."""
+        return self.runner.world
+
+    @property
+    def length_note(self) -> str | None:
+        """The line that says that the recogniser was trained at another length; None if it was not."""
+        return length_note(self.conditions.length, {"recogniser": self.trained_length})
 
     @property
     def track_sha256(self) -> str | None:
@@ -45,6 +59,19 @@ class Setting:
         return part_of(self.data, self.conditions.part)
 
 
+def length_note(length: int, trained: Mapping[str, int | None]) -> str | None:
+    """Return a line that names the weights that were trained at another length; None if there are none.
+
+    Args:
+        length: number of frames of an episode now.
+        trained: number of frames of an episode in the training of each weights, by name; None if it is not known.
+    """
+    other = [f"{name} at {frames}" for name, frames in trained.items() if frames not in (None, length)]
+    if not other:
+        return None
+    return f"episodes have {length} frames, but weights were trained at another length: {', '.join(other)}"
+
+
 def load_motion_of(conditions: Conditions) -> MotionData:
     """Load the motion that conditions name or hold, at their frame rate.
 
@@ -60,10 +87,10 @@ def load_motion_of(conditions: Conditions) -> MotionData:
 
 
 def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
-    """Load data, recogniser, sensor and track.
+    """Load data, recogniser, sensor, track and world.
 
     Args:
-        conditions: names of these four, or the objects themselves.
+        conditions: names of these five, or the objects themselves.
         device: a torch device for our recogniser.
 
     Raises:
@@ -73,20 +100,22 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     from ehar.sensors.registry import load_sensor
     from recognition.storage import load_recogniser
 
-    track = load_track(conditions.track)
+    world = load_world(conditions.world)
+    track = load_track(conditions.track, world.workspace)
     data = load_motion_of(conditions)
-    loaded = load_sensor(conditions.sensor, data)
+    loaded = load_sensor(conditions.sensor, data, world)
     named = replace(
         conditions,
         data=data.name if isinstance(conditions.data, MotionData) else str(conditions.data),
         models=None if conditions.models is None else str(conditions.models),
         sensor=loaded.named,
         track=track.named,
+        world=by_name(world),
     )
     if conditions.recogniser is not None:
-        own = resolve_recogniser(conditions.recogniser, data)
-        runner = Runner(data, own.made, loaded.sensor, track)
+        own = resolve_recogniser(conditions.recogniser, data, world)
+        runner = Runner(data, own.made, loaded.sensor, track, world)
         return Setting(replace(named, recogniser=own.spec), runner, own.sha256, own.title, loaded.sha256)
     trained = load_recogniser(conditions, data, device=device)
-    runner = Runner(data, trained, loaded.sensor, track)
-    return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256)
+    runner = Runner(data, trained, loaded.sensor, track, world)
+    return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256, trained.spec.length)

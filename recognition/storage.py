@@ -14,7 +14,14 @@ from recognition.calibration import Temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network, NetworkSpec
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
-from recognition.weight_files import check_files, description_path, load_tensors, network_bytes, save_weights
+from recognition.weight_files import (
+    check_files,
+    check_world,
+    description_path,
+    load_tensors,
+    network_bytes,
+    save_weights,
+)
 
 SHIPPED = Path(__file__).parent / "weights"
 
@@ -72,12 +79,13 @@ def load_recogniser(
     """Load a trained recogniser and check that it fits the data.
 
     Args:
-        conditions: conditions of the training: folder, sensor, views and form.
+        conditions: conditions of the training: folder, sensor, views, form and world.
         data: the data that it will be used on.
         device: a torch device.
 
     Raises:
-        ModelError: the files are missing or malformed, or were made for other joints, classes, persons or rates.
+        ModelError: the files are missing or malformed, or were made for other joints, classes, persons or rates, or
+            in another world.
     """
     directory, form = conditions.directory, conditions.form
     if directory is None and not (data.synthetic and (SHIPPED / data.name).is_dir()):
@@ -87,14 +95,15 @@ def load_recogniser(
         )
     path = recogniser_path(directory or SHIPPED / data.name, conditions)
     folder = "DIR" if directory is None else quote(str(directory))
-    made = f"ehar train recogniser {conditions.options} --form {form} --out {folder}"
+    made = f"ehar train recogniser {conditions.options} --out {folder}"
     check_files(path, f"a recogniser, as made by `{made}`" + ("" if directory else ", and --models DIR"))
     file, what = description_path(path), "a recogniser, as `ehar train recogniser` writes it"
-    description = read_json(file, RecogniserDescription, what, wrong=ModelError)
+    description = read_json(file, RecogniserDescription, what, optional=("world",), wrong=ModelError)
     spec, temperature = description.spec, description.temperature
     if spec.form != form:
         raise ModelError(f"{file}: spec.form: expected {form!r}, got {spec.form!r}")
     _check_fit(path, spec, data)
+    check_world(path, spec.world, conditions)
     network = spec.build()
     load_weights(path, network)
     digest = hashlib.sha256(path.read_bytes() + repr(temperature.log_temperatures).encode()).hexdigest()

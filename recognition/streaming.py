@@ -1,13 +1,14 @@
 """Trained networks behind the recogniser contract: arrays in, calibrated probabilities out, frame by frame."""
 
+import hashlib
 from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import Module
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
-from ehar.camera import Camera
 from ehar.recogniser import Recognition
 from ehar.sensors.sensor import Sensed
 from recognition.calibration import Temperature
@@ -17,18 +18,28 @@ from recognition.networks.features import features
 from recognition.networks.graph import parents
 from recognition.networks.spec import NetworkSpec
 
+FRAMES_AT_ONCE = 256  # frames that the published network takes in one call on a CPU: 2 MB fit into its cache
+
 
 class _Recogniser:
     """The part that both forms share: features from arrays, and calibrated log-probabilities."""
 
-    def __init__(self, spec: NetworkSpec, temperature: Temperature, sha256: str, device: str) -> None:
+    def __init__(self, network: Module, spec: NetworkSpec, temperature: Temperature, sha256: str, device: str) -> None:
         self.spec = spec
         self.class_names = spec.class_names
         self.temperature = temperature
         self.sha256 = sha256
         self.device = torch.device(device)
         self._parents = torch.from_numpy(parents(spec.skeleton)).to(self.device)
-        self._camera = Camera()
+        self._camera = spec.world.camera
+        self._weights = network.to(self.device).eval()
+
+    def fingerprint(self) -> bytes:
+        """Return a hash of all weights and of the temperature, as they are now."""
+        digest = hashlib.blake2b(repr(self.temperature).encode())
+        for tensor in self._weights.state_dict().values():
+            digest.update(tensor.cpu().contiguous().numpy().tobytes())
+        return digest.digest()
 
     def _features(self, sensed: Sensed, viewpoint: FloatArray) -> Tensor:
         """Return features (..., P, J, C) on the device."""
@@ -36,7 +47,8 @@ class _Recogniser:
         return features(to(sensed.joints_2d), to(sensed.confidence), to(viewpoint[..., 0]), self._parents, self._camera)
 
     def _to_device(self, array: FloatArray) -> Tensor:
-        return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32)).to(self.device)
+        # A copy: torch warns of arrays that are read-only, as those are that a planner imagines with.
+        return torch.from_numpy(np.array(array, dtype=np.float32, order="C")).to(self.device)
 
     def _recognition(self, logits: Tensor, embedding: Tensor, count: IntArray) -> Recognition:
         """Return calibrated arrays from logits (B, F, K) and embeddings (B, F, D) after `count` (B,) frames."""
@@ -80,8 +92,8 @@ class StreamingRecogniser(_Recogniser):
         self, *, network: CausalCTRGCN, spec: NetworkSpec, temperature: Temperature, sha256: str, device: str = "cpu"
     ) -> None:
         """Put the network in evaluation mode on the device."""
-        super().__init__(spec, temperature, sha256, device)
-        self._network = network.to(self.device).eval()
+        super().__init__(network, spec, temperature, sha256, device)
+        self._network = network
         self.embedding_size = network.embedding_size
 
     def start(self, episodes: int) -> StreamingRecogniserState:
@@ -142,8 +154,8 @@ class PrefixRecogniser(_Recogniser):
         self, *, network: CTRGCN, spec: NetworkSpec, temperature: Temperature, sha256: str, device: str = "cpu"
     ) -> None:
         """Put the network in evaluation mode on the device."""
-        super().__init__(spec, temperature, sha256, device)
-        self._network = network.to(self.device).eval()
+        super().__init__(network, spec, temperature, sha256, device)
+        self._network = network
         self.embedding_size = spec.widths[-1]
 
     def start(self, episodes: int) -> PrefixState:
@@ -162,11 +174,18 @@ class PrefixRecogniser(_Recogniser):
             embedding = prefix.new_empty(*prefix.shape[:2], self.embedding_size)
             for frames in np.unique(count):  # episodes that began together have prefixes of the same length
                 rows = torch.from_numpy(np.flatnonzero(count == frames))
-                clips = prefix[rows, :, -int(frames) :]
-                embedded = self._network.embed(clips.flatten(0, 1).permute(0, 4, 1, 3, 2))
+                embedded = self._embed(prefix[rows, :, -int(frames) :].flatten(0, 1))
                 embedding[rows] = embedded.view(len(rows), state.forks, -1)
                 logits[rows] = self._network.fc(embedded).view(len(rows), state.forks, -1)
             recognition = self._recognition(logits, embedding, count)
         if not forked:
             recognition = Recognition(*(array[:, 0] for array in recognition))
         return recognition, after
+
+    def _embed(self, clips: Tensor) -> Tensor:
+        """Return the embeddings (N, D) of clips (N, T, P, J, C), in pieces on a CPU: whole batches take longer."""
+        x = clips.permute(0, 4, 1, 3, 2)
+        if self.device.type != "cpu":
+            return self._network.embed(x)
+        pieces = torch.split(x, max(1, FRAMES_AT_ONCE // clips.shape[1]))
+        return torch.cat([self._network.embed(piece) for piece in pieces])

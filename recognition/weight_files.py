@@ -11,8 +11,10 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save
 from torch import Tensor, nn
 
+from ehar.conditions import Conditions
 from ehar.errors import EharError, ModelError
 from ehar.files import read_json, write_bytes
+from ehar.world import World, load_world
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -45,6 +47,16 @@ def check_files(path: Path, expected: str) -> None:
     for file in (path, description_path(path)):
         if not file.is_file():
             raise ModelError(f"{file}: no such file: expected {expected}")
+
+
+def check_world(path: Path, trained: World, conditions: Conditions) -> None:
+    """Raise a ModelError that names both worlds, unless weights were trained in the world that conditions ask for."""
+    asked = load_world(conditions.world)
+    if not trained.agrees_with(asked):
+        raise ModelError(
+            f"{path}: trained in the world {trained}, asked for {asked}; "
+            f"expected that world, or weights that are trained with --world {conditions.world_name}"
+        )
 
 
 def files_sha256(path: Path) -> str:

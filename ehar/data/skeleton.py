@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ehar.arrays import IntArray, in_brief
+from ehar.arrays import IntArray, in_brief, read_only
 
 _LEFT_TO_RIGHT = (
     (r"^(.*[_\-. ])?left([_\-. ]?.*)$", "right"),
@@ -33,7 +33,7 @@ class Skeleton:
     @cached_property
     def bone_indices(self) -> IntArray:
         """The bones as an array (bones, 2)."""
-        return np.array(self.bones, dtype=np.int64).reshape(-1, 2)
+        return read_only(np.array(self.bones, dtype=np.int64).reshape(-1, 2))
 
     @cached_property
     def mirror(self) -> IntArray:
@@ -41,7 +41,7 @@ class Skeleton:
 
         Read from the names: `left_hip`/`right_hip`, `lhip`/`rhip`, `Hand_L`/`Hand_R`, in upper or lower case.
         """
-        return counterparts(self.joint_names)
+        return read_only(counterparts(self.joint_names))
 
 
 def counterparts(names: Sequence[str]) -> IntArray:

@@ -59,7 +59,7 @@ def shown_to_agent(observation: Observation, context: Context) -> Observations:
         embedding=observation.embedding,
         ratio=observation.ratio,
         workspace=context.workspace,
-        camera=Camera(),
+        camera=context.world.camera,
     )
 
 

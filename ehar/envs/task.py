@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from ehar.arrays import BoolArray, FloatArray
+from ehar.arrays import BoolArray, FloatArray, read_only
 from ehar.data.scenario import Scenarios
 from ehar.envs.controls import Controls
 from ehar.envs.observations import Observations as Observations
@@ -17,7 +17,7 @@ from ehar.recogniser import Recogniser
 from ehar.rollout import Batch, check_recognition
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensor, SensorNoise, draw_noise
-from ehar.viewpoint import sample_starts
+from ehar.world import PAPER, World
 
 
 def reward(correct_now: BoolArray, correct_before: BoolArray, length: int, *, first: bool) -> FloatArray:
@@ -58,6 +58,7 @@ class EpisodeTask:
         recogniser: sees every frame.
         sensor: gives the recogniser its joints.
         controls: define the actions and the workspace.
+        world: the world whose starts are drawn; its workspace should be that of the controls.
         copies: number of successive episodes with the same scenario, start and noise; only the agent's actions differ.
 
     Raises:
@@ -65,7 +66,14 @@ class EpisodeTask:
     """
 
     def __init__(
-        self, *, scenarios: Scenarios, recogniser: Recogniser, sensor: Sensor, controls: Controls, copies: int = 1
+        self,
+        *,
+        scenarios: Scenarios,
+        recogniser: Recogniser,
+        sensor: Sensor,
+        controls: Controls,
+        world: World = PAPER,
+        copies: int = 1,
     ) -> None:
         """Create the task; nothing is drawn before `begin`."""
         data = scenarios.data
@@ -79,6 +87,7 @@ class EpisodeTask:
         self.recogniser = recogniser
         self.sensor = sensor
         self.controls = controls
+        self.world = world
         self.copies = copies
         self.workspace = controls.motion.workspace
         self.frame = -1  # no episode has begun
@@ -120,12 +129,12 @@ class EpisodeTask:
         self._batch = Batch(
             positions=self.scenarios.positions(indices),
             labels=self.scenarios.labels[indices],
-            starts=self.workspace.clip(sample_starts(rng, drawn).repeat(self.copies, axis=0)),
+            starts=self.workspace.clip(self.world.sample_starts(rng, drawn).repeat(self.copies, axis=0)),
             noise=SensorNoise(*(draws.repeat(self.copies, axis=0) for draws in noise)),
             names=tuple(data.sequence_names[sequence] for sequence in self.scenarios.sequence[indices]),
         )
         self.frame = 0
-        self.viewpoint = self._batch.starts
+        self.viewpoint = read_only(self._batch.starts)
         self.controls.motion.reset(self.viewpoint, 1 / data.fps)
         with blamed(self.recogniser, f"recogniser {type(self.recogniser).__name__}, start"):
             self._state = self.recogniser.start(episodes)
@@ -141,7 +150,7 @@ class EpisodeTask:
             raise EpisodeError(f"step after frame {self.frame + 1} of {self.scenarios.length}: expected a reset")
         targets = self.controls.targets(actions, self.viewpoint, f"frame {self.frame + 1}")
         before, length = self.correct, self.scenarios.length
-        self.viewpoint = self.controls.motion.advance(targets)
+        self.viewpoint = read_only(self.controls.motion.advance(targets))
         self.frame += 1
         observations = self._see()
         rewards = reward(self.correct, before, length, first=False)
@@ -152,7 +161,7 @@ class EpisodeTask:
     @property
     def info(self) -> dict[str, Any]:
         """For analysis, not for the agent: the true labels (B,), and whether they are recognised (B,)."""
-        return {"label": self._batch.labels, "correct": self.correct}
+        return {"label": self._batch.labels.copy(), "correct": self.correct.copy()}
 
     def _see(self) -> Observations:
         """Sense and recognise the present frame."""

@@ -153,7 +153,8 @@ class FlightMotion:
     def _keep(self, rows: IntArray, plan: JerkProfile, found: BoolArray) -> IntArray:
         """Make the soonest valid ones of flights (n,) the plans of rows (n,); return which are valid."""
         kept = np.flatnonzero(found & keeps_limits(plan, self.vehicle, self.workspace))
-        kept = kept[np.argsort(-plan.duration[kept])]  # the last, soonest plan of each row stays
+        # The last, soonest plan of each row stays. Ties keep their order, so no row depends on the rows beside it.
+        kept = kept[np.argsort(-plan.duration[kept], kind="stable")]
         self._plan.replace(rows[kept], plan.select(kept))
         self._flown[rows[kept]] = 0
         return kept

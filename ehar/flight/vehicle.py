@@ -1,4 +1,4 @@
-"""Vehicles: the limits that a flight keeps, three named vehicles, and vehicle files."""
+"""Vehicles: the limits that a flight keeps, four named vehicles, and vehicle files."""
 
 import math
 from dataclasses import asdict, dataclass, fields
@@ -108,6 +108,19 @@ VEHICLES = {
             climb_speed=6.0,
             descent_speed=6.0,
             yaw_rate=math.radians(100),
+        ),
+        # A wheeled robot in a room, with the camera on a mast that goes up and down and turns. All limits are our
+        # choice: half a walker's pace, up to speed within a second and smoothly, as a mast sways, and a slow lift. A
+        # camera that keeps its distance and its polar angle needs no lift; any other way is as slow as the lift makes
+        # it. The mast may turn faster than the base.
+        Vehicle(
+            name="ground-robot",
+            speed=0.5,
+            acceleration=0.5,
+            jerk=1.0,
+            climb_speed=0.15,
+            descent_speed=0.15,
+            yaw_rate=math.radians(90),
         ),
     )
 }

@@ -13,10 +13,11 @@ from ehar.plugins.own_class import HANDED, Contract, bring
 from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import Sensor
+from ehar.world import PAPER, World
 
-SENSORS: dict[str, Callable[[MotionData], Sensor]] = {
-    "perfect": lambda data: PerfectSensor(),
-    "estimator": lambda data: EstimatorSensor(skeleton=data.skeleton),
+SENSORS: dict[str, Callable[[MotionData, Camera], Sensor]] = {
+    "perfect": lambda data, camera: PerfectSensor(camera=camera),
+    "estimator": lambda data, camera: EstimatorSensor(skeleton=data.skeleton, camera=camera),
 }
 CONTRACT = Contract("sensor", Sensor, ("sense",), ("name", "camera"))
 
@@ -36,36 +37,43 @@ class LoadedSensor:
     sha256: str | None = None
 
 
-def make_sensor(sensor: str | Sensor, data: MotionData) -> Sensor:
+def make_sensor(sensor: str | Sensor, data: MotionData, world: World = PAPER) -> Sensor:
     """Return the sensor that a name or an object means; arguments and errors are as in `load_sensor`."""
-    return load_sensor(sensor, data).sensor
+    return load_sensor(sensor, data, world).sensor
 
 
-def load_sensor(sensor: str | Sensor, data: MotionData) -> LoadedSensor:
+def load_sensor(sensor: str | Sensor, data: MotionData, world: World) -> LoadedSensor:
     """Return the sensor that a name or an object means, with its name and hash for records.
 
-    A constructor with arguments called `class_names`, `skeleton`, `persons` or `fps` is handed those of the data.
+    A constructor with arguments called `class_names`, `skeleton`, `persons` or `fps` is handed those of the data, one
+    with an argument called `camera` the world's.
 
     Args:
         sensor: one of `SENSORS`; `path/to/file.py:Class` or `package.module:Class`, with or without
             `(argument=value, ...)`; or an object.
         data: the data whose joints it will see.
+        world: the world whose camera it has.
 
     Raises:
-        UsageError: the name is unknown, or your own class cannot be made or is no sensor.
+        UsageError: the name is unknown, or your own class cannot be made, is no sensor, or has another camera.
     """
     if isinstance(sensor, str):
         if sensor in SENSORS:
-            return LoadedSensor(SENSORS[sensor](data), sensor)
+            return LoadedSensor(SENSORS[sensor](data, world.camera), sensor)
         spec = parse_spec(sensor)
         if spec is None or not spec.place:
             raise UsageError(f"unknown sensor {sensor!r}; expected one of: {', '.join(SENSORS)}, or {FORMS}")
-    own = bring(sensor, CONTRACT, {name: getattr(data, name) for name in HANDED})
+    own = bring(sensor, CONTRACT, {name: getattr(data, name) for name in HANDED} | {"camera": world.camera})
     name: Any = own.made.name
     if not _is_name(name):
         raise UsageError(f"{own.what}: name: expected words of letters, digits, '.', '+', '-' and '_', got {name!r}")
     if not isinstance(own.made.camera, Camera):
         raise UsageError(f"{own.what}: camera: expected an ehar.camera.Camera, got {type(own.made.camera).__name__}")
+    if own.made.camera != world.camera:  # the recogniser reads pixels as the world's camera takes them
+        raise UsageError(
+            f"{own.what}: camera: expected that of the world {world.name}, {world.camera}, got {own.made.camera}; "
+            "a constructor with an argument `camera` is handed it, or a world file can name another"
+        )
     return LoadedSensor(own.made, own.spec if isinstance(sensor, str) else name, own.sha256)
 
 

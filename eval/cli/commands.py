@@ -39,8 +39,8 @@ AS_RECORDED = {  # inputs of a finished run
     "data": Flag("present place of the run's data.", kind=str | None, hint="as recorded"),
     "models": Flag("present place of its weights.", hint="as recorded"),
 }
-SEEN = ("data", "models", "sensor", "views", "seed", "length", "fps", "recogniser")  # conditions of any run
-TRAINED = ("data", "sensor", "views", "length", "fps")  # conditions of any training
+SEEN = ("data", "models", "sensor", "views", "seed", "length", "fps", "recogniser", "world")  # conditions of any run
+TRAINED = ("data", "sensor", "views", "length", "fps", "world")  # conditions of any training
 SENSED = {"sensor": Flag("perfect, estimator (noisy), or your own: file.py:Class.")}
 TRAINED_FROM = {  # flags of trainings for a recogniser
     **SENSED,
@@ -68,7 +68,7 @@ BENCHMARK = Command(
     """,
     conditions=(
         *("data", "models", "sensor", "track", "starts", "length", "fps", "seed", "part", "views", "form"),
-        "recogniser",
+        *("recogniser", "world"),
     ),
     flags={
         "planners": Flag(
@@ -125,7 +125,7 @@ TRAIN = CommandGroup(
         "all": Command(
             "eval.running.training:train_all",
             show_trained,
-            text="""Train recogniser, gain field and agents, in this order.
+            text="""Train recogniser, gain field, fixed-best and agents, in this order.
 
             What is done is kept; stopped and started again, it goes on.
 
@@ -148,7 +148,7 @@ TRAIN = CommandGroup(
             conditions=(*TRAINED, "form", "seed"),
             flags={
                 **TRAINED_ANEW,
-                "form": Flag("causal streams; ctrgcn, as published, is trained on prefixes of random length."),
+                "form": Flag("causal streams; ctrgcn, as published, is trained on prefixes."),
                 "length": Flag("frames of a clip."),
                 "seed": Flag("seed of initial weights, clips and dropout."),
                 "init": Flag(hint="none"),
@@ -167,18 +167,39 @@ TRAIN = CommandGroup(
             conditions=(*TRAINED, "models", "recogniser", "seed"),
             flags={**TRAINED_FROM, "seed": Flag("seed of episodes, forks and noise.")},
         ),
+        "fixed-best": Command(
+            "eval.running.training:train_fixed_best",
+            show_trained,
+            text="""Find the place relative to people that is best on validation.
+
+            For the recogniser in --models, or the one that ships. What is done is kept.
+
+            For example:
+                ehar train fixed-best --data mine.npz --models models/mine
+            """,
+            conditions=(*TRAINED, "models", "recogniser", "seed"),
+            flags={**TRAINED_FROM, "seed": Flag("seed of start viewpoints and noise.")},
+        ),
         "agent": Command(
             "eval.running.training:train_agents",
             show_trained,
-            text="""Train agents: il, ppo, il-ppo and dagger.
-
-            For the recogniser in --models, or the one that ships; what is done is kept.
+            text="""Train il, ppo, il-ppo and dagger; what is done is kept.
 
             For example:
                 ehar train agent --data mine.npz --models models/mine --stages il,il-ppo
             """,
-            conditions=(*TRAINED, "models", "recogniser"),
-            flags={**TRAINED_FROM, "tensorboard": Flag(hint="none")},
+            conditions=(*TRAINED, "models", "form", "recogniser"),
+            flags={
+                **TRAINED_FROM,
+                "views": Flag("of the recogniser: moving or paper."),
+                "form": Flag("of the recogniser; ctrgcn is as published."),
+                "stages": Flag("agents, with commas.", hint="all; il,ppo,il-ppo in paper"),
+                "setting": Flag("paper takes a GPU, and --views paper --form ctrgcn."),
+                "episodes": Flag("demonstrated episodes.", hint="1,536; 10,000 in paper"),
+                "frames": Flag("most of PPO.", hint="600,000; 10 million in paper"),
+                "variations": Flag("variations of each sequence.", hint="3; 0 in paper"),
+                "tensorboard": Flag(hint="none"),
+            },
         ),
     },
 )
@@ -202,7 +223,7 @@ CHECK = CommandGroup(
             For example:
                 ehar check planner ./spiral.py:Spiral --distance 6
             """,
-            conditions=("data", "models"),
+            conditions=("data", "models", "world"),
             flags={
                 "planner": Flag(
                     "a name, or your own: file.py:Class or module:Class, then --argument value.",
@@ -225,7 +246,7 @@ CHECK = CommandGroup(
             For example:
                 ehar check recogniser ./mine.py:Mine --weights mine.safetensors
             """,
-            conditions=("data",),
+            conditions=("data", "world"),
             flags={
                 "recogniser": Flag(
                     "your own: file.py:Class or module:Class, then --argument value.",
@@ -248,7 +269,7 @@ CHECK = CommandGroup(
             For example:
                 ehar check sensor ./mine.py:Blurred --pixels 8
             """,
-            conditions=("data",),
+            conditions=("data", "world"),
             flags={"sensor": Flag(kind=str, positional=True, metavar="SENSOR")},
         ),
         "motion": Command(
@@ -263,7 +284,7 @@ CHECK = CommandGroup(
             For example:
                 ehar check motion ./mine.py:Slow
             """,
-            conditions=("data", "fps"),
+            conditions=("data", "fps", "world"),
             flags={"motion": Flag(kind=str, positional=True, metavar="MOTION")},
         ),
     },
@@ -287,7 +308,11 @@ STUDY = CommandGroup(
                 ehar study headroom --data duo --out runs/headroom
             """,
             conditions=SEEN,
-            flags={**SENSED, "seed": Flag("seed of start viewpoints and noise.")},
+            flags={
+                **SENSED,
+                "seed": Flag("seed of start viewpoints and noise."),
+                "distance": Flag("distance of the fixed cameras [m].", hint="the middle of the world's"),
+            },
         ),
         "ablation": Command(
             "eval.studies.ablation:ablation",
@@ -305,7 +330,7 @@ STUDY = CommandGroup(
                 "seed": Flag("seed of start viewpoints and noise."),
                 "groups": Flag(kind=tuple[str, ...], default=(), metavar="GROUP ...", hint="all"),
                 "tracks": Flag(
-                    "vehicles that nbv flies too: px4-auto, px4-max, tracking-drone, or files.",
+                    "vehicles that nbv flies too: px4-auto, px4-max, tracking-drone, ground-robot, or files.",
                     kind=tuple[str, ...],
                     default=(),
                     metavar="TRACK ...",
@@ -392,6 +417,18 @@ STUDY = CommandGroup(
                 "planner": Flag("planner to compare with each other one.", metavar="PLANNER"),
                 "out": Flag("folder for table.md and summary.json.", hint="none"),
             },
+        ),
+        "paper": Command(
+            "eval.studies.paper:paper",
+            show_tables,
+            text="""Show the paper's Tables 1 to 4 of finished runs.
+
+            Every planner, learned ones over their trainings; and where Figures 5 to 7 are.
+
+            For example:
+                ehar study paper runs/duo-paper runs/duo-encoders --out tables.md
+            """,
+            flags={"runs": Flag(kind=tuple[Path, ...], positional=True, metavar="RUN ...", hint="at least one")},
         ),
         "overview": Command(
             "eval.studies.overview:overview",

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from copy import deepcopy
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +17,8 @@ from ehar.motion import Motion
 from ehar.plugins.blame import blamed
 from ehar.rollout import finite_rates, finite_viewpoints
 from ehar.track import load_track
-from ehar.viewpoint import AZIMUTH, STEP, Workspace, sample_starts, wrap_difference
+from ehar.viewpoint import AZIMUTH, Workspace, wrap_difference
+from ehar.world import World, load_world
 from eval.conformance.checks import Conformance, ContractCheck, attempt, first_difference
 from eval.conformance.world import BATCH
 from recognition.setting import load_motion_of
@@ -54,18 +56,21 @@ def check_motion(motion: str | Path | Vehicle | Motion, conditions: Conditions |
 
     Args:
         motion: an object, or a value of `ehar benchmark --track`.
-        conditions: conditions whose data give the duration of a frame; None takes the defaults.
+        conditions: conditions whose data give the duration of a frame, and their world; None takes the defaults.
 
     Raises:
         EharError: the motion cannot be made, or data cannot be loaded.
     """
-    track = load_track(motion)
-    frame_time = 1 / load_motion_of(conditions or Conditions()).fps
-    workspace = track.new_motion().workspace
-    return Conformance(f"motion {track.named}", tuple(_checks(track.new_motion, _errand(workspace), frame_time)))
+    conditions = conditions or Conditions()
+    world = load_world(conditions.world)
+    track = load_track(motion, world.workspace)
+    frame_time = 1 / load_motion_of(conditions).fps
+    make = partial(track.new_motion, world.workspace)
+    errand = _errand(make().workspace, world)
+    return Conformance(f"motion {track.named}", tuple(_checks(make, errand, frame_time)))
 
 
-def _errand(workspace: Workspace) -> Errand:
+def _errand(workspace: Workspace, world: World) -> Errand:
     """Return random starts in the workspace, and random targets, held for some frames each; some are outside of it."""
     rng = np.random.default_rng(0)
     count = 2 * BATCH
@@ -73,7 +78,7 @@ def _errand(workspace: Workspace) -> Errand:
     high = [workspace.distance_max, 2 * np.pi, workspace.polar_max]
     goals = rng.uniform(low, high, (LENGTH // HELD, count, 3))
     goals[:, ::3, 0] += 5.0  # [m]; planners may ask for viewpoints outside of the workspace
-    return Errand(workspace.clip(sample_starts(rng, count)), np.repeat(goals, HELD, axis=0))
+    return Errand(workspace.clip(world.sample_starts(rng, count)), np.repeat(goals, HELD, axis=0))
 
 
 def _checks(make: Callable[[], Motion], errand: Errand, frame_time: float) -> list[ContractCheck]:
@@ -129,9 +134,9 @@ def _checks(make: Callable[[], Motion], errand: Errand, frame_time: float) -> li
             if np.abs(rates).max() > TOLERANCE:
                 return f"{name} of up to {np.abs(rates).max():.4g} after reset"
         reached = advance(motion, starts, 0)
-        off = _errors(reached, starts)
-        worst = int((off / STEP).max(axis=1).argmax())
-        if (off[worst] <= STEP / 2 + TOLERANCE).all():
+        off, step = _errors(reached, starts), motion.workspace.step
+        worst = int((off / step).max(axis=1).argmax())
+        if (off[worst] <= step / 2 + TOLERANCE).all():
             return None
         return f"row {worst} moved from {_text(starts[worst])} to {_text(reached[worst])}, told to stay there"
 
@@ -149,7 +154,7 @@ def _checks(make: Callable[[], Motion], errand: Errand, frame_time: float) -> li
         reached = move(motion, np.repeat(goal[None], LENGTH, axis=0)).viewpoint[-1]
         span = np.array([workspace.distance_max - workspace.distance_min, np.pi, workspace.polar_max])
         before, after = ((_errors(views, goal) / span).sum(axis=1) for views in (starts, reached))
-        near = (_errors(reached, goal) <= STEP / 2 + TOLERANCE).all(axis=1)
+        near = (_errors(reached, goal) <= workspace.step / 2 + TOLERANCE).all(axis=1)
         astray = ~near & (after >= before)
         if not astray.any():
             return None

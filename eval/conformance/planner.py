@@ -13,10 +13,11 @@ from ehar.rollout import Batch
 from ehar.sensors.sensor import Sensed
 from eval.conformance.checks import Conformance, ContractCheck, attempt, first_difference
 from eval.conformance.runs import PlannerRun, PlannerWorld, joined, replay, run_planner
-from eval.conformance.world import BATCH, ReplayedSensor, small_batch
+from eval.conformance.world import BATCH, ReplayedSensor, other_future, small_batch
 from eval.running.choice import ModelPlace, choose_planners, listed
 from recognition.setting import load_setting
 
+FUTURE = "the future changes nothing"
 TOLERANCE = 1e-4  # [m], [rad]: batches of another size may differ by rounding
 FIRST, OTHERS = np.arange(BATCH), np.arange(BATCH, 2 * BATCH)
 _RESET = "create in `reset` everything that `act` changes, and draw from `context.rng` there"
@@ -40,7 +41,7 @@ def check_planner(planner: str | Planner, conditions: Conditions | None = None) 
     specs = listed(planner)
     setting = load_setting(conditions or Conditions())
     chosen = choose_planners(specs, ModelPlace.of(setting), readout="recogniser", note=lambda _: None).planners[0]
-    world = PlannerWorld(setting.runner, small_batch(setting.data))
+    world = PlannerWorld(setting.runner, small_batch(setting.data, setting.world))
     with one_torch_thread():
         return Conformance(f"planner {chosen.name}", tuple(_checks(chosen, world)))
 
@@ -113,17 +114,18 @@ def _checks(planner: Planner, world: PlannerWorld) -> list[ContractCheck]:
     checks.append(steady)
     if not steady.passed:
         reason = "as it does not do the same twice"
-        names = ("forgets all in reset", "each row stands alone", "the hidden truth changes nothing")
+        names = ("forgets all in reset", "each row stands alone", "the hidden truth changes nothing", FUTURE)
         return [*checks, *(ContractCheck(name, None, reason) for name in names), _time(run)]
     checks += [
         attempt(
             "forgets all in reset",
             lambda: _second_time(copy_of(), world, batch, run.targets),
-            expected="the same targets when one planner runs the same episodes again",
+            expected="the same targets when one planner runs the same episodes again, and again",
             mend=_RESET,
         ),
         *_rows_alone(copy_of, world, run),
         _hidden_truth(copy_of(), world, batch, run),
+        _other_future(copy_of(), world, batch, run),
         _time(run),
     ]
     return checks
@@ -138,8 +140,12 @@ def _copier(planner: Planner) -> Callable[[], Planner]:
 
 def _second_time(planner: Planner, world: PlannerWorld, batch: Batch, expected: FloatArray) -> str | None:
     run_planner(planner, world, world.batch.select(OTHERS))
-    again = run_planner(planner, world, batch).targets
-    return first_difference(expected, again, ("when new", "after it ran other episodes"), tolerance=0)
+    for after in ("after it ran other episodes", "after it ran the same episodes"):
+        again = run_planner(planner, world, batch).targets
+        difference = first_difference(expected, again, ("when new", after), tolerance=0)
+        if difference is not None:
+            return difference
+    return None
 
 
 def _rows_alone(copy_of: Callable[[], Planner], world: PlannerWorld, run: PlannerRun) -> list[ContractCheck]:
@@ -207,6 +213,26 @@ def _hidden_truth(planner: Planner, world: PlannerWorld, batch: Batch, run: Plan
         ),
         expected="the same targets whatever the label and the 3D joints are, as long as it is shown the same",
         mend="use the observation alone, or declare `privileged = True`, which every table marks",
+    )
+
+
+def _other_future(planner: Planner, world: PlannerWorld, batch: Batch, run: PlannerRun) -> ContractCheck:
+    """Check that targets depend on the frames so far: the recogniser sees other frames after the middle."""
+    if planner.privileged:
+        return ContractCheck(FUTURE, None, "it declares privileged = True: it is handed the future")
+    past = batch.positions.shape[1] // 2 + 1  # frames
+    positions, noise = other_future(batch.positions, batch.noise, past)
+
+    def other() -> str | None:
+        again = run_planner(planner, world, replace(batch, positions=positions, noise=noise))
+        names = ("at first", "with another future")
+        return first_difference(run.targets[:past], again.targets[:past], names, tolerance=0)
+
+    return attempt(
+        FUTURE,
+        other,
+        expected=f"the same targets up to frame {past - 1}, after which people do something else",
+        mend="use what was shown so far alone, and read nothing ahead",
     )
 
 

@@ -49,7 +49,7 @@ def check_recogniser(recogniser: str | Recogniser, conditions: Conditions | None
     from recognition.torch_threads import one_torch_thread  # brings torch
 
     setting = load_setting(replace(conditions or Conditions(), recogniser=recogniser))
-    frames = small_frames(setting.data)
+    frames = small_frames(setting.data, setting.world)
     with one_torch_thread():
         return Conformance(f"recogniser {setting.form}", tuple(_checks(setting.runner.recogniser, frames)))
 
@@ -119,6 +119,12 @@ def _checks(recogniser: Recogniser, frames: Sequence[Frame]) -> list[ContractChe
             mend="return a state in which the rows of mask (B,) have seen nothing",
         ),
         _whole_clip(recogniser, seven, stream),
+        attempt(
+            "the past does not see the future",
+            lambda: _other_future(streamer, frames, stream),
+            expected=f"the same within {TOLERANCE} as long as the frames so far are the same",
+            mend="use the state and the present frame alone: nothing that an earlier stream left behind",
+        ),
         attempt(
             "leaves what it is shown as it is",
             lambda: f"{', '.join(sorted(streamer.changed))} changed" if streamer.changed else None,
@@ -242,14 +248,31 @@ def _whole_clip(recogniser: Any, frames: Sequence[Frame], stream: Stream) -> Con
         return ContractCheck(name, None, "it has no method recognise_clip(sensed, viewpoint), (B, T, ...) in and out")
 
     def whole() -> str | None:
-        clip = side_by_side(frames)  # (B, T, ...)
-        with blamed(recogniser, "recognise_clip"):
-            recognition = recogniser.recognise_clip(clip.sensed, clip.viewpoint)
-        at_once = Stream(*(np.asarray(array, dtype=np.float64).swapaxes(0, 1) for array in recognition[:2]))
-        return difference_of(at_once, stream, ("at once", "frame by frame"))
+        return difference_of(_at_once(recogniser, frames), stream, ("at once", "frame by frame"))
 
     mend = "let no operation look ahead, and keep in the state all that the next frame needs"
     return attempt(name, whole, expected=f"the same within {TOLERANCE}", mend=mend)
+
+
+def _other_future(streamer: Streamer, frames: Sequence[Frame], stream: Stream) -> str | None:
+    """Stream the same frames as before up to the middle, and then those of other episodes."""
+    half = len(frames) // 2
+    mixed = [*episodes_of(frames[:half], ALL), *episodes_of(frames[half:], OTHERS)]
+    names, early = ("at first", "with another future"), slice(half)
+    difference = difference_of(cut(stream, ALL, early), cut(streamer.stream(mixed)[0], ALL, early), names)
+    if difference is not None or not hasattr(streamer.recogniser, "recognise_clip"):
+        return difference
+    clips = [_at_once(streamer.recogniser, shown) for shown in (episodes_of(frames, ALL), mixed)]
+    names = ("at first, the clip at once", "with another future")
+    return difference_of(cut(clips[0], ALL, early), cut(clips[1], ALL, early), names)
+
+
+def _at_once(recogniser: Any, frames: Sequence[Frame]) -> Stream:
+    """Return what `recognise_clip` says of all frames, (T, B, ...)."""
+    clip = side_by_side(frames)  # (B, T, ...)
+    with blamed(recogniser, "recognise_clip"):
+        recognition = recogniser.recognise_clip(clip.sensed, clip.viewpoint)
+    return Stream(*(np.asarray(array, dtype=np.float64).swapaxes(0, 1) for array in recognition[:2]))
 
 
 def _pickled(recogniser: Recogniser, frames: Sequence[Frame], stream: Stream) -> str | None:

@@ -11,6 +11,7 @@ from ehar.errors import EpisodeError
 from ehar.plugins.blame import blamed
 from ehar.recogniser import Recogniser
 from ehar.sensors.sensor import Sensed
+from ehar.world import PAPER, World
 from eval.conformance.checks import first_difference
 from eval.conformance.world import small_batch
 
@@ -35,15 +36,15 @@ class Stream(NamedTuple):
     embedding: FloatArray  # (T, B, D)
 
 
-def small_frames(data: MotionData) -> list[Frame]:
+def small_frames(data: MotionData, world: World = PAPER) -> list[Frame]:
     """Return the frames of 14 episodes, seen by a perfect sensor from cameras that move at random."""
     from ehar.sensors.registry import make_sensor
     from recognition.training.views import training_viewpoints
 
-    batch = small_batch(data)
+    batch = small_batch(data, world)
     episodes, length = batch.positions.shape[:2]
-    viewpoints = training_viewpoints("moving", np.random.default_rng(0), episodes, length)
-    sensor = make_sensor("perfect", data)
+    viewpoints = training_viewpoints("moving", world, np.random.default_rng(0), episodes, length)
+    sensor = make_sensor("perfect", data, world)
     return [
         Frame(
             sensor.sense(batch.positions[:, frame], viewpoints[:, frame], batch.noise.frame(frame)),

@@ -10,7 +10,8 @@ from ehar.data.motion_data import MotionData
 from ehar.data.scenario import TEST, part_of
 from ehar.errors import DataError
 from ehar.rollout import Batch
-from ehar.sensors.sensor import Sensed, SensorNoise
+from ehar.sensors.sensor import Sensed, SensorNoise, draw_noise
+from ehar.world import PAPER, World
 from eval.running.episodes import cut_scenarios, random_starts
 
 LENGTH = 20  # frames of an episode, L
@@ -18,8 +19,8 @@ EPISODES = 14  # 7 to check, and 7 others to run beside or instead of them
 BATCH = 7  # episodes that run together
 
 
-def small_batch(data: MotionData) -> Batch:
-    """Return 14 test episodes of 20 frames, spread over the data, from random starts.
+def small_batch(data: MotionData, world: World = PAPER) -> Batch:
+    """Return 14 test episodes of 20 frames, spread over the data, from random starts of a world.
 
     Raises:
         DataError: no test sequence is long enough.
@@ -28,10 +29,25 @@ def small_batch(data: MotionData) -> Batch:
     scenarios = cut_scenarios(data, part_of(data, TEST), min(LENGTH, shortest), lambda _: None)
     if scenarios.length < 3:
         raise DataError(f"{data.name}: expected a test sequence of at least 3 frames, the longest has {shortest}")
-    episodes = random_starts(scenarios, starts=-(-EPISODES // len(scenarios)), seed=0)
+    episodes = random_starts(scenarios, starts=-(-EPISODES // len(scenarios)), seed=0, world=world)
     spread = np.linspace(0, len(episodes) - 1, EPISODES).astype(np.int64)
     some = type(episodes)(scenarios, episodes.scenario[spread], episodes.starts[spread], seed=0)
     return some.batch(0)
+
+
+def other_future(positions: FloatArray, noise: SensorNoise, frames: int) -> tuple[FloatArray, SensorNoise]:
+    """Return joints (B, T, P, J, 3) and draws with the same first frames; then other people do something else.
+
+    Args:
+        positions: the joints.
+        noise: the draws (B, T, ...).
+        frames: number of frames that stay.
+    """
+    joints = positions.copy()
+    joints[:, frames:] = 1 - 2 * joints[::-1, frames:]
+    later = draw_noise(np.random.default_rng(1), joints.shape[:2], *joints.shape[2:4])
+    pairs = zip(noise, later, strict=True)
+    return joints, SensorNoise(*(np.concatenate([one[:, :frames], two[:, frames:]], axis=1) for one, two in pairs))
 
 
 @dataclass

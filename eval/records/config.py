@@ -1,7 +1,7 @@
 """The configuration of a run: everything that decides its episodes.jsonl, written to config.json and read back."""
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, make_dataclass
 from functools import cache
 from pathlib import Path
@@ -14,8 +14,9 @@ from ehar.flight.vehicle import Vehicle
 from ehar.planner import Planner
 from ehar.plugins.class_spec import json_arguments
 from ehar.version import package_version
+from ehar.world import PAPER, World, by_name, load_world
 from planners.own_planner import Origin, planner_source_sha256
-from recognition.setting import Setting
+from recognition.setting import Setting, length_note
 
 CONFIG = "config.json"
 SCHEMA = 2  # of the files of a run; raised when their form or meaning changes
@@ -29,7 +30,7 @@ class PlannerConfig:
     name: str
     privileged: bool
     implementation: str  # module and class; for your own planner, the class as it was given
-    weights_sha256: str | None = None  # of a trained agent
+    weights_sha256: str | None = None  # of a trained agent, or of a fitted place
     arguments: dict[str, Any] = field(default_factory=dict)  # constructor arguments of your own planner
     source_sha256: str | None = None  # of the file that defines your own planner
 
@@ -39,7 +40,7 @@ class RunConfig:
     """Everything that decides a run's episodes.jsonl. The number of workers is left out, because it decides nothing.
 
     Args:
-        conditions: the conditions, with names in place of objects.
+        conditions: the conditions, with names in place of objects; a world that is not ehar's stays.
         data: title of the data.
         data_sha256: hash of the data.
         recogniser_sha256: hash of the recogniser's weights; for your own recogniser, of its file and arguments.
@@ -53,6 +54,8 @@ class RunConfig:
         schema: schema number of all files of the run.
         sensor_sha256: hash of the file and arguments of your own sensor; None for a sensor of ehar.
         track_sha256: hash of the file and arguments of your own motion; None for a track of ehar.
+        trained_lengths: number of frames of an episode in the training of the recogniser, the gain field and each
+            agent, as far as they are known; None in runs from before it was recorded.
     """
 
     conditions: Conditions
@@ -69,18 +72,35 @@ class RunConfig:
     schema: int = SCHEMA
     sensor_sha256: str | None = None
     track_sha256: str | None = None
+    trained_lengths: dict[str, int] | None = None
+
+    @property
+    def world(self) -> World:
+        """The world of the run."""
+        return load_world(self.conditions.world)
+
+    @property
+    def length_note(self) -> str | None:
+        """The line that names the weights that were trained at another length; None if there are none."""
+        return length_note(self.conditions.length, self.trained_lengths or {})
+
+    @property
+    def in_world(self) -> str:
+        """The world in titles, with a comma before it; nothing for the paper's."""
+        return "" if self.world == PAPER else f", world {self.world.name}"
 
     @property
     def title(self) -> str:
         """The title of this run's figures and tables."""
         told = self.conditions
-        return f"{self.data}, {told.sensor} sensor, {told.views} views, {told.track} track" + (
+        return f"{self.data}, {told.sensor} sensor, {told.views} views, {told.track} track{self.in_world}" + (
             ", as believed" if self.readout == "belief" else ""
         )
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of config.json: one flat object."""
-        told, own = vars(self.conditions), {name: value for name, value in asdict(self).items() if name != "conditions"}
+        told = vars(self.conditions) | {"world": asdict(self.world)}
+        own = {name: value for name, value in asdict(self).items() if name != "conditions"}
         return {name: own[name] if name in own else told[_TOLD.get(name, name)] for name in KEYS}
 
 
@@ -89,7 +109,7 @@ _TOLD = {key: name for name, key in _KEY_OF.items()}
 KEYS = (  # of config.json, in the order of the file
     *("schema", "source", "data", "data_sha256", "models", "recogniser_sha256", "sensor", "views", "form", "track"),
     *("vehicle", "readout", "part", "gain_model_sha256", "starts", "seed", "length", "fps", "ideal", "planners"),
-    *("versions", "recogniser", "sensor_sha256", "track_sha256"),
+    *("versions", "recogniser", "sensor_sha256", "track_sha256", "world", "trained_lengths"),
 )
 LATER: dict[str, Any] = {  # a file without one of these means its default
     "schema": SCHEMA,
@@ -97,6 +117,8 @@ LATER: dict[str, Any] = {  # a file without one of these means its default
     "recogniser": None,
     "sensor_sha256": None,
     "track_sha256": None,
+    "world": PAPER,
+    "trained_lengths": None,
 }
 
 
@@ -107,8 +129,13 @@ def run_config(
     readout: str = "recogniser",
     gain_model_sha256: str | None = None,
     ideal: Path | None = None,
+    lengths: Mapping[str, int | None] | None = None,
 ) -> RunConfig:
-    """Return the configuration of a run in a setting; the arguments are as in `RunConfig`."""
+    """Return the configuration of a run in a setting; the arguments are as in `RunConfig`.
+
+    `lengths` are the trained lengths of gain field and agents.
+    """
+    trained = {"recogniser": setting.trained_length, **(lengths or {})}
     return RunConfig(
         conditions=setting.conditions,
         data=setting.data.title,
@@ -123,6 +150,7 @@ def run_config(
         ideal=None if ideal is None else str(ideal),
         sensor_sha256=setting.sensor_sha256,
         track_sha256=setting.track_sha256,
+        trained_lengths={name: frames for name, frames in trained.items() if frames is not None},
     )
 
 
@@ -165,6 +193,7 @@ def read_config(directory: Path) -> RunConfig:
         )
     values = vars(read_json(path, _config_file(), expected, unknown=True, defaults=True))
     told = {name: values[_KEY_OF.get(name, name)] for name in Conditions.named_types()}
+    told["world"] = by_name(values["world"])
     told["form"] = "ctrgcn" if values["form"] == "ctrgcn" else "causal"  # the file has your own recogniser's title
     try:
         conditions = Conditions(**told)
@@ -177,7 +206,7 @@ def read_config(directory: Path) -> RunConfig:
 @cache
 def _config_file() -> type[Any]:
     """Return the data class of config.json, which is flat."""
-    own, told = get_type_hints(RunConfig), Conditions.named_types()
+    own, told = get_type_hints(RunConfig), Conditions.named_types() | {"world": World}
     types = {key: own[key] if key in own else told[_TOLD.get(key, key)] for key in KEYS}
     return make_dataclass(
         "ConfigFile",

@@ -13,9 +13,11 @@ from ehar.errors import EharError
 from ehar.viewpoint import Workspace, wrap_azimuth
 from eval.render.field_map import gain_over_directions
 from eval.replays.choice import Chosen
+from eval.replays.episode import lowest_polar, map_polars
 from eval.replays.rerun import PlannerReplay, Replays, replay_run
 from eval.running.run import Run
 from eval.verification.inputs import check_inputs
+from planners.value.view_basis import DistanceRange
 
 MOST_BYTES = 6_000_000  # of all replays together; episodes beyond are left out
 MILLI = 1000  # joints and distances are in whole millimetres
@@ -49,6 +51,7 @@ def replay_data(
     except EharError as error:
         return {"episodes": [], "missing": str(error), "notes": []}
     bones = replays.skeleton.bones
+    workspace = run.config.world.workspace
     pieces: list[dict[str, Any]] = []
     size = 0
     for row, one in enumerate(chosen):
@@ -58,7 +61,6 @@ def replay_data(
             break
         pieces.append(piece)
     _, length, persons, joints, _ = replays.positions.shape
-    workspace = Workspace()
     return {
         "episodes": pieces,
         "missing": None,
@@ -71,12 +73,18 @@ def replay_data(
         "image": [replays.camera.width, replays.camera.height],
         "classes": list(replays.class_names),
         "distances": [workspace.distance_min, workspace.distance_max],
-        "map": [len(_AROUND), len(_DOWN)],
+        "lowest": lowest_polar(workspace, MAP_STEP),
+        "map": [len(_AROUND), len(_down(workspace))],
     }
 
 
 _AROUND = np.radians(np.arange(0.0, 360.0 + MAP_STEP, MAP_STEP))
-_DOWN = np.radians(np.arange(0.0, 90.0 + MAP_STEP, MAP_STEP))
+
+
+def _down(workspace: Workspace) -> FloatArray:
+    """Return the polar angles of field maps [rad]."""
+    down: FloatArray = np.radians(map_polars(lowest_polar(workspace, MAP_STEP), MAP_STEP))
+    return down
 
 
 def _episode(run: Run, replays: Replays, row: int, one: Chosen, planners: Mapping[str, str]) -> dict[str, Any]:
@@ -88,29 +96,33 @@ def _episode(run: Run, replays: Replays, row: int, one: Chosen, planners: Mappin
         "why": one.why,
         "label": int(reference.label[one.episode]),
         "people": integers(replays.positions[row] * MILLI, np.int16),
-        "planners": {name: _planner(replays.planners[record], row) for name, record in planners.items()},
+        "planners": {
+            name: _planner(replays.planners[record], row, run.config.world.workspace)
+            for name, record in planners.items()
+        },
     }
 
 
-def _planner(replay: PlannerReplay, row: int) -> dict[str, Any]:
+def _planner(replay: PlannerReplay, row: int, workspace: Workspace) -> dict[str, Any]:
     """Return the replay of one planner in one episode."""
     target, weights = replay.targets[row], replay.weights[row]
     return {
         "path": viewpoints(replay.viewpoints[row]),
-        "target": None if target is None else viewpoints(Workspace().clip(target)),
+        "target": None if target is None else viewpoints(workspace.clip(target)),
         "sensed": integers(replay.joints_2d[row], np.int16),
         "missed": integers(replay.confidence[row] <= 0, np.uint8),
         "belief": integers(replay.probabilities[row] * BASIS_POINTS, np.uint16),
-        "field": None if weights is None else _field(weights, replay.viewpoints[row]),
+        "field": None if weights is None else _field(weights, replay.viewpoints[row], workspace),
     }
 
 
-def _field(weights: FloatArray, path: FloatArray) -> dict[str, Any]:
+def _field(weights: FloatArray, path: FloatArray, workspace: Workspace) -> dict[str, Any]:
     """Return the gain field of every frame but the last, over all directions at the camera's distance.
 
     Values are differences to the camera's own direction, in percent of probability; 0 to 255 stand for low to high.
     """
-    gain = 100 * gain_over_directions(weights, path[: len(weights)], _AROUND, _DOWN)
+    span, down = DistanceRange.of(workspace), _down(workspace)
+    gain = 100 * gain_over_directions(weights, path[: len(weights)], _AROUND, down, span)
     low, high = float(gain.min()), float(gain.max())
     scaled = 255 * (gain - low) / max(high - low, 1e-9)
     return {"low": round(low, 2), "high": round(high, 2), "values": integers(scaled, np.uint8)}

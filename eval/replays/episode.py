@@ -14,10 +14,11 @@ from eval.replays.rerun import PlannerReplay, replay_run
 from eval.running.run import Run
 from eval.verification.followed_way import VIEWPOINT
 from eval.verification.inputs import Inputs
+from planners.value.view_basis import DistanceRange
 
 MAP_STEP = 5.0  # [deg], from one azimuth or polar angle of a field map to the next
 MAP_AZIMUTHS = np.arange(0.0, 360.0 + MAP_STEP, MAP_STEP)  # [deg]
-MAP_POLARS = np.arange(0.0, 90.0 + MAP_STEP, MAP_STEP)  # [deg], 0 is straight above
+LEVEL = 90.0  # [deg], the polar angle that is level with the people
 MOST_CLASSES = 6  # the classes that a replay has room for
 
 
@@ -29,10 +30,11 @@ class CameraReplay:
         name: name of the planner's record.
         path: (L, 3) viewpoints.
         target: (L - 1, 3), the planner's targets in the workspace; None if they are unknown.
-        gain: (L - 1, 19, 73) [%], its gain field over `MAP_POLARS` and `MAP_AZIMUTHS`; None without one.
+        gain: (L - 1, H, 73) [%], its gain field over `map_polars(lowest)` and `MAP_AZIMUTHS`; None without one.
         joints_2d: (L, P, J, 2) [px], as sensed.
         seen: (L, P, J), whether a joint was found.
         probabilities: (L, K), the scored probabilities.
+        lowest: greatest polar angle of maps [deg].
     """
 
     name: str
@@ -42,6 +44,7 @@ class CameraReplay:
     joints_2d: FloatArray
     seen: BoolArray
     probabilities: FloatArray
+    lowest: float = LEVEL
 
     def wanted(self, frame: int) -> FloatArray | None:
         """The planner's target after a frame, (3,); None if it is the present viewpoint, unknown, or past the end."""
@@ -123,21 +126,34 @@ def replay_episode(
         skeleton=replays.skeleton,
         fps=replays.fps,
         camera=replays.camera,
-        cameras=tuple(_camera(record, replays.planners[record]) for record in records),
+        cameras=tuple(_camera(record, replays.planners[record], run.config.world.workspace) for record in records),
         notes=replays.notes,
     )
 
 
-def _camera(name: str, replay: PlannerReplay) -> CameraReplay:
+def map_polars(lowest: float = LEVEL, step: float = MAP_STEP) -> FloatArray:
+    """Return the polar angles of a field map [deg], from straight above to the lowest."""
+    return np.arange(0.0, lowest + step, step)
+
+
+def lowest_polar(workspace: Workspace, step: float) -> float:
+    """Return the greatest polar angle of maps [deg], a multiple of `step`: level, or as low as the camera may be."""
+    below = np.degrees(workspace.polar_max) / step
+    return max(LEVEL, step * float(np.ceil(below - 1e-6)))
+
+
+def _camera(name: str, replay: PlannerReplay, workspace: Workspace) -> CameraReplay:
     """Return the camera in the first episode of a planner's replay."""
     path, target, weights = replay.viewpoints[0], replay.targets[0], replay.weights[0]
-    around, down = np.radians(MAP_AZIMUTHS), np.radians(MAP_POLARS)
+    lowest, span = lowest_polar(workspace, MAP_STEP), DistanceRange.of(workspace)
+    around, down = np.radians(MAP_AZIMUTHS), np.radians(map_polars(lowest))
     return CameraReplay(
         name=name,
         path=path,
-        target=None if target is None else Workspace().clip(target),
-        gain=None if weights is None else 100 * gain_over_directions(weights, path[:-1], around, down),
+        target=None if target is None else workspace.clip(target),
+        gain=None if weights is None else 100 * gain_over_directions(weights, path[:-1], around, down, span),
         joints_2d=replay.joints_2d[0],
         seen=replay.confidence[0] > 0,
         probabilities=replay.probabilities[0],
+        lowest=lowest,
     )

@@ -120,7 +120,7 @@ class DirectionMap:
         self._camera = camera
         self._x, self._y, self._ends = unbroken(camera.path)
         axes.set_xlim(0, 360)
-        axes.set_ylim(90, 0)
+        axes.set_ylim(camera.lowest, 0)
         axes.set_facecolor(FAINT)
         axes.set_xticks([0, 90, 180, 270, 360], ["0°", "90°", "180°", "270°", "360°"])
         axes.set_yticks([0, 45, 90], ["0° above", "45°", "90° level"])
@@ -132,7 +132,7 @@ class DirectionMap:
             self._field = axes.imshow(
                 camera.gain[0],
                 cmap=COLOUR_MAP,
-                extent=(-2.5, 362.5, 92.5, -2.5),  # a cell's middle is its direction
+                extent=(-2.5, 362.5, camera.lowest + 2.5, -2.5),  # a cell's middle is its direction
                 aspect="auto",
                 interpolation="bilinear",
             )

@@ -15,7 +15,7 @@ from ehar.files import replacing
 from ehar.viewpoint import DISTANCE, cartesian
 from eval.render.field_map import COLOUR_MAP
 from eval.render.palette import PAIR, PEOPLE, bone_colours
-from eval.replays.episode import MAP_AZIMUTHS, MAP_POLARS, CameraReplay, EpisodeReplay
+from eval.replays.episode import MAP_AZIMUTHS, CameraReplay, EpisodeReplay, map_polars
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -130,13 +130,14 @@ def _log_camera(
     if camera.gain is not None:
         gain = camera.gain[min(frame, len(camera.gain) - 1), ::EVERY, :-1:EVERY]  # the last azimuth is the first
         shades = colormaps[COLOUR_MAP]((gain.ravel() - gain.min()) / max(np.ptp(gain), 1e-9))
-        directions = _directions(camera.path[frame, DISTANCE])
+        directions = _directions(camera.path[frame, DISTANCE], camera.lowest)
         stream.log(["world", "fields", camera.name], rr.Points3D(directions, colors=shades, radii=CELL))
 
 
-def _directions(distance: float) -> FloatArray:
-    """Return the positions of a field map's logged directions at a distance [m], (N, 3) [m]."""
-    polar, azimuth = np.meshgrid(np.radians(MAP_POLARS[::EVERY]), np.radians(MAP_AZIMUTHS[:-1:EVERY]), indexing="ij")
+def _directions(distance: float, lowest: float) -> FloatArray:
+    """Return the positions of a field map's logged directions at a distance [m], down to `lowest` [deg], (N, 3) [m]."""
+    polars, azimuths = map_polars(lowest)[::EVERY], MAP_AZIMUTHS[:-1:EVERY]
+    polar, azimuth = np.meshgrid(np.radians(polars), np.radians(azimuths), indexing="ij")
     return cartesian(np.stack([np.full(polar.shape, distance), azimuth, polar], axis=-1)).reshape(-1, 3)
 
 

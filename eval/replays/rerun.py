@@ -102,7 +102,7 @@ def replay_run(
         raise DataError(str(reason))
     data = inputs.setting.data
     scenarios = cut_scenarios(data, part_of(data, conditions.part), conditions.length, lambda line: None)
-    episodes = random_starts(scenarios, conditions.starts, conditions.seed)
+    episodes = random_starts(scenarios, conditions.starts, conditions.seed, run.config.world)
     belief = inputs.place.load_gain_model().belief if run.config.readout == "belief" else None
     workload = Workload(inputs.setting.runner, episodes, belief)
     batch = episodes.pick(indices)
@@ -152,7 +152,7 @@ def _replay(
     """
     records, sensor = run.records[name], workload.runner.sensor
     way = records.viewpoint[list(indices)]
-    motion = FollowedWay(workload.runner.track.new_motion(), way)
+    motion = FollowedWay(workload.runner.new_motion(), way)
     recorder = Recorder(planner or NoAct(), name=name)  # the recorded path decides the view, not the planner
     record = workload.roll(recorder, batch, 0, motion)
     weights = [] if model is None else _field_weights(model, recorder.context, recorder.observations)

@@ -77,8 +77,11 @@ def sphere(data: ReportData, name: str) -> Figure:
             }
         )
         labels.append({"x": 0, "y": -radius, "text": f"{polar}°", "showarrow": False, "bgcolor": "@paper/0.7"})
-    labels.append({"x": 1.02, "y": 0, "text": "azimuth 0°", "showarrow": False, "textangle": 90, "xanchor": "left"})
-    labels.append({"x": 0, "y": 1.02, "text": "azimuth 90°", "showarrow": False, "yanchor": "bottom"})
+    rim = float(density.edges[-1])
+    labels.append(
+        {"x": 1.02 * rim, "y": 0, "text": "azimuth 0°", "showarrow": False, "textangle": 90, "xanchor": "left"}
+    )
+    labels.append({"x": 0, "y": 1.02 * rim, "text": "azimuth 90°", "showarrow": False, "yanchor": "bottom"})
     trace = {
         "type": "heatmap",
         "x": finite(middles, 3),
@@ -90,7 +93,7 @@ def sphere(data: ReportData, name: str) -> Figure:
         "colorbar": colour_scale("times as often as if even"),
         "hovertemplate": "%{z:.1f} times as often as if even<extra></extra>",
     }
-    blank = {"visible": False, "range": [-1.18, 1.18]}
+    blank = {"visible": False, "range": [-1.18 * rim, 1.18 * rim]}
     return figure(
         [trace, *rings],
         x=blank,

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ehar.arrays import FloatArray
+from ehar.viewpoint import Workspace
 from eval.records.episodes import EpisodeRecords
 from eval.running.run import Run
 from eval.scores.behaviour import (
@@ -111,13 +112,20 @@ def report_data(run: Run, class_names: tuple[str, ...]) -> ReportData:
         curves=curves(run.records),
         bands=accuracy_bands(run.records, resamples),
         planners={
-            name: _planner(name, held, trainings, classes, staged=not run.flown) for name, held in pooled.items()
+            name: _planner(name, held, trainings, classes, run.config.world.workspace, staged=not run.flown)
+            for name, held in pooled.items()
         },
     )
 
 
 def _planner(
-    name: str, pooled: EpisodeRecords, trainings: Mapping[str, list[EpisodeRecords]], classes: int, *, staged: bool
+    name: str,
+    pooled: EpisodeRecords,
+    trainings: Mapping[str, list[EpisodeRecords]],
+    classes: int,
+    workspace: Workspace,
+    *,
+    staged: bool,
 ) -> PlannerData:
     staged = staged and pooled.predicted.shape[1] >= STAGED_FROM
     compared = NO_ACT in trainings and name != NO_ACT
@@ -125,10 +133,10 @@ def _planner(
         reliability=reliability(pooled.top_probability, pooled.correct),
         confusion=confusion(pooled, classes),
         gains=class_gains(trainings[name], trainings[NO_ACT], classes) if compared else None,
-        positions=position_histograms(pooled),
+        positions=position_histograms(pooled, workspace),
         level_share=level_share(pooled),
-        sphere=sphere_density(pooled.viewpoint),
-        moves=move_shares(recover_moves(pooled)) if staged else None,
+        sphere=sphere_density(pooled.viewpoint, workspace),
+        moves=move_shares(recover_moves(pooled, workspace)) if staged else None,
         predictability=predictability(pooled, classes),
     )
 

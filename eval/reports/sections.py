@@ -113,7 +113,7 @@ CAMERAS = Section(
                 draw=sphere,
                 heading="The sphere from above",
                 text=(
-                    "The middle is straight above the people, the rim level with them, in a projection that keeps "
+                    "The middle is straight above the people, 90° is level with them, in a projection that keeps "
                     "areas: an even disc means all directions alike. The stronger the blue, the more often; a few "
                     "cells lie beyond the scale."
                 ),

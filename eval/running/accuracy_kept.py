@@ -11,7 +11,7 @@ from eval.running.run import read_run
 from eval.scores.planner_summary import NO_ACT
 
 SAME = ("data_sha256", "recogniser_sha256", "sensor_sha256", "form", "readout")  # of both configurations
-TOLD = ("sensor", "views", "part", "starts", "seed", "length", "fps")  # of both conditions
+TOLD = ("sensor", "views", "part", "starts", "seed", "length", "fps", "world")  # of both conditions
 
 
 def read_ideal_run(directory: Path, config: RunConfig) -> Mapping[str, EpisodeRecords]:

@@ -61,19 +61,23 @@ def benchmark(
     specs, directory = listed(planners), None if out is None else Path(out)
     setting = load_setting(conditions)
     scenarios = cut_scenarios(setting.data, setting.sequences, conditions.length, reporter.note)
-    chosen, origins, model = choose_planners(specs, ModelPlace.of(setting), readout=readout, note=reporter.note)
+    choice = choose_planners(specs, ModelPlace.of(setting), readout=readout, note=reporter.note)
+    chosen, origins, model = choice
     config = run_config(
         setting,
         [planner_config(planner, origins.get(planner.name)) for planner in chosen],
         readout=readout,
         gain_model_sha256=None if model is None else model.sha256,
         ideal=None if ideal is None else Path(ideal),
+        lengths=choice.lengths,
     )
+    if config.length_note is not None:
+        reporter.note(f"warning: {config.length_note}")
     if directory is not None:
         check_out(directory, config.to_json())
     on_ideal = None if ideal is None else read_ideal_run(Path(ideal), config)
     belief = model.belief if model is not None and readout == "belief" else None
-    episodes = random_starts(scenarios, conditions.starts, conditions.seed)
+    episodes = random_starts(scenarios, conditions.starts, conditions.seed, setting.world)
     workload = Workload(setting.runner, episodes, belief)
     try:
         runs = run_planners(workload, chosen, workers=workers, reporter=reporter)

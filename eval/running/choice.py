@@ -12,16 +12,24 @@ from ehar.errors import ModelError, UsageError
 from ehar.planner import Planner
 from eval.scores.training_seeds import group_planners, record_name, split_record_name
 from planners.own_planner import Origin, check_planner_contract
-from planners.registry import check_spec, is_learned, needs_gain_model, planner_names, resolve_planner
+from planners.registry import (
+    check_spec,
+    is_learned,
+    needs_fixed_place,
+    needs_gain_model,
+    planner_names,
+    resolve_planner,
+)
 from recognition.setting import Setting
 
 if TYPE_CHECKING:
     from planners.agents.agent import Agent
+    from planners.place.storage import FixedPlace
     from planners.value.model import GainModel
 
 READOUTS = ("recogniser", "belief")
 _CAUSAL_FIELDS = "gain fields are trained for the causal recogniser"
-_CAUSAL_AGENTS = "agents are trained for the causal recogniser"
+_CAUSAL_PLACES = "fixed places are fitted for the causal recogniser"
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +72,21 @@ class ModelPlace:
             raise ModelError(self._no_gain_field)
         return load_gain_model(self.conditions, self.data, self.recogniser_sha256)
 
+    def load_fixed_place(self) -> "FixedPlace":
+        """Return the place of `fixed-best`.
+
+        Raises:
+            ModelError: there is none, or it belongs to another recogniser.
+        """
+        from planners.place.storage import load_fixed_place
+
+        if self.conditions.form != "causal":
+            raise ModelError(f"{_CAUSAL_PLACES}, and this is {self.form}")
+        if self._untrained:
+            what = f"that of {self._training('fixed-best')}"
+            raise ModelError(f"no fixed place was fitted for this recogniser: expected {what}")
+        return load_fixed_place(self.conditions, self.data, self.recogniser_sha256)
+
     def load_agent(self, spec: str) -> "Agent":
         """Return one training of a learned planner, `il-ppo/0`; of `il-ppo` alone the first, by that name.
 
@@ -72,8 +95,6 @@ class ModelPlace:
         """
         from planners.agents.storage import load_agent  # brings torch
 
-        if self.conditions.form != "causal":
-            raise ModelError(f"planner {spec!r}: {_CAUSAL_AGENTS}, and this is {self.form}")
         if self._untrained:
             raise ModelError(f"planner {spec!r}: {self._no_agent}")
         name, seed = split_record_name(spec)
@@ -109,10 +130,21 @@ class ModelPlace:
             return str(error)
         return None
 
+    def reason_for_no_fixed_place(self) -> str | None:
+        """Return why there can be no place for `fixed-best` here, and what to do about it; None where there is one."""
+        from planners.place.storage import SHIPPED, fixed_place_path
+
+        path = fixed_place_path(self.models or SHIPPED / self.data.name, self.conditions)
+        if self.conditions.form == "causal" and self.conditions.recogniser is None and path.is_file():
+            return None  # if it is another recogniser's, that is an error
+        try:
+            self.load_fixed_place()
+        except ModelError as error:
+            return str(error)
+        return None
+
     def reason_for_no_agent(self, name: str) -> str | None:
         """Return why a learned planner cannot run here, and what to do about it; None where it can."""
-        if self.conditions.form != "causal":
-            return f"{_CAUSAL_AGENTS}, and this is {self.form}"
         seeds = self.seeds(name)
         if not seeds:
             return self._no_agent
@@ -171,6 +203,14 @@ class Choice(NamedTuple):
     origins: dict[str, Origin]
     model: "GainModel | None" = None
 
+    @property
+    def lengths(self) -> dict[str, int | None]:
+        """The number of frames of an episode in the training of the gain field and of each agent."""
+        trained = {
+            planner.name: getattr(planner, "length", None) for planner in self.planners if _learned(planner.name)
+        }
+        return trained if self.model is None else {"gain field": self.model.length, **trained}
+
 
 def choose_planners(
     planners: Sequence[str | Planner] | None, place: ModelPlace, *, readout: str, note: Callable[[str], None]
@@ -204,6 +244,8 @@ def _those_that_can(place: ModelPlace, note: Callable[[str], None]) -> list[str]
         reason = None
         if needs_gain_model(name):
             reason = place.reason_for_no_gain_model()
+        elif needs_fixed_place(name):
+            reason = place.reason_for_no_fixed_place()
         elif is_learned(name):
             reason = place.reason_for_no_agent(name)
         if reason is None:
@@ -224,13 +266,13 @@ def make_planners(
 
     Raises:
         UsageError: one cannot be made, there are none, or two share a name.
-        ModelError: an agent is missing, or belongs to another data set or recogniser.
+        ModelError: an agent or a fixed place is missing, or belongs to another data set or recogniser.
         DataError: a planner is named both with and without a training seed.
     """
     if place is not None:
         specs = [one for spec in specs for one in (place.expanded(str(spec)) if _learned(spec) else (spec,))]
-    load_agent = None if place is None else place.load_agent
-    made = [resolve_planner(spec, load_model, load_agent) for spec in specs]
+    load_agent, load_place = (None, None) if place is None else (place.load_agent, place.load_fixed_place)
+    made = [resolve_planner(spec, load_model, load_agent, load_place) for spec in specs]
     names = [planner.name for planner, _ in made]
     twice = sorted({name for name in names if names.count(name) > 1})
     if not names or twice:

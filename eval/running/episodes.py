@@ -11,7 +11,7 @@ from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios, windows
 from ehar.errors import DataError
 from ehar.rollout import Batch, noise_of
-from ehar.viewpoint import sample_starts
+from ehar.world import World
 
 # Episodes that run in lockstep; fixed, so that results do not depend on the number of workers. 128 are no faster,
 # and an oracle that forks each of them 7 ways then needs three times the memory (2.7 GB a worker instead of 0.9).
@@ -115,12 +115,12 @@ def cut_scenarios(data: MotionData, sequences: IntArray, length: int, note: Call
     return scenarios
 
 
-def random_starts(scenarios: Scenarios, starts: int, seed: int) -> Episodes:
-    """Return episodes from `starts` start viewpoints a scenario, uniform over the 250,000 of Sec. 5.1."""
+def random_starts(scenarios: Scenarios, starts: int, seed: int, world: World) -> Episodes:
+    """Return episodes from `starts` start viewpoints a scenario, uniform over those of the world."""
     count = len(scenarios)
-    return Episodes(scenarios, np.tile(np.arange(count), starts), draw_starts(starts * count, seed), seed)
+    return Episodes(scenarios, np.tile(np.arange(count), starts), draw_starts(starts * count, seed, world), seed)
 
 
-def draw_starts(count: int, seed: int) -> FloatArray:
-    """Return the start viewpoints of `count` episodes, (count, 3); they depend only on the count and the seed."""
-    return sample_starts(np.random.default_rng([seed, _STARTS]), count)
+def draw_starts(count: int, seed: int, world: World) -> FloatArray:
+    """Return the start viewpoints of `count` episodes, (count, 3); they depend on count, seed and world only."""
+    return world.sample_starts(np.random.default_rng([seed, _STARTS]), count)

@@ -139,7 +139,7 @@ def _join(planners: Sequence[Planner], done: dict[_Job, _Done]) -> dict[str, Pla
 def _run_chunk(workload: Workload, planner: Planner, chunk: int) -> _Done:
     """Run one planner over one chunk, and return its records."""
     episodes = workload.episodes.chunk(chunk)
-    motion = workload.runner.track.new_motion()
+    motion = workload.runner.new_motion()
     record = workload.roll(planner, workload.episodes.batch(chunk), chunk, motion)
     records = record_episodes(
         record,

@@ -1,5 +1,7 @@
 """Reports the progress of a run: a bar on a terminal, lines without one."""
 
+import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
@@ -82,23 +84,33 @@ class TrainingProgress:
     def __enter__(self) -> "TrainingProgress":
         """Draw the bar."""
         self._bar.start()
-        self._task = self._bar.add_task("training")
+        self._task = self._bar.add_task("training clips")
+        self._begun: tuple[float, int] | None = None  # the time and the clips at the first report
         return self
 
     def __exit__(self, *error: object) -> None:
         """Take the bar away."""
         self._bar.stop()
 
-    def report(self, step: int, steps: int, evaluation: "Evaluation | None") -> None:
-        """Advance to a step, and print the results of an evaluation."""
-        self._bar.update(self._task, completed=step, total=steps)
-        if evaluation is not None:
-            self._console.print(
-                f"step {step} of {steps}: training loss {evaluation.train_loss:.3f}, validation NLL "
-                f"{evaluation.nll:.3f}, accuracy {100 * evaluation.accuracy:.1f} %",
-                highlight=False,
-                soft_wrap=True,
+    def report(self, clips: int, expected: int, evaluations: "Sequence[Evaluation] | None") -> None:
+        """Advance to a number of clips, and print the last evaluation and what more clips would bring."""
+        from recognition.training.trainer import doubling_gain  # brings torch, which is there once training reports
+
+        if self._begun is None:
+            self._begun = (time.monotonic(), clips)
+        self._bar.update(self._task, completed=clips, total=expected)
+        if not evaluations:
+            return
+        last, gain = evaluations[-1], doubling_gain(evaluations)
+        line = f"{clips:,} clips: training loss {last.train_loss:.3f}, validation accuracy {100 * last.accuracy:.1f} %"
+        begun, before = self._begun
+        if gain is not None and clips > before:
+            minutes = (time.monotonic() - begun) / (clips - before) * clips / 60
+            line += (
+                f"; the last doubling gained {100 * gain:.1f} points, the next takes {minutes:.0f} min: "
+                f"at most {100 * gain / max(minutes, 1e-9):.2f} points a minute"
             )
+        self._console.print(line, highlight=False, soft_wrap=True)
 
 
 class StageProgress:

@@ -4,17 +4,23 @@ import shlex
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ehar.conditions import Conditions
 from ehar.errors import ModelError
 from ehar.files import read_json
 from ehar.processes import cores
-from planners.agents.config import AgentTrainingConfig, Scale
+from planners.agents.config import PAPER_FORM, AgentTrainingConfig, Scale
+from planners.place.config import FixedBestConfig
 from planners.value.config import GainTrainingConfig
 from recognition.setting import load_motion_of, load_setting
-from recognition.training.config import TrainingConfig
+from recognition.training.config import PUBLISHED_BATCH, TrainingConfig
 
 PAPER_CLIPS = 200_000  # about as many as 32 views of each training scenario of ExPI (Sec. 4.2 and 5.1)
+
+if TYPE_CHECKING:
+    from ehar.planner import Planner
+    from planners.value.model import GainModel
 
 
 @dataclass(frozen=True)
@@ -56,7 +62,7 @@ class TrainAllConfig:
         conditions: conditions of all trainings.
         out: folder to write to.
         seeds: number of training seeds; each trains separate agents.
-        setting: quick, for 2 CPU cores; paper, as published, for a GPU.
+        setting: quick, for 2 CPU cores; paper, as published, for a GPU: it takes --views paper, and trains no field.
         workers: number of processes; results do not depend on it.
         device: device of the recogniser's and of PPO's network: cpu or cuda.
     """
@@ -69,15 +75,21 @@ class TrainAllConfig:
     device: str = "cpu"
 
     @property
+    def told(self) -> Conditions:
+        """The conditions of every training; in the paper setting, with the published form."""
+        return self.conditions if self.setting == "quick" else replace(self.conditions, form=PAPER_FORM)
+
+    @property
     def with_models(self) -> Conditions:
-        """The conditions with the weights that are trained here."""
-        return replace(self.conditions, models=self.out)
+        """These conditions with the weights that are trained here."""
+        return replace(self.told, models=self.out)
 
     @property
     def benchmark_options(self) -> str:
         """The options of a benchmark under these conditions, without those that equal its defaults."""
         usual, told = Conditions(), self.with_models
-        options = {name: getattr(told, name) for name in ("data", "models", "sensor", "views", "length", "fps")}
+        options = {name: getattr(told, name) for name in ("data", "models", "sensor", "views", "form", "length", "fps")}
+        options["world"] = told.world_name
         said = (name for name in options if name in ("data", "models") or options[name] != getattr(usual, name))
         return " ".join(f"--{name} {shlex.quote(str(options[name]))}" for name in said)
 
@@ -85,9 +97,11 @@ class TrainAllConfig:
     def recogniser(self) -> TrainingConfig:
         """The configuration of the recogniser's training."""
         return TrainingConfig(
-            conditions=self.conditions,
+            conditions=self.told,
             out=self.out,
             size="small" if self.setting == "quick" else "published",
+            optimiser="adamw" if self.setting == "quick" else "published",
+            batch=TrainingConfig.batch if self.setting == "quick" else PUBLISHED_BATCH,
             clips=TrainingConfig.clips if self.setting == "quick" else PAPER_CLIPS,
             device=self.device,
         )
@@ -96,6 +110,11 @@ class TrainAllConfig:
     def gain_field(self) -> GainTrainingConfig:
         """The configuration of the gain field's training."""
         return GainTrainingConfig(conditions=self.with_models, workers=self.workers)
+
+    @property
+    def fixed_best(self) -> FixedBestConfig:
+        """The configuration of the fit of `fixed-best`."""
+        return FixedBestConfig(conditions=self.with_models, workers=self.workers)
 
     @property
     def agents(self) -> AgentTrainingConfig:
@@ -116,27 +135,51 @@ def train_recogniser(config: TrainingConfig) -> Trained:
     from recognition.training import trainer
 
     with TrainingProgress() as progress:
-        best = trainer.train_recogniser(config, progress.report)
-    line = (
-        f"best at step {best.step}: validation accuracy {100 * best.accuracy:.1f} % (mean over frames), "
-        f"NLL {best.nll:.3f}; written to {config.out}"
+        outcome = trainer.train_recogniser(config, progress.report)
+    best = outcome.best
+    lines = (
+        f"best after {best.clips:,} clips: validation accuracy {100 * best.accuracy:.1f} % (mean over frames), "
+        f"NLL {best.nll:.3f}; written to {config.out}",
+        f"{'warning: ' * outcome.cut_short}{outcome.reason}",
     )
-    return Trained((recogniser_path(config.out, config.conditions),), (line,))
+    return Trained((recogniser_path(config.out, config.conditions),), lines)
 
 
 def train_gain_field(config: GainTrainingConfig) -> Trained:
     """Train gain fields and belief, with bars on standard error; goes on where a stopped run left off."""
     from eval.running.progress import StageProgress  # these bring rich and torch, which `ehar --help` does not need
+    from planners.registry import make_planner
     from planners.value import training
 
+    def lead(model: "GainModel") -> "Planner":
+        return make_planner("nbv-search", lambda: model)
+
     with StageProgress() as progress:
-        result = training.train_gain_field(config, progress.report)
+        result = training.train_gain_field(config, lead, progress.report, progress.note)
     lines = [
-        f"{name}: explains {100 * fit.explained:.1f} % of what paths gain; the path it picks gains "
-        f"{100 * fit.chosen_gain:.2f} % in probability, of {100 * fit.best_gain:.2f} % in hindsight"
+        f"{name}: explains {100 * fit.scores.explained:.1f} % of what paths gain; the path it picks gains "
+        f"{100 * fit.scores.chosen_gain:.2f} % in probability, of {100 * fit.scores.best_gain:.2f} % in hindsight"
         for name, fit in result.fits.items()
     ]
-    return Trained((result.path,), (*lines, f"in cross-validation over sequences; written to {result.path}"))
+    before, after = (100 * scores.chosen_gain for scores in result.second_round)
+    lines.append(
+        f"in cross-validation; where nbv-search gets to, on unseen people, {before:.2f} % before the second round and "
+        f"{after:.2f} % after it; written to {result.path}"
+    )
+    return Trained((result.path,), (*lines, f"{'warning: ' * result.cut_short}{result.reason}"))
+
+
+def train_fixed_best(config: FixedBestConfig) -> Trained:
+    """Find the place of `fixed-best`, with a bar on standard error; goes on where a stopped run left off."""
+    from eval.running.progress import StageProgress  # these bring rich and torch, which `ehar --help` does not need
+    from planners.place import fit
+
+    with StageProgress() as progress:
+        result = fit.fit_fixed_best(config, progress.report)
+    best, worst = result.tried[0], result.tried[-1]
+    found = f"the best of {len(result.tried)} places: {best.place}"
+    accuracy = f"accuracy {100 * best.accuracy:.1f} % (mean over frames), {100 * worst.accuracy:.1f} % at the worst"
+    return Trained((result.path,), (found, f"{accuracy}, on the {result.part} part; written to {result.path}"))
 
 
 def train_agents(config: AgentTrainingConfig) -> Trained:
@@ -151,21 +194,25 @@ def train_agents(config: AgentTrainingConfig) -> Trained:
 
 
 def train_all(config: TrainAllConfig) -> Trained:
-    """Train recogniser, gain field and the four agents; finished parts are kept, and stopped parts go on.
+    """Train recogniser, gain field, fixed-best and the four agents; finished parts are kept, and stopped parts go on.
 
     Raises:
         EharError: a training raised it, or an option of the agents is wrong, which is checked before anything begins.
     """
     config.agents.check()
-    stages: tuple[tuple[str, Callable[[TrainAllConfig], bool], Callable[[], Trained]], ...] = (
+    agents = " and ".join(", ".join(config.agents.stage_names).rsplit(", ", 1))
+    stages: list[tuple[str, Callable[[TrainAllConfig], bool], Callable[[], Trained]]] = [
         ("the recogniser", has_recogniser, lambda: train_recogniser(config.recogniser)),
         ("the gain field", has_gain_field, lambda: train_gain_field(config.gain_field)),
-        ("the agents il, ppo, il-ppo and dagger", lambda _: False, lambda: train_agents(config.agents)),
-    )
+        ("the place of fixed-best", has_fixed_best, lambda: train_fixed_best(config.fixed_best)),
+        (f"the agents {agents}", lambda _: False, lambda: train_agents(config.agents)),
+    ]
+    if config.setting == "paper":
+        del stages[1:3]  # gain fields and places are for the causal form, and no part of the paper
     paths: list[Path] = []
     for number, (name, is_there, train) in enumerate(stages, 1):
         kept = is_there(config)
-        print(f"{number} of 3: {name}{f' in {config.out} is kept' * kept}", flush=True)
+        print(f"{number} of {len(stages)}: {name}{f' in {config.out} is kept' * kept}", flush=True)
         if not kept:
             paths += train().paths
     return Trained(tuple(paths), (f"next: ehar benchmark {config.benchmark_options}",))
@@ -179,11 +226,11 @@ def has_recogniser(config: TrainAllConfig) -> bool:
     """
     from recognition.storage import load_recogniser, recogniser_path
 
-    path = recogniser_path(config.out, config.conditions)
+    path = recogniser_path(config.out, config.told)
     description = path.with_suffix(".json")
     if not (path.is_file() and description.is_file()):
         return False
-    data = load_motion_of(config.conditions)
+    data = load_motion_of(config.told)
     load_recogniser(config.with_models, data)
     # Added recordings may leave classes and joints unchanged, but then other sequences are held out for the test.
     run = read_json(description, _Trained, "a recogniser", unknown=True, defaults=True, wrong=ModelError).training.run
@@ -199,6 +246,18 @@ def has_recogniser(config: TrainAllConfig) -> bool:
             f"{description}: got a recogniser of size {run.size}, expected {wanted}, as --setting paper trains it: "
             "remove it to train again, or choose another --out"
         )
+    return True
+
+
+def has_fixed_best(config: TrainAllConfig) -> bool:
+    """Return whether there is a place of fixed-best for the recogniser; the place for another one is found anew."""
+    from planners.place.storage import load_fixed_place
+
+    setting = load_setting(config.with_models)
+    try:
+        load_fixed_place(setting.conditions, setting.data, setting.recogniser_sha256)
+    except ModelError:
+        return False
     return True
 
 

@@ -9,18 +9,7 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.errors import DataError
-from ehar.viewpoint import (
-    ANGLE_STEP,
-    AZIMUTH,
-    AZIMUTH_CELLS,
-    DISTANCE,
-    DISTANCE_STEP,
-    MOVES,
-    POLAR,
-    from_cells,
-    to_cells,
-    wrap_difference,
-)
+from ehar.viewpoint import AZIMUTH, DISTANCE, MOVES, POLAR, Workspace, wrap_difference
 from eval.records.episodes import EpisodeRecords
 
 STAGES = ("whole episode", "first third", "second third", "last third")
@@ -28,7 +17,7 @@ LEVEL_FROM = 85.0  # polar angle [deg], Sec. 5.2: from here the paper's agent is
 SPHERE_CELLS = 30  # on each side of the plane that shows cameras from above
 ON_GRID = 1e-4  # [m] or [rad]; records are rounded to 6 decimals
 
-_DEGREE_STEP = float(np.degrees(ANGLE_STEP))
+BINS = (20, 20, 13)  # about so many bins of distance, azimuth and polar angle
 
 
 class Axis(NamedTuple):
@@ -40,26 +29,36 @@ class Axis(NamedTuple):
         column: its index in a viewpoint.
         edges: edges of the bins, in that unit, halfway between cells of the grid. All bins of an axis hold the same
             number of cells: bins of 5 degrees would hold one or two, and the histogram would show it.
+        bounds: least and greatest value that a camera may have.
     """
 
     name: str
     unit: str
     column: int
     edges: FloatArray
+    bounds: tuple[float, float]
 
 
-def _edges(cells: int, each: int, step: float, low: float) -> FloatArray:
-    """Return edges around cells 0 to `cells` - 1, `each` to a bin; those left over go into the last one."""
+def axes_of(workspace: Workspace) -> tuple[Axis, Axis, Axis]:
+    """Return the axes of a workspace; in the paper's, the last of 20 bins of the distance holds 6 cells."""
+    turn = float(np.degrees(workspace.angle_step))
+    deep = (workspace.distance_min, workspace.distance_max)
+    down = (float(np.degrees(workspace.polar_min)), float(np.degrees(workspace.polar_max)))
+    return (
+        Axis("distance", "m", DISTANCE, _edges(workspace, DISTANCE, workspace.distance_step, deep), deep),
+        Axis("azimuth", "deg", AZIMUTH, _edges(workspace, AZIMUTH, turn, (0.0, 0.0)), (0.0, 360.0)),
+        Axis("polar angle", "deg", POLAR, _edges(workspace, POLAR, turn, down), down),
+    )
+
+
+def _edges(workspace: Workspace, axis: int, step: float, bounds: tuple[float, float]) -> FloatArray:
+    """Return edges around the cells of an axis, the same number to a bin; those left over go into the last one."""
+    cells = workspace.cells[axis]
+    each = max(1, cells // BINS[axis])
     inner = np.arange(0, cells - each + 1, each)
-    edges: FloatArray = low + step * (np.append(inner, cells) - 0.5)
+    edges: FloatArray = bounds[0] + step * (np.append(inner, cells) - 0.5)
+    edges[-1] = max(edges[-1], bounds[1])  # a vehicle may be beyond the last cell
     return edges
-
-
-AXES = (
-    Axis("distance", "m", DISTANCE, _edges(101, 5, DISTANCE_STEP, 5.0)),  # the last of 20 bins holds 6 cells
-    Axis("azimuth", "deg", AZIMUTH, _edges(AZIMUTH_CELLS, 5, _DEGREE_STEP, 0.0)),
-    Axis("polar angle", "deg", POLAR, _edges(26, 2, _DEGREE_STEP, 0.0)),
-)
 
 
 class PositionHistogram(NamedTuple):
@@ -84,10 +83,10 @@ class PositionHistogram(NamedTuple):
         return float(0.5 * np.abs(self.density * width - width / width.sum()).sum())
 
 
-def position_histograms(episodes: EpisodeRecords) -> tuple[PositionHistogram, ...]:
+def position_histograms(episodes: EpisodeRecords, workspace: Workspace) -> tuple[PositionHistogram, ...]:
     """Return the histograms of distance [m], azimuth [deg] and polar angle [deg] over all frames (Fig. 6)."""
     histograms = []
-    for axis in AXES:
+    for axis in axes_of(workspace):
         values = episodes.viewpoint[..., axis.column].ravel()
         shown = np.degrees(values) if axis.unit == "deg" else values
         turns = axis.column == AZIMUTH
@@ -107,10 +106,11 @@ def level_share(episodes: EpisodeRecords) -> float:
 class SphereDensity(NamedTuple):
     """The density of cameras on the upper half of the sphere, seen from above in an equal-area projection.
 
-    Cameras that are equally often in all directions give an even disc.
+    Cameras that are equally often in all directions give an even disc. If cameras may be below the people, the disc
+    reaches as far down as they may.
 
     Args:
-        edges: (31,) edges of the cells, the same along both axes, -1 to 1.
+        edges: (31,) edges of the cells, the same along both axes, from minus the disc's radius to plus.
         times_even: (30, 30), rows along y: the density relative to an even disc; NaN outside the disc.
     """
 
@@ -130,18 +130,19 @@ def from_above(viewpoint: FloatArray) -> FloatArray:
     return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth)], axis=-1)
 
 
-def sphere_density(viewpoint: FloatArray) -> SphereDensity:
+def sphere_density(viewpoint: FloatArray, workspace: Workspace) -> SphereDensity:
     """Return the density over all viewpoints (..., 3), at any distance."""
-    points = np.clip(from_above(viewpoint).reshape(-1, 2), -1, 1)
-    edges = np.linspace(-1, 1, SPHERE_CELLS + 1)
+    rim = max(1.0, float(np.sqrt(2) * np.sin(workspace.polar_max / 2)))
+    points = np.clip(from_above(viewpoint).reshape(-1, 2), -rim, rim)
+    edges = np.linspace(-rim, rim, SPHERE_CELLS + 1)
     counts, _, _ = np.histogram2d(points[:, 1], points[:, 0], bins=(edges, edges))
     even = (2 / SPHERE_CELLS) ** 2 / np.pi * len(points)  # frames of a cell in an even disc
     nearest = np.clip(0.0, edges[:-1], edges[1:])  # the point of each cell that is nearest to the middle
-    outside = np.hypot(nearest[:, None], nearest) >= 1
+    outside = np.hypot(nearest[:, None], nearest) >= rim
     return SphereDensity(edges, np.where(outside & (counts == 0), np.nan, counts / even))
 
 
-def recover_moves(episodes: EpisodeRecords) -> IntArray:
+def recover_moves(episodes: EpisodeRecords, workspace: Workspace) -> IntArray:
     """Return the moves between consecutive frames, (N, L - 1) indices into `ehar.viewpoint.MOVES`.
 
     These are the moves that the camera made: an action that would have led out of the workspace counts as hovering.
@@ -152,13 +153,14 @@ def recover_moves(episodes: EpisodeRecords) -> IntArray:
     if episodes.flight is not None:
         raise DataError("moves: expected a run on the ideal track, got flights, which have no moves")
     viewpoint = episodes.viewpoint
-    cells = to_cells(viewpoint)
-    error = viewpoint - from_cells(cells)
+    cells = workspace.to_cells(viewpoint)
+    error = viewpoint - workspace.from_cells(cells)
     error[..., AZIMUTH] = wrap_difference(error[..., AZIMUTH])
     on_grid: BoolArray = np.abs(error).max(axis=-1) <= ON_GRID
     _check(on_grid, episodes, "a camera on the grid")
     change = np.diff(cells, axis=1)
-    change[..., AZIMUTH] = (change[..., AZIMUTH] + AZIMUTH_CELLS // 2) % AZIMUTH_CELLS - AZIMUTH_CELLS // 2
+    turn = workspace.cells[AZIMUTH]
+    change[..., AZIMUTH] = (change[..., AZIMUTH] + turn // 2) % turn - turn // 2
     matches = (change[..., None, :] == MOVES).all(axis=-1)
     _check(matches.any(axis=-1), episodes, "one of the 7 moves to the next frame")
     moves: IntArray = matches.argmax(axis=-1)

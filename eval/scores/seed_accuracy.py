@@ -10,7 +10,15 @@ from eval.records.episodes import EpisodeRecords, join_records
 from eval.scores.metrics import acc_at, mean_acc
 from eval.scores.training_seeds import group_planners
 
-TABLE_3 = ("il-ppo-no-recognition", "il-ppo-no-vision", "il-ppo-no-position", "il-ppo")  # w/o f^A, f^V, f^P; ours
+TABLE_3 = (  # the paper's rows: without the embeddings of f^A, without f^V, without f^P, with everything
+    "il-ppo-no-embedding",
+    "il-ppo-no-log-probs",  # what f^A is told here beside embeddings, one by one, and all of f^A's inputs
+    "il-ppo-no-time",
+    "il-ppo-no-recognition",
+    "il-ppo-no-vision",
+    "il-ppo-no-position",
+    "il-ppo",
+)
 TABLE_3_AT = (10, 50, 100)  # the observation ratios of Table 3 [%]
 
 
@@ -28,7 +36,7 @@ class SeedAccuracy:
     Args:
         name: name of the planner.
         seeds: number of trainings.
-        acc: accuracy [%] after 10, 50 and 100 % of the frames.
+        acc: accuracy [%] after some shares of the frames, by percent.
         acc_mean: accuracy [%], the mean over all frames.
     """
 
@@ -48,12 +56,12 @@ def pool_seeds(records: Mapping[str, EpisodeRecords]) -> dict[str, EpisodeRecord
     return {name: join_records(seeds) for name, seeds in seeds_of(records).items()}
 
 
-def accuracy_over_seeds(name: str, seeds: Sequence[EpisodeRecords]) -> SeedAccuracy:
-    """Return the mean and the standard deviation of the accuracies that trainings reached."""
+def accuracy_over_seeds(name: str, seeds: Sequence[EpisodeRecords], at: Sequence[int] = TABLE_3_AT) -> SeedAccuracy:
+    """Return mean and standard deviation of the accuracies that trainings reached, after `at` % of the frames."""
     return SeedAccuracy(
         name=name,
         seeds=len(seeds),
-        acc={str(percent): _spread([acc_at(run.correct, percent) for run in seeds]) for percent in TABLE_3_AT},
+        acc={str(percent): _spread([acc_at(run.correct, percent) for run in seeds]) for percent in at},
         acc_mean=_spread([float(mean_acc(run.correct).mean()) for run in seeds]),
     )
 

@@ -51,7 +51,7 @@ class Summary:
         """The title of tables: the conditions, except some that have their usual value."""
         config, told = self.config, self.config.conditions
         return (
-            f"{config.data}: sensor {told.sensor}, views {told.views}, track {told.track}, "
+            f"{config.data}: sensor {told.sensor}, views {told.views}, track {told.track}{config.in_world}, "
             f"{'' if config.form == 'causal' else f'recogniser {config.form}, '}"
             f"{'' if config.readout == 'recogniser' else f'readout {config.readout}, '}"
             f"{'' if told.part == TEST else f'{told.part} part, '}"
@@ -79,9 +79,13 @@ class Summary:
         """Return the table of the planners and, if they exist, the tables of differences and of the paper's rows."""
         from eval.scores.summary_table import basis_lines, summary_tables  # imported here: it brings rich
 
-        return summary_tables(
+        tables = summary_tables(
             self.title, self.config.data, self.planners, self.differences, basis_lines(self.basis, self.no_intervals)
         )
+        note = self.config.length_note
+        if note is not None:
+            tables[0] = tables[0]._replace(footnotes=(f"Warning: {note}.", *tables[0].footnotes))
+        return tables
 
     def __repr__(self) -> str:
         """Return a line: who was compared, on what, over how many episodes."""

@@ -17,7 +17,14 @@ from ehar.files import write_text
 from eval.render.tables import Table
 from eval.speed.effort import DATA, WORKERS, Effort
 from eval.speed.planning import time_ppo, time_ruckig, time_solves
-from eval.speed.recognition import compare_forms, frame_ratios, streaming_recogniser, time_recogniser, time_world
+from eval.speed.recognition import (
+    compare_forms,
+    frame_ratios,
+    streaming_recogniser,
+    time_recogniser,
+    time_training,
+    time_world,
+)
 from eval.speed.report import time_report
 
 
@@ -62,6 +69,7 @@ def bench(out: str | Path, effort: Effort | None = None, report: str | Path | No
         late_over_early_frame: the streaming recogniser's time for the last frame divided by that for the 5th.
         refresh_over_plain_frame: its time for a frame that refreshes the topologies divided by that for another frame.
         recognised_frames_per_s: frames of `WORKERS` processes together, from sensing to calibrated probabilities.
+        training_clips_per_s: clips that the training of a recogniser takes in, with `WORKERS` threads.
         world_frames_per_s: frames of `WORKERS` processes together that only move cameras and sense.
         nbv_solve_ms_median, nbv_solve_ms_p95: one solve at the default horizon, over plans on the grid and plans of a
             PX4 in mission mode.
@@ -83,6 +91,7 @@ def bench(out: str | Path, effort: Effort | None = None, report: str | Path | No
         frame_seconds = np.stack([future.result() for future in recognised])
         moved = [pool.submit(time_world, data, effort) for _ in range(WORKERS)]
         world_rate = sum(effort.cameras / future.result() for future in moved)
+        trained = pool.submit(time_training, data, effort).result()
         solves = pool.submit(time_solves, data, effort).result()
         ruckig_seconds = pool.submit(time_ruckig, effort).result()
     figures = {
@@ -90,6 +99,7 @@ def bench(out: str | Path, effort: Effort | None = None, report: str | Path | No
         **{f"{name}_published_widths": ratio for name, ratio in wide._asdict().items()},
         **frame_ratios(frame_seconds.mean(axis=0)),
         "recognised_frames_per_s": float((effort.episodes * effort.length / frame_seconds.sum(axis=1)).sum()),
+        "training_clips_per_s": trained,
         "world_frames_per_s": world_rate,
         **solves,
         "ruckig_us_per_call": 1e6 * ruckig_seconds,

@@ -19,6 +19,7 @@ class Effort:
         cameras: cameras that move and sense together when the world is measured alone.
         flights: flights that Ruckig plans at once.
         plans: plans on each track, 15 in a row, each from the one before it.
+        clips: clips that a recogniser is trained on.
         rollouts: rollouts of PPO that are timed, after one that is not timed.
     """
 
@@ -30,4 +31,5 @@ class Effort:
     cameras: int = 2048
     flights: int = 5000
     plans: int = 600
+    clips: int = 640
     rollouts: int = 4

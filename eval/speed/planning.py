@@ -17,7 +17,7 @@ from ehar.flight.time_optimal import TimeOptimal
 from ehar.flight.vehicle import VEHICLES
 from ehar.planner import Context
 from ehar.sensors.perfect import PerfectSensor
-from ehar.viewpoint import Workspace, sample_starts
+from ehar.world import PAPER
 from eval.speed.effort import WORKERS, Effort
 from eval.speed.recognition import streaming_recogniser
 from planners.agents.config import PPOSetting
@@ -50,12 +50,12 @@ def time_solves(data: MotionData, effort: Effort) -> dict[str, float]:
             frame_time=1 / data.fps,
             class_names=data.class_names,
             skeleton=data.skeleton,
-            workspace=Workspace(),
+            workspace=PAPER.workspace,
             track="ideal" if vehicle is None else vehicle.name,
             rng=rng,
             vehicle=vehicle,
         )
-        limits = camera_limits(context, sample_starts(rng, 1)[0], node_time)
+        limits = camera_limits(context, PAPER.sample_starts(rng, 1)[0], node_time)
         in_a_row = min(15, effort.plans)
         statistics = measure_solves(
             rng,
@@ -91,12 +91,12 @@ def measure_solves(
     solver.statistics = SolverStatistics()
     horizon = solver.horizon
     gain_weights = np.full(horizon, 1 / horizon)
-    for start in sample_starts(rng, episodes):
+    for start in PAPER.sample_starts(rng, episodes):
         state, previous = (start, np.zeros(3), np.zeros(3)), None
         field = rng.normal(size=BASIS_SIZE)
         for _ in range(plans):
-            task = TrajectoryTask(*state, field, gain_weights, EFFORT_WEIGHT, node_time, limits, Workspace())
-            previous = solver.solve_best(task, sample_starts(rng, 16), previous, node_time)
+            task = TrajectoryTask(*state, field, gain_weights, EFFORT_WEIGHT, node_time, limits, PAPER.workspace)
+            previous = solver.solve_best(task, PAPER.sample_starts(rng, 16), previous, node_time)
             position, velocity, acceleration, _ = previous.trajectory
             state = (position[1], velocity[1], acceleration[1])
             change = np.sqrt(1 - FIELD_MEMORY**2)
@@ -107,7 +107,7 @@ def measure_solves(
 def time_ruckig(effort: Effort) -> float:
     """Return the seconds of one of Ruckig's calculations, between states and limits as flights meet them; median."""
     rng, flights = np.random.default_rng(0), effort.flights
-    viewpoint, target = sample_starts(rng, flights), sample_starts(rng, flights)
+    viewpoint, target = PAPER.sample_starts(rng, flights), PAPER.sample_starts(rng, flights)
     per_axis = PACE * np.stack([np.ones(flights), 1 / viewpoint[:, 0], 1 / viewpoint[:, 0]], axis=1)
     velocity, acceleration = per_axis * rng.uniform(-1, 1, (2, flights, 3))
     state = SphericalState(

@@ -2,6 +2,8 @@
 
 import time
 from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,8 +17,8 @@ from ehar.motion import GridMotion
 from ehar.recogniser import Recogniser
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import Sensed, SensorNoise, draw_noise
-from ehar.viewpoint import sample_starts
-from eval.speed.effort import Effort
+from ehar.world import PAPER
+from eval.speed.effort import WORKERS, Effort
 from eval.speed.flops import count_flops
 from recognition.calibration import Temperature
 from recognition.networks.causal import CausalCTRGCN
@@ -25,6 +27,8 @@ from recognition.networks.sizes import Size
 from recognition.networks.spec import NetworkSpec
 from recognition.storage import load_recogniser
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
+from recognition.training.config import TrainingConfig
+from recognition.training.trainer import train_recogniser
 
 EARLY = 5  # the frame, counted from 1, that the last one is compared with
 
@@ -96,6 +100,17 @@ def streaming_recogniser(data: MotionData) -> tuple[Recogniser, bool]:
         return _untrained(data, "causal", "small", Effort.length), False
 
 
+def time_training(data: MotionData, effort: Effort) -> float:
+    """Return how many clips a second a recogniser's training takes in, as `WORKERS` threads of this process."""
+    times: list[float] = []
+    with TemporaryDirectory() as folder:
+        conditions = Conditions(data=data, sensor="estimator", length=effort.length)
+        config = TrainingConfig(conditions=conditions, out=Path(folder), clips=effort.clips, threads=WORKERS)
+        train_recogniser(config, lambda clips, expected, evaluations: times.append(time.perf_counter()))
+    steps = np.diff(times[:-1])  # the last step is followed by an evaluation
+    return config.batch / float(np.median(steps))
+
+
 def frame_ratios(seconds: FloatArray) -> dict[str, float]:
     """Return ratios of the seconds of frames (L,), without the first frame, which has no predecessor."""
     refresh = np.array([refreshes(count) for count in range(1, len(seconds) + 1)])
@@ -120,4 +135,4 @@ def _episodes(data: MotionData, episodes: int, length: int) -> tuple[FloatArray,
     scenarios = windows(data, np.arange(len(data.labels)), length, length)
     positions = scenarios.positions(np.arange(episodes) % len(scenarios))
     persons, joints = positions.shape[2:4]
-    return positions, sample_starts(rng, episodes), draw_noise(rng, (episodes, length), persons, joints)
+    return positions, PAPER.sample_starts(rng, episodes), draw_noise(rng, (episodes, length), persons, joints)

@@ -100,12 +100,17 @@ def ablation(
     together = [NoAct(), nbv, *(planner for planners in chosen.values() for planner in planners), Oracle()]
     flying = [NextBestView(model=model, name=track.name) for track in flown]
     config = run_config(
-        setting, [planner_config(planner) for planner in (*together, *flying)], gain_model_sha256=model.sha256
+        setting,
+        [planner_config(planner) for planner in (*together, *flying)],
+        gain_model_sha256=model.sha256,
+        lengths={"gain field": model.length},
     )
+    if config.length_note is not None:
+        reporter.note(f"warning: {config.length_note}")
     written = {**config.to_json(), "groups": list(groups), "tracks": names[1:]}
     if out is not None:
         check_out(Path(out), written)
-    episodes = random_starts(scenarios, conditions.starts, conditions.seed)
+    episodes = random_starts(scenarios, conditions.starts, conditions.seed, setting.world)
     runs = run_planners(Workload(setting.runner, episodes), together, workers=workers, reporter=reporter)
     for track, planner in zip(flown, flying, strict=True):
         workload = Workload(replace(setting.runner, track=track), episodes)

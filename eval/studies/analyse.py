@@ -120,6 +120,7 @@ def _analysis(
 ) -> Analysis:
     shown = {name: run.episodes(name) for name in (*(NO_ACT,) * (NO_ACT in run.records), *chosen)}
     seeds = seeds_of(run.records)
+    workspace = run.config.world.workspace
     if run.flown:
         reporter.note(f"{run.directory}: a run on track {run.conditions.track} has no grid moves to analyse")
     return Analysis(
@@ -129,9 +130,10 @@ def _analysis(
         seed_accuracy=tuple(accuracy_over_seeds(name, seeds[name]) for name in TABLE_3 if name in seeds),
         predictable={name: predictability(records, len(names)) for name, records in shown.items()},
         positions={
-            name: Positions(position_histograms(records), level_share(records)) for name, records in shown.items()
+            name: Positions(position_histograms(records, workspace), level_share(records))
+            for name, records in shown.items()
         },
-        moves=None if run.flown else {name: move_shares(recover_moves(shown[name])) for name in chosen},
+        moves=None if run.flown else {name: move_shares(recover_moves(shown[name], workspace)) for name in chosen},
         states=None if states is None else _map(run, states, load, reporter),
     )
 

@@ -57,7 +57,7 @@ def draw_positions(histograms: Mapping[str, tuple[PositionHistogram, ...]], titl
         if axis.column in (AZIMUTH, POLAR):
             place.xaxis.set_major_locator(MultipleLocator(90 if axis.column == AZIMUTH else 15))
         else:
-            place.xaxis.set_major_locator(FixedLocator([5, 7.5, 10, 12.5, 15]))
+            place.xaxis.set_major_locator(FixedLocator(np.linspace(*axis.bounds, 5).tolist()))
         clean(place)
     figure.suptitle(title, fontsize=9.5, x=0.01, ha="left")
     figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=6, fontsize=9, frameon=False)

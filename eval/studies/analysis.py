@@ -1,6 +1,6 @@
 """The results of an analysis of a finished run, and their tables for the terminal and in Markdown."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,7 +30,7 @@ _OF_EPISODE = (
 
 RUN_KEYS = (  # keys of config.json that analysis.json repeats
     *("source", "data", "data_sha256", "models", "recogniser_sha256", "sensor", "views", "form", "track", "readout"),
-    *("part", "starts", "seed", "length", "fps"),
+    *("part", "starts", "seed", "length", "fps", "world"),
 )
 
 
@@ -137,7 +137,7 @@ def analysis_tables(analysis: Analysis) -> list[Table]:
     """Return the tables that fit into a terminal: tables with a row or a cell for each class are left out."""
     tables = [counts_table(analysis), positions_table(analysis)]
     if analysis.seed_accuracy:
-        tables.insert(0, seeds_table(analysis))
+        tables.insert(0, seeds_table(analysis.seed_accuracy))
     if analysis.moves is not None:
         tables.append(moves_table(analysis))
     if analysis.states is not None:
@@ -151,8 +151,9 @@ def analysis_markdown(analysis: Analysis) -> str:
         f"# {analysis.config.title}: {analysis.episodes} episodes of {analysis.config.conditions.length} frames\n"
     ]
     if analysis.seed_accuracy:
-        pieces.append(markdown(seeds_table(analysis)))
-    pieces += [markdown(table(analysis)) for table in (counts_table, classes_table, shares_table, positions_table)]
+        pieces.append(markdown(seeds_table(analysis.seed_accuracy)))
+    pieces.append(markdown(counts_table(analysis), classes_table(analysis.predictable, analysis.class_names)))
+    pieces += [markdown(table(analysis)) for table in (shares_table, positions_table)]
     pieces.append(f"![Where cameras were]({POSITIONS})\n")
     if analysis.moves is not None:
         pieces += [markdown(moves_table(analysis)), f"![Which moves were made]({MOVES_MADE})\n"]
@@ -161,14 +162,14 @@ def analysis_markdown(analysis: Analysis) -> str:
     return "\n".join(pieces)
 
 
-def seeds_table(analysis: Analysis) -> Table:
+def seeds_table(seed_accuracy: Sequence[SeedAccuracy]) -> Table:
     """Return Table 3: accuracies over training seeds."""
     return Table(
         title="Parts of the learned agent (Table 3): accuracy over training seeds",
         header=("planner", "seeds", *(f"acc@{percent}" for percent in TABLE_3_AT), "mean acc"),
         rows=tuple(
-            (row.name, str(row.seeds), *(_spread(row.acc[str(at)]) for at in TABLE_3_AT), _spread(row.acc_mean))
-            for row in analysis.seed_accuracy
+            (row.name, str(row.seeds), *(spread_text(row.acc[str(at)]) for at in TABLE_3_AT), spread_text(row.acc_mean))
+            for row in seed_accuracy
         ),
         footnotes=("Mean and standard deviation over training seeds, in percent.",),
     )
@@ -188,9 +189,8 @@ def counts_table(analysis: Analysis) -> Table:
     )
 
 
-def classes_table(analysis: Analysis) -> Table:
-    """Return Table 4: the classes at each level."""
-    names = analysis.class_names
+def classes_table(predictable: Mapping[str, Predictability], names: tuple[str, ...]) -> Table:
+    """Return Table 4: the classes at each level, by planner."""
     return Table(
         title="Passive and embodied predictability of activities (Table 4)",
         header=("planner", *_LEVEL_NAMES),
@@ -202,9 +202,30 @@ def classes_table(analysis: Analysis) -> Table:
                     for level in range(len(LEVELS))
                 ),
             )
-            for name, found in analysis.predictable.items()
+            for name, found in predictable.items()
         ),
         footnotes=(),
+    )
+
+
+def class_accuracy_table(predictable: Mapping[str, Predictability], names: tuple[str, ...]) -> Table:
+    """Return the accuracies that Table 4 rests on: of each class, by planner."""
+    held = next(iter(predictable.values())).class_level != NO_EPISODE
+    return Table(
+        title="Accuracy of each class after 10 / 50 / 100 % of the frames (behind Table 4), in percent",
+        header=("class", *(_perception(name) for name in predictable)),
+        rows=tuple(
+            (
+                name,
+                *(
+                    " / ".join(f"{100 * share:.0f}" for share in found.accuracy[label])
+                    for found in predictable.values()
+                ),
+            )
+            for label, name in enumerate(names)
+            if held[label]
+        ),
+        footnotes=(_OF_CLASS,),
     )
 
 
@@ -291,7 +312,8 @@ def _perception(name: str) -> str:
     return f"{name} ({'passive' if name == NO_ACT else 'embodied'})"
 
 
-def _spread(spread: Spread) -> str:
+def spread_text(spread: Spread) -> str:
+    """Return a mean and, with several trainings, its standard deviation."""
     return _mean_std(spread.mean, spread.std)
 
 

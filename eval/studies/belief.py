@@ -108,16 +108,22 @@ def belief_report(
     model = ModelPlace.of(setting).load_gain_model()
     planners: list[Planner] = [NoAct(), Random()]
     config = run_config(
-        setting, [planner_config(planner) for planner in planners], readout="belief", gain_model_sha256=model.sha256
+        setting,
+        [planner_config(planner) for planner in planners],
+        readout="belief",
+        gain_model_sha256=model.sha256,
+        lengths={"gain field": model.length},
     )
+    if config.length_note is not None:
+        reporter.note(f"warning: {config.length_note}")
     if out is not None:
         check_out(Path(out), config.to_json())
     length, starts, seed = conditions.length, conditions.starts, conditions.seed
-    tested = random_starts(cut_scenarios(motion, parts.test, length, reporter.note), starts, seed)
+    tested = random_starts(cut_scenarios(motion, parts.test, length, reporter.note), starts, seed, setting.world)
     policy = windows(motion, parts.policy, length, stride=length)
     if not len(policy):
         raise DataError(f"{motion.name}: expected policy sequences of at least {length} frames, got none")
-    trained = random_starts(policy, starts, seed)
+    trained = random_starts(policy, starts, seed, setting.world)
     reporter.begin(len(planners) * (tested.chunks + trained.chunks))
     try:
         test = {planner.name: run_rollouts(Workload(setting.runner, tested), planner, reporter) for planner in planners}
@@ -130,7 +136,7 @@ def belief_report(
         rows += [belief_row(name, "recogniser", rolled.log_probs, rolled.labels)]
         rows += [belief_row(name, "belief", believed, rolled.labels)]
     together = Rollouts(*(np.concatenate(arrays) for arrays in zip(*fitted, strict=True)))
-    ablation = ablate_belief(*together, np.random.default_rng(seed))
+    ablation = ablate_belief(*together, np.random.default_rng(seed), span=model.belief.span)
     report = BeliefReport(
         config=config,
         test=tuple(rows),
@@ -150,7 +156,7 @@ def run_rollouts(workload: Workload, planner: Planner, reporter: Reporter) -> Ro
     """Run a planner over all episodes, and keep the probabilities of all classes."""
     records, episodes = [], workload.episodes
     for chunk in range(episodes.chunks):
-        motion = workload.runner.track.new_motion()
+        motion = workload.runner.new_motion()
         records.append(workload.roll(planner, episodes.batch(chunk), chunk, motion))
         reporter.advance(planner.name)
     return Rollouts(

@@ -14,7 +14,7 @@ from eval.running.recorder import Recorder
 from eval.studies.explanation import Explanation
 from planners.registry import VALUING, make_planner, needs_gain_model
 from planners.value.view_value import ViewValue
-from recognition.setting import load_setting
+from recognition.setting import length_note, load_setting
 
 FIRST_MOMENT, LAST_MOMENT = 0.1, 0.9  # as shares of the episode
 
@@ -53,12 +53,15 @@ def explain(
         raise UsageError(f"frames: expected 1 to {length - 1} moments of episodes of {length} frames, got {frames}")
     setting = load_setting(conditions)
     model = ModelPlace.of(setting).load_gain_model()
+    note = length_note(length, {"recogniser": setting.trained_length, "gain field": model.length})
+    if note is not None:
+        reporter.note(f"warning: {note}")
     scenarios = cut_scenarios(setting.data, setting.sequences, length, reporter.note)
-    episodes = random_starts(scenarios, 1, conditions.seed)
+    episodes = random_starts(scenarios, 1, conditions.seed, setting.world)
     if not 0 <= episode < len(episodes):
         raise UsageError(f"episode: expected 0 to {len(episodes) - 1}, got {episode}")
     batch, runner = episodes.pick([episode]), setting.runner
-    motion = runner.track.new_motion()
+    motion = runner.new_motion()
     recorder = Recorder(make_planner(planner, lambda: model))
     record = runner.roll(recorder, batch, episodes.planner_rng(planner, episode // CHUNK), motion)
     value = ViewValue(model)
@@ -85,6 +88,7 @@ def explain(
         facing_std=np.array(facing_std),
         moments=moments(length, frames),
         workspace=motion.workspace,
+        span=value.span,
     )
     if out is not None:
         draw_explanation(explanation, Path(out))

@@ -21,6 +21,7 @@ from eval.studies.explanation import Explanation
 FORMATS = (".png", ".svg", ".pdf")
 NARROWEST = 10.0  # [inch], width of a picture, so that its titles have room
 MOST_CLASSES = 10  # classes with a bar
+LABELS = {0: "0° above", 30: "30°", 60: "60°", 90: "90° level"}  # of polar angles
 TURNS = (
     -360.0,
     0.0,
@@ -115,8 +116,9 @@ def _draw_maps(explanation: Explanation, axes: list[Any], colours: Any) -> None:
         place.set_xticks(range(0, 361, 90), [f"{angle}°" for angle in range(0, 361, 90)])
         place.set_xlabel("azimuth")
         place.tick_params(axis="x", pad=8 + 7 * explanation.facing.shape[1])
-        place.set_yticks([0, 30, 60, 90], [])
-    axes[0].set_yticks([0, 30, 60, 90], ["0° above", "30°", "60°", "90° level"])
+        place.set_yticks([angle for angle in LABELS if field.polar[0] <= angle <= field.polar[-1]], [])
+    shown = [angle for angle in LABELS if field.polar[0] <= angle <= field.polar[-1]]
+    axes[0].set_yticks(shown, [LABELS[angle] for angle in shown])
     axes[0].set_ylabel("polar angle")
     colours.figure.colorbar(mesh, cax=colours)
     colours.set_ylabel("gained probability [%]\nof looking from there, not here", fontsize=9)

@@ -9,7 +9,7 @@ from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.viewpoint import Workspace, wrap_azimuth
 from eval.render.field_map import gain_over_directions
 from eval.render.tables import Table
-from planners.value.view_basis import field_value
+from planners.value.view_basis import PAPER_RANGE, DistanceRange, field_value
 
 MAP_STEP = 2.0  # [deg] between neighbouring azimuths or polar angles of a map
 
@@ -42,6 +42,7 @@ class Explanation:
         facing_std: (L - 1, P) [rad], standard deviations of these azimuths.
         moments: the frames to show.
         workspace: workspace of the camera.
+        span: range of distances of the world.
     """
 
     title: str
@@ -58,6 +59,7 @@ class Explanation:
     facing_std: FloatArray
     moments: IntArray
     workspace: Workspace
+    span: DistanceRange = PAPER_RANGE
 
     @property
     def right(self) -> BoolArray:
@@ -83,7 +85,7 @@ class Explanation:
         azimuth = np.arange(0.0, 360.0 + MAP_STEP, MAP_STEP)
         low, high = np.degrees([self.workspace.polar_min, self.workspace.polar_max])
         polar = np.linspace(low, high, round((high - low) / MAP_STEP) + 1)
-        gain = gain_over_directions(self.weights[frame], here, np.radians(azimuth), np.radians(polar))
+        gain = gain_over_directions(self.weights[frame], here, np.radians(azimuth), np.radians(polar), self.span)
         row, column = np.unravel_index(int(gain.argmax()), gain.shape)
         return FieldMap(azimuth, polar, gain, (int(row), int(column)))
 
@@ -97,7 +99,7 @@ def explain_table(explanation: Explanation) -> Table:
     rows = []
     for frame in explanation.moments:
         distance, azimuth, polar = explanation.viewpoints[frame]
-        here = field_value(explanation.weights[frame], explanation.viewpoints[frame])
+        here = field_value(explanation.weights[frame], explanation.viewpoints[frame], explanation.span)
         field = explanation.field_map(frame)
         row, column = field.best
         believed = explanation.believed[frame]

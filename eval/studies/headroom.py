@@ -13,7 +13,8 @@ from ehar.data.scenario import split_parts, windows
 from ehar.errors import UsageError
 from ehar.files import json_text, write_text
 from ehar.processes import check_workers
-from ehar.viewpoint import Workspace, from_cells, to_cells
+from ehar.viewpoint import Workspace
+from ehar.world import load_world
 from eval.records.config import CONFIG, RunConfig, planner_config, run_config
 from eval.records.run_files import check_out
 from eval.render.tables import Table, markdown
@@ -96,7 +97,7 @@ class Headroom:
 def headroom(
     conditions: Conditions | None = None,
     *,
-    distance: float = 10.0,
+    distance: float | None = None,
     azimuths: int = 12,
     polars: int = 6,
     out: str | Path | None = None,
@@ -114,9 +115,9 @@ def headroom(
 
     Args:
         conditions: conditions of all cameras; None takes the defaults.
-        distance: distance of the fixed cameras [m].
+        distance: distance of the fixed cameras [m]; None takes the middle of the world's.
         azimuths: number of azimuths of the map, evenly spaced.
-        polars: number of polar angles of the map, from straight above to level.
+        polars: number of polar angles of the map, from the least of the world to the greatest.
         out: folder for config.json, headroom.json, table.md and the figure.
         workers: number of processes; results do not depend on it.
         reporter: receives progress; None reports on standard error.
@@ -126,11 +127,15 @@ def headroom(
     """
     conditions, reporter = conditions or Conditions(), reporter or ConsoleReporter()
     check_workers(workers)
-    viewpoints = viewpoint_map(distance, azimuths, polars)
+    workspace = load_world(conditions.world).workspace
+    distance = (workspace.distance_min + workspace.distance_max) / 2 if distance is None else distance
+    viewpoints = viewpoint_map(workspace, distance, azimuths, polars)
     setting = load_setting(conditions)
     motion, parts = setting.data, split_parts(setting.data)
     references = make_planners(REFERENCES).planners
     config = run_config(setting, [planner_config(planner) for planner in references])
+    if config.length_note is not None:
+        reporter.note(f"warning: {config.length_note}")
     written = {**config.to_json(), "distance": distance, "azimuths": azimuths, "polars": polars}
     if out is not None:
         check_out(Path(out), written)
@@ -140,7 +145,7 @@ def headroom(
     fixed = Episodes(both, np.repeat(np.arange(len(both)), len(flat)), np.tile(flat, (len(both), 1)), conditions.seed)
     runs = run_planners(Workload(setting.runner, fixed), references[:1], workers=workers, reporter=reporter)
     acc = 100 * mean_acc(runs[NO_ACT].records.correct).reshape(len(both), len(flat))
-    random = random_starts(test, conditions.starts, conditions.seed)
+    random = random_starts(test, conditions.starts, conditions.seed, setting.world)
     runs = run_planners(Workload(setting.runner, random), references, workers=workers, reporter=reporter)
     acc_references = {name: 100 * float(mean_acc(run.records.correct).mean()) for name, run in runs.items()}
     is_test = np.isin(both.sequence, parts.test)
@@ -159,13 +164,12 @@ def headroom(
     return result
 
 
-def viewpoint_map(distance: float, azimuths: int, polars: int) -> FloatArray:
-    """Return fixed viewpoints (polars, azimuths, 3) on the grid, from straight above to level.
+def viewpoint_map(workspace: Workspace, distance: float, azimuths: int, polars: int) -> FloatArray:
+    """Return fixed viewpoints (polars, azimuths, 3) on the grid, from the least polar angle to the greatest.
 
     Raises:
         UsageError: the distance is outside the workspace, or there are too few angles.
     """
-    workspace = Workspace()
     if not workspace.distance_min <= distance <= workspace.distance_max:
         raise UsageError(
             f"distance: expected {workspace.distance_min:g} to {workspace.distance_max:g} m, got {distance:g}"
@@ -174,7 +178,8 @@ def viewpoint_map(distance: float, azimuths: int, polars: int) -> FloatArray:
         raise UsageError(f"expected a map of at least 1 azimuth and 2 polar angles, got {azimuths} and {polars}")
     polar = np.linspace(workspace.polar_min, workspace.polar_max, polars)
     azimuth = 2 * np.pi * np.arange(azimuths) / azimuths
-    return from_cells(to_cells(np.stack(np.broadcast_arrays(distance, azimuth, polar[:, None]), axis=-1)))
+    wanted = np.stack(np.broadcast_arrays(distance, azimuth, polar[:, None]), axis=-1)
+    return workspace.from_cells(workspace.to_cells(wanted))
 
 
 def best_per_class(acc: FloatArray, labels: IntArray, classes: int) -> IntArray:
@@ -238,8 +243,8 @@ def headroom_tables(result: Headroom) -> list[Table]:
     config = result.config
     polars, azimuths = result.acc_mean.shape
     title = (
-        f"{config.data}: sensor {config.conditions.sensor}, views {config.conditions.views}, {result.scenarios} test "
-        f"scenarios, {azimuths} x {polars} fixed cameras at {result.distance:g} m"
+        f"{config.data}: sensor {config.conditions.sensor}, views {config.conditions.views}{config.in_world}, "
+        f"{result.scenarios} test scenarios, {azimuths} x {polars} fixed cameras at {result.distance:g} m"
     )
     polar = np.degrees(result.viewpoints[:, 0, 2])
     return [

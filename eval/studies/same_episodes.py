@@ -16,6 +16,7 @@ SAME_EPISODES = (
     "fps",
     "sensor",
     "sensor_sha256",
+    "world",
 )  # they decide the episodes
 _SHOWN = 12  # digits of a hash
 
@@ -53,6 +54,8 @@ def label(name: str) -> str:
 
 def shown(name: str, config: Mapping[str, Any]) -> str:
     """Return a value of config.json for people: a hash is cut short, and the hash of the data follows its name."""
+    if name == "world":
+        return str(config["world"]["name"])
     value = config.get(name)
     text = str(value)[:_SHOWN] if name.endswith("_sha256") else str(value)
     return f"{config.get('data')} {text}" if name == "data_sha256" else text

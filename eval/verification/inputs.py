@@ -10,10 +10,11 @@ from ehar.data.motion_data import MotionData
 from ehar.errors import EharError, ModelError, UsageError
 from ehar.plugins.class_spec import parse_spec
 from ehar.track import load_track
+from ehar.world import load_world
 from eval.records.config import CONFIG, RunConfig
 from eval.running.choice import ModelPlace
 from eval.verification.checks import FAILED, OK, UNCHECKED, Check
-from planners.registry import is_learned
+from planners.registry import is_learned, needs_fixed_place
 from recognition.own_recogniser import resolve_recogniser
 from recognition.setting import Setting, load_setting
 
@@ -104,10 +105,10 @@ def _own_sensor_and_motion(config: RunConfig, data: MotionData, *, run_own_code:
     """Return checks that the files of your own sensor and motion are those of the run; none for ehar's own."""
     from ehar.sensors.registry import load_sensor  # imported here: too slow for `ehar --help`
 
-    told = config.conditions
+    told, world = config.conditions, config.world
     brought: tuple[tuple[str, str, str | None, Callable[[], str | None]], ...] = (
-        ("sensor", str(told.sensor), config.sensor_sha256, lambda: load_sensor(told.sensor, data).sha256),
-        ("motion", str(told.track), config.track_sha256, lambda: load_track(told.track).sha256),
+        ("sensor", str(told.sensor), config.sensor_sha256, lambda: load_sensor(told.sensor, data, world).sha256),
+        ("motion", str(told.track), config.track_sha256, lambda: load_track(told.track, world.workspace).sha256),
     )
     checks = []
     for name, spec, ran, load in brought:
@@ -127,7 +128,7 @@ def _recogniser_sha256(conditions: Conditions, data: MotionData) -> str:
     from recognition.storage import load_recogniser  # brings torch
 
     if conditions.recogniser is not None:
-        return resolve_recogniser(conditions.recogniser, data).sha256
+        return resolve_recogniser(conditions.recogniser, data, load_world(conditions.world)).sha256
     return load_recogniser(conditions, data).sha256
 
 
@@ -151,7 +152,7 @@ def _compared(name: str, got: str, expected: str, where: str) -> Check:
 
 
 def _planner_weights(config: RunConfig, place: ModelPlace) -> list[Check]:
-    """Return the checks of the gain model and of the agents."""
+    """Return the checks of the gain model, of the fixed place and of the agents."""
     checks = []
     if config.gain_model_sha256 is not None:
         try:
@@ -159,7 +160,18 @@ def _planner_weights(config: RunConfig, place: ModelPlace) -> list[Check]:
             checks.append(_compared("gain model", config.gain_model_sha256, model.sha256, str(place.models or "ehar")))
         except ModelError as error:
             checks.append(Check("gain model", UNCHECKED, str(error)))
-    trained = [planner for planner in config.planners if planner.weights_sha256 is not None]
+    trained = []
+    for planner in config.planners:
+        if planner.weights_sha256 is None:
+            continue
+        if not needs_fixed_place(planner.name):
+            trained.append(planner)
+            continue
+        try:
+            fitted = place.load_fixed_place()
+            checks.append(_compared("fixed place", planner.weights_sha256, fitted.sha256, str(place.models or "ehar")))
+        except ModelError as error:
+            checks.append(Check("fixed place", UNCHECKED, str(error)))
     absent = []
     for planner in trained:
         try:

@@ -46,7 +46,7 @@ def contradiction(config: RunConfig, records: Mapping[str, EpisodeRecords], epis
     else:
         sequence, first, label = np.array(episodes.sequence_names), episodes.first, episodes.labels
         subjects = episodes.subjects
-    start = draw_starts(count, config.conditions.seed).round(DIGITS)
+    start = draw_starts(count, config.conditions.seed, config.world).round(DIGITS)
     for name, held in records.items():
         columns: tuple[tuple[str, Any, Any], ...] = (
             ("sequence", np.array(held.sequence), sequence),
@@ -63,7 +63,9 @@ def contradiction(config: RunConfig, records: Mapping[str, EpisodeRecords], epis
             if off.any():
                 at = int(off.argmax())
                 return f"{place(name, held, at)}: {field}: got {_text(got[at])}, expected {_text(expected[at])}"
-        for problem in _frames(held, None if episodes is None else len(episodes.scenarios.data.class_names)):
+        for problem in _frames(
+            held, config.world.workspace, None if episodes is None else len(episodes.scenarios.data.class_names)
+        ):
             if problem.off.any():
                 at, frame = (int(index) for index in np.argwhere(problem.off)[0])
                 got = _text(getattr(held, problem.field)[at, frame])
@@ -77,9 +79,8 @@ class _Problem(NamedTuple):
     expected: str
 
 
-def _frames(held: EpisodeRecords, classes: int | None) -> Iterator[_Problem]:
+def _frames(held: EpisodeRecords, workspace: Workspace, classes: int | None) -> Iterator[_Problem]:
     """Yield the problems that single frames may have."""
-    workspace = Workspace()
     yield _Problem(~workspace.contains(held.viewpoint, tolerance=10**-DIGITS), "viewpoint", f"one within {workspace}")
     if classes is not None:
         yield _Problem(held.predicted >= classes, "predicted", f"one of {classes} classes")

@@ -19,6 +19,7 @@ from eval.verification.checks import FAILED, OK, UNCHECKED, Check, Verification
 from eval.verification.figures import UNRECORDED, count_figures, mismatch, recompute
 from eval.verification.inputs import check_inputs
 from eval.verification.records import contradiction
+from eval.verification.steps import check_steps
 
 
 def verify(
@@ -67,10 +68,12 @@ def verify(
     episodes = None if inputs.data is None else run_episodes(config, inputs.data)
     count = len(next(iter(records.values())))
     of_records = _check_records(config, records, episodes)
+    held = of_records.result == OK  # the others need records that do not contradict themselves
     checks = [
         Check("complete", OK, f"schema {config.schema}: {len(records)} planners, {count} episodes of each"),
         of_records,
-        *([_check_figures(directory, config, records, ideal)] if of_records.result == OK else []),
+        *([check_steps(config, records, None if inputs.data is None else inputs.data.fps)] if held else []),
+        *([_check_figures(directory, config, records, ideal)] if held else []),
         *inputs.checks,
     ]
     if rerun_episodes:
@@ -117,7 +120,7 @@ def run_episodes(config: RunConfig, data: MotionData) -> Episodes:
     # No note about sequences that are too short: the benchmark has reported them.
     told = config.conditions
     scenarios = cut_scenarios(data, part_of(data, told.part), told.length, note=lambda _: None)
-    return random_starts(scenarios, told.starts, told.seed)
+    return random_starts(scenarios, told.starts, told.seed, config.world)
 
 
 def _check_records(config: RunConfig, records: Mapping[str, EpisodeRecords], episodes: Episodes | None) -> Check:

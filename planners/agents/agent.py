@@ -21,15 +21,17 @@ class Agent(Planner):
         name: name of the agent: il, ppo, il-ppo, ...
         network: the trained network.
         sha256: hash of its files, recorded beside results.
+        length: number of frames of the episodes that it was trained on; None if that is not recorded.
     """
 
     privileged = False
 
-    def __init__(self, *, name: str, network: AgentNetwork, sha256: str = "") -> None:
+    def __init__(self, *, name: str, network: AgentNetwork, sha256: str = "", length: int | None = None) -> None:
         """Put the network in evaluation mode."""
         self.name = name
         self.network = network.eval()
         self.sha256 = sha256
+        self.length = length
 
     def reset(self, context: Context) -> None:
         """Forget what was seen."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
 
-from ehar.conditions import Conditions
+from ehar.conditions import Conditions, Form
 from ehar.errors import UsageError
 from ehar.processes import cores
 
@@ -13,8 +13,9 @@ Stage = Literal["il", "ppo", "il-ppo", "dagger"]
 Teacher = Literal["oracle", "oracle-lookahead"]
 Labels = Literal["best", "soft"]
 Scale = Literal["quick", "paper"]
-Left = Literal["none", "recognition", "vision", "position"]
+Left = Literal["none", "recognition", "vision", "position", "embedding", "log-probs", "time"]
 STAGES: tuple[Stage, ...] = get_args(Stage)
+PAPER_STAGES: tuple[Stage, ...] = ("il", "ppo", "il-ppo")  # Tables 1 and 2: IL only, PPO only, ours
 LEAST_LENGTH = 3  # least frames of an episode
 LEAST_LOOKAHEAD = 5  # least frames of an episode with the look-ahead teacher, which is not asked in shorter ones
 
@@ -30,10 +31,12 @@ class ImitationSetting:
         rounds: number of rounds. In the first the teacher acts, or a wanderer if the teacher only tries moves. In later
             rounds the agent cloned so far acts, and the teacher says what it should have done (DAgger). 1 is plain
             cloning.
-        epochs: number of passes over the demonstrations.
+        epochs: number of passes over the demonstrations, at most.
+        patience: number of epochs without a smaller loss on held-out demonstrations after which it ends.
         batch: number of frames of a gradient step.
         learning_rate: learning rate at the start; it falls linearly.
         entropy: weight of the policy's entropy with soft labels, in standard deviations of a move's worth.
+        per_seed: whether each training seed draws demonstrations of its own.
     """
 
     teacher: Teacher = "oracle"
@@ -41,14 +44,23 @@ class ImitationSetting:
     episodes: int = 1536
     rounds: int = 1
     epochs: int = 20
+    patience: int = 5
     batch: int = 256
     learning_rate: float = 1e-3
     entropy: float = 0.2
+    per_seed: bool = False
 
 
 DAGGER = ImitationSetting(teacher="oracle-lookahead", labels="soft", rounds=2)
+PAPER_IMITATION = ImitationSetting(
+    episodes=10_000,  # Sec. 4.2: "10k trajectories of oracle"
+    per_seed=True,  # Table 1: "5 independent training runs with different seeds"
+    epochs=20,  # a guess: the most
+    patience=5,  # a guess
+    batch=256,  # a guess
+    learning_rate=1e-3,  # a guess
+)
 VARIATIONS = 3  # variations of each sequence of the policy part, in the quick setting
-PAPER_EPISODES = 10_000  # Sec. 4.2: "10k trajectories of oracle"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +68,9 @@ class PPOSetting:
     """The settings of policy optimisation; the defaults were chosen by comparison on validation scenarios.
 
     Args:
-        frames: number of environment frames in all.
+        frames: number of environment frames, at most.
+        evaluate_every: number of frames from one evaluation on held-out episodes to the next.
+        patience: number of evaluations without a better one after which it ends.
         num_envs: number of episodes of a rollout.
         epochs: number of passes over each rollout.
         minibatches: number of minibatches of each pass.
@@ -72,7 +86,9 @@ class PPOSetting:
         copies: number of episodes that differ only in the moves, and are rewarded relative to each other.
     """
 
-    frames: int = 300_000
+    frames: int = 600_000
+    evaluate_every: int = 30_000
+    patience: int = 5
     num_envs: int = 256
     epochs: int = 4
     minibatches: int = 8
@@ -88,16 +104,24 @@ class PPOSetting:
 
 
 PAPER_PPO = PPOSetting(
-    frames=10_000_000,
-    num_envs=64,
-    minibatches=4,
-    hindsight=False,
-    gamma=0.99,
-    gae_lambda=0.95,
-    hold=1,
-    copies=1,
-    critic_rollouts=3,
+    frames=10_000_000,  # a guess: the most
+    evaluate_every=250_000,  # a guess
+    patience=8,  # a guess
+    num_envs=64,  # a guess
+    epochs=4,  # a guess
+    minibatches=4,  # a guess
+    learning_rate=5e-4,  # a guess
+    clip=0.2,  # a guess
+    entropy=0.005,  # a guess: Sec. 4.2 names an "action entropy loss", without its weight
+    gamma=0.99,  # a guess
+    gae_lambda=0.95,  # a guess
+    critic_rollouts=3,  # a guess
+    hindsight=False,  # Fig. 4: actor and critic see the same state s_t
+    hold=1,  # Sec. 3: "at each time step, the agent chooses"
+    copies=1,  # Sec. 4.2: the rewards of Eq. 1 as they are
 )
+PAPER_VIEWS = "paper"  # Sec. 4.2: 32 static positions
+PAPER_FORM: Form = "ctrgcn"  # Sec. 4.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,29 +130,31 @@ class AgentTrainingConfig:
 
     Stages: il clones the oracle, ppo starts from scratch, and il-ppo starts from the agent of il. dagger clones the
     worth of moves, in states that the agent reaches itself. All train on recorded motion and on variations of it:
-    mirrored, or with another pace and size. Training seeds share the demonstrations.
+    mirrored, or with another pace and size. Training seeds share the demonstrations. `paper` is the paper: agents that
+    see the published network, trained on 32 static views; 10,000 demonstrations drawn for each seed; no variations, no
+    held moves, no copies, and a critic that sees what the actor sees. What the paper does not say is marked a guess.
 
     Args:
         conditions: conditions of the episodes, and the recogniser.
         out: folder to write to.
-        stages: agents to train, with commas between them.
+        stages: agents to train, with commas between them; None is all four, or the paper's three in paper.
         seeds: training seeds; each gives one agent.
-        without: encoder that is left out (Table 3), as in il-no-vision.
-        setting: quick, for 2 CPU cores; paper, as published, for a GPU.
+        without: what is left out (Table 3): il-no-vision.
+        setting: quick, for 2 CPU cores; paper, as published, for a GPU; it takes --views paper --form ctrgcn.
         teacher: the teacher that il clones.
         labels: labels for il: the best move, or each move's worth (soft).
         rounds: rounds of il; from the second on, the agent acts.
         episodes: demonstrated episodes; None is 1,536, or 10,000 in paper.
-        frames: frames of PPO; None is 300,000, or 10 million in paper.
+        frames: most frames of PPO; None is 600,000, or 10 million in paper.
         variations: variations of each sequence; None is 3, or 0 in paper.
         workers: processes; results do not depend on them.
-        device: device of PPO's network, cpu or cuda.
+        device: cpu or cuda, for PPO and our recogniser.
         tensorboard: folder for TensorBoard's logs.
     """
 
     conditions: Conditions
     out: Path | None = None
-    stages: str = ",".join(STAGES)
+    stages: str | None = None
     seeds: int = 1
     without: Left = "none"
     setting: Scale = "quick"
@@ -161,6 +187,8 @@ class AgentTrainingConfig:
         Raises:
             UsageError: one is unknown.
         """
+        if self.stages is None:
+            return STAGES if self.setting == "quick" else PAPER_STAGES
         named = self.stages.split(",")
         for name in named:
             if name not in STAGES:
@@ -169,6 +197,13 @@ class AgentTrainingConfig:
 
     def check(self) -> None:
         """Raise a UsageError if an option makes no sense, or needs something that is missing."""
+        told = self.conditions
+        if self.setting == "paper" and (told.recogniser, told.views, told.form) != (None, PAPER_VIEWS, PAPER_FORM):
+            own = "" if told.recogniser is None else " and your own recogniser"
+            raise UsageError(
+                f"--setting paper: expected the paper's recogniser, --views {PAPER_VIEWS} --form {PAPER_FORM}, "
+                f"got --views {told.views} --form {told.form}{own}"
+            )
         _ = self.directory
         stages = self.stage_names
         least = {"seeds": 1, "workers": 1, "episodes": 1, "rounds": 1, "frames": 1, "variations": 0}
@@ -192,11 +227,11 @@ class AgentTrainingConfig:
 
     def imitation(self, stage: Stage) -> ImitationSetting:
         """Return the imitation setting of a stage: `dagger` has its own, `il` and `il-ppo` have the one asked for."""
-        default = ImitationSetting.episodes if self.setting == "quick" else PAPER_EPISODES
-        episodes = default if self.episodes is None else self.episodes
+        usual = ImitationSetting() if self.setting == "quick" else PAPER_IMITATION
+        episodes = usual.episodes if self.episodes is None else self.episodes
         if stage == "dagger":
-            return replace(DAGGER, episodes=episodes)
-        return ImitationSetting(teacher=self.teacher, labels=self.labels, rounds=self.rounds, episodes=episodes)
+            return replace(DAGGER, episodes=episodes, per_seed=usual.per_seed)
+        return replace(usual, teacher=self.teacher, labels=self.labels, rounds=self.rounds, episodes=episodes)
 
     @property
     def variations_of_each(self) -> int:

@@ -19,7 +19,7 @@ from ehar.files import write_bytes
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.processes import each_batch
 from ehar.runner import Runner
-from ehar.viewpoint import HOVER, MOVES, apply_moves, sample_starts
+from ehar.viewpoint import HOVER, MOVES, apply_moves
 from planners.agents.agent import decide
 from planners.agents.config import Teacher
 from planners.agents.inputs import POSITION, RECOGNITION, VISION, AgentInputs, Inputs
@@ -165,7 +165,7 @@ def demonstrate_batch(task: DemonstrationTask, index: int) -> Demonstrations:
     torch.set_num_threads(1)
     rng = np.random.default_rng([*task.seed, index])
     chosen = rng.integers(len(task.scenarios), size=EPISODES)
-    batch = task.runner.batch(task.scenarios, chosen, sample_starts(rng, EPISODES), rng)
+    batch = task.runner.batch(task.scenarios, chosen, task.runner.world.sample_starts(rng, EPISODES), rng)
     demonstrator = Demonstrator(teacher=task.teacher, agent=task.agent)
     task.runner.roll(demonstrator, batch, rng)
     inputs = {name: np.concatenate([seen[name] for seen in demonstrator.inputs]) for name in demonstrator.inputs[0]}

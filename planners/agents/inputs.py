@@ -12,6 +12,8 @@ from ehar.envs.observations import Observations
 
 RECOGNITION, VISION, POSITION = "recognition", "vision", "position"
 ENCODED = (RECOGNITION, VISION, POSITION)  # f^A, f^V and f^P
+EMBEDDING, LOG_PROBS, TIME = "embedding", "log-probs", "time"  # the parts of what f^A takes
+LEFT_OUT = (*ENCODED, EMBEDDING, LOG_PROBS, TIME)  # each can be left out: a whole encoder, or one part of f^A's inputs
 LEAST_LOG_PROB = -8.0  # smaller log-probabilities say nothing more
 
 Inputs = dict[str, FloatArray]
@@ -35,6 +37,21 @@ class InputSizes:
     def of(*, persons: int, joints: int, classes: int, embedding: int) -> "InputSizes":
         """Return the sizes for P persons of J joints, K classes and embeddings of D numbers."""
         return InputSizes(recognition=2 * embedding + classes + 1, vision=persons * (3 * joints + 4))
+
+
+def recognition_parts(size: int, classes: int) -> dict[str, slice]:
+    """Return the columns of each part of f^A's inputs: embeddings, last and mean; log-probabilities; time.
+
+    Args:
+        size: 2 D + K + 1.
+        classes: K.
+    """
+    embeddings = size - classes - 1
+    return {
+        EMBEDDING: slice(0, embeddings),
+        LOG_PROBS: slice(embeddings, embeddings + classes),
+        TIME: slice(embeddings + classes, size),
+    }
 
 
 class AgentInputs:

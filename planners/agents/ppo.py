@@ -16,12 +16,14 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, configure
+from torch import Tensor
 
 from ehar.errors import ModelError
 from planners.agents.config import PPOSetting
 from planners.agents.episode_groups import MakeEnv
 from planners.agents.network import AgentNetwork
 from planners.agents.policy import AgentPolicy
+from planners.agents.validation import Ending, stopped_getting_better
 from planners.agents.vector_env import AgentVecEnv
 
 DIAGNOSTICS = {  # diagnostics of each rollout: our names, and the names in the logs of stable-baselines3
@@ -44,6 +46,8 @@ class PPOProgress:
         rollouts: number of finished rollouts.
         optimiser: the state of Adam; None before the first rollout.
         history: the diagnostics of each rollout.
+        evaluations: the accuracy on held-out episodes [%], and after how many frames.
+        best: the weights with the highest of them.
         frames_per_s: environment frames per second since this process began; it is not saved, as it decides nothing.
     """
 
@@ -51,7 +55,21 @@ class PPOProgress:
     rollouts: int = 0
     optimiser: dict[str, Any] | None = None
     history: list[dict[str, float]] = field(default_factory=list)
+    evaluations: list[dict[str, float]] = field(default_factory=list)
+    best: dict[str, Tensor] = field(default_factory=dict)
     frames_per_s: float = 0.0
+
+    @property
+    def scores(self) -> list[float]:
+        """The accuracy of each evaluation [%]."""
+        return [evaluation["accuracy"] for evaluation in self.evaluations]
+
+    def evaluate(self, validate: Callable[[AgentNetwork], float], frames: int) -> None:
+        """Evaluate the network after so many frames, and remember the best weights."""
+        accuracy = validate(self.network)
+        if not self.scores or accuracy > max(self.scores):
+            self.best = {name: weight.detach().clone() for name, weight in self.network.state_dict().items()}
+        self.evaluations = [*self.evaluations, {"frames": frames, "accuracy": accuracy}]
 
 
 def train_ppo(
@@ -63,11 +81,12 @@ def train_ppo(
     seed: int,
     fine_tune: bool,
     keep: Callable[[PPOProgress], None],
+    validate: Callable[[AgentNetwork], float] | None = None,
     workers: int = 0,
     device: str = "cpu",
     tensorboard: str | None = None,
 ) -> None:
-    """Go on training the network of `progress` until the setting's frames are done.
+    """Go on training the network of `progress` until validation stops getting better, or the frames are done.
 
     Args:
         progress: the progress to start from.
@@ -77,6 +96,7 @@ def train_ppo(
         seed: seed of episodes, moves and minibatches.
         fine_tune: whether the policy has been cloned before. The critic has not, so it then learns first.
         keep: called with the progress after every rollout; the next rollout changes its tensors.
+        validate: returns the accuracy on held-out episodes [%]; None trains for all frames.
         workers: number of processes that environments run in; 0 runs them here.
         device: a torch device.
         tensorboard: a folder for TensorBoard's logs, if TensorBoard is installed.
@@ -84,8 +104,10 @@ def train_ppo(
     Raises:
         ModelError: a loss or a weight is not finite, or TensorBoard is not installed. Earlier progress stays as kept.
     """
-    if progress.rollouts >= rollouts_of(setting, moves):
+    if progress.rollouts >= rollouts_of(setting, moves) or stopped_getting_better(progress.scores, setting.patience):
         return
+    if validate is not None and fine_tune and not progress.evaluations:
+        progress.evaluate(validate, 0)  # what was cloned is kept if nothing is better
     logger = _logger(tensorboard)
     env = AgentVecEnv(
         make_env,
@@ -105,6 +127,7 @@ def train_ppo(
                 seed=seed,
                 critic_rollouts=setting.critic_rollouts if fine_tune else 0,
                 keep=keep,
+                validate=validate,
                 device=device,
                 logger=logger,
             )
@@ -122,6 +145,7 @@ def _learn(
     seed: int,
     critic_rollouts: int,
     keep: Callable[[PPOProgress], None],
+    validate: Callable[[AgentNetwork], float] | None,
     device: str,
     logger: Logger,
 ) -> None:
@@ -151,13 +175,24 @@ def _learn(
         model.policy.optimizer.load_state_dict(progress.optimiser)
     model.num_timesteps = progress.rollouts * per_rollout
     model.set_logger(logger)
-    callback = _Rollouts(progress, keep, seed, critic_rollouts, frames=moves * setting.num_envs)
+    callback = _Rollouts(progress, keep, validate, setting, seed, critic_rollouts, moves=moves)
     model.learn(total - model.num_timesteps, callback=callback, reset_num_timesteps=False)
 
 
 def rollouts_of(setting: PPOSetting, moves: int) -> int:
     """Return the number of rollouts that make up the setting's frames, for episodes of `moves` moves."""
     return max(1, round(setting.frames / (moves * setting.num_envs)))
+
+
+def ending(progress: PPOProgress, setting: PPOSetting, moves: int) -> Ending:
+    """Return why a training has ended, for episodes of `moves` moves."""
+    return Ending.of(
+        progress.scores,
+        [int(evaluation["frames"]) for evaluation in progress.evaluations],
+        patience=setting.patience,
+        most=rollouts_of(setting, moves) * moves * setting.num_envs,
+        unit="frames",
+    )
 
 
 def diagnostics_line(progress: PPOProgress, total: int) -> str:
@@ -167,14 +202,23 @@ def diagnostics_line(progress: PPOProgress, total: int) -> str:
 
 
 class _Rollouts(BaseCallback):
-    """Seeds each rollout, and keeps the progress after each update."""
+    """Seeds each rollout, and evaluates and keeps the progress after each update."""
 
     def __init__(
-        self, progress: PPOProgress, keep: Callable[[PPOProgress], None], seed: int, critic_rollouts: int, frames: int
+        self,
+        progress: PPOProgress,
+        keep: Callable[[PPOProgress], None],
+        validate: Callable[[AgentNetwork], float] | None,
+        setting: PPOSetting,
+        seed: int,
+        critic_rollouts: int,
+        moves: int,
     ) -> None:
         super().__init__()
-        self.progress, self.keep, self.seed, self.critic_rollouts = progress, keep, seed, critic_rollouts
-        self.frames, self.first, self.begin = frames, progress.rollouts, time.perf_counter()
+        self.progress, self.keep, self.validate, self.patience = progress, keep, validate, setting.patience
+        self.seed, self.critic_rollouts, self.frames = seed, critic_rollouts, moves * setting.num_envs
+        self.total, self.every = rollouts_of(setting, moves), max(1, round(setting.evaluate_every / self.frames))
+        self.first, self.begin = progress.rollouts, time.perf_counter()
 
     def _on_rollout_start(self) -> None:
         """Note the update that has just ended, and begin the next rollout."""
@@ -191,10 +235,13 @@ class _Rollouts(BaseCallback):
             parameter.requires_grad_(name.startswith("critic.") or not critic_only)
 
     def _on_step(self) -> bool:
-        return True
+        """Return whether to go on."""
+        return not stopped_getting_better(self.progress.scores, self.patience)
 
     def _on_training_end(self) -> None:
-        self._note()
+        """Note the last update, unless training ended at the beginning of a rollout."""
+        if self._updated():
+            self._note()
 
     def _updated(self) -> bool:
         """Return whether a rollout has ended in an update that was not noted yet."""
@@ -218,6 +265,8 @@ class _Rollouts(BaseCallback):
         seconds = time.perf_counter() - self.begin
         self.progress.frames_per_s = (rollout - self.first) * self.frames / seconds
         self.progress.optimiser = self.model.policy.optimizer.state_dict()
+        if self.validate is not None and (rollout % self.every == 0 or rollout == self.total):
+            self.progress.evaluate(self.validate, rollout * self.frames)
         self.keep(self.progress)
 
 

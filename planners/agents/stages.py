@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 from ehar.errors import ModelError, UsageError
 from ehar.files import as_json, parse_json
+from ehar.world import PAPER
 from planners.agents.config import AgentTrainingConfig, Stage
 from planners.agents.demonstrations import Demonstrations
 from planners.agents.imitation import clone
 from planners.agents.network import AgentNetwork
 from planners.agents.storage import agent_name, agent_path, load_agent, save_agent
+from planners.agents.validation import Ending
 from planners.agents.world import TrainingWorld
 from recognition.torch_threads import one_torch_thread
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
@@ -34,6 +36,7 @@ class _Held:
     run: dict[str, Any]
     rollouts: int
     history: list[dict[str, Any]]  # numbers, with NaN for a diagnostic that has no value
+    evaluations: list[dict[str, Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +89,20 @@ class StageRun:
             f"remove it, or choose another --out"
         )
 
-    def imitate(self, world: TrainingWorld, demonstrations: Demonstrations) -> None:
-        """Clone the demonstrations, and save the result."""
-        network = world.network(self.config, self.seed)
+    def imitate(self, world: TrainingWorld, demonstrations: Demonstrations, held_out: Demonstrations) -> str:
+        """Clone the demonstrations, save the result, and return a line that says why training ended."""
+        network, setting = world.network(self.config, self.seed), self.config.imitation(self.stage)
         with _named(self.title):
-            history = clone(network, demonstrations, self.config.imitation(self.stage), seed=self.seed)
-        self.save(world, network, history)
+            history = clone(network, demonstrations, setting, seed=self.seed, held_out=held_out)
+        ending = Ending.of(
+            [-epoch["validation_loss"] for epoch in history],
+            range(1, len(history) + 1),
+            patience=setting.patience,
+            most=setting.epochs,
+            unit="epochs",
+        )
+        self.save(world, network, history, ending)
+        return f"{self.title}: {ending}"
 
     def start(self, world: TrainingWorld) -> AgentNetwork:
         """Return the network that optimisation begins with: untrained, or as cloned with the same seed.
@@ -137,7 +148,7 @@ class StageRun:
             report: called with the name of the run, the rollouts done, and the total.
         """
         # Imported here: stable-baselines3 takes a second to import.
-        from planners.agents.ppo import PPOProgress, diagnostics_line, rollouts_of, train_ppo
+        from planners.agents.ppo import PPOProgress, diagnostics_line, ending, rollouts_of, train_ppo
 
         network = self.start(world)
         network.train()
@@ -162,27 +173,47 @@ class StageRun:
                 seed=self.seed,
                 fine_tune=self.stage == "il-ppo",
                 keep=keep,
+                validate=world.validation.accuracy,
                 workers=workers,
                 device=self.config.device,
                 tensorboard=str(logs / self.path.stem) if logs else None,
             )
-        self.save(world, network, progress.history)
+        network.load_state_dict(progress.best)
+        ended = ending(progress, setting, moves)
+        note(f"{self.title}: {ended}")
+        self.save(world, network, progress.history, ended, evaluations=progress.evaluations)
         self.checkpoint.unlink(missing_ok=True)
 
-    def save(self, world: TrainingWorld, network: AgentNetwork, history: list[dict[str, float]]) -> None:
+    def save(
+        self,
+        world: TrainingWorld,
+        network: AgentNetwork,
+        history: list[dict[str, float]],
+        ended: Ending,
+        **others: Any,
+    ) -> None:
         """Write the agent, and beside it a description of its training."""
         save_agent(
             self.path,
             network,
             world.setting.data,
             recogniser_sha256=world.setting.recogniser_sha256,
-            history={"data": world.setting.data.title, "run": self.identity, "history": history},
+            history={
+                "data": world.setting.data.title,
+                "run": self.identity,
+                "not_as_in_the_paper": list(world.departures(self.config)),
+                "validated_on_held_out_sequences": world.is_held_out,
+                "ended": ended.to_json(),
+                **others,
+                "history": history,
+            },
+            world=world.setting.world,
         )
 
     def _save_checkpoint(self, progress: "PPOProgress") -> None:
         """Keep everything that later rollouts depend on."""
-        held = asdict(_Held(self.identity, progress.rollouts, progress.history))
-        states = {"network": progress.network.state_dict()}
+        held = asdict(_Held(self.identity, progress.rollouts, progress.history, progress.evaluations))
+        states = {"network": progress.network.state_dict(), "best": progress.best}
         save_checkpoint(self.checkpoint, Checkpoint(states, progress.optimiser, held))
 
     def _resume(self, progress: "PPOProgress") -> None:
@@ -196,7 +227,8 @@ class StageRun:
             if held == wanted:
                 progress.network.load_state_dict(kept.states["network"])
                 progress.optimiser, progress.rollouts = kept.optimiser, reached.rollouts
-                progress.history = reached.history
+                progress.history, progress.evaluations = reached.history, reached.evaluations
+                progress.best = dict(kept.states.get("best", {}))
         except Exception as error:  # the damage decides its type, and it may be long
             reason = f"{type(error).__name__}: {error}".splitlines()[0][:120]
             raise ModelError(
@@ -251,6 +283,8 @@ def _identity(config: AgentTrainingConfig, world: TrainingWorld, stage: Stage, s
     }
     if world.setting.sensor_sha256 is not None:
         decisive["sensor_sha256"] = world.setting.sensor_sha256
+    if not world.setting.world.agrees_with(PAPER):
+        decisive["world"] = asdict(world.setting.world)
     if stage != "ppo":
         decisive["imitation"] = asdict(config.imitation(stage))
     if stage in ("ppo", "il-ppo"):

@@ -11,11 +11,13 @@ from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.errors import ModelError
 from ehar.files import read_json
+from ehar.world import PAPER, World
 from planners.agents.agent import Agent
 from planners.agents.network import AgentNetwork, AgentSpec
 from planners.value.model import SHIPPED
 from recognition.weight_files import (
     check_files,
+    check_world,
     description_path,
     files_sha256,
     load_tensors,
@@ -35,6 +37,7 @@ class AgentDescription:
         skeleton: names of the data's joints.
         classes: names of the data's classes.
         training: how it was trained; kept for people, and to tell one run from another.
+        world: the world of the training; files from before there were several do not name it.
     """
 
     spec: AgentSpec
@@ -43,16 +46,25 @@ class AgentDescription:
     skeleton: tuple[str, ...]
     classes: tuple[str, ...]
     training: dict[str, Any]
+    world: World = PAPER
+
+    @property
+    def length(self) -> int | None:
+        """The number of frames of the training's episodes; None if it is not recorded."""
+        run = self.training.get("run")
+        length = run.get("length") if isinstance(run, dict) else None
+        return length if isinstance(length, int) else None
 
 
 def agent_name(stage: str, without: str = "none") -> str:
-    """Return the name of a training stage's agent; the name says which encoder is left out, if any."""
+    """Return the name of a training stage's agent; the name says what is left out, if anything."""
     return stage if without == "none" else f"{stage}-no-{without}"
 
 
 def agent_path(directory: Path, name: str, conditions: Conditions, seed: int) -> Path:
     """Return the path of an agent's weights in a models directory; the JSON lies beside them."""
-    return directory / f"agent-{name}-{conditions.seen}-seed{seed}.safetensors"
+    form = "" if conditions.form == "causal" else f"{conditions.form}-"
+    return directory / f"agent-{name}-{form}{conditions.seen}-seed{seed}.safetensors"
 
 
 def agent_seeds(conditions: Conditions, data: MotionData, name: str) -> tuple[int, ...]:
@@ -65,7 +77,13 @@ def agent_seeds(conditions: Conditions, data: MotionData, name: str) -> tuple[in
 
 
 def save_agent(
-    path: Path, network: AgentNetwork, data: MotionData, *, recogniser_sha256: str, history: dict[str, Any]
+    path: Path,
+    network: AgentNetwork,
+    data: MotionData,
+    *,
+    recogniser_sha256: str,
+    history: dict[str, Any],
+    world: World = PAPER,
 ) -> None:
     """Save an agent, and beside it a description of its data, its recogniser and its training.
 
@@ -74,7 +92,8 @@ def save_agent(
         network: the trained network.
         data: the data that it was trained on.
         recogniser_sha256: hash of the recogniser that it was trained with.
-        history: how it was trained; not read back with the agent.
+        history: how it was trained; only the length is read back with the agent.
+        world: the world that it was trained in.
     """
     description = AgentDescription(
         spec=network.spec,
@@ -83,6 +102,7 @@ def save_agent(
         skeleton=data.skeleton.joint_names,
         classes=data.class_names,
         training=history,
+        world=world,
     )
     save_weights(path, network_bytes(network), description)
 
@@ -91,14 +111,14 @@ def load_agent(conditions: Conditions, data: MotionData, name: str, *, recognise
     """Load an agent and check that it belongs to the data and the recogniser.
 
     Args:
-        conditions: conditions of the training: folder, sensor and views.
+        conditions: conditions of the training: folder, sensor, views and world.
         data: the data that it will be used on.
         name: name of the agent, as from `agent_name`.
         recogniser_sha256: hash of the recogniser that it will work with.
         seed: seed of its training.
 
     Raises:
-        ModelError: the files are missing or malformed, or belong to another data set or recogniser.
+        ModelError: the files are missing or malformed, or belong to another data set, recogniser or world.
     """
     path = agent_path(conditions.directory or SHIPPED / data.name, name, conditions, seed)
     check_files(
@@ -106,9 +126,10 @@ def load_agent(conditions: Conditions, data: MotionData, name: str, *, recognise
         f"an agent, as made by `ehar train agent {conditions.options} {conditions.models_option}`",
     )
     what = "an agent, as `ehar train agent` writes it"
-    held = read_json(description_path(path), AgentDescription, what, wrong=ModelError)
+    held = read_json(description_path(path), AgentDescription, what, optional=("world",), wrong=ModelError)
+    check_world(path, held.world, conditions)
     _check_fit(path, held, data, recogniser_sha256)
-    return Agent(name=name, network=_load_network(path, held.spec), sha256=files_sha256(path))
+    return Agent(name=name, network=_load_network(path, held), sha256=files_sha256(path), length=held.length)
 
 
 def _check_fit(path: Path, held: AgentDescription, data: MotionData, recogniser_sha256: str) -> None:
@@ -130,11 +151,11 @@ def _check_fit(path: Path, held: AgentDescription, data: MotionData, recogniser_
             )
 
 
-def _load_network(path: Path, spec: AgentSpec) -> AgentNetwork:
+def _load_network(path: Path, held: AgentDescription) -> AgentNetwork:
     """Build a network and load its weights."""
     try:
         with torch.device("meta"):  # no memory is taken for sizes that the weights may not have
-            network = AgentNetwork(spec)
+            network = AgentNetwork(held.spec, classes=len(held.classes))
     except (RuntimeError, TypeError) as error:
         raise ModelError(f"{path}: expected the weights of an agent, got {error}".splitlines()[0]) from error
     network.load_state_dict(load_tensors(path, network, "an agent"), assign=True)

@@ -13,16 +13,21 @@ from typing import Any
 
 import cloudpickle
 
+from ehar.data.scenario import Scenarios
 from ehar.processes import call, payload, worker_pool
+from ehar.world import PAPER
 from planners.agents.config import AgentTrainingConfig, ImitationSetting
 from planners.agents.demonstrations import EPISODES, Demonstrations, DemonstrationTask, collect, join
 from planners.agents.imitation import clone
+from planners.agents.network import AgentNetwork
 from planners.agents.stages import StageRun
+from planners.agents.validation import VALIDATION_SEED
 from planners.agents.world import TrainingWorld
 
 Report = Callable[[str, int, int], None]  # the name of the task, the amount done, and the total
 Note = Callable[[str], None]
-DAGGER_SEED = 0  # seed of the agent that acts in demonstrations, and of all random numbers in them
+SHARED = 0  # seed of demonstrations that all training seeds share, and of the agent that acts in them
+HELD_OUT_BATCHES = 4  # 128 episodes
 
 
 def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> list[Path]:
@@ -42,6 +47,10 @@ def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> lis
     """
     config.check()
     world = TrainingWorld.load(config)
+    if world.setting.length_note is not None:
+        note(f"warning: {world.setting.length_note}")
+    for departure in world.departures(config):
+        note(f"warning: not the paper's recogniser: {departure}")
     paths: list[Path] = []
     for stage in config.stage_names:
         runs = [StageRun.of(config, world, stage, seed) for seed in range(config.seeds)]
@@ -52,66 +61,89 @@ def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> lis
         if not missing:
             continue
         if stage in ("il", "dagger"):
-            setting = config.imitation(stage)
-            _imitate(missing, world, demonstrations_of(config, setting, world, report), config.workers, report)
+            _imitate(missing, world, config.imitation(stage), report, note)
         else:
             _optimise(missing, world, config.workers, report, note)
     return paths
 
 
 def demonstrations_of(
-    config: AgentTrainingConfig, setting: ImitationSetting, world: TrainingWorld, report: Report
-) -> Demonstrations:
-    """Return all rounds of demonstrations; from the second on, an agent cloned from the earlier rounds acts."""
-    acts = config.without if setting.rounds > 1 else "none"  # the encoder that the acting agent leaves out
+    config: AgentTrainingConfig, setting: ImitationSetting, world: TrainingWorld, report: Report, seed: int = SHARED
+) -> tuple[Demonstrations, Demonstrations]:
+    """Return all rounds of demonstrations, and those of held-out people; these are the same for every seed.
+
+    From the second round on, an agent cloned from the earlier rounds acts.
+
+    Args:
+        config: the settings of the training.
+        setting: the settings of imitation.
+        world: the world that episodes are drawn from.
+        report: called with progress.
+        seed: seed of all random numbers.
+    """
+    acts = config.without if setting.rounds > 1 else "none"  # what the acting agent leaves out
     key = json.dumps(
         [asdict(setting), config.variations_of_each, config.conditions.length, config.conditions.fps, acts],
         sort_keys=True,
     )
     setting_key = f"{key} {world.setting.data.sha256} {world.setting.recogniser_sha256}"
     setting_key += "" if world.setting.sensor_sha256 is None else f" {world.setting.sensor_sha256}"
+    setting_key += "" if world.setting.world.agrees_with(PAPER) else f" {asdict(world.setting.world)}"
     digest = hashlib.sha256(setting_key.encode()).hexdigest()
     batches = max(1, round(setting.episodes / EPISODES / setting.rounds))
     rounds: list[Demonstrations] = []
+
+    def asked(scenarios: Scenarios, agent: AgentNetwork | None, *drawn: int) -> DemonstrationTask:
+        """Return the task of asking the teacher about episodes of some scenarios."""
+        return DemonstrationTask(
+            scenarios=scenarios, runner=world.setting.runner, teacher=setting.teacher, agent=agent, seed=drawn
+        )
 
     def task() -> DemonstrationTask:
         """Return the task of the next round."""
         agent = None
         if rounds:
-            agent = world.network(config, DAGGER_SEED)
-            clone(agent, join(rounds), setting, seed=DAGGER_SEED)
-        return DemonstrationTask(
-            scenarios=world.scenarios,
-            runner=world.setting.runner,
-            teacher=setting.teacher,
-            agent=agent,
-            seed=(DAGGER_SEED, len(rounds)),
-        )
+            agent = world.network(config, seed)
+            clone(agent, join(rounds), setting, seed=seed, held_out=held_out)
+        return asked(world.scenarios, agent, seed, len(rounds))
 
+    def collected(task: Callable[[], DemonstrationTask], batches: int, name: str) -> Demonstrations:
+        """Return demonstrations from their folder, or make them."""
+        folder = config.directory / f"demonstrations-{config.conditions.seen}-{digest[:8]}-{name}"
+        return collect(task, batches, folder, workers=config.workers, report=report)
+
+    held_out = collected(lambda: asked(world.held_out, None, VALIDATION_SEED), HELD_OUT_BATCHES, "held-out")
+    drawn = "" if seed == SHARED else f"seed{seed}-"
     for number in range(setting.rounds):
-        name = f"demonstrations-{config.conditions.seen}-{digest[:8]}-round{number}"
-        rounds.append(collect(task, batches, config.directory / name, workers=config.workers, report=report))
-    return join(rounds)
+        rounds.append(collected(task, batches, f"{drawn}round{number}"))
+    return join(rounds), held_out
 
 
 def _imitate(
-    runs: Sequence[StageRun], world: TrainingWorld, demonstrations: Demonstrations, workers: int, report: Report
+    runs: Sequence[StageRun], world: TrainingWorld, setting: ImitationSetting, report: Report, note: Note
 ) -> None:
-    """Clone agents for several seeds, each in its own process."""
-    if len(runs) == 1 or workers == 1:
+    """Clone agents for several seeds; those that share their demonstrations each in its own process."""
+    config = runs[0].config
+    if setting.per_seed:
         for done, run in enumerate(runs, 1):
-            run.imitate(world, demonstrations)
+            note(run.imitate(world, *demonstrations_of(config, setting, world, report, run.seed)))
             report(run.stage, done, len(runs))
         return
-    sent = payload((runs[0].config, demonstrations), "the recogniser or the sensor")
-    with worker_pool(min(workers, len(runs)), _start_imitating, sent=(sent,)) as pool:
+    demonstrations = demonstrations_of(config, setting, world, report)
+    if len(runs) == 1 or config.workers == 1:
+        for done, run in enumerate(runs, 1):
+            note(run.imitate(world, *demonstrations))
+            report(run.stage, done, len(runs))
+        return
+    sent = payload((config, demonstrations), "the recogniser or the sensor")
+    with worker_pool(min(config.workers, len(runs)), _start_imitating, sent=(sent,)) as pool:
         futures = [pool.submit(call, payload((_imitate_here, run), run.title)) for run in runs]
         for done, future in enumerate(as_completed(futures), 1):
-            future.result()
+            note(future.result())
             report(runs[0].stage, done, len(runs))
 
 
-_imitated: tuple[TrainingWorld, Demonstrations]
+_imitated: tuple[TrainingWorld, tuple[Demonstrations, Demonstrations]]
 
 
 def _start_imitating(sent: bytes) -> None:
@@ -121,9 +153,10 @@ def _start_imitating(sent: bytes) -> None:
     _imitated = TrainingWorld.load(config), demonstrations
 
 
-def _imitate_here(run: StageRun) -> None:
-    """Clone the agent of one seed in this process."""
-    run.imitate(*_imitated)
+def _imitate_here(run: StageRun) -> str:
+    """Clone the agent of one seed in this process, and return why training ended."""
+    world, demonstrations = _imitated
+    return run.imitate(world, *demonstrations)
 
 
 def _optimise(runs: Sequence[StageRun], world: TrainingWorld, workers: int, report: Report, note: Note) -> None:

@@ -22,7 +22,7 @@ def camera_limits(context: Context, viewpoint: FloatArray, node_time: float) -> 
     """
     vehicle = context.vehicle
     if vehicle is None:
-        return grid_limits(context.frame_time, node_time)
+        return grid_limits(context.workspace, context.frame_time, node_time)
     per_axis = np.array([1.0, 1 / viewpoint[DISTANCE], 1 / viewpoint[DISTANCE]])
     return TrajectoryLimits(
         velocity=axis_speeds(vehicle, viewpoint),

@@ -84,10 +84,14 @@ class NextBestView(Planner):
         if context.vehicle is not None:
             frames = max(frames, math.ceil(FLIGHT_PLAN_TIME / context.frame_time / DEFAULT_HORIZON))
         self._node_frames = math.ceil(frames * self.horizon / self._nodes)
-        if self._solver is None:
+        if self._solver is None or self._solver.span != self._value.span:  # a problem is built for one world
             solver, max_iterations = self._solver_options
             self._solver = TrajectorySolver(
-                horizon=self._nodes, solver=solver, max_iterations=max_iterations, seeds=SEEDS
+                horizon=self._nodes,
+                solver=solver,
+                max_iterations=max_iterations,
+                seeds=SEEDS,
+                span=self._value.span,
             )
         self._solver.statistics = SolverStatistics()
 
@@ -120,6 +124,7 @@ class NextBestView(Planner):
                 limits=camera_limits(context, viewpoint, node_time),
                 workspace=context.workspace,
                 spread_weight=self._value.field.spread,
+                span=self._value.span,
             )
             if context.vehicle is not None:  # a vehicle does not follow plans exactly
                 task = stoppable(task)

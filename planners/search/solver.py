@@ -14,8 +14,9 @@ from ehar.arrays import FloatArray
 from planners.search.guess import at_rest_at_the_end, best_guesses, moved_on
 from planners.search.problem import TrajectoryProblem
 from planners.search.task import Trajectory, TrajectoryTask
+from planners.value.view_basis import PAPER_RANGE, DistanceRange
 
-TOLERANCE = 1e-6  # on every constraint, in units of its limit (positions: 5 m and 1 rad)
+TOLERANCE = 1e-6  # on every constraint, in units of its limit (positions: half the range of distances and 1 rad)
 OPTIMALITY = 1e-4  # in units of the stake; a tenth of this takes 1.5 times as long and gains 0.02 %
 BACK_OFF = (1.0, 0.998, 0.98, 0.9, 0.7, 0.4, 0.0)  # shares of a capped solve's step that are tried in turn
 ITERATIONS = 100  # limit of a solve that is not capped
@@ -80,6 +81,7 @@ class TrajectorySolver:
         solver: Literal["fatrop", "ipopt"] = "fatrop",
         max_iterations: int | None = None,
         seeds: int = 1,
+        span: DistanceRange = PAPER_RANGE,
     ) -> None:
         """Build the problem and its solvers, which takes about 0.1 s.
 
@@ -89,10 +91,12 @@ class TrajectorySolver:
             max_iterations: largest number of iterations, for the real-time mode. A trajectory that does not keep the
                 limits by then is repaired; if the repair fails, the viewpoint is held. None: iterate until optimal.
             seeds: number of goals that a plan is solved from, beside the previous solution: the most promising ones.
+            span: the range of distances of the world of its tasks.
         """
         self.statistics = SolverStatistics()
         self.horizon = horizon
-        self._problem = TrajectoryProblem(horizon)
+        self.span = span
+        self._problem = TrajectoryProblem(horizon, span)
         self._seeds = seeds
         self._capped = max_iterations is not None
         self._solver = self._build(solver, max_iterations or ITERATIONS)

@@ -7,8 +7,8 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError
-from ehar.viewpoint import STEP, Workspace, cartesian
-from planners.value.view_basis import BASIS_SIZE, field_value
+from ehar.viewpoint import Workspace, cartesian
+from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, DistanceRange, field_value
 
 
 class Trajectory(NamedTuple):
@@ -51,17 +51,18 @@ class TrajectoryLimits:
             raise UsageError(f"trajectory limits: expected a positive speed, got {self.speed}")
 
 
-def grid_limits(frame_time: float, node_time: float) -> TrajectoryLimits:
-    """Return the limits of a smooth trajectory that a camera on the paper's grid can keep up with.
+def grid_limits(workspace: Workspace, frame_time: float, node_time: float) -> TrajectoryLimits:
+    """Return the limits of a smooth trajectory that a camera on the grid of a workspace can keep up with.
 
     The grid moves one axis by one step a frame, so the axes share that rate. The grid has no limit of acceleration, so
     a trajectory may reach the full rate within one node.
 
     Args:
+        workspace: has the steps of the grid.
         frame_time: time of one frame [s].
         node_time: time from one node to the next [s].
     """
-    velocity = STEP / frame_time
+    velocity = workspace.step / frame_time
     return TrajectoryLimits(
         velocity=velocity, acceleration=2 * velocity / node_time, jerk=4 * velocity / node_time**2, shared=True
     )
@@ -82,6 +83,7 @@ class TrajectoryTask:
         limits: the limits of velocity, acceleration, jerk and speed.
         workspace: the bounds of distance and polar angle.
         spread_weight: cost of looking from one direction all the time, in the unit of the objective.
+        span: the range of distances of the world that the field was trained in.
 
     Raises:
         UsageError: a shape is wrong, the node time is not positive, or the weight of effort or spread is negative.
@@ -97,6 +99,7 @@ class TrajectoryTask:
     limits: TrajectoryLimits
     workspace: Workspace
     spread_weight: float = 0.0
+    span: DistanceRange = PAPER_RANGE
 
     def __post_init__(self) -> None:
         """Check shapes and signs; the solver reports values that are not finite."""
@@ -128,7 +131,7 @@ class TrajectoryTask:
         sum_h gain_weights[h] field(position[h]) - effort_weight mean_h sum_axes (jerk / limit)^2
         - spread_weight |sum_h gain_weights[h] direction(position[h])|^2
         """
-        gain = field_value(self.field_weights, trajectory.position[..., 1:, :]) @ self.gain_weights
+        gain = field_value(self.field_weights, trajectory.position[..., 1:, :], self.span) @ self.gain_weights
         directions = cartesian(trajectory.position[..., 1:, :]) / trajectory.position[..., 1:, :1]
         mean = np.einsum("...hk,h->...k", directions, self.gain_weights)
         effort = ((trajectory.jerk / self.limits.jerk) ** 2).sum(-1).mean(-1)

@@ -5,7 +5,7 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.errors import EpisodeError, UsageError
 from ehar.planner import Context, Observation, Planner
-from ehar.viewpoint import AZIMUTH, MOVES, STEP, Workspace, wrap_difference
+from ehar.viewpoint import AZIMUTH, MOVES, Workspace, wrap_difference
 from planners.heading import heading
 from planners.search.limits import camera_limits
 from planners.value.model import GainModel
@@ -44,7 +44,7 @@ class NextBestViewGreedy(Planner):
         self._value.update(observation)
         here = np.repeat(observation.viewpoint[:, None], len(MOVES), axis=1)
         there = heading(self._context, here, np.broadcast_to(np.arange(len(MOVES)), here.shape[:2]))
-        values = np.einsum("bmk,bk->bm", basis_at(there), self._value.weights)
+        values = np.einsum("bmk,bk->bm", basis_at(there, self._value.span), self._value.weights)
         _check_finite(values, self.name, observation.frame)
         best = np.argmax(values + 1e-12 * (MOVES == 0).all(axis=1), axis=1)  # a tie is no reason to move
         chosen: FloatArray = there[np.arange(len(best)), best]
@@ -130,7 +130,7 @@ def search_goals(value: ViewValue, observation: Observation, context: Context) -
     along = np.zeros((*goals.shape[:2], BASIS_SIZE))
     for node in np.flatnonzero(gains).tolist():
         share = share_made((node + 1) * node_frames, needed, ramp)
-        along += gains[node] * basis_at(here[:, None] + share[..., None] * way)
+        along += gains[node] * basis_at(here[:, None] + share[..., None] * way, value.span)
     collected: FloatArray = np.einsum("bgk,bk->bg", along, value.weights)
     collected -= value.field.spread * (mean_direction(along) ** 2).sum(axis=-1)
     return goals, collected
@@ -139,7 +139,7 @@ def search_goals(value: ViewValue, observation: Observation, context: Context) -
 def _frames_needed(way: FloatArray, here: FloatArray, context: Context) -> tuple[FloatArray, float]:
     """Return the frames (B, G) that ways (B, G, 3) take at full speed, and the frames to get up to full speed."""
     if context.vehicle is None:
-        frames: FloatArray = np.abs(way / STEP).sum(axis=-1)
+        frames: FloatArray = np.abs(way / context.workspace.step).sum(axis=-1)
         return frames, 0.0
     velocity = np.stack([camera_limits(context, viewpoint, 1.0).velocity for viewpoint in here])
     up_to_speed = context.vehicle.speed / context.vehicle.acceleration  # [s]

@@ -9,12 +9,12 @@ from scipy.special import log_softmax
 from ehar.arrays import FloatArray
 from ehar.errors import ModelError
 from ehar.viewpoint import DISTANCE, POLAR
+from planners.value.view_basis import PAPER_RANGE, DistanceRange
 from recognition.calibration import KNOTS
 
 Evidence = Literal["difference", "accumulated"]
 
 NOISE_BASIS = 5  # the terms of `noise_basis`
-MIDDLE_DISTANCE, HALF_RANGE = 10.0, 5.0  # [m], of the paper's workspace
 CERTAIN = -8.0  # log-variance of evidence beside which the default prior is flat and moderation has no effect
 
 
@@ -52,6 +52,7 @@ class BeliefModel:
         correlation: rho, in [0, 1).
         prior_variance: p_0.
         evidence: "difference" as above; "accumulated" takes :math:`y_n` itself as new evidence (for comparison).
+        distances: middle and half of the range of distances of the world that it was fitted in [m].
     """
 
     log_scale: tuple[float, ...] = (0.0,) * len(KNOTS)
@@ -61,6 +62,7 @@ class BeliefModel:
     correlation: float = 0.0
     prior_variance: float = 1.0
     evidence: Evidence = "difference"
+    distances: tuple[float, float] = (PAPER_RANGE.middle, PAPER_RANGE.half)
 
     def __post_init__(self) -> None:
         """Raise ModelError if a parameter is out of range."""
@@ -76,6 +78,13 @@ class BeliefModel:
             raise ModelError(f"belief: prior_variance: expected a finite number above 0, got {self.prior_variance}")
         if self.evidence not in get_args(Evidence):
             raise ModelError(f"belief: evidence: expected {' or '.join(get_args(Evidence))}, got {self.evidence!r}")
+        if not (np.isfinite(self.distances).all() and self.span.half > 0):
+            raise ModelError(f"belief: distances: expected a middle, and a half above 0, got {self.distances}")
+
+    @property
+    def span(self) -> DistanceRange:
+        """The range of distances of the world."""
+        return DistanceRange(*self.distances)
 
 
 class FilterState(NamedTuple):
@@ -87,14 +96,15 @@ class FilterState(NamedTuple):
     evidence: Any  # (B, K), the evidence of the last frame
 
 
-def noise_basis(viewpoint: FloatArray, ratio: FloatArray | float) -> FloatArray:
+def noise_basis(viewpoint: FloatArray, ratio: FloatArray | float, span: DistanceRange) -> FloatArray:
     """Return the terms (..., 5) of the log-variance of evidence: 1, s, cos(polar), its square, observation ratio.
 
     Args:
-        viewpoint: (..., 3). The distance enters as s, in [-1, 1] over the paper's workspace.
+        viewpoint: (..., 3). The distance enters as s, in [-1, 1] over the world's workspace.
         ratio: the observation ratio; it broadcasts against (...,).
+        span: the range of distances of the world.
     """
-    distance = (viewpoint[..., DISTANCE] - MIDDLE_DISTANCE) / HALF_RANGE
+    distance = (viewpoint[..., DISTANCE] - span.middle) / span.half
     height = np.cos(viewpoint[..., POLAR])
     share = np.broadcast_to(ratio, distance.shape)
     return np.stack([np.ones_like(distance), distance, height, height**2, share], axis=-1)
@@ -188,7 +198,7 @@ class Belief:
             self._state,
             np.exp(knots @ self.model.log_scale) * (wide - wide.mean(axis=-1, keepdims=True)),
             frame,
-            np.exp(noise_basis(viewpoint, ratio) @ np.array(self.model.noise_weights)),
+            np.exp(noise_basis(viewpoint, ratio, self.model.span) @ np.array(self.model.noise_weights)),
             process_noise=self.model.process_noise,
             correlation=self.model.correlation,
             evidence=self.model.evidence,

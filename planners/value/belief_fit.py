@@ -21,6 +21,7 @@ from planners.value.belief import (
     noise_basis,
     readout,
 )
+from planners.value.view_basis import PAPER_RANGE, DistanceRange
 from recognition.calibration import KNOTS
 
 STEPS = 60  # most steps of L-BFGS, which usually needs fewer
@@ -95,7 +96,13 @@ class _Parameters(NamedTuple):
 
 
 def fit_belief(
-    log_probs: FloatArray, viewpoints: FloatArray, labels: IntArray, groups: IntArray, parts: BeliefParts | None = None
+    log_probs: FloatArray,
+    viewpoints: FloatArray,
+    labels: IntArray,
+    groups: IntArray,
+    parts: BeliefParts | None = None,
+    *,
+    span: DistanceRange = PAPER_RANGE,
 ) -> BeliefModel:
     """Return the belief that minimises the mean NLL of rollouts over all frames, with a weak prior.
 
@@ -108,6 +115,7 @@ def fit_belief(
         labels: (N,), the true classes.
         groups: (N,), the sequence that each rollout was cut from.
         parts: which parts to fit; all of them by default.
+        span: the range of distances of the world.
 
     Raises:
         DataError: there are no rollouts, or their numbers disagree.
@@ -123,7 +131,7 @@ def fit_belief(
     centred = log_probs.astype(np.float64) - log_probs.mean(axis=-1, keepdims=True, dtype=np.float64)
     rollouts = _Rollouts(
         logits=torch.from_numpy(centred.swapaxes(0, 1).copy()),
-        terms=torch.from_numpy(noise_basis(viewpoints, ratio).swapaxes(0, 1).copy()),
+        terms=torch.from_numpy(noise_basis(viewpoints, ratio, span).swapaxes(0, 1).copy()),
         knots=torch.from_numpy(knot_weights(ratio)),
         labels=torch.from_numpy(labels.astype(np.int64)),
     )
@@ -153,11 +161,18 @@ def fit_belief(
         correlation=float(fitted.correlation),
         prior_variance=float(fitted.prior_variance),
         evidence=parts.evidence,
+        distances=(span.middle, span.half),
     )
 
 
 def ablate_belief(
-    log_probs: FloatArray, viewpoints: FloatArray, labels: IntArray, groups: IntArray, rng: np.random.Generator
+    log_probs: FloatArray,
+    viewpoints: FloatArray,
+    labels: IntArray,
+    groups: IntArray,
+    rng: np.random.Generator,
+    *,
+    span: DistanceRange = PAPER_RANGE,
 ) -> BeliefAblation:
     """Fit the belief without some of its parts on one half of the sequences; read it out on the other half.
 
@@ -169,6 +184,7 @@ def ablate_belief(
         labels: (N,).
         groups: (N,), the sequence that each rollout was cut from.
         rng: draws the halves.
+        span: the range of distances of the world.
 
     Raises:
         DataError: there are fewer than two sequences.
@@ -181,7 +197,7 @@ def ablate_belief(
     held = np.isin(groups, sequences[: len(sequences) // 2])
     believed = {"recogniser": log_probs[held]}
     for name, parts in ABLATIONS.items():
-        model = fit_belief(log_probs[~held], viewpoints[~held], labels[~held], groups[~held], parts)
+        model = fit_belief(log_probs[~held], viewpoints[~held], labels[~held], groups[~held], parts, span=span)
         believed[name] = readout(model, log_probs[held], viewpoints[held])
     return BeliefAblation(labels[held], believed)
 

@@ -5,6 +5,7 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.camera import Camera, look_at_rotation
 from ehar.data.motion_data import MotionData
+from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError
 from ehar.viewpoint import DISTANCE, POLAR, wrap_difference
 
@@ -26,6 +27,14 @@ LEAST_DEVIATION = 1e-6  # [m], keeps the covariance regular if the noise is set 
 UNIFORM_STD = float(np.pi / np.sqrt(3))  # [rad], the standard deviation of a uniform angle
 
 
+def mirrored_pairs(skeleton: Skeleton) -> IntArray:
+    """Return the joints that are each other's mirror image, (pairs, 2) of [left, right]."""
+    names, mirror = skeleton.joint_names, skeleton.mirror
+    # The names of two mirrored joints first differ where one says "l" or "left", the other "r" or "right".
+    left = np.array([j for j, other in enumerate(mirror) if names[j].lower() < names[other].lower()], dtype=np.int64)
+    return np.stack([left, mirror[left]], axis=1)
+
+
 def trunk_pairs(data: MotionData, sequences: IntArray) -> IntArray:
     """Return the pairs of joints that make up the trunk, (pairs, 2) of [left, right].
 
@@ -39,14 +48,11 @@ def trunk_pairs(data: MotionData, sequences: IntArray) -> IntArray:
     Raises:
         DataError: the skeleton has no mirrored joints that are apart, or there are no sequences.
     """
-    names, mirror = data.skeleton.joint_names, data.skeleton.mirror
-    # The names of two mirrored joints first differ where one says "l" or "left", the other "r" or "right".
-    left = np.array([j for j, other in enumerate(mirror) if names[j].lower() < names[other].lower()], dtype=np.int64)
-    pairs = np.stack([left, mirror[left]], axis=1)
+    pairs = mirrored_pairs(data.skeleton)
     if len(pairs) == 0 or len(sequences) == 0:
         raise DataError(
             f"{data.name}: expected sequences, and joints named left and right, to tell which way people face; "
-            f"got {len(sequences)} sequences and the joints {', '.join(names)}"
+            f"got {len(sequences)} sequences and the joints {', '.join(data.skeleton.joint_names)}"
         )
     frames = np.concatenate([data.sequence(int(index)) for index in sequences])
     width = np.linalg.norm(frames[:, :, pairs[:, 0]] - frames[:, :, pairs[:, 1]], axis=-1).reshape(-1, len(pairs))

@@ -1,7 +1,7 @@
 """Rollouts on training scenarios that branch to many viewpoints, to learn what other views would have given."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,10 @@ from ehar.motion import move_towards
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.processes import each_batch
 from ehar.runner import Runner
-from ehar.viewpoint import Workspace, apply_moves, sample_starts
+from ehar.viewpoint import Workspace, apply_moves
 from planners.value.body_filter import BodyFilter
 from planners.value.situation import frame_gains
-from planners.value.view_basis import basis_at
+from planners.value.view_basis import DistanceRange, basis_at
 
 EPISODES = 32  # episodes that run in lockstep
 PATHS = 8  # paths from a fork, one of which stays where it is
@@ -64,36 +64,43 @@ class Forker(Planner):
 
     Args:
         pairs: pairs of joints of the trunk, for the body filter.
+        lead: a planner that it follows instead of wandering, so that it forks where that planner gets to.
     """
 
     name = "forker"
     privileged = True
 
-    def __init__(self, *, pairs: IntArray) -> None:
+    def __init__(self, *, pairs: IntArray, lead: Planner | None = None) -> None:
         """Create the planner."""
-        self.pairs = pairs
+        self.pairs, self.lead = pairs, lead
 
     def reset(self, context: Context) -> None:
         """Draw when to fork, and who wanders."""
         self._context = context
-        self._body = BodyFilter(pairs=self.pairs, frame_time=context.frame_time)
+        camera = context.world.camera
+        self._body = BodyFilter(pairs=self.pairs, frame_time=context.frame_time, camera=camera)
         # There is no plan at the last frame, and a fork needs a frame after it.
         spans = [sorted(int(share * (context.length - 2)) for share in span) for span in FORK_SPANS]
         self._at = {int(context.rng.integers(low, high + 1)) for low, high in spans}
         self._wanders = context.rng.random(context.episodes) < WANDER
         self._goal = random_viewpoints(context.rng, (context.episodes,), context.workspace)
         self.forks: list[dict[str, Any]] = []
+        if self.lead is not None:
+            self.lead.reset(context)
 
     def act(self, observation: Observation) -> FloatArray:
-        """Track the people, fork if it is time, and wander on."""
+        """Track the people, fork if it is time, and wander or follow on."""
         rng, workspace = self._context.rng, self._context.workspace
         if observation.frame == 0:
             self._body.start(*observation.joints_2d.shape[:2])
         self._body.update(observation.joints_2d, observation.confidence, observation.viewpoint)
         if observation.frame in self._at:
             self.forks.append(self._fork(observation))
-        anew = rng.random(len(self._goal)) < NEW_GOAL
-        self._goal = np.where(anew[:, None], random_viewpoints(rng, anew.shape, workspace), self._goal)
+        if self.lead is not None:
+            self._goal = self.lead.act(replace(observation, truth=None))
+        else:
+            anew = rng.random(len(self._goal)) < NEW_GOAL
+            self._goal = np.where(anew[:, None], random_viewpoints(rng, anew.shape, workspace), self._goal)
         return np.where(self._wanders[:, None], self._goal, observation.viewpoint)
 
     def _fork(self, observation: Observation) -> dict[str, Any]:
@@ -105,6 +112,7 @@ class Forker(Planner):
         goals[:, 0] = here
         worth, visited = follow_paths(observation.truth, observation, goals, workspace)
         gains = frame_gains(observation.frame, observation.length)
+        span = DistanceRange.of(self._context.world.workspace)
         return {
             "episode": np.arange(len(here)),
             "frame": np.full(len(here), observation.frame),
@@ -113,7 +121,7 @@ class Forker(Planner):
             "position": self._body.position.copy(),
             "embedding": observation.embedding.astype(np.float64),
             "worth": worth,
-            "path": np.einsum("bmhk,h->bmk", basis_at(visited), gains),
+            "path": np.einsum("bmhk,h->bmk", basis_at(visited, span), gains),
         }
 
 
@@ -157,6 +165,7 @@ class CollectionTask:
         length: number L of frames of an episode.
         pairs: pairs of joints of the trunk.
         seed: seed of all random numbers.
+        lead: a planner to follow instead of wandering.
     """
 
     runner: Runner
@@ -164,6 +173,7 @@ class CollectionTask:
     length: int
     pairs: IntArray
     seed: int
+    lead: Planner | None = None
 
 
 def run_batches(task: CollectionTask, batches: Sequence[int], *, workers: int = 1) -> Iterator[tuple[int, Collection]]:
@@ -189,8 +199,8 @@ def collect_batch(task: CollectionTask, index: int) -> Collection:
     sequence = rng.choice(task.sequences, size=EPISODES, p=weights / weights.sum())
     first = rng.integers(data.lengths[sequence] - task.length + 1)
     scenarios = Scenarios(data, task.length, sequence, first)
-    batch = task.runner.batch(scenarios, np.arange(EPISODES), sample_starts(rng, EPISODES), rng)
-    forker = Forker(pairs=task.pairs)
+    batch = task.runner.batch(scenarios, np.arange(EPISODES), task.runner.world.sample_starts(rng, EPISODES), rng)
+    forker = Forker(pairs=task.pairs, lead=task.lead)
     record = task.runner.roll(forker, batch, rng)
     forks = {name: np.concatenate([fork[name] for fork in forker.forks]) for name in forker.forks[0]}
     return Collection(

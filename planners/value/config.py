@@ -14,11 +14,12 @@ class GainTrainingConfig:
     Args:
         conditions: conditions of the episodes, and the recogniser; the seed is for episodes, forks and noise.
         out: folder to write to.
-        batches: number of batches, each of 32 episodes with 3 forks of 8 paths.
+        batches: the most batches, each of 32 episodes with 3 forks of 8 paths. Rollouts stop before, when twice as
+            many gain nothing.
         workers: number of processes; results do not depend on it.
     """
 
     conditions: Conditions
     out: Path | None = None
-    batches: int = 24
+    batches: int = 192
     workers: int = field(default_factory=cores)

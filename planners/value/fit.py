@@ -29,14 +29,20 @@ CHUNK = 256  # forks at a time, to save memory
 SIZE = BASIS_SIZE - 1  # without the constant function, which is no reason to go anywhere
 
 
-class Fit(NamedTuple):
-    """A field and its scores in cross-validation, on sequences that it was not fitted on."""
+class Scores(NamedTuple):
+    """How well a field tells what paths gain, on people or sequences that it was not fitted on."""
 
-    field: GainField
-    penalties: tuple[float, float]  # for terms that depend on the situation, and for those that do not
     explained: float  # explained share of the squared gains
     chosen_gain: float  # gained probability of the path that the field picks at a fork, which may be to stay
     best_gain: float  # gained probability of the best path at a fork, known only in hindsight
+
+
+class Fit(NamedTuple):
+    """A field, and its scores in cross-validation."""
+
+    field: GainField
+    penalties: tuple[float, float]  # for terms that depend on the situation, and for those that do not
+    scores: Scores
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +71,7 @@ def fork_situations(collection: Collection, belief: BeliefModel) -> Situation:
     """Return the situations at all N forks of a collection."""
     episode, frame = collection.episode, collection.frame
     believed = np.exp(readout(belief, collection.log_probs, collection.viewpoints))
-    seen = np.cumsum(basis_at(collection.viewpoints), axis=1)
+    seen = np.cumsum(basis_at(collection.viewpoints, belief.span), axis=1)
     return Situation(
         ratio=(frame + 1) / believed.shape[1],
         belief=believed[episode, frame],
@@ -77,8 +83,17 @@ def fork_situations(collection: Collection, belief: BeliefModel) -> Situation:
     )
 
 
-def fit_field(collection: Collection, belief: BeliefModel, parts: tuple[str, ...]) -> Fit:
-    """Fit a field that depends on some parts of the situation; penalties are chosen by grouped cross-validation."""
+def fit_field(
+    collection: Collection, belief: BeliefModel, parts: tuple[str, ...], groups: IntArray | None = None
+) -> Fit:
+    """Fit a field that depends on some parts of the situation; penalties are chosen by grouped cross-validation.
+
+    Args:
+        collection: the rollouts.
+        belief: the fitted belief.
+        parts: parts of the situation.
+        groups: (E,), who performs in each episode, so that folds differ in people; None means the sequences.
+    """
     situation = fork_situations(collection, belief)
     raw = feature_matrix(situation, parts)
     standardise = _standardiser(raw, situation, parts)
@@ -94,7 +109,8 @@ def fit_field(collection: Collection, belief: BeliefModel, parts: tuple[str, ...
         gain=collection.worth[:, 1:] - collection.worth[:, :1],
         weight=(length - 1 - collection.frame) / length,
     )
-    penalties, explained, chosen = _cross_validate(rows, collection.sequences[collection.episode])
+    groups = collection.sequences if groups is None else groups
+    penalties, scores = _cross_validate(rows, groups[collection.episode])
     situated, spread_weight = _solve(_moments(rows), penalties, rows.features.shape[1])
     solution = standardise @ situated
     # The constant function has weight 0: only differences are fitted. Without a reference direction, the field has no
@@ -103,8 +119,26 @@ def fit_field(collection: Collection, belief: BeliefModel, parts: tuple[str, ...
     absolute[:, 1:] = solution[:, :SIZE]
     if "facing" in parts:
         relative[:, 1:] = solution[:, SIZE:]
-    best = float(np.average(np.maximum(rows.gain.max(axis=1), 0), weights=rows.weight))
-    return Fit(GainField(parts, absolute, relative, max(spread_weight, 0.0)), penalties, explained, chosen, best)
+    return Fit(GainField(parts, absolute, relative, max(spread_weight, 0.0)), penalties, scores)
+
+
+def score_field(field: GainField, collection: Collection, belief: BeliefModel) -> Scores:
+    """Return how well a field does on rollouts that it was not fitted on."""
+    weights = field.weights(fork_situations(collection, belief))
+    value = np.einsum("nmk,nk->nm", collection.path, weights)
+    value -= field.spread * (mean_direction(collection.path) ** 2).sum(axis=-1)
+    length = collection.log_probs.shape[1]
+    gain = collection.worth[:, 1:] - collection.worth[:, :1]
+    return _scores(value[:, 1:] - value[:, :1], gain, (length - 1 - collection.frame) / length)
+
+
+def _scores(predicted: FloatArray, gain: FloatArray, weight: FloatArray) -> Scores:
+    """Return the scores of predicted gains (N, M - 1) of paths over staying, where each fork has a weight (N,)."""
+    pick = np.argmax(predicted, axis=1)
+    chosen = np.where(predicted.max(axis=1) > 0, gain[np.arange(len(pick)), pick], 0.0)
+    lost, whole = (((values**2) * weight[:, None]).sum() for values in (predicted - gain, gain))
+    best = np.average(np.maximum(gain.max(axis=1), 0), weights=weight)
+    return Scores(float(1 - lost / whole), float(np.average(chosen, weights=weight)), float(best))
 
 
 def _standardiser(raw: FloatArray, situation: Situation, parts: tuple[str, ...]) -> FloatArray:
@@ -154,26 +188,22 @@ def _solve(sums: _Moments, penalties: tuple[float, float], features: int) -> tup
     return solution[:-1].reshape(features, size), float(solution[-1])
 
 
-def _cross_validate(rows: _Rows, sequence: IntArray) -> tuple[tuple[float, float], float, float]:
-    """Return the best penalties, the share of squared gain that they explain, and the gain of the paths they pick."""
-    names, number = np.unique(sequence, return_inverse=True)
-    fold = (np.random.default_rng(0).permutation(len(names)) % FOLDS)[number]
+def _cross_validate(rows: _Rows, group: IntArray) -> tuple[tuple[float, float], Scores]:
+    """Return the best penalties, and the scores of the fields that were fitted with them on other groups."""
+    names, number = np.unique(group, return_inverse=True)
+    folds = min(FOLDS, len(names))
+    fold = (np.random.default_rng(0).permutation(len(names)) % folds)[number]
     penalties = [(penalty, share * penalty) for penalty in PENALTIES for share in CONSTANT_SHARES]
     predicted = np.zeros((len(penalties), *rows.gain.shape))
-    held_out = [_moments(rows.part(fold == index)) for index in range(FOLDS)]
+    held_out = [_moments(rows.part(fold == index)) for index in range(folds)]
     total = _Moments(*(np.sum(parts, axis=0) for parts in zip(*held_out, strict=True)))
-    for index in range(FOLDS):
+    for index in range(folds):
         rest = _Moments(*(whole - part for whole, part in zip(total, held_out[index], strict=True)))
         inside = rows.part(fold == index)
         for row, pair in enumerate(penalties):
             situated, spread_weight = _solve(rest, pair, rows.features.shape[1])
             along = np.einsum("nk,npk->np", inside.features @ situated, inside.path)
             predicted[row, fold == index] = along + spread_weight * inside.spread
-    weight = rows.weight[:, None]
-    lost = ((predicted - rows.gain) ** 2 * weight).sum(axis=(1, 2))
+    lost = ((predicted - rows.gain) ** 2 * rows.weight[:, None]).sum(axis=(1, 2))
     best = int(np.argmin(lost))
-    pick = np.argmax(predicted[best], axis=1)
-    moves = predicted[best].max(axis=1) > 0
-    chosen = np.where(moves, rows.gain[np.arange(len(pick)), pick], 0.0)
-    explained = 1 - lost[best] / (rows.gain**2 * weight).sum()
-    return penalties[best], float(explained), float(np.average(chosen, weights=rows.weight))
+    return penalties[best], _scores(predicted[best], rows.gain, rows.weight)

@@ -13,9 +13,10 @@ from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.errors import ModelError
 from ehar.files import read_json
+from ehar.world import PAPER, World
 from planners.value.belief import BeliefModel
 from planners.value.field import GainField
-from recognition.weight_files import check_files, description_path, files_sha256, save_weights
+from recognition.weight_files import check_files, check_world, description_path, files_sha256, save_weights
 
 SHIPPED = Path(__file__).parents[1] / "weights"
 FULL = "full"
@@ -30,12 +31,14 @@ class GainModel:
         belief: the parameters of the belief.
         pairs: (pairs, 2) of [left, right], the joints of the trunk.
         sha256: hash of the files, recorded beside results.
+        length: number of frames of the episodes that it was trained on; None if that is not recorded.
     """
 
     fields: dict[str, GainField]
     belief: BeliefModel
     pairs: IntArray
     sha256: str = ""
+    length: int | None = None
 
     __repr__ = in_brief
 
@@ -57,7 +60,8 @@ class GainDescription:
         fields: the fields by variant.
         trunk: pairs of [left, right], the joints of the trunk.
         belief: the parameters of the belief.
-        training: how they were trained; kept for people, not read back.
+        training: how they were trained; kept for people; only the length is read back.
+        world: the world of the training; files from before there were several do not name it.
     """
 
     recogniser_sha256: str
@@ -65,6 +69,13 @@ class GainDescription:
     trunk: tuple[tuple[int, int], ...]
     belief: BeliefModel
     training: dict[str, Any]
+    world: World = PAPER
+
+    @property
+    def length(self) -> int | None:
+        """The number of frames of the training's episodes; None if it is not recorded."""
+        length = self.training.get("length")
+        return length if isinstance(length, int) else None
 
 
 def gain_model_path(directory: Path, conditions: Conditions) -> Path:
@@ -72,14 +83,17 @@ def gain_model_path(directory: Path, conditions: Conditions) -> Path:
     return directory / f"gain-field-{conditions.seen}.safetensors"
 
 
-def save_gain_model(path: Path, model: GainModel, *, recogniser_sha256: str, history: dict[str, Any]) -> None:
+def save_gain_model(
+    path: Path, model: GainModel, *, recogniser_sha256: str, history: dict[str, Any], world: World = PAPER
+) -> None:
     """Save a model, and beside it a description of its recogniser and its training.
 
     Args:
         path: the safetensors file.
         model: the trained model.
         recogniser_sha256: hash of the recogniser whose outputs it was trained on.
-        history: how it was trained; kept for people, not read back.
+        history: how it was trained; kept for people; only the length is read back.
+        world: the world that it was trained in.
     """
     tensors = {
         f"{name}.{matrix}": np.ascontiguousarray(getattr(field, matrix))
@@ -92,6 +106,7 @@ def save_gain_model(path: Path, model: GainModel, *, recogniser_sha256: str, his
         trunk=tuple((int(left), int(right)) for left, right in model.pairs),
         belief=model.belief,
         training=history,
+        world=world,
     )
     save_weights(path, save(tensors), description)
 
@@ -100,12 +115,12 @@ def load_gain_model(conditions: Conditions, data: MotionData, recogniser_sha256:
     """Load a gain model and check that it belongs to the recogniser.
 
     Args:
-        conditions: conditions of the training: folder, sensor and views.
+        conditions: conditions of the training: folder, sensor, views and world.
         data: the data that it will be used on.
         recogniser_sha256: hash of the recogniser that it will work with.
 
     Raises:
-        ModelError: the files are missing or malformed, or belong to another recogniser.
+        ModelError: the files are missing or malformed, or belong to another recogniser or another world.
     """
     path = gain_model_path(conditions.directory or SHIPPED / data.name, conditions)
     check_files(
@@ -113,11 +128,13 @@ def load_gain_model(conditions: Conditions, data: MotionData, recogniser_sha256:
         f"a gain field, as made by `ehar train gain-field {conditions.options} {conditions.models_option}`",
     )
     file, what = description_path(path), "a gain field, as `ehar train gain-field` writes it"
-    description = read_json(file, GainDescription, what, wrong=ModelError)
+    later = ("world", "distances")
+    description = read_json(file, GainDescription, what, optional=later, wrong=ModelError)
     joints = range(len(data.skeleton.joint_names))
     if not description.trunk or any(joint not in joints for pair in description.trunk for joint in pair):
         got = str(description.trunk)[:80]
         raise ModelError(f"{file}: trunk: expected pairs of joints 0 to {len(joints) - 1}, got {got}")
+    check_world(path, description.world, conditions)
     if description.recogniser_sha256 != recogniser_sha256:
         raise ModelError(
             f"{path}: trained for another recogniser: its sha256 was {description.recogniser_sha256[:12]}..., "
@@ -134,4 +151,4 @@ def load_gain_model(conditions: Conditions, data: MotionData, recogniser_sha256:
     if FULL not in fields:
         raise ModelError(f"{path}: expected a gain field {FULL!r}, got {', '.join(fields) or 'none'}")
     pairs = np.array(description.trunk, dtype=np.int64)
-    return GainModel(fields, description.belief, pairs, files_sha256(path))
+    return GainModel(fields, description.belief, pairs, files_sha256(path), description.length)

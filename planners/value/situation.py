@@ -8,7 +8,7 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.planner import Context, Observation
 from planners.value.belief import Belief, BeliefModel
 from planners.value.body_filter import BodyFilter
-from planners.value.view_basis import BASIS_SIZE, basis_at, turned
+from planners.value.view_basis import BASIS_SIZE, DistanceRange, basis_at, turned
 
 PARTS = ("ratio", "history", "belief", "embedding", "facing")  # parts of a situation that a gain field may use
 _HISTORY = (1, 2, 3, 4, 5, 6, 7, 8, 16)  # places in the basis: harmonics of degree 1 and 2, and the distance
@@ -88,7 +88,9 @@ class Tracker:
 
     def reset(self, context: Context) -> None:
         """Forget everything."""
-        self._body = BodyFilter(pairs=self._pairs, frame_time=context.frame_time)
+        camera = context.world.camera
+        self._body = BodyFilter(pairs=self._pairs, frame_time=context.frame_time, camera=camera)
+        self._span = DistanceRange.of(context.world.workspace)
         self._belief.start(context.episodes, len(context.class_names))
         self._seen = np.zeros((context.episodes, BASIS_SIZE))
 
@@ -98,7 +100,7 @@ class Tracker:
             self._body.start(*observation.joints_2d.shape[:2])
         self._body.update(observation.joints_2d, observation.confidence, observation.viewpoint)
         self._belief.update(observation.log_probs, observation.viewpoint, observation.ratio, observation.frame)
-        self._seen += basis_at(observation.viewpoint)
+        self._seen += basis_at(observation.viewpoint, self._span)
         self._observation = observation
 
     @property

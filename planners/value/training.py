@@ -1,8 +1,8 @@
 """Trains gain fields and belief for one recogniser: branching rollouts on the policy part, then regressions."""
 
 import hashlib
-from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,34 +10,79 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
+from ehar.arrays import IntArray
+from ehar.data.motion_data import UNKNOWN_SUBJECT, MotionData
 from ehar.data.scenario import split_parts
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.files import write_bytes
+from ehar.planner import Planner
+from ehar.world import PAPER
 from planners.value.belief_fit import fit_belief
 from planners.value.body_filter import trunk_pairs
 from planners.value.collection import Collection, CollectionTask, join, run_batches
 from planners.value.config import GainTrainingConfig
-from planners.value.fit import VARIANTS, Fit, fit_field
-from planners.value.model import GainModel, gain_model_path, load_gain_model, save_gain_model
+from planners.value.fit import VARIANTS, Fit, Scores, fit_field, score_field
+from planners.value.model import FULL, GainModel, gain_model_path, load_gain_model, save_gain_model
+from planners.value.view_basis import DistanceRange
 from recognition.setting import Setting, load_setting
 
 LEAST_LENGTH = 3  # frames of an episode: views along a path spread only if there are two to come
+FIRST_BATCHES = 12  # of rollouts; then twice as many, and so on
+UNSEEN_BATCHES = (
+    6  # on the people of the validation part: they fit the belief, and tell when more rollouts gain nothing
+)
+WORTH = 0.001  # rollouts go on while twice as many gain at least this probability on the unseen people
 
 
 @dataclass(frozen=True)
 class GainTraining:
-    """The result of a training: the path of the weights, and the fields with their scores in cross-validation."""
+    """The result of a training.
+
+    Args:
+        path: the weights.
+        fits: the fields, with their scores in cross-validation.
+        unseen: the scores of the full field on the people of the validation part, by the number of batches.
+        second_round: the scores on them at forks of the planner's own paths: of the field before the second round,
+            and of that after it.
+        cut_short: whether more rollouts would have been worth it, or nobody knows.
+    """
 
     path: Path
     fits: dict[str, Fit]
+    unseen: dict[int, Scores]
+    second_round: tuple[Scores, Scores]
+    cut_short: bool
+
+    @property
+    def reason(self) -> str:
+        """Why it stopped, in words."""
+        batches = list(self.unseen)
+        gained = ""
+        if len(batches) > 1:
+            gain = self.unseen[batches[-1]].chosen_gain - self.unseen[batches[-2]].chosen_gain
+            gained = f"{batches[-1]} batches instead of {batches[-2]} gained {100 * gain:.2f} points on unseen people"
+        if not self.cut_short:
+            return f"it had learned: {gained}"
+        return f"cut short at {batches[-1]} batches: {gained or 'too few to tell what more bring'}"
 
 
-def train_gain_field(config: GainTrainingConfig, report: Callable[[str, int, int], None]) -> GainTraining:
+def train_gain_field(
+    config: GainTrainingConfig,
+    lead: Callable[[GainModel], Planner],
+    report: Callable[[str, int, int], None],
+    note: Callable[[str], None] = lambda _: None,
+) -> GainTraining:
     """Train and save; batches of rollouts that a stopped run has finished are not run again.
+
+    In the first round cameras wander or stay, until twice the rollouts gain nothing. In the second round they follow a
+    planner that has the first round's field, so that the field also knows the places that such a planner gets to. The
+    second round is kept if its field does better there, on unseen people.
 
     Args:
         config: the settings of the training.
+        lead: makes the planner that leads the second round from a model.
         report: called with progress: the name of the task, the amount done, and the total.
+        note: called with a line if the recogniser was trained at another length.
 
     Raises:
         EharError: data or recogniser are missing or do not fit, or a number is too small.
@@ -54,6 +99,8 @@ def train_gain_field(config: GainTrainingConfig, report: Callable[[str, int, int
     if directory is None:
         raise UsageError("train gain-field: expected --models DIR, or --out DIR where the shipped recogniser is used")
     setting = load_setting(conditions)
+    if setting.length_note is not None:
+        note(f"warning: {setting.length_note}")
     data, policy = setting.data, split_parts(setting.data).policy
     sequences = policy[data.lengths[policy] >= conditions.length]
     if len(sequences) < 2:  # a field is judged on sequences that it was not fitted on
@@ -72,31 +119,80 @@ def train_gain_field(config: GainTrainingConfig, report: Callable[[str, int, int
     _check_place(path, setting)
     key = f"{data.sha256} {setting.recogniser_sha256} {conditions.length} {conditions.seed}"
     key += "" if setting.sensor_sha256 is None else f" {setting.sensor_sha256}"
-    collection = _collect(task, config, path.with_suffix(""), hashlib.sha256(key.encode()).hexdigest(), report)
-    belief = fit_belief(collection.log_probs, collection.viewpoints, collection.labels, collection.sequences)
+    world = setting.world
+    key += "" if world.agrees_with(PAPER) else f" {asdict(world)}"
+    rollouts = _Rollouts(config, path, key, report)
+    unseen_task = replace(task, sequences=_unseen_sequences(setting, sequences))
+    unseen = rollouts.run(unseen_task, rollouts.few, "rollouts of unseen people", "unseen")
+    belief = fit_belief(
+        unseen.log_probs,
+        unseen.viewpoints,
+        unseen.labels,
+        unseen.sequences,
+        span=DistanceRange.of(world.workspace),
+    )
+
+    def fit(collection: Collection, parts: tuple[str, ...]) -> Fit:
+        return fit_field(collection, belief, parts, _performers(data, collection.sequences))
+
+    scores: dict[int, Scores] = {}
+    while not _has_learned(scores) and config.batches not in scores:
+        batches = min(FIRST_BATCHES * 2 ** len(scores), config.batches)
+        collection = rollouts.run(task, batches, "rollouts", "")
+        full = fit(collection, VARIANTS[FULL])
+        scores[batches] = score_field(full.field, unseen, belief)
+
+    leader = lead(GainModel({FULL: full.field}, belief, task.pairs))
+    told = f"led by {hashlib.sha256(full.field.absolute.tobytes() + full.field.relative.tobytes()).hexdigest()}"
+    led_unseen = rollouts.run(
+        replace(unseen_task, lead=leader), rollouts.few, "led rollouts of unseen people", f"{told} unseen"
+    )
+    both = join([collection, rollouts.run(replace(task, lead=leader), batches, "led rollouts", told)])
+    second = fit(both, VARIANTS[FULL])
+    before, after = (score_field(each.field, led_unseen, belief) for each in (full, second))
+    if after.chosen_gain > before.chosen_gain:
+        collection, full = both, second
     fits: dict[str, Fit] = {}
     for name, parts in VARIANTS.items():
         report("regressions", len(fits), len(VARIANTS))
-        fits[name] = fit_field(collection, belief, parts)
-    report("regressions", len(fits), len(VARIANTS))
+        fits[name] = full if name == FULL else fit(collection, parts)
+    report("regressions", len(VARIANTS), len(VARIANTS))
+    trained = GainTraining(path, fits, scores, (before, after), not _has_learned(scores))
     model = GainModel({name: fit.field for name, fit in fits.items()}, belief, task.pairs)
-    told = setting.conditions
+    conditions = setting.conditions
     history: dict[str, Any] = {
-        **{name: getattr(told, name) for name in ("data", "models")},
+        **{name: getattr(conditions, name) for name in ("data", "models")},
         "out": None if config.out is None else str(config.out),
-        **{name: getattr(told, name) for name in ("sensor", "views", "length", "fps")},
-        "batches": config.batches,
-        "seed": told.seed,
+        **{name: getattr(conditions, name) for name in ("sensor", "views", "length", "fps")},
+        "batches": batches,
+        "stopped": trained.reason,
+        "cut_short": trained.cut_short,
+        "seed": conditions.seed,
         "data_sha256": data.sha256,
-        "cross_validation": {
-            name: {score: value for score, value in fit._asdict().items() if score != "field"}
-            for name, fit in fits.items()
-        },
+        "cross_validation": {name: {"penalties": fit.penalties, **fit.scores._asdict()} for name, fit in fits.items()},
+        "unseen_people": {str(count): found._asdict() for count, found in scores.items()},
+        "second_round": {"before": before._asdict(), "after": after._asdict(), "kept": collection is both},
     }
-    own = {"recogniser": told.recogniser, "sensor_sha256": setting.sensor_sha256}
+    own = {"recogniser": conditions.recogniser, "sensor_sha256": setting.sensor_sha256}
     history |= {name: value for name, value in own.items() if value is not None}
-    save_gain_model(path, model, recogniser_sha256=setting.recogniser_sha256, history=history)
-    return GainTraining(path, fits)
+    save_gain_model(path, model, recogniser_sha256=setting.recogniser_sha256, history=history, world=world)
+    return trained
+
+
+def _unseen_sequences(setting: Setting, policy: IntArray) -> IntArray:
+    """Return the sequences of the validation part that are long enough; those of the policy part if there are none."""
+    validation = split_parts(setting.data).validation
+    long_enough = validation[setting.data.lengths[validation] >= setting.conditions.length]
+    return long_enough if len(long_enough) else policy
+
+
+def _performers(data: MotionData, sequences: IntArray) -> IntArray:
+    """Return who performs in each sequence, as numbers (E,); the sequences, if they are unknown or all the same."""
+    people = np.sort(data.subjects[sequences], axis=1)
+    if (people == UNKNOWN_SUBJECT).any():
+        return sequences
+    groups: IntArray = np.unique(people, axis=0, return_inverse=True)[1].ravel()
+    return groups if groups.any() else sequences
 
 
 def _check_place(path: Path, setting: Setting) -> None:
@@ -109,28 +205,57 @@ def _check_place(path: Path, setting: Setting) -> None:
         raise UsageError(f"{error}: remove it, or choose another --out") from error
 
 
-def _collect(
-    task: CollectionTask,
-    config: GainTrainingConfig,
-    folder: Path,
-    key: str,
-    report: Callable[[str, int, int], None],
-) -> Collection:
-    """Return the branching rollouts; each batch is kept in a folder, and a resumed run reads it from there."""
-    folder = folder.with_name(f"{folder.name}-rollouts-{key[:8]}")
-    pieces: dict[int, Collection] = {}
-    for batch in range(config.batches):
-        piece = _read(folder / f"{batch}.safetensors")
-        if piece is not None:
+def _has_learned(scores: Mapping[int, Scores]) -> bool:
+    """Return whether the last doubling of the rollouts gained too little to go on."""
+    chosen = [found.chosen_gain for found in scores.values()]
+    return len(chosen) > 1 and chosen[-1] - chosen[-2] < WORTH
+
+
+@dataclass(frozen=True)
+class _Rollouts:
+    """Runs rollouts, and keeps each batch in a folder, from which a resumed run reads it.
+
+    Args:
+        config: the settings of the training.
+        path: the weights, beside which the folders lie.
+        key: everything that decides the rollouts but their kind.
+        report: is told of progress.
+    """
+
+    config: GainTrainingConfig
+    path: Path
+    key: str
+    report: Callable[[str, int, int], None]
+
+    @property
+    def few(self) -> int:
+        """The number of batches of unseen people."""
+        return min(UNSEEN_BATCHES, self.config.batches)
+
+    def run(self, task: CollectionTask, batches: int, what: str, kind: str) -> Collection:
+        """Return some batches of branching rollouts.
+
+        Args:
+            task: the task.
+            batches: their number.
+            what: the rollouts in words, for the report.
+            kind: what tells them from other rollouts of the same training.
+        """
+        digest = hashlib.sha256(f"{self.key} {kind}".strip().encode()).hexdigest()
+        folder = self.path.with_name(f"{self.path.stem}-rollouts-{digest[:8]}")
+        pieces: dict[int, Collection] = {}
+        for batch in range(batches):
+            piece = _read(folder / f"{batch}.safetensors")
+            if piece is not None:
+                pieces[batch] = piece
+        missing = [batch for batch in range(batches) if batch not in pieces]
+        self.report(what, len(pieces), batches)
+        for batch, piece in run_batches(task, missing, workers=self.config.workers):
             pieces[batch] = piece
-    missing = [batch for batch in range(config.batches) if batch not in pieces]
-    report("rollouts", len(pieces), config.batches)
-    for batch, piece in run_batches(task, missing, workers=config.workers):
-        pieces[batch] = piece
-        tensors = {name.name: np.ascontiguousarray(getattr(piece, name.name)) for name in fields(Collection)}
-        write_bytes(folder / f"{batch}.safetensors", save(tensors))
-        report("rollouts", len(pieces), config.batches)
-    return join([pieces[batch] for batch in range(config.batches)])
+            tensors = {name.name: np.ascontiguousarray(getattr(piece, name.name)) for name in fields(Collection)}
+            write_bytes(folder / f"{batch}.safetensors", save(tensors))
+            self.report(what, len(pieces), batches)
+        return join([pieces[batch] for batch in range(batches)])
 
 
 def _read(path: Path) -> Collection | None:

@@ -5,18 +5,39 @@ distance terms. So a field is smooth, periodic in the azimuth, and has one value
 """
 
 from math import sqrt
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from ehar.arrays import FloatArray
+from ehar.viewpoint import Workspace
+from ehar.world import PAPER
 
 BASIS_SIZE = 21
 # Places in the basis of functions that go with sin(m azimuth) and with cos(m azimuth), and their m.
 SINES, COSINES = np.array([1, 5, 11, 19, 4, 10, 9]), np.array([3, 7, 13, 18, 8, 14, 15])
 ORDERS = np.array([1, 1, 1, 1, 2, 2, 3])
-MIDDLE_DISTANCE = 10.0  # [m], Sec. 5.1: the workspace reaches from 5 m ...
-HALF_RANGE = 5.0  # [m] ... to 15 m
+
+
+class DistanceRange(NamedTuple):
+    """The range of distances over which s runs from -1 to 1.
+
+    Args:
+        middle: its middle [m].
+        half: half its length [m].
+    """
+
+    middle: float
+    half: float
+
+    @staticmethod
+    def of(workspace: Workspace) -> "DistanceRange":
+        """Return the range of a workspace; where it has only one distance, s is 0 there."""
+        low, high = workspace.distance_min, workspace.distance_max
+        return DistanceRange((low + high) / 2, (high - low) / 2 or 1.0)
+
+
+PAPER_RANGE = DistanceRange.of(PAPER.workspace)  # Sec. 5.1: 5 to 15 m
 
 
 class Trigonometry(Protocol):
@@ -31,23 +52,24 @@ class Trigonometry(Protocol):
         """The cosine of an angle [rad]."""
 
 
-def view_basis(distance: Any, azimuth: Any, polar: Any, ops: Trigonometry) -> list[Any]:
+def view_basis(distance: Any, azimuth: Any, polar: Any, span: DistanceRange, ops: Trigonometry) -> list[Any]:
     """Return the 21 basis functions at a viewpoint, each of the arguments' shape.
 
     The 16 harmonics have a mean square of 1 over the sphere (sqrt(4 pi) times the orthonormal ones), ordered by
     degree l and within it by order m = -l to l. The other 5 are s, s^2, s x, s y, s z, where s in [-1, 1] is the
-    distance over the paper's workspace and (x, y, z) the unit vector towards the camera.
+    distance over the world's workspace and (x, y, z) the unit vector towards the camera.
 
     Args:
         distance: [m].
         azimuth: [rad].
         polar: [rad], 0 is straight above.
+        span: the range of distances of the world.
         ops: where sin and cos come from: `numpy` or `casadi`.
     """
     x = ops.sin(polar) * ops.cos(azimuth)
     y = ops.sin(polar) * ops.sin(azimuth)
     z = ops.cos(polar)
-    s = (distance - MIDDLE_DISTANCE) / HALF_RANGE
+    s = (distance - span.middle) / span.half
     return [
         x * 0 + 1,  # an array of ones, not the number 1
         sqrt(3) * y,
@@ -73,9 +95,9 @@ def view_basis(distance: Any, azimuth: Any, polar: Any, ops: Trigonometry) -> li
     ]
 
 
-def basis_at(viewpoint: FloatArray) -> FloatArray:
+def basis_at(viewpoint: FloatArray, span: DistanceRange) -> FloatArray:
     """Return the view basis (..., 21) at viewpoints (..., 3)."""
-    return np.stack(view_basis(viewpoint[..., 0], viewpoint[..., 1], viewpoint[..., 2], np), axis=-1)
+    return np.stack(view_basis(viewpoint[..., 0], viewpoint[..., 1], viewpoint[..., 2], span, np), axis=-1)
 
 
 def mean_direction(basis: FloatArray) -> FloatArray:
@@ -96,7 +118,7 @@ def turned(basis: FloatArray, angle: FloatArray) -> FloatArray:
     return result
 
 
-def field_value(weights: FloatArray, viewpoint: FloatArray) -> FloatArray:
+def field_value(weights: FloatArray, viewpoint: FloatArray, span: DistanceRange) -> FloatArray:
     """Return the value of a field (...,) at viewpoints (..., 3) for weights (..., 21); they broadcast."""
-    value: FloatArray = (weights * basis_at(viewpoint)).sum(-1)
+    value: FloatArray = (weights * basis_at(viewpoint, span)).sum(-1)
     return value

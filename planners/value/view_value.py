@@ -7,6 +7,7 @@ from ehar.errors import UsageError
 from ehar.planner import Context, Observation
 from planners.value.model import FULL, GainModel
 from planners.value.situation import Situation, Tracker, frame_gains
+from planners.value.view_basis import DistanceRange
 
 
 class ViewValue:
@@ -15,6 +16,10 @@ class ViewValue:
     Args:
         model: the trained model.
         variant: name of one of its fields; all but `full` are for ablations.
+
+    Attributes:
+        field: the gain field.
+        span: the range of distances of the world, after a reset.
 
     Raises:
         UsageError: the model has no such field.
@@ -29,6 +34,7 @@ class ViewValue:
 
     def reset(self, context: Context) -> None:
         """Forget everything."""
+        self.span = DistanceRange.of(context.world.workspace)
         self._tracker.reset(context)
 
     def update(self, observation: Observation) -> None:

@@ -104,7 +104,7 @@ class CausalBlock(nn.Module):
         return torch.relu(temporal if self.residual is None else temporal + self.residual(x))
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return (N, C_out, T, J) for whole clips (N, C_in, T, J)."""
+        """Return (N, C_out, J, T) for whole clips (N, C_in, J, T)."""
         return self._join(self.temporal(self.graph(x)), x)
 
     def start(self, bodies: int) -> BlockState:
@@ -158,12 +158,12 @@ class CausalCTRGCN(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """Return the logits (B, T, K) after every frame, from features (B, T, P, J, C)."""
         batch, frames, persons = x.shape[:3]
-        bodies = self._bodies(x)
+        bodies = self._bodies(x).transpose(2, 3).contiguous()
         for block in self.blocks:
             bodies = block(bodies)
-        pooled = bodies.mean(dim=3).view(batch, persons, -1, frames).mean(dim=1)
-        counts = torch.arange(1, frames + 1, device=x.device, dtype=x.dtype)
-        embedding = (pooled.cumsum(dim=2) / counts).transpose(1, 2)
+        pooled = bodies.mean(dim=2).view(batch, persons, -1, frames).mean(dim=1)
+        counts = torch.arange(1, frames + 1, device=x.device)
+        embedding = (pooled.cumsum(dim=2, dtype=torch.float32) / counts).transpose(1, 2)
         logits: Tensor = self.classify(self.dropout(embedding))
         return logits
 

@@ -1,8 +1,9 @@
 """The two layers of CTR-GCN in causal form; each takes whole clips, or one frame at a time with the same result.
 
 One layer is a graph convolution whose topology follows the running mean. The other is a left-padded multi-scale
-temporal convolution. Tensors are (N, C, T, J) over clips and (N, C, F, J) over one frame, with N = B * P bodies and F
-forks. A tensor of a state is (N, C, F', ...), with F' = 1 as long as the forks share it.
+temporal convolution. Tensors are (N, C, J, T) over clips and (N, C, F, J) over one frame, with N = B * P bodies and F
+forks; with the frames last, the graph's product over clips needs no copy. A tensor of a state is (N, C, F', ...), with
+F' = 1 as long as the forks share it.
 """
 
 from typing import NamedTuple
@@ -118,23 +119,24 @@ class CausalGraphConvolution(nn.Module):
         return functional.relu(self.norm(product) + self.residual(x))
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return the layer's output (N, C_out, T, J) for whole clips (N, C_in, T, J)."""
-        frames = x.shape[2]
+        """Return the layer's output (N, C_out, J, T) for whole clips (N, C_in, J, T)."""
+        n, inputs, j, frames = x.shape
         begins = [count - 1 for count in range(1, frames + 1) if refreshes(count)]
-        counts = torch.arange(1, frames + 1, device=x.device, dtype=x.dtype)[:, None]
-        means = (x.cumsum(dim=2) / counts)[:, :, begins]
-        n, inputs, segments, j = means.shape
-        topologies = self.refined(means.transpose(1, 2).reshape(n * segments, inputs, j))
+        counts = torch.arange(1, frames + 1, device=x.device)
+        # Sums over frames are in full precision: in bfloat16 they would lose the late frames.
+        means = (x.cumsum(dim=3, dtype=torch.float32) / counts)[..., begins]
+        topologies = self.refined(means.permute(0, 3, 1, 2).reshape(n * len(begins), inputs, j))
+        topologies = topologies.view(n, len(begins), self.outputs, 3 * j, j).transpose(-1, -2)
+        # The weight's rows are sorted by channel, then by subset. So the product has the subsets side by side already.
+        weight = self.value.weight.view(3, self.outputs, inputs).transpose(0, 1).reshape(-1, inputs)
+        bias = _bias(self.value).view(3, self.outputs).t().reshape(-1)
+        values = _product(weight, bias, x).view(n, self.outputs, 3 * j, frames)
         lengths = [end - begin for begin, end in zip(begins, [*begins[1:], frames], strict=True)]
         pieces = [
-            value @ topology
-            for value, topology in zip(
-                torch.split(self._values(x), lengths, dim=2),
-                topologies.view(n, segments, *topologies.shape[1:]).unbind(1),
-                strict=True,
-            )
+            topology @ value
+            for value, topology in zip(torch.split(values, lengths, dim=3), topologies.unbind(1), strict=True)
         ]
-        return self.finish(torch.cat(pieces, dim=2), x)
+        return self.finish(torch.cat(pieces, dim=3), x)
 
     def start(self, bodies: int) -> GraphState:
         """Return the state of N bodies that have seen nothing."""
@@ -216,15 +218,20 @@ class CausalTemporalConvolution(nn.Module):
         return functional.relu(reduced[:, : 3 * self.branch]), reduced[:, 3 * self.branch :]
 
     def forward(self, x: Tensor) -> Tensor:
-        """Return (N, C, T, J) for whole clips (N, C, T, J)."""
+        """Return (N, C, J, T) for whole clips (N, C, J, T)."""
         back, present = self._reduced(x)
         # The padding is zero, and an activated branch is never below zero, so the pool may see the padding too.
-        padded = functional.pad(back, (0, 0, HISTORY, 0))
+        padded = functional.pad(back, (HISTORY, 0))
         outputs = []
         for i, (convolution, dilation) in enumerate(zip(self.convolutions, DILATIONS, strict=True)):
+            weight = convolution.weight
+            assert isinstance(weight, Tensor)
             skip = HISTORY - (KERNEL - 1) * dilation
-            outputs.append(convolution(padded[:, i * self.branch : (i + 1) * self.branch, skip:]))
-        outputs.append(functional.max_pool2d(padded[:, 2 * self.branch :, HISTORY - POOL + 1 :], (POOL, 1), stride=1))
+            seen = padded[:, i * self.branch : (i + 1) * self.branch, :, skip:]
+            outputs.append(functional.conv2d(seen, weight.transpose(2, 3), _bias(convolution), dilation=(1, dilation)))
+        outputs.append(
+            functional.max_pool2d(padded[:, 2 * self.branch :, :, HISTORY - POOL + 1 :], (1, POOL), stride=1)
+        )
         return torch.cat([self.norm(torch.cat(outputs, dim=1)), present], dim=1)
 
     def start(self, bodies: int, joints: int) -> tuple[Tensor, ...]:

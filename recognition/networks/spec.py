@@ -1,4 +1,4 @@
-"""The choice of a network: causal or published form, small or published size."""
+"""The choice of a network: causal or published form; small, half or published size."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -9,11 +9,12 @@ from annotated_types import Ge
 from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
 from ehar.data.skeleton import Skeleton
+from ehar.world import PAPER, World
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.ctrgcn import CTRGCN
 from recognition.networks.features import channel_count
 from recognition.networks.graph import partition
-from recognition.networks.sizes import PUBLISHED_STRIDES, PUBLISHED_WIDTHS, SMALL_WIDTHS, Size
+from recognition.networks.sizes import STRIDES, WIDTHS, Size
 
 Network = CausalCTRGCN | CTRGCN
 
@@ -26,12 +27,13 @@ class NetworkSpec:
 
     Args:
         form: "causal" streams; "ctrgcn" is the published network, evaluated on each prefix.
-        size: "published" widths, or "small" ones for 2 CPU cores.
+        size: "published" widths, "half" of them, or "small": four blocks for 2 CPU cores.
         class_names: names of the K classes.
         skeleton: skeleton of one person.
         persons: number P of persons.
         fps: frame rate of the training motion.
         length: number L of frames of a training clip.
+        world: the world of the training; files from before there were several do not name it.
     """
 
     form: Form
@@ -41,16 +43,17 @@ class NetworkSpec:
     persons: int
     fps: float
     length: Annotated[int, Ge(1)]
+    world: World = PAPER
 
     @classmethod
-    def of(cls, data: MotionData, *, form: Form, size: Size, length: int) -> "NetworkSpec":
+    def of(cls, data: MotionData, *, form: Form, size: Size, length: int, world: World = PAPER) -> "NetworkSpec":
         """Return the spec that fits some data."""
-        return cls(form, size, data.class_names, data.skeleton, data.persons, data.fps, length)
+        return cls(form, size, data.class_names, data.skeleton, data.persons, data.fps, length, world)
 
     @property
     def widths(self) -> tuple[int, ...]:
         """Output channels of each block."""
-        return PUBLISHED_WIDTHS if self.size == "published" else SMALL_WIDTHS
+        return WIDTHS[self.size]
 
     def build(self, seed: int = 0) -> Network:
         """Return a freshly initialised network; torch's global generator is left as it was."""
@@ -72,6 +75,6 @@ class NetworkSpec:
                 in_channels=channel_count(self.persons),
                 adjacency=topology,
                 widths=self.widths,
-                strides=PUBLISHED_STRIDES if self.size == "published" else (1,) * len(SMALL_WIDTHS),
+                strides=STRIDES[self.size],
                 generator=torch.Generator().manual_seed(seed),
             )

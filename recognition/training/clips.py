@@ -12,6 +12,7 @@ from ehar.data.scenario import Scenarios
 from ehar.errors import DataError
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensor, draw_noise
+from ehar.world import PAPER, World
 from recognition.networks.features import features
 from recognition.networks.graph import parents
 from recognition.training.views import training_viewpoints
@@ -39,10 +40,19 @@ class ClipSource:
         sensor: the sensor that sees the clips.
         views: the training regime.
         augment: whether bodies are scaled.
+        world: the world that cameras are in.
     """
 
     def __init__(
-        self, *, data: MotionData, sequences: IntArray, length: int, sensor: Sensor, views: str, augment: bool
+        self,
+        *,
+        data: MotionData,
+        sequences: IntArray,
+        length: int,
+        sensor: Sensor,
+        views: str,
+        augment: bool,
+        world: World = PAPER,
     ) -> None:
         """Collect the sequences that are long enough.
 
@@ -56,7 +66,7 @@ class ClipSource:
                 f"{data.name}: expected a training sequence of at least {length} frames, the longest has {longest}"
             )
         self._data, self._sequences, self._length = data, long_enough, length
-        self._sensor, self._views, self._augment = sensor, views, augment
+        self._sensor, self._views, self._augment, self._world = sensor, views, augment, world
         weights = data.lengths[long_enough] // length
         self._probabilities = weights / weights.sum()
         self._parents = torch.from_numpy(parents(data.skeleton))
@@ -70,7 +80,7 @@ class ClipSource:
         if self._augment:
             scale = rng.uniform(1 - BODY_SCALE, 1 + BODY_SCALE, size=(clips, 1, 1, 1, 1))
             positions = positions * scale.astype(np.float32)
-        viewpoints = training_viewpoints(self._views, rng, clips, self._length)
+        viewpoints = training_viewpoints(self._views, self._world, rng, clips, self._length)
         return Clips(self._see(positions, viewpoints, rng), torch.from_numpy(scenarios.labels.astype(np.int64)))
 
     def _see(self, positions: FloatArray, viewpoints: FloatArray, rng: np.random.Generator) -> Tensor:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from ehar.camera import FOCAL_LENGTH, IMAGE_HEIGHT, IMAGE_WIDTH, Camera, look_at_rotation, project
-from ehar.viewpoint import cartesian, sample_starts
+from ehar.viewpoint import cartesian
+from ehar.world import PAPER
 
 CAMERA = Camera()
 CENTRE = np.array([IMAGE_WIDTH / 2, IMAGE_HEIGHT / 2])
@@ -30,7 +31,7 @@ def project_by_cross_products(point: np.ndarray, eye: np.ndarray) -> np.ndarray:
 
 def test_projection_equals_look_at_by_cross_products() -> None:
     rng = np.random.default_rng(0)
-    viewpoints = sample_starts(rng, 200)
+    viewpoints = PAPER.sample_starts(rng, 200)
     viewpoints[:, 2] = np.maximum(viewpoints[:, 2], 0.01)  # at the pole cross products have no up
     points = rng.normal(0, 1, (200, 2, 3, 3))
     pixels, _ = project(points, viewpoints, CAMERA)
@@ -60,7 +61,7 @@ def test_from_straight_above_what_lies_towards_the_azimuth_is_at_the_bottom() ->
 
 
 def test_the_centre_is_seen_in_the_middle_of_the_image_at_the_camera_s_distance() -> None:
-    viewpoints = sample_starts(np.random.default_rng(1), 50)
+    viewpoints = PAPER.sample_starts(np.random.default_rng(1), 50)
     pixels, depth = project(np.zeros((50, 1, 1, 3)), viewpoints, CAMERA)
     np.testing.assert_allclose(pixels[:, 0, 0], np.tile(CENTRE, (50, 1)))
     np.testing.assert_allclose(depth[:, 0, 0], viewpoints[:, 0], rtol=1e-6)
@@ -90,7 +91,7 @@ def test_what_is_behind_the_camera_is_finite_and_has_a_negative_depth() -> None:
 
 def test_forks_equal_one_by_one() -> None:
     rng = np.random.default_rng(2)
-    points, viewpoints = rng.normal(0, 1, (4, 2, 5, 3)), sample_starts(rng, 12).reshape(4, 3, 3)
+    points, viewpoints = rng.normal(0, 1, (4, 2, 5, 3)), PAPER.sample_starts(rng, 12).reshape(4, 3, 3)
     pixels, depth = project(points[:, None], viewpoints, CAMERA)
     assert pixels.shape == (4, 3, 2, 5, 2)
     for episode in range(4):

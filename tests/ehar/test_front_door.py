@@ -17,7 +17,7 @@ from ehar.rollout import Batch
 ROOT = Path(__file__).parents[2]
 NOUNS = (
     "Planner Observation Context Recogniser Recognition Workspace Camera Vehicle Conditions MotionData Skeleton "
-    "load_data save_motion rollout GridMotion FlightMotion PerfectSensor EstimatorSensor EharError __version__"
+    "World load_data save_motion rollout GridMotion FlightMotion PerfectSensor EstimatorSensor EharError __version__"
 ).split()
 HEAVY = ("torch", "scipy", "casadi", "ruckig", "gymnasium", "matplotlib", "filterpy", "sklearn", "pandas")
 PACKAGES = ("ehar", "recognition", "planners", "eval")

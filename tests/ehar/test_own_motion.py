@@ -12,6 +12,7 @@ from ehar.motion import GridMotion
 from ehar.runner import Runner
 from ehar.sensors.perfect import PerfectSensor
 from ehar.track import Track, load_track
+from ehar.world import PAPER
 from planners.heuristic import HRotate
 from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_data
 from tests.helpers.own_world import OWN
@@ -34,7 +35,7 @@ def roll(track: Track) -> Any:
 def test_a_class_of_a_file_is_made_anew_each_time(own: Path) -> None:
     track = load_track(f"{own}:Slow(every='3')")
     assert (track.name, track.named, track.vehicle) == ("Slow", f"{own}:Slow(every='3')", None)
-    one, other = track.new_motion(), track.new_motion()
+    one, other = track.new_motion(PAPER.workspace), track.new_motion(PAPER.workspace)
     assert one is not other
     assert one.every == other.every == 3  # type: ignore[attr-defined]
     assert None is not track.sha256 != load_track(f"{own}:Slow").sha256
@@ -55,7 +56,7 @@ def test_rates_may_be_one_number(own: Path) -> None:
 def test_an_object_is_copied_each_time() -> None:
     mine = GridMotion()
     track = load_track(mine)
-    made = track.new_motion()
+    made = track.new_motion(PAPER.workspace)
     assert isinstance(made, GridMotion)
     assert made is not mine
     assert (track.name, track.named) == ("GridMotion", "GridMotion")

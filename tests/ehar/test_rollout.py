@@ -1,12 +1,14 @@
 """The one loop: what it records, and what it says of a planner that breaks its contract."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import EpisodeError
+from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import Batch, Record, noise_of, rollout
@@ -81,6 +83,54 @@ def test_what_an_oracle_imagines_is_what_it_will_see() -> None:
     run(answer, privileged=True, sensor=sensor)
     for before, after in zip(imagined[:-1], seen[1:], strict=True):
         np.testing.assert_allclose(before, after, rtol=1e-5)
+
+
+def test_all_arrays_are_copies_that_nobody_can_write_into() -> None:
+    shown: list[FloatArray] = []
+
+    def answer(observation: Observation) -> FloatArray:
+        assert observation.truth is not None
+        imagined = observation.truth.sense(observation.frame, observation.viewpoint[:, None])
+        arrays = [value for value in vars(observation).values() if isinstance(value, np.ndarray)]
+        assert len(arrays) == 7
+        shown.extend([*arrays, observation.truth.labels, *imagined])
+        return observation.viewpoint
+
+    run(answer, privileged=True)
+    assert len(shown) == 10 * (LENGTH - 1)
+    for array in shown:
+        assert isinstance(array.base, bytes)
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+        with pytest.raises(ValueError, match="cannot set WRITEABLE"):
+            array.flags.writeable = True
+
+
+def test_a_planner_has_a_context_of_its_own() -> None:
+    told: list[Context] = []
+
+    class Asked(Answers):
+        def reset(self, context: Context) -> None:
+            told.append(context)
+
+    batch, context = tiny_batch(episodes=EPISODES, length=LENGTH), tiny_context(episodes=EPISODES, length=LENGTH)
+    context = replace(context, vehicle=VEHICLES["px4-max"])
+    rollout(Asked(lambda shown: shown.viewpoint), batch, FakeRecogniser(), PerfectSensor(), GridMotion(), context)
+    assert vars(told[0]) == vars(context)
+    for part in ("workspace", "skeleton", "vehicle"):
+        assert getattr(told[0], part) is not getattr(context, part)
+    assert told[0].rng is context.rng
+    assert not told[0].skeleton.mirror.flags.writeable
+
+
+@pytest.mark.parametrize("name", ["positions", "labels", "starts", "localisation", "dropout", "swap"])
+def test_a_batch_that_was_written_into_is_noticed(name: str) -> None:
+    batch = tiny_batch(episodes=EPISODES, length=LENGTH)
+    before = batch.protected()
+    assert batch.first_change(before) is None
+    array = getattr(batch, name) if hasattr(batch, name) else getattr(batch.noise, name)
+    array[-1] += 1
+    assert batch.first_change(before) == name
 
 
 def test_a_target_that_is_not_finite_names_planner_episode_and_frame() -> None:

@@ -18,7 +18,8 @@ from ehar.runner import Runner
 from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.sensor import draw_noise
 from ehar.track import Track, load_track
-from ehar.viewpoint import Workspace, sample_starts
+from ehar.viewpoint import Workspace
+from ehar.world import PAPER
 from tests.helpers.fakes import CLASS_NAMES, SKELETON, FakeRecogniser, tiny_data
 
 EPISODES, LENGTH, FPS = 5, 8, 20.0
@@ -48,7 +49,7 @@ def scenarios(of: Runner) -> Scenarios:
 
 def batch_of(of: Runner, *, seed: int = 0) -> Batch:
     rng = np.random.default_rng(seed)
-    return of.batch(scenarios(of), np.array([3, 0, 30, 7, 7]), sample_starts(rng, EPISODES), rng)
+    return of.batch(scenarios(of), np.array([3, 0, 30, 7, 7]), PAPER.sample_starts(rng, EPISODES), rng)
 
 
 def by_hand(of: Runner, motion: Motion, **told: Any) -> Context:
@@ -73,7 +74,7 @@ def assert_same_context(got: Context, expected: Context) -> None:
 
 def test_the_batch_is_that_of_the_scenarios_with_noise_from_the_generator() -> None:
     chosen, rng = np.array([3, 0, 30, 7, 7]), np.random.default_rng(0)
-    starts = sample_starts(rng, EPISODES)
+    starts = PAPER.sample_starts(rng, EPISODES)
     expected = draw_noise(rng, (EPISODES, LENGTH), 2, len(SKELETON.joint_names))
     batch, cut = batch_of(runner()), scenarios(runner())
     np.testing.assert_array_equal(batch.positions, cut.positions(chosen))

@@ -12,15 +12,16 @@ from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
 from ehar.track import IDEAL, Track, load_track
 from ehar.viewpoint import Workspace
+from ehar.world import PAPER
 from tests.helpers.vehicle_files import FILE_KEYS
 
 
 def test_a_track_is_ideal_or_a_vehicle() -> None:
     assert load_track(IDEAL) == Track() == Track("ideal", None, None)
-    assert type(Track().new_motion()) is GridMotion
+    assert type(Track().new_motion(PAPER.workspace)) is GridMotion
     for name, vehicle in VEHICLES.items():
         assert load_track(name) == load_track(vehicle) == Track(name, vehicle)
-        motion = load_track(name).new_motion()
+        motion = load_track(name).new_motion(PAPER.workspace)
         assert isinstance(motion, FlightMotion)
         assert motion.vehicle == vehicle
 
@@ -29,7 +30,7 @@ def test_a_motion_of_a_user_s_own_is_copied_for_every_roll() -> None:
     own = GridMotion(workspace=Workspace(distance_max=12.0))
     track = load_track(own)
     assert (track.name, track.vehicle) == ("GridMotion", None)
-    first, second = track.new_motion(), track.new_motion()
+    first, second = track.new_motion(PAPER.workspace), track.new_motion(PAPER.workspace)
     assert len({id(motion) for motion in (own, first, second)}) == 3
     assert first.workspace == second.workspace == own.workspace
     first.reset(np.array([[10.0, 1.0, 1.0]]), 0.04)

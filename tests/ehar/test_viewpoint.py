@@ -6,25 +6,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ehar.viewpoint import (
-    ANGLE_STEP,
     AZIMUTH,
-    DISTANCE_STEP,
     HOVER,
     MOVE_NAMES,
     MOVES,
-    START_CELLS,
-    Workspace,
     apply_moves,
     cartesian,
-    from_cells,
     neighbours,
-    sample_starts,
-    to_cells,
     wrap_azimuth,
     wrap_difference,
 )
+from ehar.world import PAPER as PAPER_WORLD
 
-PAPER = Workspace()
+PAPER = PAPER_WORLD.workspace
+START_CELLS = np.array(PAPER_WORLD.start_cells)
 FARTHEST, LEVEL = 100, 25  # cells of 15 m and of pi/2
 
 cells_inside = st.tuples(st.integers(0, FARTHEST), st.integers(0, 99), st.integers(0, LEVEL)).map(np.array)
@@ -32,28 +27,28 @@ cells_inside = st.tuples(st.integers(0, FARTHEST), st.integers(0, 99), st.intege
 
 def move(cell: tuple[int, int, int], name: str) -> list[int]:
     """Return the cell that a move leads to."""
-    there = apply_moves(from_cells(np.array(cell)), np.array(MOVE_NAMES.index(name)), PAPER)
-    return to_cells(there).tolist()
+    there = apply_moves(PAPER.from_cells(np.array(cell)), np.array(MOVE_NAMES.index(name)), PAPER)
+    return PAPER.to_cells(there).tolist()
 
 
 def test_the_start_grid_is_the_paper_s_250_000_viewpoints() -> None:
     cells = np.stack(np.meshgrid(*map(np.arange, START_CELLS), indexing="ij"), axis=-1).reshape(-1, 3)
-    viewpoints = from_cells(cells)
+    viewpoints = PAPER.from_cells(cells)
     assert len(np.unique(viewpoints.round(6), axis=0)) == 250_000
     assert PAPER.contains(viewpoints).all()
-    np.testing.assert_array_equal(to_cells(viewpoints), cells)
+    np.testing.assert_array_equal(PAPER.to_cells(viewpoints), cells)
     np.testing.assert_allclose(viewpoints[0], [5.0, 0.0, 0.0])
     np.testing.assert_allclose(viewpoints[-1], [14.9, 99 * np.radians(3.6), 24 * np.radians(3.6)])
 
 
 def test_sampled_starts_are_on_the_grid_and_reach_all_of_it() -> None:
-    starts = sample_starts(np.random.default_rng(0), 20_000)
-    cells = to_cells(starts)
-    np.testing.assert_allclose(from_cells(cells), starts, atol=1e-12)
+    starts = PAPER_WORLD.sample_starts(np.random.default_rng(0), 20_000)
+    cells = PAPER.to_cells(starts)
+    np.testing.assert_allclose(PAPER.from_cells(cells), starts, atol=1e-12)
     assert cells.min(axis=0).tolist() == [0, 0, 0]
     assert cells.max(axis=0).tolist() == [99, 99, 24]
     np.testing.assert_allclose(cells.mean(axis=0), (START_CELLS - 1) / 2, rtol=0.02)
-    np.testing.assert_array_equal(starts, sample_starts(np.random.default_rng(0), 20_000))
+    np.testing.assert_array_equal(starts, PAPER_WORLD.sample_starts(np.random.default_rng(0), 20_000))
 
 
 @pytest.mark.parametrize(
@@ -73,12 +68,12 @@ def test_each_move_changes_one_coordinate_by_one_step(name: str, expected: list[
 
 
 def test_steps_are_a_tenth_of_a_metre_and_3_6_degrees() -> None:
-    there = neighbours(from_cells(np.array([50, 10, 12])), PAPER)
+    there = neighbours(PAPER.from_cells(np.array([50, 10, 12])), PAPER)
     np.testing.assert_allclose(
-        there - there[HOVER], MOVES * [DISTANCE_STEP, ANGLE_STEP, ANGLE_STEP], rtol=0, atol=1e-12
+        there - there[HOVER], MOVES * [PAPER.distance_step, PAPER.angle_step, PAPER.angle_step], rtol=0, atol=1e-12
     )
-    assert pytest.approx(0.1) == DISTANCE_STEP
-    assert np.degrees(ANGLE_STEP) == pytest.approx(3.6)
+    assert PAPER.distance_step == pytest.approx(0.1)
+    assert np.degrees(PAPER.angle_step) == pytest.approx(3.6)
 
 
 @pytest.mark.parametrize(
@@ -110,21 +105,21 @@ def test_bounds_can_be_reached_and_the_azimuth_wraps(
 
 
 def test_at_the_pole_an_azimuth_move_turns_the_camera_and_leaves_it_in_place() -> None:
-    pole = from_cells(np.array([50, 10, 0]))
+    pole = PAPER.from_cells(np.array([50, 10, 0]))
     turned = apply_moves(pole, np.array(MOVE_NAMES.index("azimuth+")), PAPER)
-    assert turned[AZIMUTH] - pole[AZIMUTH] == pytest.approx(ANGLE_STEP)
+    assert turned[AZIMUTH] - pole[AZIMUTH] == pytest.approx(PAPER.angle_step)
     np.testing.assert_allclose(cartesian(turned), [0, 0, 10], atol=1e-12)
 
 
 @given(cells_inside, st.integers(0, 6))
 def test_moves_stay_inside_and_are_undone_by_their_opposites(cell: np.ndarray, index: int) -> None:
-    here = from_cells(cell)
+    here = PAPER.from_cells(cell)
     there = apply_moves(here, np.array(index), PAPER)
     assert PAPER.contains(there)
     assert 0 <= there[AZIMUTH] < 2 * np.pi
     opposite = {0: 1, 1: 0, 2: 3, 3: 2, 4: 5, 5: 4, 6: 6}[index]
     if not np.array_equal(there, here):
-        np.testing.assert_array_equal(to_cells(apply_moves(there, np.array(opposite), PAPER)), cell)
+        np.testing.assert_array_equal(PAPER.to_cells(apply_moves(there, np.array(opposite), PAPER)), cell)
 
 
 @given(st.floats(-100, 100))

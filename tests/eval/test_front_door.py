@@ -143,7 +143,7 @@ def test_errors_suggest_commands_with_the_data_as_given(tmp_path: Path) -> None:
     given = f"--data '{path}' --sensor perfect --views moving"
     with pytest.raises(EharError) as error:
         benchmark("no-act", Conditions(data=path, models=tmp_path))
-    assert suggested(error.value) == f"ehar train recogniser {given} --form causal --out {tmp_path}"
+    assert suggested(error.value) == f"ehar train recogniser {given} --out {tmp_path}"
     with pytest.raises(EharError) as error:
         benchmark("no-act", Conditions(data=data, models=tmp_path, fps=12.5, length=30))
     command = suggested(error.value)

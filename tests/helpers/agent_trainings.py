@@ -18,7 +18,7 @@ from tests.helpers.random_networks import save_random_world
 from tests.helpers.settings import changed, tiny_conditions
 
 LENGTH = 8
-PPO = PPOSetting(frames=7 * 7 * 8, num_envs=8, hold=2, copies=4)  # 7 rollouts, a checkpoint after the fifth
+PPO = PPOSetting(frames=7 * 7 * 8, num_envs=8, hold=2, copies=4, evaluate_every=2 * 7 * 8)  # 7 rollouts
 IMITATION = replace(DAGGER, episodes=96, epochs=2, batch=32)  # 2 rounds of 2 batches
 
 
@@ -38,7 +38,8 @@ class TinyTraining(AgentTrainingConfig):
         if stage == "dagger":
             return replace(DAGGER, episodes=96, epochs=2, batch=32)
         named = {"teacher": self.teacher, "labels": self.labels, "rounds": self.rounds}
-        return replace(IMITATION, episodes=self.episodes or IMITATION.episodes, **named)
+        per_seed = self.setting == "paper"
+        return replace(IMITATION, episodes=self.episodes or IMITATION.episodes, per_seed=per_seed, **named)
 
 
 @cache

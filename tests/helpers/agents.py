@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from ehar.conditions import Conditions
+from ehar.conditions import Conditions, Form
 from ehar.data.motion_data import MotionData
 from ehar.planner import Observation
 from ehar.viewpoint import HOVER
@@ -27,7 +27,7 @@ def untrained_network(
         classes=len(CLASS_NAMES),
         embedding=FakeRecogniser.embedding_size,
     )
-    network = AgentNetwork(AgentSpec(sizes, without, hindsight))
+    network = AgentNetwork(AgentSpec(sizes, without, hindsight), classes=len(CLASS_NAMES))
     randomised(network, seed)
     with torch.no_grad():
         network.actor.bias[HOVER] -= 2  # so that it goes somewhere
@@ -42,10 +42,17 @@ def untrained_agent(spec: str = "il", *, persons: int = 1) -> Agent:
 
 
 def save_untrained(
-    directory: Path, data: MotionData, name: str, *, seed: int = 0, recogniser: str = "fake", like: str = ""
+    directory: Path,
+    data: MotionData,
+    name: str,
+    *,
+    seed: int = 0,
+    recogniser: str = "fake",
+    like: str = "",
+    form: Form = "causal",
 ) -> Path:
     """Save such an agent, or one with the weights of another name, where it belongs; return the weights' path."""
-    path = agent_path(directory, name, Conditions(), seed)
+    path = agent_path(directory, name, Conditions(form=form), seed)
     save_agent(path, untrained_agent(like or f"{name}/{seed}").network, data, recogniser_sha256=recogniser, history={})
     return path
 

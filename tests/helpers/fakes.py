@@ -19,7 +19,8 @@ from ehar.planner import Context
 from ehar.recogniser import Recognition
 from ehar.rollout import Batch
 from ehar.sensors.sensor import Sensed, draw_noise
-from ehar.viewpoint import POLAR, sample_starts
+from ehar.viewpoint import POLAR
+from ehar.world import PAPER
 
 SKELETON = Skeleton(
     ("head", "left_shoulder", "right_shoulder", "pelvis", "left_foot", "right_foot"),
@@ -68,7 +69,7 @@ def tiny_batch(*, episodes: int = 6, length: int = 10, persons: int = 1, seed: i
     return Batch(
         positions=scenarios.positions(indices),
         labels=scenarios.labels[indices],
-        starts=sample_starts(rng, episodes),
+        starts=PAPER.sample_starts(rng, episodes),
         noise=draw_noise(rng, (episodes, length), persons, len(POSE)),
         names=tuple(f"episode-{i}" for i in range(episodes)),
     )

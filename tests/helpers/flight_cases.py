@@ -1,5 +1,6 @@
 """Random flights, to see whether limits are kept: of any vehicle, from any state, to any target."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,15 +51,21 @@ def random_viewpoints(rng: np.random.Generator, count: int, workspace: Workspace
     return np.where(rng.random((count, 1)) < 0.2, bound, drawn)
 
 
-def worst_excess(rng: np.random.Generator, cases: int) -> Excess:
+def worst_excess(
+    rng: np.random.Generator,
+    cases: int,
+    *,
+    workspace: Workspace | None = None,
+    draw_vehicle: Callable[[np.random.Generator], Vehicle] = random_vehicle,
+) -> Excess:
     """Fly at least so many frames, at 25, 30 or 60 to a second, and return the worst excess at 1 kHz.
 
     A third of the targets jump in every frame, a third drift, and a third are held for a while.
     """
     flown, limits, out = 0, -np.inf, -np.inf
-    workspace = Workspace()
+    workspace = workspace or Workspace()
     while flown < cases:
-        vehicle, frame_time = random_vehicle(rng), 1 / rng.choice([25, 30, 60])
+        vehicle, frame_time = draw_vehicle(rng), 1 / rng.choice([25, 30, 60])
         motion = FlightMotion(vehicle=vehicle, workspace=workspace)
         motion.reset(random_viewpoints(rng, FLIGHTS, workspace), frame_time)
         target = random_viewpoints(rng, FLIGHTS, workspace)

@@ -10,7 +10,7 @@ from planners.value.belief import BeliefModel
 from planners.value.field import GainField
 from planners.value.model import FULL, GainModel
 from planners.value.situation import PARTS, Situation
-from planners.value.view_basis import BASIS_SIZE, HALF_RANGE, MIDDLE_DISTANCE
+from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE
 from tests.helpers.fakes import SKELETON
 
 PAIRS = np.array([[1, 2]])  # the shoulders of `fakes.SKELETON`
@@ -19,7 +19,7 @@ assert SKELETON.joint_names[1:3] == ("left_shoulder", "right_shoulder")
 
 def peak_weights(viewpoint: FloatArray, strength: float = 1.0) -> FloatArray:
     """Return the weights (21,) of a field whose only maximum is at a viewpoint (3,)."""
-    distance = (viewpoint[DISTANCE] - MIDDLE_DISTANCE) / HALF_RANGE
+    distance = (viewpoint[DISTANCE] - PAPER_RANGE.middle) / PAPER_RANGE.half
     weights = np.zeros(BASIS_SIZE)
     weights[[3, 1, 2]] = cartesian(viewpoint) / viewpoint[DISTANCE]
     weights[[16, 17]] = 2 * distance, -1.0  # -(s - distance)^2 and a constant

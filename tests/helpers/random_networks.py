@@ -7,6 +7,7 @@ from torch import Tensor, nn
 
 from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
+from ehar.world import PAPER, World
 from recognition.calibration import Temperature
 from recognition.networks.spec import NetworkSpec
 from recognition.storage import recogniser_path, save_recogniser
@@ -37,12 +38,13 @@ def randomised(network: nn.Module, seed: int = 0) -> nn.Module:
     return network.eval()
 
 
-def save_random_world(folder: Path, length: int) -> None:
-    """Write tiny.npz, and to models a recogniser for it, for episodes of `length` frames, that has learned nothing."""
+def save_random_world(folder: Path, length: int, world: World = PAPER) -> None:
+    """Write tiny.npz, and to models recognisers of both forms for episodes of `length` frames; they learned nothing."""
     data = tiny_data(sequences=24)
     save_motion(folder / "tiny.npz", data)
-    spec = NetworkSpec.of(data, form="causal", size="small", length=length)
-    path = recogniser_path(folder / "models", Conditions())
-    network = spec.build()
-    randomised(network)
-    save_recogniser(path, network, spec, Temperature(), {})
+    for told in (Conditions(), Conditions(views="paper", form="ctrgcn")):
+        spec = NetworkSpec.of(data, form=told.form, size="small", length=length, world=world)
+        network = spec.build()
+        randomised(network)
+        run = {"size": "small", "views": told.views, "sensor": "perfect"}
+        save_recogniser(recogniser_path(folder / "models", told), network, spec, Temperature(), {"run": run})

@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 
 from ehar.camera import Camera, project
-from ehar.viewpoint import ANGLE_STEP, AZIMUTH
-from eval.replays.episode import MAP_AZIMUTHS, MAP_POLARS, CameraReplay, EpisodeReplay
+from ehar.viewpoint import AZIMUTH
+from ehar.world import PAPER
+from eval.replays.episode import MAP_AZIMUTHS, CameraReplay, EpisodeReplay, map_polars
 from tests.helpers.fakes import CLASS_NAMES, SKELETON, tiny_data
 
 FRAMES, PERSONS = 6, 2
@@ -21,14 +22,14 @@ def camera_replay(name: str, *, azimuth: float, moves: int = 0, seed: int = 0, *
     """Return a camera that goes around in so many steps a frame, and sees all joints exactly."""
     rng = np.random.default_rng(seed)
     path = np.tile([8.0, azimuth, np.radians(60)], (FRAMES, 1))
-    path[:, AZIMUTH] = (azimuth + moves * ANGLE_STEP * np.arange(FRAMES)) % (2 * np.pi)
+    path[:, AZIMUTH] = (azimuth + moves * PAPER.workspace.angle_step * np.arange(FRAMES)) % (2 * np.pi)
     joints_2d, _ = project(positions(), path, Camera())
     return CameraReplay(
         **{
             "name": name,
             "path": path,
             "target": path[1:] if moves else path[:-1],
-            "gain": rng.normal(size=(FRAMES - 1, len(MAP_POLARS), len(MAP_AZIMUTHS))) if moves else None,
+            "gain": rng.normal(size=(FRAMES - 1, len(map_polars()), len(MAP_AZIMUTHS))) if moves else None,
             "joints_2d": joints_2d,
             "seen": np.ones(joints_2d.shape[:-1], dtype=bool),
             "probabilities": rng.dirichlet(np.ones(len(CLASS_NAMES)), FRAMES),

@@ -5,6 +5,7 @@ import os
 import signal
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from planners.value.belief import BeliefModel
 from planners.value.model import gain_model_path, save_gain_model
 from tests.helpers.agents import save_untrained
 from tests.helpers.fakes import FakeRecogniser, tiny_data
+from tests.helpers.fixed_places import save_place
 from tests.helpers.gain_models import model_of, peak_weights
 
 TOLD = {field.name for field in fields(Conditions)}
@@ -24,6 +26,7 @@ TOLD = {field.name for field in fields(Conditions)}
 
 class HashedRecogniser(FakeRecogniser):
     sha256 = "fake"
+    spec = SimpleNamespace(length=None)  # trained at any length
 
 
 @dataclass
@@ -68,6 +71,7 @@ def save_models(directory: Path, *, recogniser_sha256: str) -> None:
     model = replace(model_of(peak_weights(np.array([8.0, 1.0, np.pi / 2]))), belief=SLOW_TO_BELIEVE)
     path = gain_model_path(directory, Conditions())
     save_gain_model(path, model, recogniser_sha256=recogniser_sha256, history={})
+    save_place(directory, recogniser_sha256=recogniser_sha256)
 
 
 def names(summary: Summary) -> tuple[str, ...]:

@@ -5,19 +5,20 @@ from typing import Any
 
 import numpy as np
 
-from ehar.viewpoint import Workspace, sample_starts
+from ehar.viewpoint import Workspace
+from ehar.world import PAPER
 from planners.search.task import TrajectoryLimits, TrajectoryTask, grid_limits
 from planners.value.view_basis import BASIS_SIZE
 
 HORIZON = 15
-GRID = grid_limits(0.04, 0.08)
+GRID = grid_limits(PAPER.workspace, 0.04, 0.08)
 FLIGHT = TrajectoryLimits(np.array([5, 0.8, 0.5]), np.array([3, 0.5, 0.4]), np.array([4, 0.8, 0.6]), speed=5.0)
 
 
 def random_task(rng: np.random.Generator, *, horizon: int = HORIZON, **changes: Any) -> TrajectoryTask:
     """Return a task from rest at one of the paper's starts, in flight unless `changes` say otherwise."""
     task = TrajectoryTask(
-        position=sample_starts(rng, 1)[0],
+        position=PAPER.sample_starts(rng, 1)[0],
         velocity=np.zeros(3),
         acceleration=np.zeros(3),
         field_weights=rng.normal(size=BASIS_SIZE),

@@ -5,7 +5,8 @@ import pytest
 
 from ehar.arrays import FloatArray
 from ehar.flight.vehicle import VEHICLES
-from ehar.viewpoint import AZIMUTH, HOVER, MOVES, Workspace, from_cells, neighbours, to_cells, wrap_difference
+from ehar.viewpoint import AZIMUTH, HOVER, MOVES, Workspace, neighbours, wrap_difference
+from ehar.world import PAPER
 from planners.heading import HEADING_TIME, axis_speeds, heading
 from planners.search.limits import camera_limits
 from tests.helpers.fakes import tiny_context
@@ -31,7 +32,7 @@ def test_a_vehicle_heads_the_way_of_the_move_as_far_as_it_gets_or_the_workspace_
 
 
 def test_on_the_grid_a_move_is_a_cell() -> None:
-    here = from_cells(to_cells(HERE))
+    here = PAPER.workspace.from_cells(PAPER.workspace.to_cells(HERE))
     there = heading(tiny_context(), here, np.arange(len(MOVES)))
     np.testing.assert_array_equal(there, neighbours(here[0], Workspace()))
 

@@ -16,7 +16,8 @@ from ehar.rollout import Batch, Record, rollout
 from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import Sensor
-from ehar.viewpoint import AZIMUTH, POLAR, apply_moves, from_cells, to_cells, wrap_difference
+from ehar.viewpoint import AZIMUTH, POLAR, apply_moves, wrap_difference
+from ehar.world import PAPER
 from planners.heuristic import NoAct
 from planners.oracle import Oracle, OracleLookahead
 from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context
@@ -49,7 +50,7 @@ def hill(viewpoint: FloatArray) -> FloatArray:
 def foot_of_the_hill() -> Batch:
     """Return level episodes that start 8 cells from azimuth 0, on either side, where greed leads away from it."""
     cells = np.array([[50, 8, 25], [50, 92, 25]])
-    return replace(episodes(), starts=from_cells(np.resize(cells, (EPISODES, 3))))
+    return replace(episodes(), starts=PAPER.workspace.from_cells(np.resize(cells, (EPISODES, 3))))
 
 
 @pytest.mark.parametrize("sensor", ["perfect", "estimator"])
@@ -114,7 +115,7 @@ def test_over_one_horizon_the_lookahead_is_worth_at_least_the_greedy_path_in_eve
 
 def test_what_the_lookahead_imagines_is_what_happens() -> None:
     """Where the greedy path is the best there is, the lookahead must get exactly what greed gets."""
-    batch = replace(episodes(), starts=from_cells(np.tile([50, 0, 20], (EPISODES, 1))))
+    batch = replace(episodes(), starts=PAPER.workspace.from_cells(np.tile([50, 0, 20], (EPISODES, 1))))
 
     def descend(viewpoint: FloatArray) -> FloatArray:
         return viewpoint[..., POLAR]
@@ -122,7 +123,7 @@ def test_what_the_lookahead_imagines_is_what_happens() -> None:
     greedy = run(Oracle(), batch, FakeRecogniser(quality=descend))
     ahead = run(OracleLookahead(horizon=5, commit=3), batch, FakeRecogniser(quality=descend))
     np.testing.assert_array_equal(
-        to_cells(greedy.viewpoints[:, :6])[..., POLAR], np.tile(np.arange(20, 26), (EPISODES, 1))
+        PAPER.workspace.to_cells(greedy.viewpoints[:, :6])[..., POLAR], np.tile(np.arange(20, 26), (EPISODES, 1))
     )
     np.testing.assert_allclose(true_class_probability(ahead, batch), true_class_probability(greedy, batch), atol=1e-6)
 
@@ -137,7 +138,7 @@ def test_a_step_costs_at_most_20_recognised_frames() -> None:
 @pytest.mark.parametrize("planner", [Oracle(), OracleLookahead(horizon=10, commit=5)])
 def test_in_flight_an_oracle_heads_far_enough_to_get_somewhere(planner: Planner) -> None:
     """The fake recogniser sees more the nearer to level the camera is: the vehicle has to go there, at a pace."""
-    batch = replace(episodes(), starts=from_cells(np.tile([50, 0, 10], (EPISODES, 1))))
+    batch = replace(episodes(), starts=PAPER.workspace.from_cells(np.tile([50, 0, 10], (EPISODES, 1))))
     vehicle = VEHICLES["tracking-drone"]
     context = replace(
         tiny_context(episodes=EPISODES, length=LENGTH), frame_time=0.1, track=vehicle.name, vehicle=vehicle
@@ -151,6 +152,8 @@ def test_in_flight_an_oracle_heads_far_enough_to_get_somewhere(planner: Planner)
 @pytest.mark.parametrize("planner", [Oracle(), OracleLookahead()])
 def test_an_oracle_without_the_truth_says_so(planner: Planner) -> None:
     planner.reset(tiny_context(episodes=1))
-    blind = Observation(3, 10, *[np.zeros((1, 1))] * 2, from_cells(np.array([[5, 5, 5]])), *[np.zeros((1, 1))] * 4)
+    blind = Observation(
+        3, 10, *[np.zeros((1, 1))] * 2, PAPER.workspace.from_cells(np.array([[5, 5, 5]])), *[np.zeros((1, 1))] * 4
+    )
     with pytest.raises(EpisodeError, match=f"planner '{planner.name}', frame 3: expected the truth"):
         planner.act(blind)

@@ -12,15 +12,23 @@ from ehar.motion import GridMotion
 from ehar.planner import Context, Observation
 from ehar.rollout import Record, rollout
 from ehar.sensors.perfect import PerfectSensor
-from ehar.viewpoint import MOVES, STEP, Workspace, from_cells, to_cells, wrap_difference
+from ehar.viewpoint import MOVES, Workspace, wrap_difference
 from planners.registry import make_planner, planner_names
 from tests.helpers.agents import untrained_agent
 from tests.helpers.fakes import CLASS_NAMES, FakeRecogniser, tiny_batch, tiny_context
+from tests.helpers.fixed_places import fixed_place
 from tests.helpers.gain_models import model_of, peak_weights
 
 PAPER = Workspace()
 PRIVILEGED = ("oracle", "oracle-lookahead")
-FAR_SIGHTED = ("nbv-search", "nbv")  # head for more than a neighbouring cell
+FAR_SIGHTED = (
+    "near-level",
+    "side",
+    "front",
+    "fixed-best",
+    "nbv-search",
+    "nbv",
+)  # head for more than a neighbouring cell
 NAMES = (*planner_names(), "il-ppo-no-recognition", "il-ppo-no-vision", "il-ppo-no-position")
 SINGLE_MOVES = tuple(name for name in NAMES if name not in FAR_SIGHTED)
 
@@ -30,7 +38,7 @@ class Spy:
 
     def __init__(self, name: str) -> None:
         model = model_of(peak_weights(np.array([8.0, 1.0, 1.2])))
-        self.planner = make_planner(name, lambda: model, untrained_agent)
+        self.planner = make_planner(name, lambda: model, untrained_agent, fixed_place)
         self.name = self.planner.name
         self.privileged = self.planner.privileged
         self.observations: list[Observation] = []
@@ -50,7 +58,7 @@ class Spy:
 
 def run(planner: Spy, *, length: int = 12, seed: int = 0) -> Record:
     batch = tiny_batch(episodes=7, length=length)
-    corners = from_cells(np.array([[0, 0, 0], [100, 99, 25], [0, 50, 25]]))
+    corners = PAPER.from_cells(np.array([[0, 0, 0], [100, 99, 25], [0, 50, 25]]))
     batch = replace(batch, starts=np.concatenate([corners, batch.starts[3:]]))
     context = tiny_context(episodes=7, length=length, seed=seed)
     return rollout(planner, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), context)
@@ -65,8 +73,8 @@ def test_targets_are_finite_neighbouring_cells_inside_the_workspace(name: str) -
         assert target.shape == (7, 3)
         assert np.isfinite(target).all()
         assert PAPER.contains(target).all()
-        steps = (target - observation.viewpoint) / STEP
-        steps[:, 1] = wrap_difference(target[:, 1] - observation.viewpoint[:, 1]) / STEP[1]
+        steps = (target - observation.viewpoint) / PAPER.step
+        steps[:, 1] = wrap_difference(target[:, 1] - observation.viewpoint[:, 1]) / PAPER.step[1]
         for step in np.rint(steps).astype(int).tolist():
             assert step in MOVES.tolist()
 
@@ -99,7 +107,7 @@ def test_the_camera_gets_where_the_planner_wants_it(name: str) -> None:
     spy = Spy(name)
     viewpoints = run(spy).viewpoints
     for frame, target in enumerate(spy.targets):
-        np.testing.assert_array_equal(to_cells(viewpoints[:, frame + 1]), to_cells(target))
+        np.testing.assert_array_equal(PAPER.to_cells(viewpoints[:, frame + 1]), PAPER.to_cells(target))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -141,7 +149,7 @@ def test_short_episodes(name: str, length: int) -> None:
 @pytest.mark.parametrize(("name", "axis", "sign"), [("towards", 0, -1), ("h-rotate", 1, 1), ("v-rotate", 2, 1)])
 def test_the_paper_s_directions(name: str, axis: int, sign: int) -> None:
     viewpoints = run(Spy(name)).viewpoints[3:]  # the first three start in corners
-    cells = to_cells(viewpoints)
+    cells = PAPER.to_cells(viewpoints)
     change = np.diff(cells, axis=1)
     change[..., 1] = (change[..., 1] + 50) % 100 - 50
     others = np.delete(change, axis, axis=2)
@@ -160,9 +168,9 @@ def test_random_makes_all_seven_moves_equally_often_and_by_its_generator() -> No
     context = tiny_context(episodes=7000)
     spy = Spy("random")
     spy.reset(context)
-    viewpoint = from_cells(np.tile([50, 50, 12], (7000, 1)))
+    viewpoint = PAPER.from_cells(np.tile([50, 50, 12], (7000, 1)))
     shown = Observation(0, 10, *[np.zeros((7000, 1))] * 2, viewpoint, *[np.zeros((7000, 1))] * 4)
-    steps = to_cells(spy.act(shown)) - [50, 50, 12]
+    steps = PAPER.to_cells(spy.act(shown)) - [50, 50, 12]
     counts = [int((steps == move).all(axis=1).sum()) for move in MOVES]
     assert sum(counts) == 7000
     np.testing.assert_allclose(counts, 1000, atol=150)

@@ -11,17 +11,20 @@ from eval.scores.seed_accuracy import TABLE_3
 from eval.scores.training_seeds import record_name, split_record_name
 from planners.agents.agent import Agent
 from planners.oracle import OracleLookahead
+from planners.place.storage import FixedPlace
 from planners.registry import (
     ABLATED,
     LEARNED,
     check_spec,
     is_learned,
     make_planner,
+    needs_fixed_place,
     needs_gain_model,
     planner_names,
 )
 from planners.value.model import GainModel
 from tests.helpers.agents import untrained_agent
+from tests.helpers.fixed_places import fixed_place
 from tests.helpers.gain_models import model_of, peak_weights
 
 NAMES = (
@@ -30,6 +33,10 @@ NAMES = (
     "towards",
     "h-rotate",
     "v-rotate",
+    "near-level",
+    "side",
+    "front",
+    "fixed-best",
     "nbv-greedy",
     "nbv-search",
     "nbv",
@@ -48,7 +55,7 @@ def gain_model() -> GainModel:
 
 def test_names_come_in_the_order_of_display_and_make_their_planners() -> None:
     assert planner_names() == NAMES
-    assert [make_planner(name, gain_model, untrained_agent).name for name in NAMES] == list(NAMES)
+    assert [make_planner(name, gain_model, untrained_agent, fixed_place).name for name in NAMES] == list(NAMES)
     assert make_planner("oracle") is not make_planner("oracle")
 
 
@@ -61,7 +68,7 @@ def test_a_model_is_loaded_for_planners_that_value_views_only() -> None:
 
     for name in NAMES:
         before = len(loaded)
-        make_planner(name, load, untrained_agent)
+        make_planner(name, load, untrained_agent, fixed_place)
         assert len(loaded) - before == needs_gain_model(name) == name.startswith("nbv")
 
 
@@ -69,6 +76,22 @@ def test_a_model_is_loaded_for_planners_that_value_views_only() -> None:
 def test_a_planner_that_values_views_does_not_run_without_a_model(name: str) -> None:
     with pytest.raises(UsageError, match=f"planner '{name}': expected a gain model"):
         make_planner(name)
+
+
+def test_a_place_is_loaded_for_the_planner_that_goes_there_only() -> None:
+    loaded: list[FixedPlace] = []
+
+    def load() -> FixedPlace:
+        loaded.append(fixed_place())
+        return loaded[-1]
+
+    for name in NAMES:
+        before = len(loaded)
+        make_planner(name, gain_model, untrained_agent, load)
+        assert len(loaded) - before == needs_fixed_place(name) == (name == "fixed-best")
+    assert make_planner("fixed-best", load_place=load) is not make_planner("fixed-best", load_place=load)
+    with pytest.raises(UsageError, match="planner 'fixed-best': expected a fitted place, got none"):
+        make_planner("fixed-best", gain_model, untrained_agent)
 
 
 def test_an_agent_is_loaded_for_learned_planners_only_and_by_the_name_they_were_asked_for() -> None:
@@ -79,7 +102,7 @@ def test_an_agent_is_loaded_for_learned_planners_only_and_by_the_name_they_were_
         return untrained_agent(spec)
 
     for spec in (*NAMES, "il-ppo/2", "ppo-no-vision", "il-no-position/0"):
-        make_planner(spec, gain_model, load)
+        make_planner(spec, gain_model, load, fixed_place)
     assert loaded == ["il", "ppo", "il-ppo", "dagger", "il-ppo/2", "ppo-no-vision", "il-no-position/0"]
 
 

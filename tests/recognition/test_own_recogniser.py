@@ -10,6 +10,7 @@ from ehar.data.motion_file import save_motion
 from ehar.errors import EpisodeError, ModelError, UsageError
 from ehar.plugins.own_class import Own
 from ehar.recogniser import Recogniser
+from ehar.world import PAPER
 from eval.cli.main import main
 from recognition.own_recogniser import resolve_recogniser
 from tests.helpers.agents import save_untrained
@@ -32,7 +33,7 @@ def own(tmp_path: Path) -> Path:
 
 
 def resolved(brought: str | Recogniser) -> Own:
-    return resolve_recogniser(brought, DATA)
+    return resolve_recogniser(brought, DATA, PAPER)
 
 
 def test_its_constructor_is_handed_what_it_asks_for_of_the_data(own: Path) -> None:

@@ -15,6 +15,7 @@ from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
 from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.perfect import PerfectSensor
+from ehar.world import PAPER
 from recognition.own_recogniser import resolve_recogniser
 from recognition.setting import Setting, load_motion_of, load_setting
 from recognition.streaming import StreamingRecogniser
@@ -102,7 +103,7 @@ def test_a_recogniser_of_a_user_s_own(tmp_path: Path) -> None:
     named = f"{path}:Mine(gain=2)"
     data = tiny_data(sequences=24)
     setting = load_setting(Conditions(data=data, recogniser=named))
-    expected = resolve_recogniser(named, data)
+    expected = resolve_recogniser(named, data, PAPER)
     assert (setting.form, setting.recogniser_sha256) == ("Mine(gain=2)", expected.sha256)
     assert setting.conditions.recogniser == named
     assert setting.runner.recogniser.class_names == CLASS_NAMES

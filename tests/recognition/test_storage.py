@@ -94,7 +94,7 @@ def test_a_missing_file(tmp_path: Path, suffix: str) -> None:
     path.with_suffix(suffix).unlink()
     message = refusal(tmp_path)
     assert f"causal-perfect-moving{suffix}: no such file" in message
-    assert "--sensor perfect --views moving --form causal" in message
+    assert "--sensor perfect --views moving --out" in message
 
 
 def test_data_without_shipped_weights_asks_for_models() -> None:
@@ -164,7 +164,7 @@ MISSING = object()
             for field in ("form", "size", "class_names", "skeleton", "persons", "fps", "length")
         ),
         ("form", "transformer", "spec.form: expected 'causal' or 'ctrgcn', got 'transformer'"),
-        ("size", "huge", "spec.size: expected 'small' or 'published', got 'huge'"),
+        ("size", "huge", "spec.size: expected 'small', 'half' or 'published', got 'huge'"),
         ("class_names", "nod", "spec.class_names: expected a list, got 'nod'"),
         ("persons", "many", "spec.persons: expected a whole number, got 'many'"),
         ("persons", float("inf"), "spec.persons: expected a whole number, got inf"),

@@ -11,7 +11,7 @@ from ehar.camera import Camera
 from ehar.recogniser import Recognition
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import Sensed, SensorNoise, draw_noise
-from ehar.viewpoint import sample_starts
+from ehar.world import PAPER
 from recognition.calibration import KNOTS, Temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.ctrgcn import CTRGCN
@@ -42,7 +42,7 @@ def frames() -> list[tuple[Sensed, np.ndarray]]:
     """Return LENGTH frames of what a camera that jumps about senses."""
     rng = np.random.default_rng(0)
     batch = tiny_batch(episodes=EPISODES, length=LENGTH, persons=PERSONS)
-    viewpoints = sample_starts(rng, EPISODES * LENGTH).reshape(LENGTH, EPISODES, 3)
+    viewpoints = PAPER.sample_starts(rng, EPISODES * LENGTH).reshape(LENGTH, EPISODES, 3)
     sensor = PerfectSensor()
     return [
         (sensor.sense(batch.positions[:, t], viewpoints[t], batch.noise.frame(t)), viewpoints[t]) for t in range(LENGTH)
@@ -54,7 +54,7 @@ def candidates() -> list[tuple[Sensed, np.ndarray]]:
     """Return 3 frames from FORKS viewpoints an episode."""
     rng = np.random.default_rng(1)
     positions = POSE + 0.1 * rng.standard_normal((3, EPISODES, 1, PERSONS, len(POSE), 3)).astype(np.float32)
-    viewpoints = sample_starts(rng, 3 * EPISODES * FORKS).reshape(3, EPISODES, FORKS, 3)
+    viewpoints = PAPER.sample_starts(rng, 3 * EPISODES * FORKS).reshape(3, EPISODES, FORKS, 3)
     noise: SensorNoise = draw_noise(rng, (EPISODES, 1), PERSONS, len(POSE))
     return [(PerfectSensor().sense(positions[t], viewpoints[t], noise), viewpoints[t]) for t in range(3)]
 

@@ -24,7 +24,7 @@ function drawScene(canvas, episode, cast, frame) {
   drawDome(pen, at, reach);
   cast.forEach(({ of, look }) => drawPath(pen, at, of, look, frame));
   drawPeople(pen, at, people, frame);
-  cast.forEach(({ of, look, name }, index) => drawCamera(pen, at, of, look, frame, name, index));
+  cast.forEach(({ of, look, name }, index) => drawCamera(pen, at, of, look, frame, name, index, reach));
 }
 
 function farthest(path) {
@@ -47,9 +47,10 @@ function ring(radius, height) {
 }
 
 function drawGround(pen, at, reach, floor) {
-  for (let metre = 2.5; metre <= reach; metre += 2.5) stroke(pen, ring(metre, floor).map(at), colour("@grid"), 1);
+  const step = reach < 5 ? 0.5 : 2.5;
+  for (let metre = step; metre <= reach; metre += step) stroke(pen, ring(metre, floor).map(at), colour("@grid"), 1);
   pen.fillStyle = colour("@soft");
-  for (const metre of [5, 10, 15]) if (metre <= reach) pen.fillText(`${metre} m`, ...at([metre, 0, floor]));
+  for (let metre = 2 * step; metre <= reach; metre += 2 * step) pen.fillText(`${metre} m`, ...at([metre, 0, floor]));
 }
 
 // Half a sphere as far away as the farthest camera: its rim and two meridians.
@@ -81,7 +82,7 @@ function drawPeople(pen, at, people, frame) {
   }
 }
 
-function drawCamera(pen, at, of, look, frame, name, index) {
+function drawCamera(pen, at, of, look, frame, name, index, reach) {
   const tint = colour(look.colour);
   const here = pointAt(of.path, frame);
   const wanted = of.target === null || frame >= replays.frames - 1 ? null : pointAt(of.target, frame);
@@ -90,7 +91,7 @@ function drawCamera(pen, at, of, look, frame, name, index) {
     stroke(pen, [at(here), at(wanted)], tint, 1.5, [1, 4]);
     diamond(pen, at(wanted), 7, tint);
   }
-  drawBody(pen, at, of.path.subarray(3 * frame, 3 * frame + 3), here, tint);
+  drawBody(pen, at, of.path.subarray(3 * frame, 3 * frame + 3), here, tint, Math.min(1, reach / 5));
   const [x, y] = at(here);
   pen.fillStyle = colour("@text");
   pen.textAlign = index ? "right" : "left";
@@ -99,12 +100,12 @@ function drawCamera(pen, at, of, look, frame, name, index) {
 }
 
 // A pyramid that opens towards the people.
-function drawBody(pen, at, [, azimuth, polar], here, tint) {
+function drawBody(pen, at, [, azimuth, polar], here, tint, size) {
   const right = [-Math.sin(azimuth), Math.cos(azimuth), 0];
   const down = [Math.cos(polar) * Math.cos(azimuth), Math.cos(polar) * Math.sin(azimuth), -Math.sin(polar)];
   const length = Math.hypot(...here);
   const corner = (across, along) =>
-    at(here.map((value, axis) => value - (0.7 * value) / length + 0.42 * across * right[axis] + 0.24 * along * down[axis]));
+    at(here.map((value, axis) => value + size * ((-0.7 * value) / length + 0.42 * across * right[axis] + 0.24 * along * down[axis])));
   const frame = [corner(-1, -1), corner(1, -1), corner(1, 1), corner(-1, 1), corner(-1, -1)];
   stroke(pen, frame, tint, 2);
   frame.slice(0, 4).forEach((place) => stroke(pen, [at(here), place], tint, 2));

@@ -51,7 +51,7 @@ function drawMap(canvas, of, look, frame) {
   const inner = { left: 34, top: 8, width: width - 44, height: height - 34 };
   const at = (viewpoints, step) => [
     inner.left + (inner.width * viewpoints[3 * step + 1]) / (2 * Math.PI),
-    inner.top + (inner.height * viewpoints[3 * step + 2]) / (Math.PI / 2),
+    inner.top + (inner.height * viewpoints[3 * step + 2] * 180) / (Math.PI * replays.lowest),
   ];
   if (of.field !== null) drawField(pen, inner, of.field, Math.min(frame, replays.frames - 2));
   drawAxes(pen, inner);
@@ -107,7 +107,7 @@ function drawAxes(pen, inner) {
   }
   pen.textAlign = "right";
   for (const degrees of [0, 45, 90]) {
-    const y = inner.top + (inner.height * degrees) / 90;
+    const y = inner.top + (inner.height * degrees) / replays.lowest;
     pen.fillText(`${degrees}°`, inner.left - 4, Math.min(y + 4, inner.top + inner.height));
   }
   pen.textAlign = "left";

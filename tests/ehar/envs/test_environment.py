@@ -17,7 +17,8 @@ from ehar.envs.task import EpisodeTask
 from ehar.errors import EpisodeError, UsageError
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.registry import make_sensor
-from ehar.viewpoint import ANGLE_STEP, HOVER, MOVE_NAMES, Workspace
+from ehar.viewpoint import HOVER, MOVE_NAMES, Workspace
+from ehar.world import PAPER
 from tests.helpers.fakes import CLASS_NAMES, FakeRecogniser, tiny_data, tiny_scenarios
 
 LENGTH = 10
@@ -190,7 +191,9 @@ def test_a_batch_costs_one_call_of_the_recogniser_a_step() -> None:
 
 
 def test_a_small_workspace_bounds_starts_and_moves() -> None:
-    workspace = Workspace(distance_max=7.0, polar_min=14 * ANGLE_STEP, polar_max=14 * ANGLE_STEP)
+    workspace = Workspace(
+        distance_max=7.0, polar_min=14 * PAPER.workspace.angle_step, polar_max=14 * PAPER.workspace.angle_step
+    )
     env = EpisodeEnv(EpisodeTask(**parts(), controls=GridControls(workspace=workspace)))
     for seed in range(5):
         env.reset(seed=seed)

@@ -16,7 +16,8 @@ from ehar.flight.profile import JerkProfile
 from ehar.flight.proposals import limits_to_rest
 from ehar.flight.time_optimal import TimeOptimal
 from ehar.flight.vehicle import VEHICLES, Vehicle
-from ehar.viewpoint import AZIMUTH, Workspace, cartesian, sample_starts, wrap_difference
+from ehar.viewpoint import AZIMUTH, Workspace, cartesian, wrap_difference
+from ehar.world import INDOOR, PAPER, World
 from tests.helpers.flight_cases import random_vehicle, random_viewpoints, worst_excess
 
 FRAME_TIME = 0.04
@@ -53,6 +54,20 @@ def test_limits_hold_at_1_khz() -> None:
     assert excess.workspace < 1e-9
 
 
+@pytest.mark.parametrize("world", [PAPER, INDOOR], ids=str)
+def test_the_ground_robot_keeps_its_limits_in_every_world(world: World) -> None:
+    robot = VEHICLES["ground-robot"]
+    excess = worst_excess(np.random.default_rng(0), 2_000, workspace=world.workspace, draw_vehicle=lambda _: robot)
+    assert excess.limits < 1e-6
+    assert excess.workspace < 1e-9
+
+
+def test_any_vehicle_keeps_its_limits_indoors() -> None:
+    excess = worst_excess(np.random.default_rng(2), 2_000, workspace=INDOOR.workspace)
+    assert excess.limits < 1e-6
+    assert excess.workspace < 1e-9
+
+
 @pytest.mark.slow
 def test_limits_hold_at_1_khz_in_100_000_cases() -> None:
     excess = worst_excess(np.random.default_rng(1), 100_000)
@@ -64,11 +79,13 @@ def test_limits_hold_at_1_khz_in_100_000_cases() -> None:
 @pytest.mark.parametrize("name", VEHICLES)
 def test_a_target_that_is_held_is_reached_and_kept(name: str) -> None:
     rng = np.random.default_rng(0)
-    start, before, target = (sample_starts(rng, 16) for _ in range(3))
-    motion = flying(start, VEHICLES[name])
+    world = INDOOR if name == "ground-robot" else PAPER
+    start, before, target = (world.sample_starts(rng, 16) for _ in range(3))
+    motion = FlightMotion(vehicle=VEHICLES[name], workspace=world.workspace)
+    motion.reset(start, 0.04)
     for _ in range(30):
         motion.advance(before)
-    frames_to(motion, target, at_most=600)
+    frames_to(motion, target, at_most=1500)
     for _ in range(3):
         assert (off(motion.advance(target), target) < 1e-6).all()
     assert not motion.velocity.any() and not motion.acceleration.any()
@@ -115,11 +132,11 @@ def test_a_target_outside_of_the_workspace_is_flown_to_its_edge() -> None:
 def test_frames_join_smoothly() -> None:
     """Position, velocity and acceleration go on where they were; jerk alone may step. Targets jump in each frame."""
     rng = np.random.default_rng(0)
-    motion = flying(sample_starts(rng, 8), VEHICLES["tracking-drone"])
-    motion.advance(sample_starts(rng, 8))
+    motion = flying(PAPER.sample_starts(rng, 8), VEHICLES["tracking-drone"])
+    motion.advance(PAPER.sample_starts(rng, 8))
     for _ in range(40):
         before = motion.sample(np.array([FRAME_TIME]))
-        viewpoint = motion.advance(sample_starts(rng, 8))
+        viewpoint = motion.advance(PAPER.sample_starts(rng, 8))
         after = motion.sample(np.array([0.0, FRAME_TIME]))
         for one, other in zip(before[:3], after[:3], strict=True):
             np.testing.assert_allclose(one[:, 0], other[:, 0], atol=1e-9)
@@ -140,7 +157,7 @@ def test_a_radial_flight_takes_hardly_longer_than_one_in_a_straight_line_can() -
 
 def test_a_new_target_is_reached_sooner_than_by_stopping_first() -> None:
     rng = np.random.default_rng(0)
-    start, first, then = (sample_starts(rng, 24) for _ in range(3))
+    start, first, then = (PAPER.sample_starts(rng, 24) for _ in range(3))
     motion = flying(start)
     for _ in range(50):
         motion.advance(first)
@@ -167,7 +184,7 @@ def arrivals(motion: FlightMotion, target: FloatArray) -> FloatArray:
 
 def test_flights_do_not_depend_on_their_neighbours() -> None:
     rng = np.random.default_rng(0)
-    start, targets = sample_starts(rng, 5), [sample_starts(rng, 5) for _ in range(12)]
+    start, targets = PAPER.sample_starts(rng, 5), [PAPER.sample_starts(rng, 5) for _ in range(12)]
     together, alone = flying(start), flying(start[3:4])
     for target in targets:
         np.testing.assert_allclose(together.advance(target)[3:4], alone.advance(target[3:4]), atol=1e-12)
@@ -176,7 +193,7 @@ def test_flights_do_not_depend_on_their_neighbours() -> None:
 def test_a_copy_flies_on_alike() -> None:
     """So that environments and motions can be sent to worker processes."""
     rng = np.random.default_rng(0)
-    motion, target = flying(sample_starts(rng, 4)), sample_starts(rng, 4)
+    motion, target = flying(PAPER.sample_starts(rng, 4)), PAPER.sample_starts(rng, 4)
     motion.advance(target)
     copied = pickle.loads(pickle.dumps(motion))
     for _ in range(5):
@@ -185,13 +202,13 @@ def test_a_copy_flies_on_alike() -> None:
 
 def test_telemetry_adds_up() -> None:
     rng = np.random.default_rng(0)
-    vehicle, start = VEHICLES["tracking-drone"], sample_starts(rng, 6)
+    vehicle, start = VEHICLES["tracking-drone"], PAPER.sample_starts(rng, 6)
     motion = flying(start, vehicle)
     assert motion.telemetry.frames == 0
     assert not motion.telemetry.share_at_limit.any()
     positions = [cartesian(start)[:, None]]
     for frame in range(50):
-        motion.advance(sample_starts(np.random.default_rng(frame // 10), 6))
+        motion.advance(PAPER.sample_starts(np.random.default_rng(frame // 10), 6))
         states = motion.sample(np.linspace(0, FRAME_TIME, 41)[1:])
         positions.append(cartesian(states.viewpoint))
     position = np.concatenate(positions, axis=1)

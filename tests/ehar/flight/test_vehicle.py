@@ -29,7 +29,7 @@ def written(folder: Path, content: Any) -> Path:
 
 
 def test_the_named_vehicles() -> None:
-    assert set(VEHICLES) == {"px4-auto", "px4-max", "tracking-drone"}
+    assert set(VEHICLES) == {"px4-auto", "px4-max", "tracking-drone", "ground-robot"}
     for name, vehicle in VEHICLES.items():
         assert load_vehicle(name) is vehicle
         assert vehicle.name == name

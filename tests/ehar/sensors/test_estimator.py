@@ -14,7 +14,7 @@ from ehar.sensors.estimator import (
     EstimatorSensor,
 )
 from ehar.sensors.sensor import Sensed, SensorNoise, draw_noise
-from ehar.viewpoint import sample_starts
+from ehar.world import PAPER
 from tests.helpers.fakes import POSE, SKELETON
 
 LEVEL = np.pi / 2
@@ -178,7 +178,7 @@ def crowd(leading: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, SensorNoise
     """Return two persons in each of many frames, viewpoints near and far, and draws."""
     rng = np.random.default_rng(3)
     positions = POSE + rng.normal(0, 0.1, (*leading, 2, len(POSE), 3)) + np.array([[[0.5, 0, 0]], [[-0.5, 0, 0]]])
-    viewpoints = sample_starts(rng, int(np.prod(leading))).reshape(*leading, 3)
+    viewpoints = PAPER.sample_starts(rng, int(np.prod(leading))).reshape(*leading, 3)
     viewpoints[..., 0] *= 2
     return positions.astype(np.float32), viewpoints, draw_noise(rng, leading, 2, len(POSE))
 

@@ -11,6 +11,7 @@ from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.registry import SENSORS, load_sensor, make_sensor
 from ehar.sensors.sensing import sense
+from ehar.world import PAPER
 from tests.helpers.fakes import CLASS_NAMES, SKELETON, tiny_batch, tiny_data
 from tests.helpers.own_world import OWN
 
@@ -28,7 +29,7 @@ def own(tmp_path: Path) -> Path:
 def test_ours_are_made_by_name_for_the_data() -> None:
     assert list(SENSORS) == ["perfect", "estimator"]
     for name in SENSORS:
-        loaded = load_sensor(name, DATA)
+        loaded = load_sensor(name, DATA, PAPER)
         assert (loaded.sensor.name, loaded.named, loaded.sha256) == (name, name, None)
     estimator = make_sensor("estimator", DATA)
     assert isinstance(estimator, EstimatorSensor)
@@ -36,19 +37,19 @@ def test_ours_are_made_by_name_for_the_data() -> None:
 
 
 def test_a_class_of_a_file_is_handed_what_it_asks_for_of_the_data(own: Path) -> None:
-    loaded = load_sensor(f"{own}:Blurred(pixels='8')", DATA)
+    loaded = load_sensor(f"{own}:Blurred(pixels='8')", DATA, PAPER)
     made = loaded.sensor
     assert (made.pixels, made.given) == (8.0, (1, SKELETON, 25.0, CLASS_NAMES))  # type: ignore[attr-defined]
     assert loaded.named == f"{own}:Blurred(pixels='8')"
-    other = load_sensor(f"{own}:Blurred(pixels=9)", DATA)
+    other = load_sensor(f"{own}:Blurred(pixels=9)", DATA, PAPER)
     assert None is not loaded.sha256 != other.sha256
     own.write_text(OWN + "# changed\n")
-    assert load_sensor(f"{own}:Blurred(pixels='8')", DATA).sha256 != loaded.sha256
+    assert load_sensor(f"{own}:Blurred(pixels='8')", DATA, PAPER).sha256 != loaded.sha256
 
 
 def test_an_object_is_meant_as_it_is() -> None:
     mine = EstimatorSensor(skeleton=SKELETON, relative_noise=0.1)
-    loaded = load_sensor(mine, DATA)
+    loaded = load_sensor(mine, DATA, PAPER)
     assert loaded.sensor is mine
     assert loaded.named == "estimator"
     assert loaded.sha256 is not None, "it may be another than the one that goes by this name"

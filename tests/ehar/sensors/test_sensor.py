@@ -9,7 +9,7 @@ from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import draw_noise
-from ehar.viewpoint import sample_starts
+from ehar.world import PAPER
 from tests.helpers.fakes import SKELETON, tiny_data
 
 
@@ -34,7 +34,7 @@ def test_one_frame_of_the_draws_and_its_forks() -> None:
 
 def test_the_perfect_sensor_sees_every_joint_exactly() -> None:
     rng = np.random.default_rng(1)
-    positions, viewpoints = rng.normal(0, 0.5, (4, 2, 6, 3)), sample_starts(rng, 4)
+    positions, viewpoints = rng.normal(0, 0.5, (4, 2, 6, 3)), PAPER.sample_starts(rng, 4)
     camera = Camera(width=640, height=480, focal_length=500.0)
     sensed = PerfectSensor(camera=camera).sense(positions, viewpoints, draw_noise(rng, (4,), 2, 6))
     np.testing.assert_array_equal(sensed.joints_2d, project(positions, viewpoints, camera)[0])

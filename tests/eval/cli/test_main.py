@@ -143,7 +143,10 @@ def test_version_and_help_answer_without_torch() -> None:
     ("arguments", "message"),
     [
         (["bnchmark"], f"unknown command 'ehar bnchmark'; expected one of {', '.join(COMMANDS.commands)}"),
-        (["train", "agnt"], "unknown command 'ehar train agnt'; expected one of all, recogniser, gain-field, agent"),
+        (
+            ["train", "agnt"],
+            "unknown command 'ehar train agnt'; expected one of all, recogniser, gain-field, fixed-best, agent",
+        ),
         (["data", "prepare", "csv"], "unknown command 'ehar data prepare csv'; expected one of bvh, expi, aistpp"),
     ],
 )
@@ -157,7 +160,7 @@ def test_an_unknown_command_names_those_that_there_are(
     ("arguments", "said"),
     [
         ([], ["Expected one of {benchmark,", "ehar --help"]),
-        (["train"], ["Expected one of {all, recogniser, gain-field, agent}.", "ehar train --help"]),
+        (["train"], ["Expected one of {all, recogniser, gain-field, fixed-best, agent}.", "ehar train --help"]),
         (["train", "agent"], ["Missing from ehar train agent", "--data STR", "ehar train agent --help"]),
         (["report"], ["Missing from ehar report", "RUN", "ehar report --help"]),
         (["benchmark", "--lenght", "5"], ["Unrecognized options: --lenght", "--length INT", "ehar benchmark --help"]),

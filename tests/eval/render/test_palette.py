@@ -7,9 +7,9 @@ from eval.render.palette import DARK, LIGHT, Theme, looks
 
 
 def test_planners_look_different() -> None:
-    names = {"no-act": False, **{f"p{index}": False for index in range(11)}, "oracle": True, "oracle-lookahead": True}
-    assert len({look.symbol + look.token for look in looks(names).values()}) == 14
-    assert len({look.dash + look.token for look in looks(names).values()}) == 14
+    names = {"no-act": False, **{f"p{index}": False for index in range(15)}, "oracle": True, "oracle-lookahead": True}
+    assert len({look.symbol + look.token for look in looks(names).values()}) == 18
+    assert len({look.dash + look.token for look in looks(names).values()}) == 18
 
 
 def test_planners_whose_colours_repeat_differ_in_their_lines() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from ehar.errors import UsageError
 from ehar.viewpoint import cartesian
-from eval.replays.episode import MAP_AZIMUTHS, MAP_POLARS
+from eval.replays.episode import MAP_AZIMUTHS, map_polars
 from eval.replays.recording import check_recording, write_recording
 from tests.helpers.fakes import CLASS_NAMES, SKELETON
 from tests.helpers.replays import FRAMES, PERSONS, camera_replay, known_replay
@@ -84,7 +84,7 @@ def test_paths_grow_and_targets_end_with_the_plan(recorded: dict[str, dict[str, 
 def test_a_field_has_a_point_for_every_other_direction(recorded: dict[str, dict[str, list[Any]]]) -> None:
     held = recorded["/world/fields/spiral"]
     cells = np.array(held["Points3D:positions"])
-    count = len(MAP_POLARS[::2]) * len(MAP_AZIMUTHS[:-1:2])
+    count = len(map_polars()[::2]) * len(MAP_AZIMUTHS[:-1:2])
     assert cells.shape == (FRAMES, count, 3)
     np.testing.assert_allclose(np.linalg.norm(cells, axis=-1), 8.0, rtol=1e-6)
     gain = known_replay().cameras[0].gain

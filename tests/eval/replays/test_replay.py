@@ -13,7 +13,7 @@ from ehar.errors import UsageError
 from eval.cli.main import main
 from eval.records.run_files import SUMMARY
 from eval.replays.choice import choose_episodes
-from eval.replays.episode import MAP_AZIMUTHS, MAP_POLARS, replay_episode
+from eval.replays.episode import MAP_AZIMUTHS, map_polars, replay_episode
 from eval.replays.replay import TELLING, make_replay
 from eval.running.run import read_run
 from eval.verification.inputs import check_inputs
@@ -65,7 +65,7 @@ def test_what_is_shown_is_what_was_recorded(tiny: Path) -> None:
     assert greedy.gain is not None and greedy.target is not None
     for gain in greedy.gain:
         polar, azimuth = np.unravel_index(gain.argmax(), gain.shape)
-        assert (MAP_AZIMUTHS[azimuth], MAP_POLARS[polar]) == (180, 60)
+        assert (MAP_AZIMUTHS[azimuth], map_polars()[polar]) == (180, 60)
     wanted = greedy.wanted(3)
     assert wanted is not None and wanted == pytest.approx(greedy.path[4], abs=1e-5)  # the grid goes where it is told
     assert greedy.wanted(9) is None

@@ -14,6 +14,7 @@ from ehar.errors import ModelError
 from ehar.motion import GridMotion
 from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
+from ehar.world import PAPER
 from eval.records.episodes import read_episodes
 from eval.records.run_files import EPISODES
 from eval.running.episodes import CHUNK, cut_scenarios, random_starts
@@ -23,6 +24,7 @@ from planners.search.next_best_view import NextBestView
 from planners.value.belief import readout
 from planners.value.model import gain_model_path
 from tests.helpers.fakes import FakeRecogniser, tiny_context, tiny_data
+from tests.helpers.fixed_places import save_place
 from tests.helpers.gain_models import model_of, peak_weights
 from tests.helpers.tiny_benchmarks import SLOW_TO_BELIEVE, Log, file_hash, names, run, save_models, with_agents
 
@@ -37,6 +39,7 @@ def test_without_names_every_planner_runs_each_training_of_a_learned_one(models:
     assert ran == {*planner_names()} - {"il", "ppo", "il-ppo", "dagger"} | trainings
     assert names(summary) == planner_names(), "the trainings of a planner are one row"
     assert log.notes == []
+    hashes["fixed-best"] = file_hash(models / "fixed-best-perfect-moving.json")
     for planner in json.loads((tmp_path / "run" / "config.json").read_text())["planners"]:
         assert planner["weights_sha256"] == hashes.get(planner["name"])
         assert not planner["privileged"] or planner["name"].startswith("oracle")
@@ -50,18 +53,21 @@ def test_without_names_every_planner_runs_each_training_of_a_learned_one(models:
 def test_those_for_whom_nothing_was_trained_are_left_out_aloud(tmp_path: Path) -> None:
     log = Log()
     summary = run(None, starts=1, models=tmp_path / "none", reporter=log).summary
-    trained = ("nbv", "il", "ppo", "dagger")
+    trained = ("fixed-best", "nbv", "il", "ppo", "dagger")
     assert names(summary) == tuple(name for name in planner_names() if not name.startswith(trained))
-    valuing, learned = log.notes
+    fitted, valuing, learned = log.notes
+    assert fitted.startswith("left out: fixed-best: ")
+    assert "`ehar train fixed-best --data X.npz" in fitted
     assert valuing.startswith("left out: nbv-greedy, nbv-search, nbv: ")
     assert "`ehar train gain-field --data X.npz" in valuing
     assert learned.startswith("left out: il, ppo, il-ppo, dagger: no agent was trained for this recogniser: ")
     assert "`ehar train agent --data X.npz" in learned
     log = Log()
     run(None, starts=1, form="ctrgcn", reporter=log)
-    valuing, learned = log.notes
+    fitted, valuing, learned = log.notes
+    assert fitted.endswith("fixed places are fitted for the causal recogniser, and this is ctrgcn")
     assert valuing.endswith("gain fields are trained for the causal recogniser, and this is ctrgcn")
-    assert learned.endswith("agents are trained for the causal recogniser, and this is ctrgcn")
+    assert learned.startswith("left out: il, ppo, il-ppo, dagger: no agent was trained for this recogniser: ")
 
 
 def test_who_is_named_has_to_run(tmp_path: Path) -> None:
@@ -74,6 +80,7 @@ def test_who_is_named_has_to_run(tmp_path: Path) -> None:
 @pytest.mark.parametrize("planners", [None, ["nbv-greedy"]])
 def test_a_gain_field_of_another_recogniser_is_never_passed_over(models: Path, planners: list[str] | None) -> None:
     save_models(models, recogniser_sha256="another")
+    save_place(models)
     with pytest.raises(ModelError, match="trained for another recogniser"):
         run(planners, models=models)
 
@@ -113,7 +120,7 @@ def test_the_belief_is_scored_and_planners_act_the_same(models: Path, tmp_path: 
     # By hand: the belief of the fake recogniser's words from where no-act stands.
     data = tiny_data(sequences=40)
     scenarios = cut_scenarios(data, split_parts(data).test, 10, print)
-    episodes = random_starts(scenarios, 1, 0)
+    episodes = random_starts(scenarios, 1, 0, PAPER)
     context = replace(tiny_context(episodes=32, length=10), frame_time=1 / data.fps)
     record = rollout(NoAct(), episodes.batch(0), FakeRecogniser(), PerfectSensor(), GridMotion(), context)
     probabilities = np.exp(readout(SLOW_TO_BELIEVE, record.log_probs, record.viewpoints))

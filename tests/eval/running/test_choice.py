@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ehar.conditions import Conditions
+from ehar.conditions import Conditions, Form
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.planner import Planner
 from eval.running.choice import ModelPlace, choose_planners, listed, make_planners
@@ -17,6 +17,7 @@ from planners.registry import planner_names
 from planners.value.model import GainModel, gain_model_path, save_gain_model
 from tests.helpers.agents import save_untrained, untrained_agent
 from tests.helpers.fakes import tiny_data
+from tests.helpers.fixed_places import save_place
 from tests.helpers.gain_models import model_of, peak_weights
 
 DATA = tiny_data()
@@ -35,10 +36,10 @@ def save_field(models: Path, *, recogniser: str = "fake") -> None:
     save_gain_model(path, model_of(peak_weights(np.array([8.0, 1.0, 1.0]))), recogniser_sha256=recogniser, history={})
 
 
-def save_agents(models: Path, *names: str) -> None:
+def save_agents(models: Path, *names: str, form: Form = "causal") -> None:
     for record in names:
         name, _, seed = record.partition("/")
-        save_untrained(models, DATA, name, seed=int(seed))
+        save_untrained(models, DATA, name, seed=int(seed), form=form)
 
 
 def chosen(
@@ -83,18 +84,22 @@ def test_each_training_is_loaded_from_its_own_file(tmp_path: Path) -> None:
 def test_without_names_all_run_for_whom_something_was_trained(tmp_path: Path) -> None:
     save_agents(tmp_path, "il/0", "il/1", "il-ppo-no-vision/0")
     names, model, notes = chosen(None, place_of(tmp_path))
-    left_out = {"nbv-greedy", "nbv-search", "nbv", "ppo", "il-ppo", "dagger"}
+    left_out = {"fixed-best", "nbv-greedy", "nbv-search", "nbv", "ppo", "il-ppo", "dagger"}
     expected = [name for name in planner_names() if name not in left_out]
     at = expected.index("il")
     assert names == [*expected[:at], "il/0", "il/1", *expected[at + 1 :]], "ablations run where they are named only"
     assert model is None
-    field, agents = notes
+    place, field, agents = notes
+    assert place.startswith("left out: fixed-best: ")
+    command = f"`ehar train fixed-best --data X.npz --sensor perfect --views moving --models {tmp_path}`"
+    assert place.endswith(f"no such file: expected a fixed place, as made by {command}")
     assert field.startswith("left out: nbv-greedy, nbv-search, nbv: ")
     assert agents.startswith(
         "left out: ppo, il-ppo, dagger: no agent was trained for this recogniser: expected those of "
     )
     assert f"`ehar train agent --data X.npz --sensor perfect --views moving --models {tmp_path}`" in agents
     save_field(tmp_path)
+    save_place(tmp_path)
     save_agents(tmp_path, "ppo/0", "il-ppo/0", "dagger/0")
     names, model, notes = chosen(None, place_of(tmp_path))
     assert [name.partition("/")[0] for name in names if name != "il/1"] == list(planner_names())
@@ -102,41 +107,59 @@ def test_without_names_all_run_for_whom_something_was_trained(tmp_path: Path) ->
     assert notes == []
 
 
-def test_the_published_recogniser_has_no_agents(tmp_path: Path) -> None:
-    save_agents(tmp_path, "il/0", "ppo/0", "il-ppo/0")
+def test_the_published_recogniser_has_agents_of_its_own(tmp_path: Path) -> None:
+    save_agents(tmp_path, "il/0")  # for the causal one
     place = place_of(tmp_path, form="ctrgcn")
     names, _, notes = chosen(None, place)
     assert not [name for name in names if name.startswith(("il", "ppo", "dagger"))]
-    assert notes[-1].startswith("left out: il, ppo, il-ppo, dagger: agents are trained for the causal recogniser, and ")
-    with pytest.raises(ModelError, match="planner 'il/0': agents are trained for the causal recogniser"):
+    assert "`ehar train agent --data X.npz --sensor perfect --views moving --form ctrgcn --models " in notes[-1]
+    with pytest.raises(ModelError, match=r"agent-il-ctrgcn-perfect-moving-seed0\.safetensors: no such file"):
         chosen(["no-act", "il"], place)
+    save_agents(tmp_path, "il/0", form="ctrgcn")
+    names, _, _ = chosen(None, place)
+    assert [name for name in names if name.startswith("il")] == ["il/0"]
 
 
 def test_what_was_trained_for_another_recogniser_is_left_out_beside_your_own(tmp_path: Path) -> None:
     save_field(tmp_path)
+    save_place(tmp_path)
     save_agents(tmp_path, "il/0")
     place = place_of(tmp_path, form="Mine(gain=2)", recogniser="mine.py:Mine(gain=2)", recogniser_sha256="mine")
-    names, model, (field, agent, others) = chosen(None, place)
-    assert not [name for name in names if name.startswith(("nbv", "il", "ppo", "dagger"))]
+    names, model, (fixed, field, agent, others) = chosen(None, place)
+    assert not [name for name in names if name.startswith(("fixed-best", "nbv", "il", "ppo", "dagger"))]
     assert model is None
+    assert "fitted for another recogniser: its sha256 was fake..., this one's is mine...; fit it again" in fixed
     assert "trained for another recogniser: its sha256 was fake..., this one's is mine..." in field
     assert "trained for another recogniser: its sha256 was fake..., this one's is mine..." in agent
     assert "no agent was trained for this recogniser: expected those of `ehar train agent " in others
-    for planners in (["il"], ["nbv"]):
-        with pytest.raises(ModelError, match=r"trained for another recogniser"):
+    for planners in (["il"], ["nbv"], ["fixed-best"]):
+        with pytest.raises(ModelError, match=r"(trained|fitted) for another recogniser"):
             chosen(planners, place)
+
+
+@pytest.mark.parametrize("planners", [None, ["fixed-best"]])
+def test_a_place_of_another_recogniser_is_never_passed_over(tmp_path: Path, planners: list[str] | None) -> None:
+    save_place(tmp_path, recogniser_sha256="another")
+    with pytest.raises(ModelError, match=r"fixed-best-perfect-moving\.json: fitted for another recogniser"):
+        chosen(planners, place_of(tmp_path))
 
 
 def test_what_was_trained_for_a_recogniser_of_your_own_runs(tmp_path: Path) -> None:
     save_field(tmp_path, recogniser="fake")
+    save_place(tmp_path)
     save_agents(tmp_path, "il/0", "ppo/1")
     names, model, (agents,) = chosen(None, place_of(tmp_path, form="Mine", recogniser="mine.py:Mine"))
-    assert {"nbv", "nbv-greedy", "nbv-search", "il/0", "ppo/1"} <= {*names}
+    assert {"fixed-best", "nbv", "nbv-greedy", "nbv-search", "il/0", "ppo/1"} <= {*names}
     assert model is not None
     assert agents.startswith("left out: il-ppo, dagger: ")
     names, _, notes = chosen(None, place_of(None, form="Mine", recogniser="mine.py:Mine"))
-    assert not [name for name in names if name.startswith(("nbv", "il", "ppo", "dagger"))]
-    assert all(" was trained for this recogniser: expected th" in note and "--models DIR" in note for note in notes)
+    assert not [name for name in names if name.startswith(("fixed-best", "nbv", "il", "ppo", "dagger"))]
+    assert [note.partition(" for this recogniser: expected th")[0].rpartition(": ")[2] for note in notes] == [
+        "no fixed place was fitted",
+        "no gain field was trained",
+        "no agent was trained",
+    ]
+    assert all("--models DIR" in note for note in notes)
 
 
 def test_who_is_named_has_to_be_trained(tmp_path: Path) -> None:

@@ -14,8 +14,9 @@ from ehar.errors import ModelError, UsageError
 from eval import benchmark
 from eval.records.config import KEYS, read_config
 from eval.running.run import read_run
-from eval.running.training import train_agents, train_gain_field, train_recogniser
+from eval.running.training import train_agents, train_fixed_best, train_gain_field, train_recogniser
 from planners.agents.demonstrations import DemonstrationTask, demonstrate
+from planners.place.config import FixedBestConfig
 from planners.value.body_filter import trunk_pairs
 from planners.value.collection import CollectionTask, run_batches
 from planners.value.config import GainTrainingConfig
@@ -126,7 +127,7 @@ def test_what_cannot_be_sent_to_a_worker_is_said(lab: Path) -> None:
 @pytest.mark.slow
 def test_a_recogniser_is_trained_to_see_through_a_sensor_of_ones_own(lab: Path) -> None:
     conditions = told(sensor="world.py:Blurred(pixels=8)", recogniser=None)
-    config = TrainingConfig(conditions=conditions, out=Path("models"), clips=64, evaluations=1)
+    config = TrainingConfig(conditions=conditions, out=Path("models"), clips=64)
     (path,) = train_recogniser(config).paths
     assert path.stem == f"causal-{conditions.seen}"
     trained = told(sensor="world.py:Blurred(pixels='8')", recogniser=None, models="models")
@@ -148,25 +149,29 @@ def test_gain_field_and_agents_are_trained_for_a_recogniser_of_ones_own(lab: Pat
         "`ehar train agent --data tiny.npz --sensor perfect --views moving --length 8 --recogniser mine.py:Mine "
         "--models models`"
     )
-    assert log.notes[1] == (
+    assert log.notes[-1] == (
         f"left out: {LEARNED}: no agent was trained for this recogniser: expected those of {missing}"
     )
     train_gain_field(GainTrainingConfig(conditions=conditions, batches=2, workers=1))
+    train_fixed_best(FixedBestConfig(conditions=conditions, workers=1))
     train_agents(TinyTraining(conditions=conditions, stages="il,ppo", episodes=64, variations=0, workers=1))
     log = Log()
     run = benchmark(None, conditions, reporter=log)
     ran = {name.partition("/")[0] for name in names(run.summary)}
-    assert {"nbv", "nbv-greedy", "nbv-search", "il", "ppo"} <= ran
+    assert {"fixed-best", "nbv", "nbv-greedy", "nbv-search", "il", "ppo"} <= ran
     assert log.notes[0].startswith("left out: il-ppo, dagger: no agent was trained for this recogniser: expected ")
     other = told(models="models", length=8, recogniser="mine.py:Mine(gain=2)")
     log = Log()
     run = benchmark(None, other, reporter=log)
-    assert not {"nbv", "il", "ppo"} & set(names(run.summary))
-    assert "gain-field-perfect-moving.safetensors: trained for another recogniser: its sha256 was " in log.notes[0]
+    assert not {"fixed-best", "nbv", "il", "ppo"} & set(names(run.summary))
+    assert "fixed-best-perfect-moving.json: fitted for another recogniser: its sha256 was " in log.notes[0]
+    assert "gain-field-perfect-moving.safetensors: trained for another recogniser: its sha256 was " in log.notes[1]
     with pytest.raises(ModelError, match="trained for another recogniser"):
         benchmark(["nbv"], other, reporter=Log())
     with pytest.raises(UsageError, match=r"trained for another recogniser.*: remove it, or choose another --out$"):
         train_gain_field(GainTrainingConfig(conditions=other, batches=1, workers=1))
+    with pytest.raises(UsageError, match=r"fitted for another recogniser.*: remove it, or choose another --out$"):
+        train_fixed_best(FixedBestConfig(conditions=other, workers=1))
 
 
 @pytest.mark.slow
@@ -185,9 +190,11 @@ def test_two_workers_roll_out_for_trainings_as_one_does(lab: Path) -> None:
 def test_without_a_folder_nothing_was_trained_for_a_recogniser_of_ones_own(lab: Path) -> None:
     log = Log()
     run = benchmark(None, told(), reporter=log)
-    assert not {"nbv", "il"} & set(names(run.summary))
+    assert not {"fixed-best", "nbv", "il"} & set(names(run.summary))
     trained = "--data tiny.npz --sensor perfect --views moving --length 10 --recogniser mine.py:Mine --models DIR`"
     assert log.notes == [
+        "left out: fixed-best: no fixed place was fitted for this recogniser: expected that of "
+        f"`ehar train fixed-best {trained}",
         "left out: nbv-greedy, nbv-search, nbv: no gain field was trained for this recogniser: expected that of "
         f"`ehar train gain-field {trained}",
         f"left out: {LEARNED}: no agent was trained for this recogniser: expected those of `ehar train agent {trained}",

@@ -9,26 +9,37 @@ from typing import Any
 import pytest
 
 from ehar.conditions import Conditions
+from ehar.data.source import load_data
 from ehar.errors import EharError, ModelError, UsageError
 from eval.running.training import (
     TrainAllConfig,
+    has_fixed_best,
     has_gain_field,
     has_recogniser,
     train_agents,
     train_all,
+    train_fixed_best,
     train_gain_field,
     train_recogniser,
 )
 from planners.agents.config import AgentTrainingConfig
+from planners.place.config import FixedBestConfig
+from planners.place.fit import FixedPlaceFit, TriedPlace
+from planners.place.go_to_place import PLACES
 from planners.value.config import GainTrainingConfig
+from planners.value.fit import Scores
 from planners.value.model import SHIPPED as GAIN_FIELDS
 from planners.value.training import GainTraining
+from recognition.calibration import Temperature
+from recognition.networks.spec import NetworkSpec
 from recognition.storage import SHIPPED as RECOGNISERS
+from recognition.storage import load_recogniser, recogniser_path, save_recogniser
 from recognition.training.config import TrainingConfig
-from recognition.training.trainer import Evaluation
+from recognition.training.trainer import Evaluation, Outcome
+from tests.helpers.fixed_places import save_place
 
 DUO = Conditions(data="duo")
-RECOGNISER, GAIN_FIELD = "causal-perfect-moving", "gain-field-perfect-moving"
+RECOGNISER, GAIN_FIELD, FIXED_BEST = (f"{name}-perfect-moving" for name in ("causal", "gain-field", "fixed-best"))
 
 
 def copy(folder: Path, stem: str, out: Path) -> None:
@@ -42,15 +53,24 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Replace the trainings by notes of their names; the recogniser's leaves the shipped one behind."""
     heard: list[str] = []
 
-    def recogniser(config: TrainingConfig, report: object) -> Evaluation:
+    def recogniser(config: TrainingConfig, report: object) -> Outcome:
         heard.append("recogniser")
         copy(RECOGNISERS / "duo", RECOGNISER, config.out)
-        return Evaluation(step=3, train_loss=0.5, nll=0.25, accuracy=0.8)
+        best = Evaluation(step=3, clips=24_000, train_loss=0.5, nll=0.25, accuracy=0.8)
+        return Outcome(best, gain=0.01, cut_short=True, reason="cut short at 24,000 clips")
 
-    def gain_field(config: GainTrainingConfig, report: object) -> GainTraining:
+    def gain_field(config: GainTrainingConfig, lead: object, report: object, note: object) -> GainTraining:
         heard.append("gain field")
         assert config.conditions.directory is not None
-        return GainTraining(config.conditions.directory / f"{GAIN_FIELD}.safetensors", {})
+        found = {12: Scores(0.1, 0.01, 0.05), 24: Scores(0.1, 0.0105, 0.05)}
+        path = config.conditions.directory / f"{GAIN_FIELD}.safetensors"
+        return GainTraining(path, {}, found, (Scores(0.1, 0.02, 0.05), Scores(0.1, 0.03, 0.05)), cut_short=False)
+
+    def fixed_best(config: FixedBestConfig, report: object) -> FixedPlaceFit:
+        heard.append("fixed-best")
+        assert config.conditions.directory is not None
+        tried = (TriedPlace(PLACES["front"], 0.75), TriedPlace(PLACES["side"], 0.5))
+        return FixedPlaceFit(config.conditions.directory / f"{FIXED_BEST}.json", tried, "validation")
 
     def agents(config: AgentTrainingConfig, report: object, note: object) -> list[Path]:
         heard.append("agents")
@@ -58,14 +78,15 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setattr("recognition.training.trainer.train_recogniser", recogniser)
     monkeypatch.setattr("planners.value.training.train_gain_field", gain_field)
+    monkeypatch.setattr("planners.place.fit.fit_fixed_best", fixed_best)
     monkeypatch.setattr("planners.agents.training.train_agents", agents)
     return heard
 
 
 def test_everything_is_trained_in_order(tmp_path: Path, calls: list[str]) -> None:
     trained = train_all(TrainAllConfig(conditions=DUO, out=tmp_path))
-    assert calls == ["recogniser", "gain field", "agents"]
-    assert [path.stem for path in trained.paths] == [RECOGNISER, GAIN_FIELD, "il", "ppo"]
+    assert calls == ["recogniser", "gain field", "fixed-best", "agents"]
+    assert [path.stem for path in trained.paths] == [RECOGNISER, GAIN_FIELD, FIXED_BEST, "il", "ppo"]
     assert {path.parent for path in trained.paths} == {tmp_path}
     assert trained.lines == (f"next: ehar benchmark --data duo --models {tmp_path}",)
 
@@ -73,29 +94,47 @@ def test_everything_is_trained_in_order(tmp_path: Path, calls: list[str]) -> Non
 def test_a_training_alone_says_what_it_gave(tmp_path: Path, calls: list[str]) -> None:
     config = TrainAllConfig(conditions=DUO, out=tmp_path)
     assert train_recogniser(config.recogniser).lines == (
-        f"best at step 3: validation accuracy 80.0 % (mean over frames), NLL 0.250; written to {tmp_path}",
+        f"best after 24,000 clips: validation accuracy 80.0 % (mean over frames), NLL 0.250; written to {tmp_path}",
+        "warning: cut short at 24,000 clips",
     )
     assert train_gain_field(config.gain_field).lines == (
-        f"in cross-validation over sequences; written to {tmp_path / GAIN_FIELD}.safetensors",
+        "in cross-validation; where nbv-search gets to, on unseen people, 2.00 % before the second round and 3.00 % "
+        f"after it; written to {tmp_path / GAIN_FIELD}.safetensors",
+        "it had learned: 24 batches instead of 12 gained 0.05 points on unseen people",
+    )
+    assert train_fixed_best(config.fixed_best).lines == (
+        f"the best of 2 places: {PLACES['front']}",
+        "accuracy 75.0 % (mean over frames), 50.0 % at the worst, on the validation part; "
+        f"written to {tmp_path / FIXED_BEST}.json",
     )
     assert train_agents(config.agents).lines == (f"2 agents are in {tmp_path}: il, ppo",)
-    assert calls == ["recogniser", "gain field", "agents"]
+    assert calls == ["recogniser", "gain field", "fixed-best", "agents"]
 
 
 def test_what_is_there_is_kept_and_said(tmp_path: Path, calls: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     copy(RECOGNISERS / "duo", RECOGNISER, tmp_path)
     copy(GAIN_FIELDS / "duo", GAIN_FIELD, tmp_path)
+    sha256 = load_recogniser(replace(DUO, models=tmp_path), load_data("duo")).sha256
+    save_place(tmp_path, recogniser_sha256=sha256)
     train_all(TrainAllConfig(conditions=DUO, out=tmp_path))
     lines = capsys.readouterr().out.splitlines()
     assert calls == ["agents"]
     assert "recogniser" in lines[0] and "kept" in lines[0]
     assert "gain field" in lines[1] and "kept" in lines[1]
+    assert lines[2] == f"3 of 4: the place of fixed-best in {tmp_path} is kept"
+    assert lines[3] == "4 of 4: the agents il, ppo, il-ppo and dagger"
 
 
 def test_a_gain_field_for_another_recogniser_is_trained_anew(tmp_path: Path) -> None:
     copy(RECOGNISERS / "duo", RECOGNISER, tmp_path)
     copy(GAIN_FIELDS / "solo", GAIN_FIELD, tmp_path)
     assert not has_gain_field(TrainAllConfig(conditions=DUO, out=tmp_path))
+
+
+def test_a_place_for_another_recogniser_is_found_anew(tmp_path: Path) -> None:
+    copy(RECOGNISERS / "duo", RECOGNISER, tmp_path)
+    save_place(tmp_path, recogniser_sha256="another")
+    assert not has_fixed_best(TrainAllConfig(conditions=DUO, out=tmp_path))
 
 
 def test_a_recogniser_of_other_data_is_named_not_overwritten(tmp_path: Path, calls: list[str]) -> None:
@@ -106,9 +145,14 @@ def test_a_recogniser_of_other_data_is_named_not_overwritten(tmp_path: Path, cal
 
 
 def test_a_small_recogniser_is_not_taken_for_the_published_one(tmp_path: Path, calls: list[str]) -> None:
-    copy(RECOGNISERS / "duo", RECOGNISER, tmp_path)
+    told = replace(DUO, views="paper")
+    data = load_data("duo")
+    spec = NetworkSpec.of(data, form="ctrgcn", size="small", length=DUO.length)
+    path = recogniser_path(tmp_path, replace(told, form="ctrgcn"))
+    run = {"data_sha256": data.sha256, "size": "small"}
+    save_recogniser(path, spec.build(), spec, Temperature(), {"run": run})
     with pytest.raises(ModelError, match="got a recogniser of size small, expected published, as --setting paper"):
-        train_all(TrainAllConfig(conditions=DUO, out=tmp_path, setting="paper"))
+        train_all(TrainAllConfig(conditions=told, out=tmp_path, setting="paper"))
     assert calls == []
 
 
@@ -132,6 +176,11 @@ def test_a_recogniser_of_other_recordings_of_the_same_classes_is_named(tmp_path:
         ({"workers": 0}, "--workers: got 0, expected at least 1"),
         ({"length": 4}, "--length: got 4, expected at least 5"),
         ({"device": "tpu"}, "--device tpu: expected cpu or cuda"),
+        (
+            {"setting": "paper"},
+            "--setting paper: expected the paper's recogniser, --views paper --form ctrgcn, "
+            "got --views moving --form ctrgcn",
+        ),
     ],
 )
 def test_what_makes_no_sense_is_refused_before_anything_is_trained(
@@ -153,9 +202,16 @@ def test_weights_without_their_description_are_no_recogniser(tmp_path: Path) -> 
 def test_the_same_data_and_conditions_go_into_every_training(tmp_path: Path) -> None:
     told = Conditions(data="x.npz", sensor="estimator", views="paper", length=30, fps=30.0)
     config = TrainAllConfig(conditions=told, out=tmp_path, seeds=3, setting="paper")
-    for part in (config.recogniser, config.gain_field, config.agents):
+    for part in (config.recogniser, config.agents):
+        assert replace(part.conditions, models=None) == replace(told, form="ctrgcn")
+    quick = replace(config, setting="quick")
+    for part in (quick.recogniser, quick.gain_field, quick.fixed_best, quick.agents):
         assert replace(part.conditions, models=None) == told
-    assert config.recogniser.size == "published"
+    assert (config.recogniser.size, config.recogniser.optimiser, config.recogniser.batch) == (
+        "published",
+        "published",
+        64,
+    )
     assert config.agents.seeds == 3 and config.agents.imitation("il").episodes == 10_000
     assert config.agents.directory == config.gain_field.conditions.models == config.recogniser.out == tmp_path
 

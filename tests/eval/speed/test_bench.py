@@ -3,16 +3,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from eval.render.tables import markdown
 from eval.speed.bench import TARGETS, bench, bench_table
 from eval.speed.effort import WORKERS, Effort
 from eval.speed.planning import time_ruckig, time_solves
-from eval.speed.recognition import compare_forms, frame_ratios, time_world
+from eval.speed.recognition import compare_forms, frame_ratios, time_training, time_world
+from recognition.training import trainer
 from tests.helpers.fakes import tiny_data
 
 BRIEF = Effort(
-    length=6, episodes=2, repeats=1, small_episodes=1, published_episodes=1, cameras=2, flights=3, plans=2, rollouts=1
+    length=6,
+    episodes=2,
+    repeats=1,
+    small_episodes=1,
+    published_episodes=1,
+    cameras=2,
+    flights=3,
+    plans=2,
+    clips=96,
+    rollouts=1,
 )
 
 
@@ -41,6 +52,13 @@ def test_frames_are_compared_by_whether_they_refresh() -> None:
 
 def test_the_world_takes_time() -> None:
     assert 0 < time_world(tiny_data(frames=6), BRIEF) < 1
+
+
+def test_a_training_takes_in_clips(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trainer, "VALIDATION_CLIPS", 8)
+    threads = torch.get_num_threads()
+    assert 0 < time_training(tiny_data(sequences=24), BRIEF) < 100_000
+    torch.set_num_threads(threads)
 
 
 def test_solves_and_flights_take_time() -> None:

@@ -9,13 +9,14 @@ from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
 from ehar.data.scenario import split_parts
 from ehar.errors import UsageError
+from ehar.world import PAPER
 from eval.cli.main import main
 from eval.records.episodes import read_episodes
 from eval.running.episodes import cut_scenarios, random_starts
 from eval.studies.explain import explain, moments
 from eval.studies.explain_figure import draw_explanation, shown_classes
 from eval.studies.explanation import Explanation, explain_table
-from planners.value.view_basis import field_value
+from planners.value.view_basis import PAPER_RANGE, field_value
 from tests.helpers.fakes import CLASS_NAMES, tiny_data
 from tests.helpers.gain_models import model_of, peak_weights
 from tests.helpers.tiny_benchmarks import HashedRecogniser, Log
@@ -58,7 +59,7 @@ def test_the_map_is_best_where_the_field_peaks(planner: str) -> None:
         nearest = field.gain[np.abs(field.polar - polar).argmin(), np.abs(field.azimuth - azimuth % 360).argmin()]
         assert abs(nearest) < 0.05
     assert np.ptp(explanation.weights, axis=0).max() == 0  # this field knows nothing of the situation
-    first, last = field_value(explanation.weights[0], explanation.viewpoints[[0, -1]])
+    first, last = field_value(explanation.weights[0], explanation.viewpoints[[0, -1]], PAPER_RANGE)
     assert last > first  # the planner went there
 
 
@@ -66,7 +67,7 @@ def test_it_explains_the_benchmarks_own_episode(tmp_path: Path) -> None:
     data = tiny_data(sequences=20)
     run_tiny(["no-act"], data=data, starts=1, out=tmp_path / "run")
     recorded = read_episodes(tmp_path / "run" / "episodes.jsonl")["no-act"]
-    episodes = random_starts(cut_scenarios(data, split_parts(data).test, 10, lambda _: None), 1, 0)
+    episodes = random_starts(cut_scenarios(data, split_parts(data).test, 10, lambda _: None), 1, 0, PAPER)
     for index in (0, 7):
         alone, together = episodes.pick([index]), episodes.batch(0)
         np.testing.assert_array_equal(alone.positions[0], together.positions[index])

@@ -1,6 +1,7 @@
 import sys
 import types
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from ehar.arrays import FloatArray
 from ehar.conditions import Conditions
 from ehar.errors import UsageError
 from ehar.viewpoint import AZIMUTH, POLAR
+from ehar.world import PAPER
 from eval import headroom
 from eval.running.jobs import Interrupted
 from eval.studies.headroom import Headroom, best_per_class, headroom_tables, viewpoint_map
@@ -25,6 +27,7 @@ def seen_from_the_side(viewpoint: FloatArray) -> FloatArray:
 
 class SidedRecogniser(FakeRecogniser):
     sha256 = "fake"
+    spec = SimpleNamespace(length=None)  # trained at any length
 
     def __init__(self) -> None:
         super().__init__(quality=seen_from_the_side)
@@ -40,7 +43,7 @@ def result(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Headroom:
 
 
 def test_the_map_lies_on_the_grid_from_the_top_to_the_horizon() -> None:
-    viewpoints = viewpoint_map(10.0, 4, 6)
+    viewpoints = viewpoint_map(PAPER.workspace, 10.0, 4, 6)
     assert viewpoints.shape == (6, 4, 3)
     np.testing.assert_allclose(viewpoints[..., 0], 10)
     np.testing.assert_allclose(np.degrees(viewpoints[:, 0, POLAR]), [0, 18, 36, 54, 72, 90])
@@ -50,7 +53,7 @@ def test_the_map_lies_on_the_grid_from_the_top_to_the_horizon() -> None:
 @pytest.mark.parametrize(("distance", "azimuths", "polars"), [(4.0, 4, 6), (16.0, 4, 6), (10.0, 0, 6), (10.0, 4, 1)])
 def test_a_map_outside_the_workspace_or_of_nothing_is_refused(distance: float, azimuths: int, polars: int) -> None:
     with pytest.raises(UsageError, match="expected"):
-        viewpoint_map(distance, azimuths, polars)
+        viewpoint_map(PAPER.workspace, distance, azimuths, polars)
 
 
 def test_best_per_class_by_hand() -> None:

@@ -49,7 +49,7 @@ def unchecked(found: Verification) -> dict[str, str]:
 def test_they_see_and_move_as_they_did(lab: Path) -> None:
     run(sensor="mine.py:Blurred(pixels=9)", track="mine.py:Slow(every=3)")
     found = again()
-    assert found.verdict == "verified", found.checks
+    assert found.verdict == "verified, but for what was not checked: steps", found.checks
     said = {check.name: check.what for check in found.checks}
     assert said["sensor"].startswith("mine.py:Blurred(pixels=9), sha256 ")
     assert said["motion"].startswith("mine.py:Slow(every=3), sha256 ")
@@ -59,7 +59,7 @@ def test_they_see_and_move_as_they_did(lab: Path) -> None:
 def test_a_flight_of_a_motion_of_ones_own_is_flown_again(lab: Path) -> None:
     run(track="mine.py:Drone")
     found = again()
-    assert found.verdict == "verified", found.checks
+    assert found.verdict == "verified, but for what was not checked: steps", found.checks
     assert next(check.what for check in found.checks if check.name == "motion").startswith("mine.py:Drone, sha256 ")
 
 
@@ -68,6 +68,7 @@ def test_their_files_run_only_where_that_is_asked_for(lab: Path) -> None:
     (lab / "mine.py").write_text("raise RuntimeError('not run')")
     found = verify("run", reporter=Log())
     assert unchecked(found) == {
+        "steps": "mine.py:Slow: nobody knows what your own motion can do",
         "sensor": "mine.py:Blurred runs with --rerun-episodes only",
         "motion": "mine.py:Slow runs with --rerun-episodes only",
     }
@@ -91,7 +92,8 @@ def test_objects_are_not_replayable(lab: Path) -> None:
         "sensor": "sensor mine: not replayable, as it was given as an object",
         "motion": "motion GridMotion: not replayable, as it was given as an object",
     }
-    assert unchecked(verify("run", reporter=Log())) == reasons
+    steps = {"steps": "GridMotion: nobody knows what your own motion can do"}
+    assert unchecked(verify("run", reporter=Log())) == reasons | steps
     with pytest.raises(UsageError, match=f"no episode can be run once more: {reasons['sensor']}"):
         again()
 

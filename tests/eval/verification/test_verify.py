@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,11 @@ import pytest
 from ehar.data.motion_file import save_motion
 from ehar.errors import EharError, UsageError
 from eval.cli.main import main
-from eval.records.config import CONFIG
+from eval.records.config import CONFIG, read_config
+from eval.records.episodes import read_episodes
 from eval.records.run_files import EPISODES, SUMMARY
 from eval.verification.checks import FAILED, OK, UNCHECKED, Verification
+from eval.verification.steps import check_steps
 from eval.verification.verify import other_versions, verify
 from tests.helpers.agents import save_untrained
 from tests.helpers.fakes import tiny_data
@@ -36,7 +39,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     options: Any = {"data": folder / "tiny.npz", "models": folder / "models"}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
-        planners = ["no-act", "random", "nbv", "il-ppo", Seeing(), "oracle"]
+        planners = ["no-act", "random", "fixed-best", "nbv", "il-ppo", Seeing(), "oracle"]
         run_tiny(planners, starts=2, out=folder / "run", **options)  # 60 episodes, two chunks
         few = ["no-act", "v-rotate", "oracle"]
         run_tiny(few, starts=1, readout="belief", out=folder / "ideal", **options)
@@ -68,18 +71,19 @@ def results(found: Verification) -> list[tuple[str, str]]:
 
 
 def test_a_run_is_verified_and_its_episodes_run_once_more(world: Path) -> None:
-    found = verify(world / "run", rerun_episodes=420, reporter=Log())
+    found = verify(world / "run", rerun_episodes=480, reporter=Log())
     assert results(found) == [
-        *((name, OK) for name in ("complete", "records", "figures", "data", "recogniser", "gain model", "agents")),
+        *((name, OK) for name in ("complete", "records", "steps", "figures")),
+        *((name, OK) for name in ("data", "recogniser", "gain model", "fixed place", "agents")),
         ("seen again", OK),
         ("moves again", OK),
         ("moves again", UNCHECKED),
     ]
     what = {check.name: check.what for check in found.checks if check.result == OK}
-    assert what["complete"] == "schema 2: 7 planners, 60 episodes of each"
+    assert what["complete"] == "schema 2: 8 planners, 60 episodes of each"
     assert what["agents"] == "2 trainings"
-    assert what["seen again"].startswith("420 episodes of 7 planners, 420 drawn")
-    assert what["moves again"] == f"{6 * 60 * 9} of {6 * 60 * 9} frames of 6 planners"
+    assert what["seen again"].startswith("480 episodes of 8 planners, 480 drawn")
+    assert what["moves again"] == f"{7 * 60 * 9} of {7 * 60 * 9} frames of 7 planners"
     assert found.checks[-1].what == "seeing: not replayable, as it cannot be made from its name"
     assert found.difference is None
     assert found.verdict == "verified, but for what was not checked: moves again"
@@ -89,7 +93,7 @@ def test_a_run_is_verified_and_its_episodes_run_once_more(world: Path) -> None:
 def test_nothing_is_run_unless_asked_for(world: Path) -> None:
     log = Log()
     found = verify(world / "run", reporter=log)
-    assert found.verdict == "verified" and log.jobs == 0 and len(found.checks) == 7
+    assert found.verdict == "verified" and log.jobs == 0 and len(found.checks) == 8
 
 
 def test_a_flight_is_compared_with_the_ideal_track_and_flown_once_more(world: Path, tmp_path: Path) -> None:
@@ -102,6 +106,46 @@ def test_a_flight_is_compared_with_the_ideal_track_and_flown_once_more(world: Pa
     # The figures hold the largest peak only.
     assert found.difference is not None and "oracle, episode 29" in found.difference
     assert ": peak_speed: got " in found.difference
+
+
+def test_every_step_is_a_move_of_the_grid(run: Path) -> None:
+    def jump(rows: list[dict[str, Any]]) -> None:  # several moves at once
+        row = next(row for row in rows if row["planner"] == "random")
+        for frame in range(4, 10):
+            row["viewpoint"][frame][0] += 0.3 if row["viewpoint"][frame][0] < 14 else -0.3
+
+    edit_lines(run, jump)
+    found = verify(run, reporter=Log())
+    assert next(check.name for check in found.checks if check.result == FAILED) == "steps"
+    assert found.difference is not None
+    assert "random, episode 0 ('sequence-15' from frame 0), frame 4: viewpoint: got from [" in found.difference
+    assert "expected a move of the grid within Workspace(" in found.difference
+
+
+@pytest.mark.parametrize(("metres", "limit"), [(0.6, "speed"), (0.05, "acceleration")])
+def test_every_step_is_within_the_vehicle_s_limits(world: Path, tmp_path: Path, metres: float, limit: str) -> None:
+    flight = Path(shutil.copytree(world / "flight", tmp_path / "flight"))
+
+    def push(rows: list[dict[str, Any]]) -> None:  # no-act's: the camera stands still but for one push
+        for viewpoint in rows[0]["viewpoint"][5:]:
+            viewpoint[0] += metres if viewpoint[0] < 14 else -metres
+
+    edit_lines(flight, push)
+    found = verify(flight, reporter=Log())
+    assert next(check.name for check in found.checks if check.result == FAILED) == "steps"
+    assert found.difference is not None and f"with {limit} " in found.difference
+    assert "no-act, episode 0" in found.difference and " of 'px4-max'" in found.difference
+
+
+def test_steps_of_a_flight_need_the_frame_rate(world: Path, tmp_path: Path) -> None:
+    flight = Path(shutil.copytree(world / "flight", tmp_path / "flight"))
+    edit_json(flight / CONFIG, lambda held: held.update(source="gone.npz"))
+    found = verify(flight, reporter=Log())
+    assert ("steps", UNCHECKED) in results(found)
+    config, records = read_config(flight), read_episodes(flight / EPISODES)
+    told = replace(config.conditions, fps=25.0)
+    assert check_steps(replace(config, conditions=told), records, None).result == OK
+    assert check_steps(config, records, 500.0).result == FAILED  # 20 times as fast as it was flown
 
 
 def test_the_ideal_run_may_lie_elsewhere_but_is_needed(world: Path, tmp_path: Path) -> None:
@@ -149,8 +193,14 @@ EDITS: list[tuple[str, str, Callable[[Any], object], str]] = [
     (CONFIG, "gain model", lambda held: held.update(gain_model_sha256="0"), "gain model: got sha256 0, expected "),
     (
         CONFIG,
+        "fixed place",
+        lambda held: held["planners"][2].update(weights_sha256="0"),
+        "fixed place: got sha256 0, expected ",
+    ),
+    (
+        CONFIG,
         "agents",
-        lambda held: held["planners"][3].update(weights_sha256="0"),
+        lambda held: held["planners"][4].update(weights_sha256="0"),
         "config.json: il-ppo/0: weights_sha256: got 0, expected ",
     ),
     (
@@ -283,9 +333,9 @@ def test_an_incomplete_run_is_called_so(run: Path, capsys: pytest.CaptureFixture
 def test_data_that_lie_elsewhere(run: Path, world: Path, tmp_path: Path) -> None:
     edit_json(run / CONFIG, lambda held: held.update(source=str(tmp_path / "gone.npz")))
     found = verify(run, reporter=Log())
-    assert results(found)[3:] == [("data", UNCHECKED), ("weights", UNCHECKED)]
+    assert results(found)[4:] == [("data", UNCHECKED), ("weights", UNCHECKED)]
     assert found.verdict == "verified, but for what was not checked: data, weights"
-    assert found.checks[3].what.endswith("; --data says where they lie now")
+    assert found.checks[4].what.endswith("; --data says where they lie now")
     assert "their data not at hand" in found.checks[1].what
     with pytest.raises(UsageError, match=r"no episode can be run once more: .*gone\.npz: no such file"):
         verify(run, rerun_episodes=1, reporter=Log())
@@ -317,7 +367,7 @@ def test_weights_that_lie_elsewhere(run: Path, world: Path, tmp_path: Path) -> N
     edit_json(run / CONFIG, lambda held: held.update(models=str(tmp_path / "gone")))
     found = verify(run, rerun_episodes=7, reporter=Log())
     unchecked = {check.name: check.what for check in found.checks if check.result == UNCHECKED}
-    assert set(unchecked) == {"gain model", "agents", "moves again"}
+    assert set(unchecked) == {"gain model", "fixed place", "agents", "moves again"}
     assert unchecked["agents"].startswith("2 of 2: il-ppo/0: ")
     assert found.difference is None
     assert verify(run, models=world / "models", reporter=Log()).verdict == "verified"

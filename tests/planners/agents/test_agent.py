@@ -19,7 +19,8 @@ from ehar.planner import Observation
 from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.registry import make_sensor
-from ehar.viewpoint import MOVES, Workspace, apply_moves, from_cells, to_cells
+from ehar.viewpoint import MOVES, Workspace, apply_moves
+from ehar.world import PAPER
 from planners.agents.agent import Agent, decide
 from planners.agents.inputs import ENCODED, AgentInputs, Inputs
 from planners.agents.network import STATE, AgentNetwork
@@ -167,7 +168,7 @@ def test_it_sees_what_the_environment_shows_and_goes_the_same_way(sensor: str, p
         for name in ENCODED:
             np.testing.assert_array_equal(mine[name], theirs[name])
     np.testing.assert_array_equal(record.viewpoints, np.stack(ways, axis=1))
-    assert len(np.unique(to_cells(record.viewpoints).reshape(-1, 3), axis=0)) > 6, "it moved"
+    assert len(np.unique(PAPER.workspace.to_cells(record.viewpoints).reshape(-1, 3), axis=0)) > 6, "it moved"
 
 
 OF_ENCODER = {
@@ -221,7 +222,7 @@ def test_the_workspace_is_that_of_the_context() -> None:
 def test_a_vehicle_is_sent_on_in_the_direction_of_the_move() -> None:
     vehicle = VEHICLES["px4-max"]
     observation = random_observation(np.random.default_rng(0), episodes=300)
-    middle = replace(observation, viewpoint=from_cells(np.tile([50, 50, 12], (300, 1))))
+    middle = replace(observation, viewpoint=PAPER.workspace.from_cells(np.tile([50, 50, 12], (300, 1))))
     context = tiny_context(episodes=300)
     steps = []
     for chosen in (context, replace(context, track=vehicle.name, vehicle=vehicle)):

@@ -15,7 +15,8 @@ from ehar.planner import Planner
 from ehar.rollout import Batch, Record, rollout
 from ehar.runner import Runner
 from ehar.sensors.perfect import PerfectSensor
-from ehar.viewpoint import Workspace, apply_moves, to_cells
+from ehar.viewpoint import Workspace, apply_moves
+from ehar.world import PAPER
 from planners.agents import demonstrations
 from planners.agents.agent import Agent
 from planners.agents.demonstrations import (
@@ -152,7 +153,9 @@ def test_an_agent_acts_as_it_does_alone(teacher: Any) -> None:
 def test_most_cameras_wander_and_the_others_stay() -> None:
     moved = []
     for seed in range(30):
-        cells = to_cells(run(Demonstrator(teacher="oracle-lookahead", agent=None), seed=seed)[1].viewpoints)
+        cells = PAPER.workspace.to_cells(
+            run(Demonstrator(teacher="oracle-lookahead", agent=None), seed=seed)[1].viewpoints
+        )
         moved.append((np.diff(cells, axis=1) != 0).any(axis=2).mean(axis=1))
     share = np.concatenate(moved)
     assert share[share > 0].mean() > 0.8  # those that wander rest near a goal only

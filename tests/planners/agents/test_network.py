@@ -6,9 +6,10 @@ import torch
 from torch import Tensor
 
 from ehar.errors import ModelError
-from planners.agents.inputs import ENCODED, InputSizes
+from planners.agents.inputs import ENCODED, AgentInputs, InputSizes, recognition_parts
 from planners.agents.network import STATE, AgentNetwork, AgentSpec
 from tests.helpers.agents import untrained_network
+from tests.helpers.fakes import CLASS_NAMES
 
 SIZES = InputSizes(recognition=10, vision=22, position=4)
 
@@ -33,6 +34,33 @@ def test_a_network_takes_the_inputs_that_are_left_and_no_other(without: tuple[st
         assert torch.equal(changed, state) == (name in without)
         if name not in without:
             assert not torch.isclose(changed, state).all(dim=1).any(), "it matters in every row"
+
+
+@pytest.mark.parametrize("left", ["embedding", "log-probs", "time"])
+def test_a_part_of_what_f_a_takes_is_left_out_alone(left: str) -> None:
+    network = untrained_network(without=(left,))
+    assert network.spec.encoded == ENCODED
+    inputs = random_inputs(network.spec.sizes)
+    state = network.state(inputs)
+    for part, columns in recognition_parts(network.spec.sizes.recognition, len(CLASS_NAMES)).items():
+        seen = inputs["recognition"].clone()
+        seen[:, columns] += 1 + torch.arange(columns.stop - columns.start)  # normalised inputs do not see a shift
+        changed = network.state({**inputs, "recognition": seen})
+        assert torch.equal(changed, state) == (part == left)
+
+
+def test_parts_follow_each_other_as_inputs_do() -> None:
+    shown = {
+        "joints": np.zeros((1, 1, 6, 2)),
+        "confidence": np.ones((1, 1, 6)),
+        "viewpoint": np.zeros((1, 4)),
+        "probabilities": np.full((1, 3), np.exp(-2)),
+        "embedding": np.full((1, 5), 7.0),
+        "ratio": np.full((1, 1), 0.5),
+    }
+    seen = AgentInputs().see(shown)["recognition"][0]
+    parts = {name: seen[columns].round(5).tolist() for name, columns in recognition_parts(len(seen), 3).items()}
+    assert parts == {"embedding": [7] * 10, "log-probs": [-2] * 3, "time": [0.5]}
 
 
 def test_the_first_policy_is_nearly_uniform() -> None:
@@ -74,7 +102,8 @@ def test_hindsight_is_for_the_critic_only() -> None:
         (InputSizes(0, 22), (), 0, "expected sizes of at least 1, got .*recognition=0"),
         (InputSizes(10, -3), (), 0, "expected sizes of at least 1, got .*vision=-3"),
         (SIZES, (), -1, "got .*hindsight -1"),
-        (SIZES, ("sound",), 0, "expected some of recognition, vision, position but not all, got .'sound'"),
+        (SIZES, ("sound",), 0, "expected some of recognition, vision, position, .* but not all, got .'sound'"),
+        (SIZES, ("embedding", "log-probs", "time"), 0, "but not all, got .'embedding', 'log-probs', 'time'"),
         (SIZES, ENCODED, 0, "not all, got .'recognition', 'vision', 'position'"),
     ],
 )

@@ -8,16 +8,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 
+from ehar.conditions import Conditions
+from ehar.data.scenario import split_parts, windows
 from ehar.errors import DataError, ModelError, UsageError
+from ehar.viewpoint import sample_starts
 from planners.agents import stages as agent_stages
 from planners.agents import training as agent_training
-from planners.agents.config import DAGGER, AgentTrainingConfig, Stage
+from planners.agents.config import DAGGER, PAPER_STAGES, AgentTrainingConfig, Stage
 from planners.agents.stages import StageRun
 from planners.agents.training import train_agents
 from planners.agents.world import TrainingWorld
+from recognition.setting import load_setting
 from tests.helpers.agent_trainings import (
     IMITATION,
     TinyTraining,
@@ -83,14 +88,59 @@ def test_a_fine_tuning_begins_with_what_was_cloned(config: AgentTrainingConfig) 
 
 
 def test_a_critic_is_shown_what_the_setting_says_whatever_was_cloned_with_another(
-    config: AgentTrainingConfig,
+    config: AgentTrainingConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The policy is the same, and cloning does not train the critic."""
     train(replace(config, stages="il"))
-    paper = replace(config, stages="il-ppo", setting="paper")
-    train(paper)
+    monkeypatch.setattr(TinyTraining, "ppo", replace(config.ppo, hindsight=False))
+    train(replace(config, stages="il-ppo"))
     spec = json.loads(agent_file(config, "il-ppo").with_suffix(".json").read_text())["spec"]
     assert spec["hindsight"] == 0
+
+
+def paper(config: AgentTrainingConfig, **changes: Any) -> AgentTrainingConfig:
+    return changed(config, setting="paper", views="paper", form="ctrgcn", teacher="oracle", labels="best", **changes)
+
+
+def test_the_paper_s_agents_work_with_the_published_network(config: AgentTrainingConfig) -> None:
+    chosen, notes = paper(config, stages=None, rounds=1, seeds=2), list[str]()
+    paths = train_agents(chosen, silent, notes.append)
+    names = [f"agent-{stage}-ctrgcn-perfect-paper-seed{seed}" for stage in PAPER_STAGES for seed in range(2)]
+    assert [path.stem for path in paths] == names
+    folders = sorted(path.name.split("-", 4)[4] for path in chosen.directory.glob("demonstrations-*"))
+    assert folders == ["held-out", "round0", "seed1-round0"], "each seed has demonstrations of its own"
+    assert notes[:2] == [
+        "warning: not the paper's recogniser: size small in place of published",
+        "warning: not the paper's recogniser: optimiser None in place of published",
+    ]
+    held = json.loads(paths[-1].with_suffix(".json").read_text())
+    assert held["spec"]["hindsight"] == 0 and len(held["training"]["not_as_in_the_paper"]) == 2
+    found = load_setting(replace(chosen.conditions, models=chosen.conditions.directory))
+    agent = agent_stages.load_agent(
+        replace(chosen.conditions, models=chosen.directory),
+        found.data,
+        "il-ppo",
+        recogniser_sha256=found.recogniser_sha256,
+        seed=1,
+    )
+    scenarios, rng = windows(found.data, split_parts(found.data).test, 8, 8), np.random.default_rng(0)
+    batch = found.runner.batch(scenarios, np.arange(4), sample_starts(rng, 4), rng)
+    assert found.runner.roll(agent, batch, rng).log_probs.shape == (4, 8, len(found.data.class_names))
+
+
+def test_the_paper_s_setting_is_what_the_paper_says() -> None:
+    told = AgentTrainingConfig(conditions=Conditions(models="m", views="paper", form="ctrgcn"), setting="paper")
+    told.check()
+    cloned, ppo = told.imitation("il"), told.ppo
+    assert (cloned.teacher, cloned.labels, cloned.rounds) == ("oracle", "best", 1)
+    assert (cloned.episodes, cloned.per_seed, told.variations_of_each) == (10_000, True, 0)
+    assert (ppo.hold, ppo.copies, ppo.hindsight) == (1, 1, False)
+
+
+@pytest.mark.parametrize("changes", [{"views": "moving"}, {"form": "causal"}])
+def test_the_paper_s_setting_takes_the_paper_s_recogniser(config: AgentTrainingConfig, changes: dict[str, Any]) -> None:
+    message = refusal(UsageError, paper(config), **changes)
+    assert message.startswith("--setting paper: expected the paper's recogniser, --views paper --form ctrgcn, got ")
 
 
 def test_an_agent_without_an_encoder_has_a_name_of_its_own(config: AgentTrainingConfig) -> None:
@@ -110,7 +160,7 @@ def test_seeds_differ_and_share_the_demonstrations(
     written = train(replace(config, stages="il,ppo", seeds=3))
     for stage in ("il", "ppo"):
         assert len({written[agent_file(config, stage, seed).name] for seed in range(3)}) == 3
-    assert len(list(config.directory.glob("demonstrations-*"))) == IMITATION.rounds
+    assert len(list(config.directory.glob("demonstrations-*-round*"))) == IMITATION.rounds
     monkeypatch.setattr(agent_training, "collect", None)
     with pytest.raises(TypeError):
         train(replace(config, stages="il", seeds=4))  # the fourth needs them again, from their files
@@ -119,7 +169,7 @@ def test_seeds_differ_and_share_the_demonstrations(
 def test_dagger_has_a_setting_of_its_own(config: AgentTrainingConfig) -> None:
     chosen = replace(config, stages="dagger", teacher="oracle", labels="best", rounds=1)
     written = train(chosen)
-    assert len(list(config.directory.glob("demonstrations-*"))) == DAGGER.rounds
+    assert len(list(config.directory.glob("demonstrations-*-round*"))) == DAGGER.rounds
     run = json.loads(written["agent-dagger-perfect-moving-seed0.json"])["training"]["run"]
     assert run["imitation"]["teacher"] == "oracle-lookahead" and run["imitation"]["labels"] == "soft"
     assert "ppo" not in run

@@ -4,7 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ehar.viewpoint import sample_starts, wrap_difference
+from ehar.viewpoint import wrap_difference
+from ehar.world import PAPER
 from planners.search.guess import at_rest_at_the_end, best_guesses, moved_on, trajectories_to
 from planners.search.task import TrajectoryLimits
 from tests.helpers.trajectory_tasks import FLIGHT, GRID, random_task
@@ -16,7 +17,7 @@ seeds = st.integers(0, 10_000)
 def test_a_way_starts_as_the_camera_moves_and_ends_at_rest_at_the_goal(seed: int, limits: TrajectoryLimits) -> None:
     rng = np.random.default_rng(seed)
     task = random_task(rng, limits=limits, node_time=2.0, velocity=rng.uniform(-0.1, 0.1, 3), acceleration=np.ones(3))
-    goals = sample_starts(rng, 5)
+    goals = PAPER.sample_starts(rng, 5)
     guess = trajectories_to(goals, task)
     np.testing.assert_allclose(guess.position[:, 0], np.tile(task.position, (5, 1)), atol=1e-9)
     np.testing.assert_allclose(guess.velocity[:, 0], np.tile(task.velocity, (5, 1)), atol=1e-9)
@@ -32,7 +33,7 @@ def test_a_way_starts_as_the_camera_moves_and_ends_at_rest_at_the_goal(seed: int
 def test_from_rest_a_way_keeps_the_limits_and_is_the_short_way_round(seed: int, limits: TrajectoryLimits) -> None:
     rng = np.random.default_rng(seed)
     task = random_task(rng, limits=limits)
-    guess = trajectories_to(sample_starts(rng, 5), task)
+    guess = trajectories_to(PAPER.sample_starts(rng, 5), task)
     assert (np.abs(guess.position[..., 1] - task.position[1]) <= np.pi + 1e-9).all()
     assert (np.abs(guess.velocity) <= limits.velocity + 1e-9).all()
     assert (np.abs(guess.acceleration) <= limits.acceleration + 1e-9).all()
@@ -42,7 +43,7 @@ def test_from_rest_a_way_keeps_the_limits_and_is_the_short_way_round(seed: int, 
 @given(seeds)
 def test_goals_are_left_as_they_were_and_the_best_guesses_come_first(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    task, goals = random_task(rng), sample_starts(rng, 6)
+    task, goals = random_task(rng), PAPER.sample_starts(rng, 6)
     before = goals.copy()
     worth = [float(task.objective(guess)) for guess in best_guesses(goals, task, 6)]
     assert worth == sorted(worth, reverse=True)

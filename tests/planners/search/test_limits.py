@@ -8,14 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ehar.flight.vehicle import VEHICLES
-from ehar.viewpoint import STEP, cartesian
+from ehar.viewpoint import cartesian
+from ehar.world import PAPER
 from planners.search.limits import camera_limits
 from tests.helpers.fakes import tiny_context
 
 
 def test_the_grid_goes_one_step_a_frame_along_one_axis() -> None:
     limits = camera_limits(tiny_context(), np.array([7.0, 1, 1]), 0.16)
-    np.testing.assert_allclose(limits.velocity * 0.04, STEP)
+    np.testing.assert_allclose(limits.velocity * 0.04, PAPER.workspace.step)
     assert limits.shared
     assert limits.speed == np.inf
 

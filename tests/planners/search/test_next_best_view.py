@@ -15,7 +15,8 @@ from ehar.planner import Context, Observation, Planner, Truth
 from ehar.rollout import Batch, Record, rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import SensorNoise
-from ehar.viewpoint import STEP, Workspace, from_cells, to_cells, wrap_difference
+from ehar.viewpoint import Workspace, wrap_difference
+from ehar.world import PAPER
 from planners.search.next_best_view import NextBestView
 from planners.search.solver import SolveStatus
 from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch
@@ -41,7 +42,7 @@ def run(planner: Planner, batch: Batch, *, motion: Motion | None = None, **chang
 def starting(cells: Any, *, length: int = 60) -> Batch:
     """Return episodes from start cells (B, 3)."""
     batch = tiny_batch(episodes=len(cells), length=length)
-    return replace(batch, starts=from_cells(np.array(cells)))
+    return replace(batch, starts=PAPER.workspace.from_cells(np.array(cells)))
 
 
 def part(batch: Batch, row: int) -> Batch:
@@ -55,7 +56,7 @@ def cells_off(viewpoint: np.ndarray, peak: np.ndarray) -> np.ndarray:
     """Return how many cells viewpoints (..., 3) are off, along each axis."""
     way = viewpoint - peak
     way[..., 1] = wrap_difference(way[..., 1])
-    return np.abs(way / STEP)
+    return np.abs(way / PAPER.workspace.step)
 
 
 def situated_model() -> GainModel:
@@ -87,10 +88,10 @@ def test_so_it_does_with_every_way_to_solve_and_period(options: dict[str, Any]) 
 def test_the_short_way_leads_across_azimuth_0(make: Callable[..., Planner], start: int) -> None:
     # Both ways lead across the azimuths where cells are counted from anew.
     end = (98 - start) % 100  # 90 -> 8, 8 -> 90
-    peak = from_cells(np.array([33, end, 20]))
-    azimuth = to_cells(run(make(model=model_of(peak_weights(peak, 3.0))), starting([[33, start, 20]])).viewpoints)[
-        0, :, 1
-    ]
+    peak = PAPER.workspace.from_cells(np.array([33, end, 20]))
+    azimuth = PAPER.workspace.to_cells(
+        run(make(model=model_of(peak_weights(peak, 3.0))), starting([[33, start, 20]])).viewpoints
+    )[0, :, 1]
     way = np.cumsum((np.diff(azimuth) + 50) % 100 - 50) * (1 if start == 90 else -1)
     assert way[-1] >= 13
     assert way.min() >= 0
@@ -99,7 +100,9 @@ def test_the_short_way_leads_across_azimuth_0(make: Callable[..., Planner], star
 @pytest.mark.parametrize("make", PLANNERS)
 def test_straight_above_is_reached_without_a_turn(make: Callable[..., Planner]) -> None:
     peak = np.array([25 / 3, 0.0, 0.0])
-    cells = to_cells(run(make(model=model_of(peak_weights(peak))), starting([[33, 70, 20], [33, 3, 12]])).viewpoints)
+    cells = PAPER.workspace.to_cells(
+        run(make(model=model_of(peak_weights(peak))), starting([[33, 70, 20], [33, 3, 12]])).viewpoints
+    )
     assert (cells[:, -1, 2] <= 1).all()
     turned = (cells[:, :, 1] - cells[:, :1, 1] + 50) % 100 - 50
     if make is not NextBestViewSearch:  # of whose goals straight above only one lies straight ahead
@@ -120,17 +123,17 @@ def test_a_good_view_near_by_is_left_for_a_better_one_behind_worse_ones(make: Ca
     weights = np.zeros(BASIS_SIZE)
     weights[15], weights[3] = 1.0, 1.0  # cos(3 azimuth) and cos(azimuth): peaks at 0, and lower at a third of a turn
     start = [33, 33, 25]
-    cells = to_cells(run(make(model=model_of(weights)), starting([start], length=100)).viewpoints)[0]
+    cells = PAPER.workspace.to_cells(run(make(model=model_of(weights)), starting([start], length=100)).viewpoints)[0]
     assert abs((cells[-1, 1] + 50) % 100 - 50) <= 2
     greedy = NextBestViewGreedy(model=model_of(weights))
-    assert abs(to_cells(run(greedy, starting([start], length=100)).viewpoints)[0, -1, 1] - 33) <= 5
+    assert abs(PAPER.workspace.to_cells(run(greedy, starting([start], length=100)).viewpoints)[0, -1, 1] - 33) <= 5
 
 
 def test_views_that_spread_are_worth_a_move_where_the_field_is_flat() -> None:
     batch = starting([[33, 30, 22]], length=40)
     for make in (NextBestView, NextBestViewSearch):
         viewpoints = run(make(model=model_of(np.zeros(BASIS_SIZE), spread=1.0)), batch).viewpoints
-        assert np.abs(np.diff(to_cells(viewpoints), axis=1)).sum() > 15
+        assert np.abs(np.diff(PAPER.workspace.to_cells(viewpoints), axis=1)).sum() > 15
 
 
 @pytest.mark.parametrize("horizon", [1, 4, 30, 100])
@@ -147,7 +150,7 @@ def test_effort_is_traded_for_gain_and_too_much_of_it_for_nothing() -> None:
     moves = []
     for weight in (0.0, 0.3, 3.0, 1e6):
         planner = NextBestView(model=model_of(peak_weights(PEAK)), effort_weight=weight)
-        cells = to_cells(run(planner, starting(EVERYWHERE)).viewpoints)
+        cells = PAPER.workspace.to_cells(run(planner, starting(EVERYWHERE)).viewpoints)
         moves.append(np.any(np.diff(cells, axis=1) != 0, axis=2).sum())
     assert moves[0] > moves[1] > moves[2] > moves[3] == 0
 
@@ -212,7 +215,7 @@ def test_an_episode_s_views_do_not_depend_on_its_neighbours(make: Callable[..., 
     batch = tiny_batch(episodes=7, length=14)
     planner = make(model=situated_model())
     together = run(planner, batch).viewpoints
-    assert len({tuple(row) for row in to_cells(together[:, -1]).tolist()}) == 7
+    assert len({tuple(row) for row in PAPER.workspace.to_cells(together[:, -1]).tolist()}) == 7
     for row in range(7):
         np.testing.assert_allclose(run(planner, part(batch, row)).viewpoints[0], together[row], atol=1e-9)
 
@@ -274,7 +277,7 @@ class Watched:
 def test_targets_lie_in_the_workspace(make: Callable[..., Planner]) -> None:
     corners = [[0, 0, 0], [100, 99, 25], [0, 50, 25], [100, 20, 0]]
     for corner in corners:
-        watched = Watched(make(model=model_of(peak_weights(from_cells(np.array(corner))))))
+        watched = Watched(make(model=model_of(peak_weights(PAPER.workspace.from_cells(np.array(corner))))))
         run(watched, starting(corners, length=20))
         assert WORKSPACE.contains(np.array(watched.targets), tolerance=1e-5).all()
 

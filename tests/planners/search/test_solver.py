@@ -8,10 +8,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ehar.errors import UsageError
-from ehar.viewpoint import cartesian, sample_starts
+from ehar.viewpoint import cartesian
+from ehar.world import PAPER
 from planners.search.solver import TOLERANCE, SolveStatus, TrajectorySolver
 from planners.search.task import Trajectory, TrajectoryLimits, TrajectoryTask
-from planners.value.view_basis import BASIS_SIZE, view_basis
+from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, view_basis
 from tests.helpers.examples import share_of_examples
 from tests.helpers.trajectory_tasks import FLIGHT, GRID, HORIZON, random_task
 
@@ -48,7 +49,7 @@ def largest_excess(task: TrajectoryTask, trajectory: Trajectory) -> float:
 
 def peak_at(viewpoint: np.ndarray) -> np.ndarray:
     """Return weights of a field that is highest in one direction, the same at every distance."""
-    _, y, z, x = view_basis(*viewpoint, np)[:4]
+    _, y, z, x = view_basis(*viewpoint, PAPER_RANGE, np)[:4]
     weights = np.zeros(BASIS_SIZE)
     weights[1:4] = y, z, x
     return weights
@@ -60,7 +61,7 @@ def test_plans_keep_the_limits_and_can_be_followed_by_others(seed: int, limits: 
     rng = np.random.default_rng(seed)
     task, previous = random_task(rng, limits=limits, node_time=0.08 if limits.shared else 0.2), None
     for _ in range(3):
-        previous = SOLVER.solve_best(task, sample_starts(rng, 8), previous, task.node_time)
+        previous = SOLVER.solve_best(task, PAPER.sample_starts(rng, 8), previous, task.node_time)
         assert previous.status is SolveStatus.OPTIMAL
         assert previous.violation <= TOLERANCE
         assert largest_excess(task, previous.trajectory) <= 5 * TOLERANCE  # the position's unit is 5 m
@@ -78,7 +79,7 @@ def test_capped_plans_keep_the_limits_too(seed: int, limits: TrajectoryLimits) -
     rng = np.random.default_rng(seed)
     task, previous = random_task(rng, limits=limits, node_time=0.08 if limits.shared else 0.2), None
     for solver in (CAPPED, CAPPED, ONCE):
-        previous = solver.solve_best(task, sample_starts(rng, 8), previous, task.node_time)
+        previous = solver.solve_best(task, PAPER.sample_starts(rng, 8), previous, task.node_time)
         assert previous.status in (SolveStatus.CAPPED, SolveStatus.OPTIMAL)
         assert previous.violation <= TOLERANCE
         assert largest_excess(task, previous.trajectory) <= 5 * TOLERANCE  # the position's unit is 5 m
@@ -121,7 +122,7 @@ def test_a_plan_heads_for_the_only_peak_and_ends_there(start: list, goal: list, 
         limits=limits,
         node_time=0.3 if limits.shared else 0.8,
     )
-    solution = SOLVER.solve_best(task, sample_starts(np.random.default_rng(1), 16))
+    solution = SOLVER.solve_best(task, PAPER.sample_starts(np.random.default_rng(1), 16))
     assert solution.status is SolveStatus.OPTIMAL
     nodes = cartesian(solution.trajectory.position)
     cosine = nodes @ cartesian(goal) / np.linalg.norm(nodes, axis=1) / np.linalg.norm(cartesian(goal))
@@ -147,7 +148,7 @@ def test_a_distance_that_is_best_is_gone_to() -> None:
 def test_where_nothing_is_to_win_the_camera_stays(changes: dict, limits: TrajectoryLimits) -> None:
     rng = np.random.default_rng(0)
     task = random_task(rng, limits=limits, **changes)
-    solution = SOLVER.solve_best(task, sample_starts(rng, 4))
+    solution = SOLVER.solve_best(task, PAPER.sample_starts(rng, 4))
     assert solution.status is SolveStatus.OPTIMAL
     np.testing.assert_allclose(solution.trajectory.position, task.hold().position, atol=1e-12)
 
@@ -156,7 +157,7 @@ def test_more_seeds_never_collect_less() -> None:
     rng = np.random.default_rng(2)
     many = TrajectorySolver(seeds=4)
     for _ in range(5):
-        task, goals = random_task(rng, limits=GRID, node_time=0.16), sample_starts(rng, 16)
+        task, goals = random_task(rng, limits=GRID, node_time=0.16), PAPER.sample_starts(rng, 16)
         assert many.solve_best(task, goals).objective >= SOLVER.solve_best(task, goals).objective - 1e-9
 
 
@@ -166,7 +167,7 @@ def test_a_field_that_is_not_finite_holds_the_viewpoint_and_says_so(name: str, b
     task = random_task(np.random.default_rng(0), velocity=np.full(3, 0.1))
     getattr(task, name)[3] = bad
     solver = TrajectorySolver()
-    solution = solver.solve_best(task, sample_starts(np.random.default_rng(0), 4))
+    solution = solver.solve_best(task, PAPER.sample_starts(np.random.default_rng(0), 4))
     assert solution.status == "nan-field" and solution.held
     np.testing.assert_array_equal(solution.trajectory.position, task.hold().position)
     assert solver.statistics.counts == {SolveStatus.NAN_FIELD: 1} and solver.statistics.fallbacks == 1
@@ -195,7 +196,7 @@ def test_a_start_without_a_way_within_the_limits_holds_the_viewpoint_and_says_so
 
 def test_after_a_held_viewpoint_planning_goes_on() -> None:
     rng = np.random.default_rng(0)
-    task, goals = random_task(rng), sample_starts(rng, 8)
+    task, goals = random_task(rng), PAPER.sample_starts(rng, 8)
     held = SOLVER.solve_best(replace(task, field_weights=np.full(BASIS_SIZE, np.nan)), goals)
     assert SOLVER.solve_best(task, goals, held, task.node_time).status is SolveStatus.OPTIMAL
 

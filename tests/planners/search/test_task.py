@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ehar.errors import UsageError
-from ehar.viewpoint import STEP
+from ehar.world import PAPER
 from planners.search.task import Trajectory, TrajectoryLimits, grid_limits
-from planners.value.view_basis import field_value
+from planners.value.view_basis import PAPER_RANGE, field_value
 from tests.helpers.trajectory_tasks import FLIGHT, HORIZON, random_task
 
 
@@ -17,7 +17,7 @@ def test_the_objective_weighs_the_field_at_the_nodes_against_the_jerk() -> None:
     task = random_task(rng, gain_weights=np.arange(1.0, HORIZON + 1), effort_weight=0.7)
     position, jerk = rng.uniform(1, 5, (HORIZON + 1, 3)), rng.normal(size=(HORIZON, 3))
     still = np.zeros((HORIZON + 1, 3))
-    gain = sum((node + 1) * field_value(task.field_weights, position[node + 1]) for node in range(HORIZON))
+    gain = sum((node + 1) * field_value(task.field_weights, position[node + 1], PAPER_RANGE) for node in range(HORIZON))
     cost = 0.7 * sum(((jerk[node] / FLIGHT.jerk) ** 2).sum() for node in range(HORIZON)) / HORIZON
     assert task.objective(Trajectory(position, still, still, jerk)) == pytest.approx(gain - cost)
 
@@ -30,8 +30,8 @@ def test_holding_stays_where_the_camera_is() -> None:
 
 
 def test_the_grid_moves_one_step_a_frame() -> None:
-    limits = grid_limits(0.04, 0.08)
-    np.testing.assert_allclose(limits.velocity * 0.04, STEP)
+    limits = grid_limits(PAPER.workspace, 0.04, 0.08)
+    np.testing.assert_allclose(limits.velocity * 0.04, PAPER.workspace.step)
     assert limits.shared and limits.speed == np.inf
     # Up with full jerk for one node, down again: full speed is reached within two nodes, within the limits.
     np.testing.assert_allclose(limits.jerk * 0.08, 2 * limits.acceleration)

@@ -14,7 +14,8 @@ from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
-from ehar.viewpoint import MOVES, STEP, Workspace, from_cells, wrap_difference
+from ehar.viewpoint import MOVES, Workspace, wrap_difference
+from ehar.world import PAPER
 from planners.search.view_search import (
     GOALS,
     NextBestViewGreedy,
@@ -24,7 +25,7 @@ from planners.search.view_search import (
     share_made,
 )
 from planners.value.situation import frame_gains
-from planners.value.view_basis import BASIS_SIZE, field_value, mean_direction, view_basis
+from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, field_value, mean_direction, view_basis
 from planners.value.view_value import ViewValue
 from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context
 from tests.helpers.gain_models import model_of, peak_weights
@@ -67,7 +68,7 @@ def test_goals_span_the_workspace() -> None:
 @pytest.mark.parametrize(("at", "length"), [(0, 16), (3, 12), (12, 14)])  # up to 15 frames are left: a node each
 def test_what_is_collected_is_the_field_along_the_way(at: int, length: int) -> None:
     rng = np.random.default_rng(0)
-    weights, start = rng.normal(size=BASIS_SIZE), from_cells(np.array([33, 97, 20]))
+    weights, start = rng.normal(size=BASIS_SIZE), PAPER.workspace.from_cells(np.array([33, 97, 20]))
     searcher = searched(weights, start, at=at, length=length, spread=0.3)
     gains = frame_gains(at, length)
     np.testing.assert_array_equal(searcher.goals[0, 0], start)
@@ -75,19 +76,19 @@ def test_what_is_collected_is_the_field_along_the_way(at: int, length: int) -> N
     for goal, collected in zip(searcher.goals[0, ::29], searcher.collected[0, ::29], strict=True):
         way = goal - start
         way[1] = wrap_difference(way[1])
-        moves = np.abs(way / STEP).sum()
+        moves = np.abs(way / PAPER.workspace.step).sum()
         share = np.minimum(np.arange(1, length - at) / max(moves, 1e-9), 1)
         visited = start + share[:, None] * way
-        direction = mean_direction(gains @ np.stack(view_basis(*visited.T, np), axis=-1))
-        expected = gains @ field_value(weights, visited) - 0.3 * direction @ direction
+        direction = mean_direction(gains @ np.stack(view_basis(*visited.T, PAPER_RANGE, np), axis=-1))
+        expected = gains @ field_value(weights, visited, PAPER_RANGE) - 0.3 * direction @ direction
         np.testing.assert_allclose(collected, expected, atol=1e-9)
 
 
 def test_to_stay_collects_the_field_where_one_is() -> None:
-    weights, start = np.random.default_rng(1).normal(size=BASIS_SIZE), from_cells(np.array([10, 5, 20]))
+    weights, start = np.random.default_rng(1).normal(size=BASIS_SIZE), PAPER.workspace.from_cells(np.array([10, 5, 20]))
     for length in (2, 10, 60):
         searcher = searched(weights, start, at=0, length=length)
-        np.testing.assert_allclose(searcher.collected[0, 0], field_value(weights, start), atol=1e-9)
+        np.testing.assert_allclose(searcher.collected[0, 0], field_value(weights, start, PAPER_RANGE), atol=1e-9)
 
 
 @given(st.floats(0, 200), st.floats(0, 60))
@@ -130,13 +131,13 @@ def test_greedy_takes_the_best_neighbour(vehicle: object) -> None:
     rollout(planner, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), context)
     for start, target in zip(batch.starts, targets[0], strict=True):
         # The vehicle could go 5 m, or turn by 5 m seen from where it is, but by no more than 45 degrees, in a second.
-        pace = STEP if vehicle is None else np.array([5.0, min(5 / start[0], np.pi / 4), 5 / start[0]])
-        values = field_value(weights, workspace.clip(start + MOVES * pace))
+        pace = PAPER.workspace.step if vehicle is None else np.array([5.0, min(5 / start[0], np.pi / 4), 5 / start[0]])
+        values = field_value(weights, workspace.clip(start + MOVES * pace), PAPER_RANGE)
         np.testing.assert_allclose(target, workspace.clip(start + MOVES[np.argmax(values)] * pace), atol=1e-12)
 
 
 def test_greedy_stays_at_the_peak() -> None:
-    peak = from_cells(np.array([33, 0, 20]))
+    peak = PAPER.workspace.from_cells(np.array([33, 0, 20]))
     planner = NextBestViewGreedy(model=model_of(peak_weights(peak)))
     batch = replace(tiny_batch(episodes=1, length=5), starts=peak[None])
     viewpoints = rollout(

@@ -11,6 +11,7 @@ from scipy.special import log_softmax
 from ehar.errors import DataError, ModelError
 from ehar.files import parse_json
 from planners.value.belief import Belief, BeliefModel, knot_weights, noise_basis, readout
+from planners.value.view_basis import PAPER_RANGE
 from recognition.calibration import KNOTS
 from tests.helpers.examples import share_of_examples
 
@@ -61,7 +62,7 @@ def test_one_variance_an_episode_equals_filterpy_with_full_matrices(model):
         centred = log_probs[:, frame] - log_probs[:, frame].mean(axis=1, keepdims=True)
         logits = np.exp(np.interp(ratio, KNOTS, model.log_scale)) * centred
         new = logits if model.evidence == "accumulated" else (frame + 1) * logits - frame * before
-        noise = np.exp(noise_basis(viewpoints[:, frame], ratio) @ model.noise_weights)
+        noise = np.exp(noise_basis(viewpoints[:, frame], ratio, PAPER_RANGE) @ model.noise_weights)
         for episode, single in enumerate(singles):
             if frame == 0:
                 single.update(new[episode][:, None], noise[episode] / (1 - rho**2) * identity, identity)

@@ -13,20 +13,15 @@ from ehar.errors import DataError
 from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import draw_noise
 from ehar.viewpoint import wrap_difference
+from ehar.world import PAPER
 from planners.value.body_filter import UNIFORM_STD, BodyFilter, trunk_pairs
 from recognition.training.views import training_viewpoints
 from tests.helpers.examples import share_of_examples
 from tests.helpers.fakes import POSE, SKELETON, tiny_data
+from tests.helpers.people import facing_people
 
 PAIRS = np.array([[1, 2], [4, 5]])
 FRAME_TIME = 0.04
-
-
-def facing_people(azimuth: FloatArray) -> FloatArray:
-    """Return the tests' pose, which faces along x, turned to azimuths (...,): (..., 6, 3)."""
-    cos, sin, zero = np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)
-    turn = np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, zero + 1], axis=-1).reshape(*azimuth.shape, 3, 3)
-    return np.einsum("...ij,kj->...ki", turn, POSE.astype(np.float64))
 
 
 def arc(frames: int, *, polar: float, turn: float, begin: float = 0.3) -> FloatArray:
@@ -182,7 +177,7 @@ def test_facing_of_moving_couples(sensor_name, largest):
     parts, rng = split_parts(data), np.random.default_rng(0)
     scenarios = windows(data, parts.policy, 60, 60)
     positions = scenarios.positions(np.arange(len(scenarios)))
-    viewpoints = training_viewpoints("moving", rng, len(scenarios), 60)
+    viewpoints = training_viewpoints("moving", PAPER, rng, len(scenarios), 60)
     noise = draw_noise(rng, positions.shape[:2], *positions.shape[2:4])
     sensed = make_sensor(sensor_name, data).sense(positions, viewpoints, noise)
     pairs = trunk_pairs(data, parts.recogniser)

@@ -13,7 +13,7 @@ from ehar.planner import Context, Observation, Planner, Truth
 from ehar.rollout import rollout
 from ehar.runner import Runner
 from ehar.sensors.registry import make_sensor
-from ehar.viewpoint import Workspace
+from ehar.viewpoint import Workspace, wrap_difference
 from planners.value import collection as gain_collection
 from planners.value.collection import (
     Collection,
@@ -25,7 +25,7 @@ from planners.value.collection import (
     run_batches,
 )
 from planners.value.situation import frame_gains
-from planners.value.view_basis import basis_at
+from planners.value.view_basis import PAPER_RANGE, basis_at
 from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context, tiny_data
 from tests.helpers.gain_models import PAIRS
 
@@ -123,11 +123,11 @@ def test_forks_hold_what_their_paths_gave(monkeypatch: pytest.MonkeyPatch) -> No
         np.testing.assert_array_equal(collection.embedding[rows], observation.embedding)
         np.testing.assert_array_equal(collection.viewpoints[:, observation.frame], observation.viewpoint)
         gains = frame_gains(observation.frame, LENGTH)
-        along = sum(gains[step] * basis_at(visited[:, :, step]) for step in range(len(gains)))
+        along = sum(gains[step] * basis_at(visited[:, :, step], PAPER_RANGE) for step in range(len(gains)))
         np.testing.assert_allclose(collection.path[rows], along, atol=1e-12)
     # The first path stays, so that its mean basis is that of the viewpoint.
     here = collection.viewpoints[collection.episode, collection.frame]
-    np.testing.assert_allclose(collection.path[:, 0], basis_at(here), atol=1e-9)
+    np.testing.assert_allclose(collection.path[:, 0], basis_at(here, PAPER_RANGE), atol=1e-9)
 
 
 def test_what_a_batch_holds() -> None:
@@ -205,3 +205,30 @@ def test_random_viewpoints_lie_all_over_the_workspace() -> None:
     assert Workspace().contains(drawn).all()
     spans = (drawn.reshape(-1, 3).max(axis=0) - drawn.reshape(-1, 3).min(axis=0)) / [10, 2 * np.pi, np.pi / 2]
     assert (spans > 0.98).all()
+
+
+class Leader(Planner):
+    """Flies straight to one place, and remembers what it was shown."""
+
+    name = "leader"
+
+    def reset(self, context: Context) -> None:
+        self.shown: list[Observation] = []
+
+    def act(self, observation: Observation) -> FloatArray:
+        self.shown.append(observation)
+        return np.tile([5.0, 1.0, 1.0], (len(observation.viewpoint), 1))
+
+
+def test_a_led_camera_follows_and_its_leader_is_not_told_the_truth() -> None:
+    leader = Leader()
+    led, alone = collect_batch(task(lead=leader), 0), collect_batch(task(), 0)
+    assert len(leader.shown) == LENGTH - 1
+    assert all(observation.truth is None for observation in leader.shown)
+    moved = (led.viewpoints != led.viewpoints[:, :1]).any(axis=(1, 2))
+    np.testing.assert_array_equal(moved, (alone.viewpoints != alone.viewpoints[:, :1]).any(axis=(1, 2)))  # some stay
+    assert moved.any()
+    away = np.abs(led.viewpoints[moved][:, [0, -1]] - [5.0, 1.0, 1.0])
+    away[..., 1] = np.abs(wrap_difference(led.viewpoints[moved][:, [0, -1], 1] - 1.0))
+    assert (away[:, 1] <= away[:, 0] + 1e-9).all()
+    np.testing.assert_array_equal(led.labels, alone.labels)

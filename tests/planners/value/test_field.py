@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from ehar.errors import ModelError
 from planners.value.field import GainField, feature_matrix
 from planners.value.situation import PARTS
-from planners.value.view_basis import BASIS_SIZE, basis_at, field_value, view_basis
+from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, basis_at, field_value, view_basis
 from tests.helpers.gain_models import random_field, random_situation
 
 seeds = st.integers(0, 2**32 - 1)
@@ -24,10 +24,10 @@ def test_weights_are_those_of_the_definition(seed: int, viewpoint: np.ndarray, p
     situation, field = random_situation(rng, persons=persons), random_field(rng, persons=persons)
     relative = viewpoint - situation.reference[:, None] * np.array([0, 1, 0])  # as seen from the reference
     features = feature_matrix(situation, PARTS)
-    expected = features @ field.absolute @ basis_at(viewpoint) + np.einsum(
-        "bf,fk,bk->b", features, field.relative, basis_at(relative)
+    expected = features @ field.absolute @ basis_at(viewpoint, PAPER_RANGE) + np.einsum(
+        "bf,fk,bk->b", features, field.relative, basis_at(relative, PAPER_RANGE)
     )
-    np.testing.assert_allclose(field_value(field.weights(situation), viewpoint), expected, atol=1e-9)
+    np.testing.assert_allclose(field_value(field.weights(situation), viewpoint, PAPER_RANGE), expected, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -36,9 +36,11 @@ def test_weights_are_those_of_the_definition(seed: int, viewpoint: np.ndarray, p
 def test_numpy_and_casadi_give_the_same_value(viewpoint: list[float]) -> None:
     rng = np.random.default_rng(3)
     weights = random_field(rng).weights(random_situation(rng))
-    value = field_value(weights, np.array(viewpoint))
+    value = field_value(weights, np.array(viewpoint), PAPER_RANGE)
     symbols, of = ca.SX.sym("viewpoint", 3), ca.SX.sym("weights", BASIS_SIZE)
-    function = ca.Function("value", [of, symbols], [ca.dot(of, ca.vertcat(*view_basis(*ca.vertsplit(symbols), ca)))])
+    function = ca.Function(
+        "value", [of, symbols], [ca.dot(of, ca.vertcat(*view_basis(*ca.vertsplit(symbols), PAPER_RANGE, ca)))]
+    )
     np.testing.assert_allclose([float(function(row, viewpoint)) for row in weights], value, atol=1e-6)
 
 
@@ -46,9 +48,9 @@ def test_straight_above_and_across_azimuth_0_it_is_one_smooth_function() -> None
     rng = np.random.default_rng(4)
     weights = random_field(rng).weights(random_situation(rng))[:, None]
     around = np.linspace(0, 2 * np.pi, 9)
-    above = field_value(weights, np.stack([np.full(9, 8.0), around, np.zeros(9)], axis=-1))
+    above = field_value(weights, np.stack([np.full(9, 8.0), around, np.zeros(9)], axis=-1), PAPER_RANGE)
     np.testing.assert_allclose(above, np.repeat(above[:, :1], 9, axis=1), atol=1e-9)
-    sides = field_value(weights, np.array([[8.0, 1e-7, 1.0], [8.0, 2 * np.pi - 1e-7, 1.0]]))
+    sides = field_value(weights, np.array([[8.0, 1e-7, 1.0], [8.0, 2 * np.pi - 1e-7, 1.0]]), PAPER_RANGE)
     np.testing.assert_allclose(sides[:, 0], sides[:, 1], atol=1e-4)
 
 
@@ -63,8 +65,8 @@ def test_what_is_relative_turns_with_the_people_and_what_is_absolute_does_not(se
     viewpoint = np.array([9.0, 1.0, 0.8])
     relative = replace(field, absolute=np.zeros_like(field.absolute))
     np.testing.assert_allclose(
-        field_value(relative.weights(turned), viewpoint + np.array([0, angle, 0])),
-        field_value(relative.weights(situation), viewpoint),
+        field_value(relative.weights(turned), viewpoint + np.array([0, angle, 0]), PAPER_RANGE),
+        field_value(relative.weights(situation), viewpoint, PAPER_RANGE),
         atol=1e-8,
     )
     absolute = replace(field, relative=np.zeros_like(field.relative))

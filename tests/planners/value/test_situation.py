@@ -16,7 +16,7 @@ from ehar.viewpoint import wrap_difference
 from planners.value.belief import BeliefModel, readout
 from planners.value.body_filter import BodyFilter
 from planners.value.situation import PARTS, Situation, Tracker, frame_gains
-from planners.value.view_basis import basis_at, turned
+from planners.value.view_basis import PAPER_RANGE, basis_at, turned
 from tests.helpers.fakes import CLASS_NAMES, FakeRecogniser, tiny_batch, tiny_context
 from tests.helpers.gain_models import PAIRS, random_situation
 
@@ -93,7 +93,9 @@ def test_the_tracker_follows_a_rollout(persons: int) -> None:
         np.testing.assert_allclose(situation.ratio, (frame + 1) / 10)
         np.testing.assert_allclose(situation.belief, believed[:, frame], atol=1e-9)
         np.testing.assert_array_equal(situation.embedding, follower.embeddings[frame])
-        np.testing.assert_allclose(situation.seen, basis_at(record.viewpoints[:, : frame + 1]).mean(axis=1), atol=1e-12)
+        np.testing.assert_allclose(
+            situation.seen, basis_at(record.viewpoints[:, : frame + 1], PAPER_RANGE).mean(axis=1), atol=1e-12
+        )
         assert situation.belief.shape == (6, len(CLASS_NAMES))
         assert situation.facing.shape == situation.facing_std.shape == (6, persons)
         assert situation.position.shape == (6, persons, 3)

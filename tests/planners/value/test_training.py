@@ -9,24 +9,30 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ehar.data.motion_data import MotionData
+from ehar.data.motion_data import UNKNOWN_SUBJECT, MotionData
 from ehar.data.motion_file import load_motion, save_motion
 from ehar.data.scenario import split_parts
 from ehar.errors import DataError, EharError, ModelError, UsageError
+from ehar.planner import Planner
+from planners.search.view_search import NextBestViewSearch
 from planners.value import collection as gain_collection
 from planners.value import fit as gain_fit
+from planners.value import training as gain_training
+from planners.value.belief import BeliefModel
+from planners.value.belief_fit import fit_belief
 from planners.value.body_filter import trunk_pairs
 from planners.value.collection import Collection, CollectionTask, collect_batch
 from planners.value.config import GainTrainingConfig
-from planners.value.fit import VARIANTS
+from planners.value.fit import VARIANTS, Fit, Scores, fit_field
 from planners.value.model import GainModel, gain_model_path, load_gain_model
-from planners.value.training import train_gain_field
+from planners.value.training import _performers, train_gain_field
 from recognition.storage import load_recogniser
 from tests.helpers.fakes import tiny_data
 from tests.helpers.random_networks import save_random_world
 from tests.helpers.settings import changed, tiny_conditions
 
 LENGTH = 8
+LED = [0, 0, 1, 2]  # batches of the second round, the first of them of unseen people
 
 
 @pytest.fixture(autouse=True)
@@ -36,6 +42,7 @@ def little_of_everything(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gain_fit, "CONSTANT_SHARES", (0.1,))
     monkeypatch.setattr(gain_fit, "EMBEDDING_DIRECTIONS", 2)
     monkeypatch.setattr(gain_fit, "FOLDS", 2)
+    monkeypatch.setattr(gain_training, "UNSEEN_BATCHES", 1)
 
 
 @pytest.fixture
@@ -47,6 +54,10 @@ def config(tmp_path: Path) -> GainTrainingConfig:
 
 def silent(what: str, done: int, whole: int) -> None:
     """Hear nothing."""
+
+
+def searching(model: GainModel) -> Planner:
+    return NextBestViewSearch(model=model)
 
 
 def weights_path(config: GainTrainingConfig) -> Path:
@@ -76,7 +87,7 @@ def motion(config: GainTrainingConfig) -> MotionData:
 def refusal(error: type[EharError], config: GainTrainingConfig, **changes: Any) -> str:
     """Return the one line that training with other options ends in."""
     with pytest.raises(error) as caught:
-        train_gain_field(changed(config, **changes), silent)
+        train_gain_field(changed(config, **changes), searching, silent)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
@@ -107,20 +118,28 @@ def watch(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 def test_a_model_is_trained_saved_and_fits_its_recogniser(config: GainTrainingConfig) -> None:
     reports: list[tuple[str, int, int]] = []
-    training = train_gain_field(config, lambda *report: reports.append(report))
+    training = train_gain_field(config, searching, lambda *report: reports.append(report))
     assert training.path == weights_path(config)
     assert list(training.fits) == list(VARIANTS)
     model, data = loaded(config), motion(config)
     for name, fit in training.fits.items():
         assert model.fields[name].parts == VARIANTS[name]
         assert model.fields[name].spread == fit.field.spread
-        assert fit.best_gain >= fit.chosen_gain
+        assert fit.scores.best_gain >= fit.scores.chosen_gain
     assert model.pairs.tolist() == trunk_pairs(data, split_parts(data).policy).tolist()
-    assert reports == [("rollouts", done, 3) for done in range(4)] + [("regressions", done, 4) for done in range(5)]
+    assert reports == [
+        *(("rollouts of unseen people", done, 1) for done in range(2)),
+        *(("rollouts", done, 3) for done in range(4)),
+        *(("led rollouts of unseen people", done, 1) for done in range(2)),
+        *(("led rollouts", done, 3) for done in range(4)),
+        *(("regressions", done, 4) for done in range(5)),
+    ]
     history = written(config)[1]["training"]
     assert history["length"] == LENGTH
     assert history["data_sha256"] == data.sha256
-    assert history["cross_validation"]["full"]["explained"] == training.fits["full"].explained
+    assert history["cross_validation"]["full"]["explained"] == training.fits["full"].scores.explained
+    assert history["stopped"] == "cut short at 3 batches: too few to tell what more bring"
+    assert history["unseen_people"]["3"] == training.unseen[3]._asdict()
     assert "workers" not in history
 
 
@@ -129,25 +148,25 @@ def test_a_stopped_run_goes_on_where_it_was(
 ) -> None:
     through = replace(config, out=tmp_path / "through")
     stop_and_go = replace(config, out=tmp_path / "stopped")
-    train_gain_field(through, silent)
+    train_gain_field(through, searching, silent)
     with pytest.raises(Stopped):
-        train_gain_field(stop_and_go, stop_after(2))
+        train_gain_field(stop_and_go, searching, stop_after(2))
     assert not weights_path(stop_and_go).exists()
     run = watch(monkeypatch)
-    train_gain_field(stop_and_go, silent)
-    assert run == [2]
+    train_gain_field(stop_and_go, searching, silent)
+    assert run == [2, *LED]
     assert written(stop_and_go) == written(through)
 
 
 def test_more_batches_are_added_to_those_there_are(
     config: GainTrainingConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    train_gain_field(replace(config, batches=1), silent)
+    train_gain_field(replace(config, batches=1), searching, silent)
     run = watch(monkeypatch)
-    train_gain_field(config, silent)
-    assert run == [1, 2]
+    train_gain_field(config, searching, silent)
+    assert run == [1, 2, *LED]  # another field leads other rollouts
     through = replace(config, out=tmp_path / "through")
-    train_gain_field(through, silent)
+    train_gain_field(through, searching, silent)
     assert written(through) == written(config)
 
 
@@ -155,13 +174,15 @@ def test_more_batches_are_added_to_those_there_are(
 def test_a_batch_that_is_not_whole_is_run_again(
     config: GainTrainingConfig, monkeypatch: pytest.MonkeyPatch, content: bytes | None
 ) -> None:
-    train_gain_field(config, silent)
+    train_gain_field(config, searching, silent)
     before = written(config)
-    (kept,) = weights_path(config).parent.glob("*-rollouts-*/1.safetensors")
-    kept.write_bytes(kept.read_bytes()[:-40] if content is None else content)
+    kept = list(weights_path(config).parent.glob("*-rollouts-*/1.safetensors"))
+    for piece in kept:
+        piece.write_bytes(piece.read_bytes()[:-40] if content is None else content)
     run = watch(monkeypatch)
-    train_gain_field(config, silent)
-    assert run == [1]
+    train_gain_field(config, searching, silent)
+    assert len(kept) == 2
+    assert run == [1, 1]  # one that wanders and one that is led
     assert written(config) == before
 
 
@@ -169,34 +190,101 @@ def test_a_batch_that_is_not_whole_is_run_again(
 def test_batches_of_other_options_or_data_are_not_used(
     config: GainTrainingConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any]
 ) -> None:
-    train_gain_field(config, silent)
+    train_gain_field(config, searching, silent)
     if "data" in changes:
         data = motion(config)
         changes = {"data": str(tmp_path / "other.npz")}
         save_motion(Path(changes["data"]), replace(data, positions=data.positions * 1.01))
     run = watch(monkeypatch)
-    train_gain_field(changed(config, **changes), silent)
-    assert run == [0, 1, 2]
+    train_gain_field(changed(config, **changes), searching, silent)
+    assert run == [0, 0, 1, 2, *LED]  # the first one is of unseen people
 
 
 def test_the_seed_decides(config: GainTrainingConfig, tmp_path: Path) -> None:
     for seed in (0, 1):
-        train_gain_field(changed(config, seed=seed, out=tmp_path / str(seed)), silent)
+        train_gain_field(changed(config, seed=seed, out=tmp_path / str(seed)), searching, silent)
     first, second = (written(replace(config, out=tmp_path / str(seed)))[0] for seed in (0, 1))
     assert first != second
 
 
-def test_only_the_policy_part_is_learned_from(config: GainTrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[int] = []
+def test_fields_learn_from_the_policy_part_and_the_belief_from_unseen_people(
+    config: GainTrainingConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run: list[set[int]] = []
+    believed: list[set[int]] = []
 
     def watched(task: CollectionTask, index: int) -> Collection:
         collection = collect_batch(task, index)
-        seen.extend(collection.sequences.tolist())
+        run.append(set(collection.sequences.tolist()))
         return collection
 
+    def believing(*rollouts: Any) -> BeliefModel:
+        believed.append(set(rollouts[3].tolist()))
+        return fit_belief(*rollouts)
+
     monkeypatch.setattr(gain_collection, "collect_batch", watched)
-    train_gain_field(config, silent)
-    assert set(seen) <= set(split_parts(motion(config)).policy.tolist())
+    monkeypatch.setattr(gain_training, "fit_belief", believing)
+    train_gain_field(config, searching, silent)
+    parts = split_parts(motion(config))
+    assert believed == [run[0]]
+    assert run[0] | run[4] <= set(parts.validation.tolist())
+    assert set.union(*run[1:4], *run[5:]) <= set(parts.policy.tolist())
+
+
+def scripted(monkeypatch: pytest.MonkeyPatch, chosen: list[float]) -> None:
+    """Let the field pick paths that gain this much on unseen people, with 1, 2, 4, ... batches."""
+    left = iter(chosen)
+    monkeypatch.setattr(gain_training, "FIRST_BATCHES", 1)
+    monkeypatch.setattr(gain_training, "score_field", lambda *given: Scores(0.0, next(left, 0.0), 0.1))
+
+
+def test_rollouts_stop_when_twice_as_many_gain_nothing(
+    config: GainTrainingConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scripted(monkeypatch, [0.01, 0.02, 0.0205])
+    run = watch(monkeypatch)
+    training = train_gain_field(replace(config, batches=64), searching, silent)
+    assert run[:5] == [0, 0, 1, 2, 3]
+    assert not training.cut_short
+    assert training.reason == "it had learned: 4 batches instead of 2 gained 0.05 points on unseen people"
+
+
+def test_rollouts_that_still_gain_are_cut_short_by_their_limit(
+    config: GainTrainingConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scripted(monkeypatch, [0.01, 0.02, 0.03])
+    training = train_gain_field(config, searching, silent)
+    assert training.cut_short
+    assert training.reason == "cut short at 3 batches: 3 batches instead of 2 gained 1.00 points on unseen people"
+
+
+@pytest.mark.parametrize("is_better", [True, False])
+def test_the_second_round_is_kept_if_its_field_does_better_where_it_leads(
+    config: GainTrainingConfig, monkeypatch: pytest.MonkeyPatch, is_better: bool
+) -> None:
+    scripted(monkeypatch, [0.01, 0.02, 0.03, 0.04, 0.05 if is_better else 0.03])
+    fitted: list[int] = []
+
+    def watched(collection: Collection, *given: Any) -> Fit:
+        fitted.append(len(collection.labels))
+        return fit_field(collection, *given)
+
+    monkeypatch.setattr(gain_training, "fit_field", watched)
+    training = train_gain_field(config, searching, silent)
+    before, after = training.second_round
+    assert (before.chosen_gain, after.chosen_gain) == (0.04, 0.05 if is_better else 0.03)
+    # Three times more and more of the first round, once both rounds, and then the fields for ablations.
+    assert fitted == [6, 12, 18, 36, *[36 if is_better else 18] * 3]
+    assert written(config)[1]["training"]["second_round"]["kept"] == is_better
+
+
+def test_folds_differ_in_people_where_they_are_known() -> None:
+    data = tiny_data(sequences=6)
+    people = np.array([4, 4, 7, 7, 7, 9])[:, None]
+    found = _performers(replace(data, subjects=people), np.array([0, 5, 1, 3]))
+    assert found.tolist() == [0, 2, 0, 1]
+    for subjects in (np.full((6, 1), UNKNOWN_SUBJECT), np.full((6, 1), 3)):
+        assert _performers(replace(data, subjects=subjects), np.array([0, 5, 1])).tolist() == [0, 5, 1]
 
 
 @pytest.mark.slow
@@ -204,7 +292,7 @@ def test_workers_decide_nothing(config: GainTrainingConfig, tmp_path: Path, monk
     monkeypatch.setattr(gain_collection, "EPISODES", 32)  # as in the workers, which import the module anew
     runs = [replace(config, workers=workers, out=tmp_path / str(workers)) for workers in (1, 2)]
     for run in runs:
-        train_gain_field(run, silent)
+        train_gain_field(run, searching, silent)
     assert written(runs[0]) == written(runs[1])
 
 
@@ -228,8 +316,8 @@ def test_options_that_make_no_sense(config: GainTrainingConfig, changes: dict[st
 
 
 def test_the_shortest_episodes(config: GainTrainingConfig) -> None:
-    training = train_gain_field(changed(config, length=3), silent)
-    assert all(abs(fit.explained) < 2 for fit in training.fits.values())
+    training = train_gain_field(changed(config, length=3), searching, silent)
+    assert all(abs(fit.scores.explained) < 2 for fit in training.fits.values())
 
 
 def test_a_recogniser_that_is_not_there(config: GainTrainingConfig) -> None:

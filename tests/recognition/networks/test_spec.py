@@ -54,6 +54,16 @@ def test_the_published_size_has_the_published_widths(form: Form) -> None:
     assert sizes[1] < 250_000  # 1 MB in float32: it ships
 
 
+def test_half_of_the_widths_has_all_blocks_and_both_strides() -> None:
+    half, published = spec("ctrgcn", "half"), spec("ctrgcn", "published")
+    assert half.widths == (32, 32, 32, 32, 64, 64, 64, 128, 128, 128)
+    strides, whole = (
+        [module.stride for module in built.build().modules() if isinstance(module, torch.nn.Conv2d)]
+        for built in (half, published)
+    )
+    assert strides == whole and (2, 1) in strides
+
+
 @pytest.mark.parametrize("form", ["causal", "ctrgcn"])
 def test_takes_the_data_s_features(form: Form) -> None:
     network = spec(form).build().eval()

@@ -1,12 +1,14 @@
 """Training: it learns, it resumes as if it had never stopped, and what goes wrong ends in one line."""
 
+import json
 import os
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from safetensors.torch import load_file
@@ -20,7 +22,7 @@ from recognition.storage import load_recogniser, recogniser_path
 from recognition.training import trainer as training
 from recognition.training.checkpoints import load_checkpoint, save_checkpoint
 from recognition.training.config import TrainingConfig
-from recognition.training.trainer import Evaluation, train_recogniser
+from recognition.training.trainer import Evaluation, doubling_gain, train_recogniser
 from tests.helpers.fakes import tiny_data
 from tests.helpers.settings import changed
 
@@ -43,7 +45,7 @@ def few_validation_clips(monkeypatch: pytest.MonkeyPatch) -> None:
 def config(data_path: Path, tmp_path: Path) -> TrainingConfig:
     """Return 6 steps with an evaluation and a checkpoint after each."""
     conditions = Conditions(data=str(data_path), length=LENGTH)
-    return TrainingConfig(conditions=conditions, out=tmp_path / "models", clips=48, batch=8, evaluations=6, threads=1)
+    return TrainingConfig(conditions=conditions, out=tmp_path / "models", clips=48, batch=8, interval=8, threads=1)
 
 
 def weights_path(config: TrainingConfig) -> Path:
@@ -58,9 +60,9 @@ class Stopped(Exception):
     """Ctrl-C, at a chosen step."""
 
 
-def stop_at(chosen: int) -> Callable[[int, int, Evaluation | None], None]:
-    def report(step: int, steps: int, evaluation: Evaluation | None) -> None:
-        if step == chosen:
+def stop_at(chosen: int) -> Callable[[int, int, Sequence[Evaluation] | None], None]:
+    def report(clips: int, expected: int, evaluations: Sequence[Evaluation] | None) -> None:
+        if clips == 8 * chosen:
             raise Stopped
 
     return report
@@ -85,10 +87,12 @@ def refusal(error: type[EharError], config: TrainingConfig, **changes: Any) -> s
 @pytest.mark.parametrize("form", ["causal", "ctrgcn"])
 def test_the_loss_falls_and_the_best_is_saved(config: TrainingConfig, data_path: Path, form: Form) -> None:
     seen: list[Evaluation] = []
-    learning = changed(config, form=form, clips=640, batch=16, evaluations=4, views="paper")
-    best = train_recogniser(learning, lambda step, steps, evaluation: seen.append(evaluation) if evaluation else None)
+    learning = changed(config, form=form, clips=640, batch=16, interval=160, views="paper")
+    outcome = train_recogniser(learning, lambda clips, expected, found: seen.append(found[-1]) if found else None)
+    assert [evaluation.clips for evaluation in seen] == [160, 320, 480, 640]
     assert seen[-1].train_loss < 0.7 * seen[0].train_loss
-    assert best.nll == min(evaluation.nll for evaluation in seen) < seen[0].nll
+    assert outcome.best.accuracy == max(evaluation.accuracy for evaluation in seen) > seen[0].accuracy
+    assert outcome.cut_short  # by its limit, long before it had learned
     recogniser = load_recogniser(replace(learning.conditions, models=learning.out), load_motion(data_path))
     assert recogniser.spec.length == LENGTH
     assert sorted(file.name for file in learning.out.iterdir()) == sorted(
@@ -99,21 +103,29 @@ def test_the_loss_falls_and_the_best_is_saved(config: TrainingConfig, data_path:
 def test_reports_every_step_and_evaluates_where_it_says(config: TrainingConfig) -> None:
     reports: list[tuple[int, int, bool]] = []
     train_recogniser(
-        replace(config, evaluations=3), lambda step, steps, evaluation: reports.append((step, steps, bool(evaluation)))
+        replace(config, interval=16), lambda clips, expected, found: reports.append((clips, expected, bool(found)))
     )
-    assert reports == [(step, 6, step % 2 == 0) for step in range(1, 7)]
+    assert reports == [(8 * step, 48, step % 2 == 0) for step in range(1, 7)]
+
+
+def test_evaluations_come_farther_and_farther_apart(config: TrainingConfig) -> None:
+    seen: list[int] = []
+    train_recogniser(
+        replace(config, clips=200), lambda clips, expected, found: seen.append(clips // 8) if found else None
+    )
+    assert seen == [1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 15, 18, 22, 25]
 
 
 @pytest.mark.parametrize("form", ["causal", "ctrgcn"])
 @pytest.mark.parametrize("step", [2, 3])  # right at a checkpoint, and one step after it
 def test_a_stopped_run_resumes_bit_for_bit(config: TrainingConfig, tmp_path: Path, form: Form, step: int) -> None:
-    through = changed(config, form=form, sensor="estimator", evaluations=3)
+    through = changed(config, form=form, sensor="estimator", interval=16)
     stop_and_go = replace(through, out=tmp_path / "stopped")
     best = train_recogniser(through)
     stopped(stop_and_go, step)
     assert not weights_path(stop_and_go).exists()
     steps: list[int] = []
-    assert train_recogniser(stop_and_go, lambda step, steps_in_all, evaluation: steps.append(step)) == best
+    assert train_recogniser(stop_and_go, lambda clips, expected, found: steps.append(clips // 8)) == best
     assert steps == [3, 4, 5, 6]
     first, second = load_file(weights_path(through)), load_file(weights_path(stop_and_go))
     assert first.keys() == second.keys()
@@ -140,7 +152,7 @@ def test_training_leaves_the_global_generator_as_it_was(config: TrainingConfig) 
 
 @pytest.mark.parametrize(
     "changes",
-    [{"seed": 1}, {"learning_rate": 1e-3}, {"length": 7}, {"clips": 96}, {"patience": 3}, {"size": "published"}],
+    [{"seed": 1}, {"learning_rate": 1e-3}, {"length": 7}, {"clips": 96}, {"interval": 16}, {"size": "published"}],
 )
 def test_a_checkpoint_of_other_options_is_refused(config: TrainingConfig, changes: dict[str, Any]) -> None:
     checkpoint = stopped(config)
@@ -201,7 +213,7 @@ def test_a_truncated_checkpoint(config: TrainingConfig, kept: int) -> None:
     assert refusal(ModelError, config).startswith(f"{checkpoint}: expected a training checkpoint, got ")
 
 
-@pytest.mark.parametrize("lost", ["run", "network", "best", "step", "evaluations"])
+@pytest.mark.parametrize("lost", ["run", "network", "average", "best", "step", "evaluations", "losses"])
 def test_a_checkpoint_that_lacks_something(config: TrainingConfig, lost: str) -> None:
     checkpoint = stopped(config)
     content = load_checkpoint(checkpoint)
@@ -223,41 +235,85 @@ def test_a_checkpoint_of_another_network(config: TrainingConfig) -> None:
 
 @pytest.mark.parametrize(("clips", "loss"), [(48, "the loss"), (8, "the validation loss")])
 def test_a_loss_that_is_not_finite_names_the_step(config: TrainingConfig, clips: int, loss: str) -> None:
-    message = refusal(ModelError, config, learning_rate=1e36, clips=clips, evaluations=1)
+    message = refusal(ModelError, config, learning_rate=1e36, clips=clips, interval=64)
     assert message == f"causal-perfect-moving.safetensors: {loss} is nan at step 1: expected a finite one"
     assert not weights_path(config).exists()
 
 
-def test_stops_when_validation_gets_no_better(config: TrainingConfig) -> None:
-    # So high a learning rate that the first evaluations are the best.
-    seen: list[float] = []
+def evaluated(*accuracies: float) -> list[Evaluation]:
+    """Return evaluations after 8, 16, 24, ... clips."""
+    return [Evaluation(i, 8 * i, 1.0, 1.0, accuracy) for i, accuracy in enumerate(accuracies, 1)]
 
-    def report(step: int, steps: int, evaluation: Evaluation | None) -> None:
-        assert evaluation is not None
-        seen.append(evaluation.nll)
 
-    best = train_recogniser(replace(config, clips=400, evaluations=50, patience=2, learning_rate=0.3), report)
-    assert len(seen) < 50
-    assert best.nll == min(seen) == seen[-3]
+def test_the_gain_of_a_doubling_is_that_of_the_best_over_the_best_at_half_as_many() -> None:
+    assert doubling_gain(evaluated(0.2)) is None
+    assert doubling_gain(evaluated(0.2, 0.5)) == pytest.approx(0.3)
+    assert doubling_gain(evaluated(0.2, 0.5, 0.9)) == pytest.approx(0.7)  # 12 clips are half of 24
+    assert doubling_gain(evaluated(0.2, 0.6, 0.5, 0.5)) == 0.0
+    assert doubling_gain(evaluated(0.6, 0.5, 0.7, 0.5)) == pytest.approx(0.1)
+
+
+def scripted(monkeypatch: pytest.MonkeyPatch, accuracies: list[float]) -> None:
+    """Let evaluations find these accuracies, one after another."""
+    evaluate = training._Run._evaluate
+
+    def found(run: training._Run) -> None:
+        before = dict(run.best)
+        evaluate(run)
+        own = replace(run.evaluations[-1], accuracy=accuracies[len(run.evaluations) - 1])
+        is_best = own.accuracy >= max((past.accuracy for past in run.evaluations[:-1]), default=0.0)
+        run.best = (
+            {name: tensor.clone() for name, tensor in run._averaged().state_dict().items()} if is_best else before
+        )
+        run.evaluations[-1] = own
+
+    monkeypatch.setattr(training._Run, "_evaluate", found)
+
+
+def test_stops_when_twice_the_clips_gain_too_little(config: TrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(training, "LEAST_CLIPS", 24)
+    scripted(monkeypatch, [0.3, 0.3, 0.6, 0.8, 0.803, 0.804, 0.804, 0.804])
+    outcome = train_recogniser(replace(config, clips=400))
+    assert outcome.best.step == 8  # of equal ones the last; at 8 the best at half as many is 0.8
+    assert not outcome.cut_short
+    assert outcome.gain == pytest.approx(0.004)
+    assert outcome.reason == "it had learned: twice the clips, 32 to 64, gained 0.4 points on validation"
+    assert json.loads(weights_path(config).with_suffix(".json").read_text())["training"]["stopped"] == outcome.reason
+
+
+def test_a_plateau_before_the_first_clips_is_no_end(config: TrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+    scripted(monkeypatch, [0.1] * 6)
+    outcome = train_recogniser(config)
+    assert outcome.cut_short
+    assert outcome.reason == "cut short at 48 clips: twice the clips, 24 to 48, gained 0.0 points"
 
 
 def test_the_best_weights_are_kept_not_the_last(config: TrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
     snapshots: list[dict[str, torch.Tensor]] = []
-    nlls: list[float] = []
+    scripted(monkeypatch, [0.1, 0.2, 0.5, 0.4, 0.3, 0.2])
     evaluate = training._Run._evaluate
 
-    def watched(run: training._Run, train_loss: float) -> Evaluation:
-        snapshots.append({name: tensor.clone() for name, tensor in run.network.state_dict().items()})
-        evaluation = evaluate(run, train_loss)
-        nlls.append(evaluation.nll)
-        return evaluation
+    def watched(run: training._Run) -> None:
+        evaluate(run)
+        snapshots.append({name: tensor.clone() for name, tensor in run._averaged().state_dict().items()})
 
     monkeypatch.setattr(training._Run, "_evaluate", watched)
-    train_recogniser(replace(config, clips=400, evaluations=50, patience=2, learning_rate=0.3))
-    best = nlls.index(min(nlls))
-    assert best < len(nlls) - 1
+    assert train_recogniser(config).best.step == 3
     written = load_file(weights_path(config))
-    assert all(torch.equal(written[name], snapshots[best][name]) for name in written)
+    assert all(torch.equal(written[name], snapshots[2][name]) for name in written)
+    assert not all(torch.equal(written[name], snapshots[5][name]) for name in written)
+
+
+def test_the_weights_that_count_are_an_average_over_late_steps(config: TrainingConfig) -> None:
+    # Polynomial-decay averaging: the k-th of n weights counts as much as (k + 1) (k + 2) ... (k + 8).
+    run = training._Run(config)
+    weights = []
+    for _ in range(5):
+        run._learn()
+        weights.append(run.network.classify.weight.detach().clone())
+    shares = torch.tensor([float(np.prod(np.arange(k + 1, k + 9))) for k in range(5)])
+    expected = sum(share * weight for share, weight in zip(shares / shares.sum(), weights, strict=True))
+    torch.testing.assert_close(run._averaged().classify.weight, expected)
 
 
 def test_only_the_recogniser_s_own_part_is_learnt_from(config: TrainingConfig, data_path: Path) -> None:
@@ -273,9 +329,7 @@ def test_unknown_options(config: TrainingConfig) -> None:
     assert not config.out.exists()
 
 
-@pytest.mark.parametrize(
-    ("field", "value"), [("clips", 0), ("batch", 0), ("evaluations", 0), ("length", 0), ("patience", 0)]
-)
+@pytest.mark.parametrize(("field", "value"), [("clips", 0), ("batch", 0), ("interval", 0), ("length", 0)])
 def test_counts_below_one(config: TrainingConfig, field: str, value: int) -> None:
     assert f"{field}: " in refusal(UsageError, config, **{field: value})
 

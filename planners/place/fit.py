@@ -1,0 +1,211 @@
+"""Fits `fixed-best`: tries a grid of places on the validation part, and keeps the best."""
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from ehar.data.scenario import Scenarios, split_parts, windows
+from ehar.errors import DataError, EharError, ModelError, UsageError
+from ehar.files import json_text, read_json, write_text
+from ehar.processes import each_batch
+from ehar.runner import Runner
+from planners.place.config import FixedBestConfig
+from planners.place.go_to_place import GoToPlace, Place
+from planners.place.people import trunk_of
+from planners.place.storage import FIXED_BEST, fixed_place_path, load_fixed_place, save_fixed_place
+from recognition.setting import Setting, load_setting
+
+# Shares of the way from the nearest to the farthest distance. On the grid a way of 4 m costs most of an episode, so
+# the camera may also keep its distance and make all of its moves around the people.
+DISTANCES = (None, 0.3, 0.1)
+POLARS = tuple(float(angle) for angle in np.radians([90, 75, 60]))
+SIDES = tuple(float(angle) for angle in np.radians([0, 45, 90, 135, 180]))  # from the front, to either side
+AROUND = tuple(float(angle) for angle in np.radians(np.arange(0, 360, 45)))  # in the world, where no front is known
+STARTS = 4  # start viewpoints of each window
+MOST_WINDOWS = 128  # windows that are drawn from a longer validation part, to save time
+EPISODES = 64  # episodes that run in lockstep
+
+
+@dataclass(frozen=True)
+class TriedPlace:
+    """A place, and its accuracy on the validation part, mean over frames and episodes."""
+
+    place: Place
+    accuracy: float
+
+
+@dataclass(frozen=True)
+class FixedPlaceFit:
+    """The result of a fit.
+
+    Args:
+        path: path of the file.
+        tried: all places that were tried, the best one first.
+        part: the part of the data that they were tried on.
+    """
+
+    path: Path
+    tried: tuple[TriedPlace, ...]
+    part: str
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceTask:
+    """Everything needed to try places.
+
+    Args:
+        runner: runs the episodes.
+        scenarios: the windows of the validation part.
+        places: the places to try.
+        seed: seed of start viewpoints and noise, which are the same for all places.
+    """
+
+    runner: Runner
+    scenarios: Scenarios
+    places: tuple[Place, ...]
+    seed: int
+
+
+def candidate_places(*, tells_front: bool) -> tuple[Place, ...]:
+    """Return the places to try, those that need no turn first.
+
+    Args:
+        tells_front: whether the skeleton tells left from right. If not, azimuths are counted in the world: people in a
+            set may all face one way.
+    """
+    azimuths = (None, *(SIDES if tells_front else AROUND))
+    return tuple(
+        Place(distance, azimuth, polar, absolute=azimuth is not None and not tells_front)
+        for azimuth, distance, polar in product(azimuths, DISTANCES, POLARS)
+    )
+
+
+def best_first(places: tuple[Place, ...], accuracy: dict[int, float]) -> tuple[TriedPlace, ...]:
+    """Return places by falling accuracy; of two that are equally good, the one that was listed first."""
+    ranked = sorted(range(len(places)), key=lambda index: (-accuracy[index], index))
+    return tuple(TriedPlace(places[index], accuracy[index]) for index in ranked)
+
+
+def fit_fixed_best(config: FixedBestConfig, report: Callable[[str, int, int], None]) -> FixedPlaceFit:
+    """Fit and save; places that a stopped run has tried are not tried again.
+
+    Args:
+        config: the settings of the fit.
+        report: called with progress: the name of the task, the amount done, and the total.
+
+    Raises:
+        EharError: data or recogniser are missing or do not fit, or a number is too small.
+    """
+    conditions = config.conditions
+    if config.workers < 1:
+        raise UsageError(f"workers: expected at least 1, got {config.workers}")
+    directory = config.out or conditions.directory
+    if directory is None:
+        raise UsageError("train fixed-best: expected --models DIR, or --out DIR where the shipped recogniser is used")
+    setting = load_setting(conditions)
+    path = fixed_place_path(directory, conditions)
+    _check_place(path, setting)
+    part, scenarios = validation_windows(setting)
+    places = candidate_places(tells_front=len(trunk_of(setting.data.skeleton)) > 0)
+    task = PlaceTask(setting.runner, scenarios, places, conditions.seed)
+    told = setting.conditions
+    history: dict[str, Any] = {
+        **{name: getattr(told, name) for name in ("data", "models")},
+        "out": None if config.out is None else str(config.out),
+        **{name: getattr(told, name) for name in ("sensor", "views", "length", "fps", "seed")},
+        "data_sha256": setting.data.sha256,
+        "part": part,
+        "windows": len(scenarios),
+        "starts": STARTS,
+        "world": asdict(setting.world),
+    }
+    own = {"recogniser": told.recogniser, "sensor_sha256": setting.sensor_sha256}
+    history |= {name: value for name, value in own.items() if value is not None}
+    decisive = {name: value for name, value in history.items() if name not in ("data", "models", "out")}
+    key = json_text([decisive, setting.recogniser_sha256, [asdict(place) for place in places]])
+    kept = path.with_name(f"{path.stem}-tried-{hashlib.sha256(key.encode()).hexdigest()[:8]}.json")
+    tried = best_first(places, _try_all(task, config.workers, kept, report))
+    history["tried"] = [asdict(one) for one in tried]
+    save_fixed_place(path, tried[0].place, recogniser_sha256=setting.recogniser_sha256, history=history)
+    kept.unlink(missing_ok=True)
+    return FixedPlaceFit(path, tried, part)
+
+
+def validation_windows(setting: Setting) -> tuple[str, Scenarios]:
+    """Return the part that places are tried on, and its windows, which do not overlap.
+
+    It is the validation part. If none of its sequences is long enough, it is the policy part, which the recogniser has
+    not learned from either. The test part is never looked at.
+
+    Raises:
+        DataError: no sequence of these parts is long enough.
+    """
+    data, conditions = setting.data, setting.conditions
+    parts = split_parts(data)
+    for part in ("validation", "policy"):
+        found = windows(data, getattr(parts, part), conditions.length, stride=conditions.length)
+        if len(found):
+            break
+    else:
+        raise DataError(
+            f"{data.name}: expected validation sequences of at least {conditions.length} frames to try places on, "
+            "got none"
+        )
+    if len(found) > MOST_WINDOWS:
+        rng = np.random.default_rng(conditions.seed)
+        chosen = np.sort(rng.choice(len(found), MOST_WINDOWS, replace=False))
+        found = replace(found, sequence=found.sequence[chosen], first=found.first[chosen])
+    return part, found
+
+
+def accuracy_at(task: PlaceTask, index: int) -> float:
+    """Return the accuracy of one place, mean over frames and episodes; it depends only on the seed and the place."""
+    torch.set_num_threads(1)
+    rng = np.random.default_rng(task.seed)
+    scenario = np.tile(np.arange(len(task.scenarios)), STARTS)
+    starts = task.runner.world.sample_starts(rng, len(scenario))
+    planner = GoToPlace(name=FIXED_BEST, place=task.places[index])
+    correct = []
+    for first in range(0, len(scenario), EPISODES):
+        some = slice(first, first + EPISODES)
+        batch = task.runner.batch(task.scenarios, scenario[some], starts[some], rng)
+        record = task.runner.roll(planner, batch, np.random.default_rng(task.seed))
+        correct.append(record.log_probs.argmax(axis=-1) == batch.labels[:, None])
+    return float(np.concatenate(correct).mean())
+
+
+def _try_all(task: PlaceTask, workers: int, kept: Path, report: Callable[[str, int, int], None]) -> dict[int, float]:
+    """Return the accuracy of each place by its index; each is kept in a file, and a resumed run reads it there."""
+    accuracy = _read(kept, len(task.places))
+    report("places", len(accuracy), len(task.places))
+    missing = [index for index in range(len(task.places)) if index not in accuracy]
+    for index, found in each_batch(accuracy_at, task, missing, workers):
+        accuracy[index] = found
+        write_text(kept, [json_text({str(place): value for place, value in accuracy.items()})])
+        report("places", len(accuracy), len(task.places))
+    return accuracy
+
+
+def _read(path: Path, places: int) -> dict[int, float]:
+    """Return the accuracies that a stopped run kept; none if the file is missing or not whole."""
+    try:
+        held = read_json(path, dict[str, float], "accuracies of places")
+    except EharError:
+        return {}
+    return {index: held[str(index)] for index in range(places) if str(index) in held}
+
+
+def _check_place(path: Path, setting: Setting) -> None:
+    """Raise a UsageError where the place of another recogniser would be lost to one for your own."""
+    if setting.conditions.recogniser is None or not path.is_file():
+        return
+    try:
+        load_fixed_place(replace(setting.conditions, models=path.parent), setting.data, setting.recogniser_sha256)
+    except ModelError as error:
+        raise UsageError(f"{error}: remove it, or choose another --out") from error

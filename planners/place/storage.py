@@ -1,0 +1,90 @@
+"""The place of `fixed-best` on disk: a small JSON file that names the recogniser which it was fitted for."""
+
+import hashlib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ehar.conditions import Conditions
+from ehar.data.motion_data import MotionData
+from ehar.errors import ModelError
+from ehar.files import json_text, read_json, write_text
+from planners.place.go_to_place import GoToPlace, Place
+
+SHIPPED = Path(__file__).parents[1] / "weights"
+FIXED_BEST = "fixed-best"
+
+
+@dataclass(frozen=True)
+class FixedPlace:
+    """The place relative to people that is best on the validation part, for one recogniser and sensor.
+
+    Args:
+        place: the place.
+        sha256: hash of the file, recorded beside results.
+    """
+
+    place: Place
+    sha256: str
+
+    @property
+    def planner(self) -> GoToPlace:
+        """A new planner that goes there."""
+        return GoToPlace(name=FIXED_BEST, place=self.place, sha256=self.sha256)
+
+
+@dataclass(frozen=True)
+class FixedPlaceDescription:
+    """The content of the file.
+
+    Args:
+        recogniser_sha256: hash of the recogniser whose accuracy decided.
+        place: the best place.
+        training: how it was fitted, with the accuracy of each place; kept for people, not read back.
+    """
+
+    recogniser_sha256: str
+    place: Place
+    training: dict[str, Any]
+
+
+def fixed_place_path(directory: Path, conditions: Conditions) -> Path:
+    """Return the path of the file in a models directory."""
+    return directory / f"{FIXED_BEST}-{conditions.seen}.json"
+
+
+def save_fixed_place(path: Path, place: Place, *, recogniser_sha256: str, history: dict[str, Any]) -> None:
+    """Save a place.
+
+    Args:
+        path: the JSON file.
+        place: the best place.
+        recogniser_sha256: hash of the recogniser whose accuracy decided.
+        history: how it was fitted; kept for people, not read back.
+    """
+    write_text(path, [json_text(asdict(FixedPlaceDescription(recogniser_sha256, place, history)))])
+
+
+def load_fixed_place(conditions: Conditions, data: MotionData, recogniser_sha256: str) -> FixedPlace:
+    """Load the place, and check that it belongs to the recogniser.
+
+    Args:
+        conditions: conditions of the fit: folder, sensor and views.
+        data: the data that it will be used on.
+        recogniser_sha256: hash of the recogniser that it will work with.
+
+    Raises:
+        ModelError: the file is missing or malformed, or belongs to another recogniser.
+    """
+    path = fixed_place_path(conditions.directory or SHIPPED / data.name, conditions)
+    if not path.is_file():
+        command = f"`ehar train fixed-best {conditions.options} {conditions.models_option}`"
+        raise ModelError(f"{path}: no such file: expected a fixed place, as made by {command}")
+    what = "a fixed place, as `ehar train fixed-best` writes it"
+    description = read_json(path, FixedPlaceDescription, what, wrong=ModelError)
+    if description.recogniser_sha256 != recogniser_sha256:
+        raise ModelError(
+            f"{path}: fitted for another recogniser: its sha256 was {description.recogniser_sha256[:12]}..., "
+            f"this one's is {recogniser_sha256[:12]}...; fit it again"
+        )
+    return FixedPlace(description.place, hashlib.sha256(path.read_bytes()).hexdigest())
