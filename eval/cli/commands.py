@@ -399,9 +399,9 @@ STUDY = CommandGroup(
         "trainings": Command(
             "eval.studies.trainings:trainings",
             show_result,
-            text="""Take runs of several trainings of recogniser and gain field together.
+            text="""Take runs of several trainings together, in one table.
 
-            Means over trainings, intervals that cover them too, and their spread.
+            Means over trainings of recogniser and gain field, and how far they lie apart.
 
             For example:
                 ehar study trainings runs/duo-0 runs/duo-1 runs/duo-2

@@ -37,7 +37,7 @@ def show_run(run: "Run", *, report: bool = True) -> None:
         from eval.reports.page import make_report  # imported here: it brings plotly
 
         print(f"report: {make_report(run.directory)}")
-    output_console().print(f"\n{closing_sentences(run.summary)}")
+    output_console().print(f"\n{closing_sentences(run.summary)}", markup=False)
 
 
 def show_table(table: "Table") -> None:

@@ -71,7 +71,7 @@ class Basis:
         if not self.of_people:
             return f"Intervals rest on {self.text}: they do not cover other people."
         if self.few:
-            return f"Intervals rest on only {self.text}: they are too narrow where people differ much."
+            return f"Intervals rest on only {self.text}, who say little about other people."
         if self.mixed:
             return f"Intervals rest on {self.text}: they are a little too narrow, as the same people are in several."
         return f"Intervals rest on {self.text} and their {_count(self.sequences, 'sequence')}."

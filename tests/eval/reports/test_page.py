@@ -205,8 +205,8 @@ def one_class(records: dict[str, EpisodeRecords]) -> dict[str, EpisodeRecords]:
         (one_class(three_planners()), "No intervals can be had: there is one class only"),
         ({"mine": make_records(2), "oracle": make_records(3)}, "Gap closed needs both no-act and oracle"),
         ({"no-act": make_records(1), "mine": make_records(2)}, "Gap closed needs both no-act and oracle"),
-        ({"no-act": make_records(1)}, "there is nothing to compare with it"),
-        ({"oracle": make_records(1)}, "there is nothing to compare with it"),
+        ({"no-act": make_records(1)}, "there is nothing to compare"),
+        ({"oracle": make_records(1)}, "there is nobody to compare"),
         ({"mine": make_records(1)}, "There is no pair to compare"),
         ({name: flown(of) for name, of in three_planners().items()}, "Cameras flew, and flights make no moves."),
         (

@@ -107,7 +107,7 @@ def test_people_are_resampled_where_the_records_name_them() -> None:
 def test_a_table_says_aloud_that_people_are_few() -> None:
     records = {name: make_records(row, skill=row, episodes=40, people=4) for row, name in enumerate(("no-act", "nbv"))}
     tables = summary_of(records).tables()
-    said = "Intervals rest on only 4 people: they are too narrow where people differ much."
+    said = "Intervals rest on only 4 people, who say little about other people."
     assert [table.notice for table in tables] == [said, said]
     assert f"\n\n**{said}**\n\n" in markdown(*tables) and f'<p class="notice">{said}</p>' in html(tables[0])
     console = Console(width=100, record=True, file=io.StringIO(), force_terminal=True)
