@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from ehar import Camera, Conditions, EharError, World
 from ehar.sensors.perfect import PerfectSensor
@@ -16,6 +17,8 @@ from eval import benchmark, headroom, read_run, verify
 from eval.running.run import Run
 from planners.value.model import gain_model_path, load_gain_model, save_gain_model
 from recognition.environments import make_vector_env
+from recognition.networks.features import features
+from recognition.networks.graph import parents
 from recognition.setting import load_setting
 from tests.helpers.gain_models import model_of, peak_weights
 from tests.helpers.random_networks import save_random_world
@@ -107,7 +110,7 @@ def test_weights_of_another_world_are_refused_in_one_line(lab: Path, world: str,
 
 
 def test_shipped_weights_are_of_the_paper_s_world() -> None:
-    with pytest.raises(EharError, match="trained in the world paper .* asked for indoor"):
+    with pytest.raises(EharError, match=r"trained in the world paper .* asked for indoor"):
         load_setting(Conditions(data="duo", world="indoor"))
 
 
@@ -130,7 +133,7 @@ def test_another_length_is_said_aloud_and_in_the_table(lab: Path) -> None:
 
 
 def test_a_sensor_with_another_camera_is_refused_and_one_with_the_world_s_runs(lab: Path) -> None:
-    with pytest.raises(EharError, match="camera: expected that of the world lab, 320 x 240 px, .* got 1280 x 720 px"):
+    with pytest.raises(EharError, match=r"camera: expected that of the world lab, 320 x 240 px, .* got 1280 x 720 px"):
         load_setting(told(lab, sensor=PerfectSensor()))
     camera = Camera(320, 240, 300)
     assert load_setting(told(lab, sensor=PerfectSensor(camera=camera))).runner.sensor.camera == camera
@@ -143,8 +146,12 @@ def test_the_recogniser_reads_pixels_as_its_world_s_camera_takes_them(lab: Path)
     recogniser = setting.runner.recogniser
     joints = PerfectSensor(camera=setting.world.camera).sense(positions, viewpoint, None)  # type: ignore[arg-type]
     seen = recogniser._features(joints, viewpoint)  # type: ignore[attr-defined]
-    # At the centre's depth, features are metres: as far as the people are spread.
-    assert float(seen[..., :2].abs().max()) == pytest.approx(0.8, abs=0.6)
+    sensed = (torch.from_numpy(joints.joints_2d), torch.from_numpy(joints.confidence))
+    distance = torch.from_numpy(viewpoint[:, 0].astype(np.float32))
+    of = torch.from_numpy(parents(setting.data.skeleton))
+    expected, other = (features(*sensed, distance, of, camera) for camera in (setting.world.camera, Camera()))
+    torch.testing.assert_close(seen, expected)
+    assert not torch.allclose(seen, other, atol=0.1)
 
 
 def test_environments_and_headroom_follow_the_world(lab: Path) -> None:
