@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from ehar import Camera, Conditions, EharError, World
 from ehar.sensors.perfect import PerfectSensor
@@ -16,6 +17,8 @@ from eval import benchmark, headroom, read_run, verify
 from eval.running.run import Run
 from planners.value.model import gain_model_path, load_gain_model, save_gain_model
 from recognition.environments import make_vector_env
+from recognition.networks.features import features
+from recognition.networks.graph import parents
 from recognition.setting import load_setting
 from tests.helpers.gain_models import model_of, peak_weights
 from tests.helpers.random_networks import save_random_world
@@ -143,8 +146,12 @@ def test_the_recogniser_reads_pixels_as_its_world_s_camera_takes_them(lab: Path)
     recogniser = setting.runner.recogniser
     joints = PerfectSensor(camera=setting.world.camera).sense(positions, viewpoint, None)  # type: ignore[arg-type]
     seen = recogniser._features(joints, viewpoint)  # type: ignore[attr-defined]
-    # At the centre's depth, features are metres: as far as the people are spread.
-    assert float(seen[..., :2].abs().max()) == pytest.approx(0.8, abs=0.6)
+    sensed = (torch.from_numpy(joints.joints_2d), torch.from_numpy(joints.confidence))
+    distance = torch.from_numpy(viewpoint[:, 0].astype(np.float32))
+    of = torch.from_numpy(parents(setting.data.skeleton))
+    expected, other = (features(*sensed, distance, of, camera) for camera in (setting.world.camera, Camera()))
+    torch.testing.assert_close(seen, expected)
+    assert not torch.allclose(seen, other, atol=0.1)
 
 
 def test_environments_and_headroom_follow_the_world(lab: Path) -> None:

@@ -202,7 +202,7 @@ def test_the_ratio_is_part_of_the_recognition() -> None:
 
 def move_of(agent: Agent, observation: Observation) -> tuple[IntArray, FloatArray]:
     """Return moves (B,) and states (B, S) of a first frame; there is room for every move."""
-    everywhere = Workspace(distance_min=1.0, distance_max=20.0, polar_min=-1.0, polar_max=3.0)
+    everywhere = Workspace(distance_min=1.0, distance_max=20.0, polar_max=3.0)
     agent.reset(replace(tiny_context(episodes=len(observation.viewpoint)), workspace=everywhere))
     steps = agent.act(observation)[:, None] - apply_moves(
         observation.viewpoint[:, None], np.arange(len(MOVES))[None], everywhere
