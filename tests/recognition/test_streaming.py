@@ -181,3 +181,21 @@ def test_a_state_stays_valid(recogniser: TrainedRecogniser, frames: Any) -> None
     take(recogniser, state.reset(np.ones(EPISODES, dtype=bool)), frames[:4])
     again, _ = recogniser.step(state, *frames[4])
     np.testing.assert_array_equal(first.log_probs, again.log_probs)
+
+
+def test_the_size_of_pieces_changes_nothing(frames: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = NetworkSpec.of(tiny_data(persons=PERSONS), form="ctrgcn", size="half", length=LENGTH)
+    network = spec.build()
+    randomised(network)
+    assert isinstance(network, CTRGCN)
+    half = PrefixRecogniser(network=network, spec=spec, temperature=TEMPERATURE, sha256="0")
+    found = []
+    for frames_at_once in (1, 10**9):  # clip by clip, and all clips at once
+        monkeypatch.setattr("recognition.streaming.FRAMES_AT_ONCE", frames_at_once)
+        state, seen = half.start(EPISODES), []
+        for sensed, viewpoint in frames:
+            recognition, state = half.step(state, sensed, viewpoint)
+            seen.append(np.concatenate(recognition, axis=-1))
+        found.append(np.stack(seen))
+    np.testing.assert_allclose(found[0], found[1], atol=1e-4)
+    assert found[0].shape == (LENGTH, EPISODES, len(half.class_names) + 128)
