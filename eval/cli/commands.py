@@ -125,7 +125,7 @@ TRAIN = CommandGroup(
         "all": Command(
             "eval.running.training:train_all",
             show_trained,
-            text="""Train recogniser, gain field, fixed-best and agents, in this order.
+            text="""Train recogniser, gain field, fixed-best, agents, in order.
 
             What is done is kept; stopped and started again, it goes on.
 
@@ -170,7 +170,7 @@ TRAIN = CommandGroup(
         "fixed-best": Command(
             "eval.running.training:train_fixed_best",
             show_trained,
-            text="""Find the place relative to people that is best on validation.
+            text="""Find the place that is best on validation, for fixed-best.
 
             For the recogniser in --models, or the one that ships. What is done is kept.
 
