@@ -368,6 +368,8 @@ def _identify(config: TrainingConfig, data_sha256: str) -> dict[str, Any]:
     told, own = vars(config.conditions), vars(config)
     identity = {name: told[name] for name in ("views", "form", "length", "fps", "seed")}
     identity |= {name: value for name, value in own.items() if name not in NOT_DECISIVE}
+    if config.optimiser != "published":
+        del identity["clips"]  # they only end the training: with more of them, a checkpoint goes on
     identity["sensor"] = config.conditions.sensor_name
     init_sha256 = None if config.init is None else hashlib.sha256(config.init.read_bytes()).hexdigest()
     return {**identity, "data_sha256": data_sha256, "init_sha256": init_sha256}
