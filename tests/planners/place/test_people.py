@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from ehar.arrays import FloatArray
 from ehar.data.skeleton import Skeleton
-from ehar.data.source import load_data
+from ehar.data.synthetic.body import SKELETON as BODY
 from ehar.viewpoint import wrap_difference
 from planners.place.people import azimuths_at, trunk_of
 from tests.helpers.examples import share_of_examples
@@ -34,8 +34,7 @@ def assert_same_angle(found: FloatArray, expected: FloatArray | float, tolerance
 def test_the_trunk_is_where_limbs_join_it() -> None:
     names = tuple(SKELETON.joint_names[joint] for joint in trunk_of(SKELETON).ravel())
     assert names == ("left_shoulder", "right_shoulder", "left_foot", "right_foot")  # its feet hang on the pelvis
-    data = load_data("duo")
-    names = tuple(data.skeleton.joint_names[joint] for joint in trunk_of(data.skeleton).ravel())
+    names = tuple(BODY.joint_names[joint] for joint in trunk_of(BODY).ravel())
     assert names == ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
 
 
