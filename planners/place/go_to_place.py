@@ -72,7 +72,8 @@ class GoToPlace(Planner):
 
     def reset(self, context: Context) -> None:
         """Forget the people."""
-        self._people = PeopleTracker(skeleton=context.skeleton, frame_time=context.frame_time)
+        camera = context.world.camera
+        self._people = PeopleTracker(skeleton=context.skeleton, frame_time=context.frame_time, camera=camera)
         self._workspace = context.workspace
 
     def act(self, observation: Observation) -> FloatArray:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
+from ehar.camera import Camera
 from ehar.data.skeleton import Skeleton
 from ehar.planner import Observation
 from planners.value.body_filter import BodyFilter, mirrored_pairs
@@ -64,12 +65,13 @@ class PeopleTracker:
     Args:
         skeleton: the skeleton, which says left from right.
         frame_time: time of one frame [s].
+        camera: the world's camera; None is the paper's.
     """
 
-    def __init__(self, *, skeleton: Skeleton, frame_time: float) -> None:
+    def __init__(self, *, skeleton: Skeleton, frame_time: float, camera: Camera | None = None) -> None:
         """Create the tracker."""
         pairs = trunk_of(skeleton)
-        self._body = BodyFilter(pairs=pairs, frame_time=frame_time) if len(pairs) else None
+        self._body = BodyFilter(pairs=pairs, frame_time=frame_time, camera=camera) if len(pairs) else None
 
     def update(self, observation: Observation) -> None:
         """Take in one more frame; frame 0 forgets what was before."""
