@@ -93,7 +93,7 @@ def test_a_run_is_verified_and_its_episodes_run_once_more(world: Path) -> None:
 def test_nothing_is_run_unless_asked_for(world: Path) -> None:
     log = Log()
     found = verify(world / "run", reporter=log)
-    assert found.verdict == "verified" and log.jobs == 0 and len(found.checks) == 8
+    assert found.verdict == "verified" and log.jobs == 0 and len(found.checks) == 9
 
 
 def test_a_flight_is_compared_with_the_ideal_track_and_flown_once_more(world: Path, tmp_path: Path) -> None:
@@ -209,7 +209,7 @@ EDITS: list[tuple[str, str, Callable[[Any], object], str]] = [
         lambda rows: rows[61].update(label=2 - rows[61]["label"]),
         "random, episode 1 ('sequence-15'",
     ),
-    (EPISODES, "records", lambda rows: rows[61].update(subjects=[5]), "'): subjects: got [5], expected [-1]"),
+    (EPISODES, "records", lambda rows: rows[61].update(subjects=[5]), "): subjects: got [5], expected [-1]"),
     (EPISODES, "records", lambda rows: [row.update(subjects=[5, 6]) for row in rows], "subjects: got [5, 6], expected"),
     (EPISODES, "records", lambda rows: rows[61].update(sequence="mine"), "sequence: got mine, expected sequence-15"),
     (
