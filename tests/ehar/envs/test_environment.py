@@ -203,6 +203,24 @@ def test_a_small_workspace_bounds_starts_and_moves() -> None:
             assert env.episodes.workspace.contains(env.episodes.viewpoint).all()
 
 
+def test_an_agent_that_writes_into_what_it_is_shown_changes_nothing() -> None:
+    returns = []
+    for writes in (False, True):
+        env = EpisodeVectorEnv(4, task("estimator"))
+        observations, info = env.reset(seed=0)
+        total, moves = np.zeros(4), np.random.default_rng(0)
+        for _ in range(LENGTH - 1):
+            if writes:
+                for array in (*observations.values(), *info.values()):
+                    array[...] = 0  # the true labels, and what is recognised, among them
+            observations, rewards, _, _, info = env.step(moves.integers(0, 7, size=4))
+            total += rewards
+        returns.append(total)
+        with pytest.raises(ValueError, match="read-only"):
+            env.episodes.viewpoint[:] = 5.0
+    np.testing.assert_array_equal(*returns)
+
+
 def test_scenarios_that_make_no_episode() -> None:
     data = tiny_data()
     rest = {"recogniser": FakeRecogniser(), "sensor": PerfectSensor()}
