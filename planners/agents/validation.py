@@ -81,10 +81,8 @@ class Ending:
     def __str__(self) -> str:
         """Return a line for the console; one that warns says so."""
         if self.better:
-            return (
-                f"warning: cut short at {self.ended:,} {self.unit}, still getting better (best at {self.best:,}): "
-                "more may help"
-            )
+            still = "still getting better" if self.best == self.ended else f"too soon after the best at {self.best:,}"
+            return f"warning: cut short at {self.ended:,} {self.unit}, {still}: more may help"
         return f"validation stopped getting better after {self.best:,} of at most {self.most:,} {self.unit}"
 
     def to_json(self) -> dict[str, Any]:

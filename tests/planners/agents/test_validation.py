@@ -47,7 +47,9 @@ def test_a_line_says_why_a_training_ended() -> None:
     assert str(stopped) == "validation stopped getting better after 60,000 of at most 600,000 frames"
     assert (stopped.ended, stopped.better) == (120_000, False)
     short = Ending.of([50, 60, 59], [30_000, 60_000, 90_000], patience=2, most=90_000, unit="frames")
-    assert str(short).startswith("warning: cut short at 90,000 frames, still getting better (best at 60,000)")
+    assert str(short) == "warning: cut short at 90,000 frames, too soon after the best at 60,000: more may help"
+    rising = Ending.of([50, 60, 61], [30_000, 60_000, 90_000], patience=2, most=90_000, unit="frames")
+    assert str(rising) == "warning: cut short at 90,000 frames, still getting better: more may help"
 
 
 @dataclass
