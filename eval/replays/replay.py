@@ -10,7 +10,7 @@ from ehar.errors import UsageError
 from eval.replays.choice import Chosen, choose_episodes, choose_planners
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.running.run import Run, read_run
-from eval.scores.training_seeds import first_trainings
+from eval.scores.resampling.training_seeds import first_trainings
 
 if TYPE_CHECKING:
     from eval.replays.episode import EpisodeReplay

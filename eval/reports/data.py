@@ -25,10 +25,10 @@ from eval.scores.metrics import Reliability, reliability
 from eval.scores.planner_accuracy import accuracy_bands, draw_resamples, planner_accuracy
 from eval.scores.planner_summary import NO_ACT
 from eval.scores.predictability import Predictability, predictability
-from eval.scores.resamples import Resamples
+from eval.scores.resampling.resamples import Resamples
+from eval.scores.resampling.training_seeds import curves, group_planners
 from eval.scores.seed_accuracy import pool_seeds, seeds_of
 from eval.scores.summary import Summary
-from eval.scores.training_seeds import curves, group_planners
 
 STAGED_FROM = 4  # frames that an episode needs for three stages
 

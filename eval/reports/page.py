@@ -26,7 +26,7 @@ from eval.running.progress import ConsoleReporter, Reporter
 from eval.running.run import class_names, read_run
 from eval.scores.closing import closing_sentences
 from eval.scores.planner_summary import NO_ACT
-from eval.scores.training_seeds import first_trainings
+from eval.scores.resampling.training_seeds import first_trainings
 
 REPORT = "report.html"
 SCRIPTS = ("theme.js", "figures.js", "tables.js", "codec.js", "canvas.js", "scene.js", "views.js", "replay.js")

@@ -10,7 +10,7 @@ from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.errors import ModelError, UsageError
 from ehar.planner import Planner
-from eval.scores.training_seeds import group_planners, record_name, split_record_name
+from eval.scores.resampling.training_seeds import group_planners, record_name, split_record_name
 from planners.own_planner import Origin, check_planner_contract
 from planners.registry import (
     check_spec,

@@ -18,9 +18,9 @@ from eval.records.episodes import EpisodeRecords, episode_lines, read_episodes
 from eval.records.run_files import EPISODES, SUMMARY, check_out
 from eval.scores.closing import closing_sentences
 from eval.scores.metrics import ACC_AT, mean_acc, path_length, right_at
+from eval.scores.resampling.training_seeds import curves, first_trainings
 from eval.scores.seed_accuracy import pool_seeds
 from eval.scores.summary import Summary, read_summary
-from eval.scores.training_seeds import curves, first_trainings
 
 if TYPE_CHECKING:
     import pandas

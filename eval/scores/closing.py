@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from eval.scores.differences import excludes_zero
 from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
-from eval.scores.statistics import Interval
+from eval.scores.resampling.statistics import Interval
 from eval.scores.summary import Summary
 
 _NAMED = 3  # planners that a sentence lists by name; more are counted

@@ -7,8 +7,8 @@ import numpy as np
 from ehar.arrays import FloatArray
 from eval.records.episodes import EpisodeRecords
 from eval.scores.metrics import mean_acc
-from eval.scores.resamples import resample_episodes
-from eval.scores.statistics import BOOTSTRAP_SEED
+from eval.scores.resampling.resamples import resample_episodes
+from eval.scores.resampling.statistics import BOOTSTRAP_SEED
 
 
 class ClassGains(NamedTuple):

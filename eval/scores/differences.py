@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from eval.scores.planner_accuracy import PlannerAccuracy
-from eval.scores.resamples import Resamples
+from eval.scores.resampling.resamples import Resamples
+from eval.scores.resampling.statistics import Interval, pair
 from eval.scores.sequence_scores import probability_of_improvement, resampled_improvements, wins
-from eval.scores.statistics import Interval, pair
 
 NBV = "nbv"
 SUBJECTS = ("il-ppo", "dagger", NBV, "il", "ppo")  # compared with every other planner; the earlier one is the minuend

@@ -8,10 +8,10 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from eval.records.episodes import EpisodeRecords
 from eval.scores.metrics import mean_acc
-from eval.scores.resamples import Resamples, resample_episodes
+from eval.scores.resampling.resamples import Resamples, resample_episodes
+from eval.scores.resampling.statistics import why_no_intervals
+from eval.scores.resampling.training_seeds import PlannerGroup, curves, group_planners, resample_seeds, seed_counts
 from eval.scores.sequence_scores import accuracy_by_sequence
-from eval.scores.statistics import why_no_intervals
-from eval.scores.training_seeds import PlannerGroup, curves, group_planners, resample_seeds, seed_counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ def accuracy_bands(records: Mapping[str, EpisodeRecords], resamples: Resamples) 
     """Return the interval of each planner's accuracy after each frame, (L, 2), 0 to 1; NaN without resamples.
 
     Each frame's interval holds for that frame, not for the curve as a whole. The curves are those of
-    `eval.scores.training_seeds.curves`, and the resamples are those of a summary's intervals.
+    `eval.scores.resampling.training_seeds.curves`, and the resamples are those of a summary's intervals.
 
     Args:
         records: records on the same episodes, by record name.

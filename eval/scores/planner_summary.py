@@ -10,7 +10,7 @@ from eval.records.flights import KEYS, FlightSummary, flight_numbers
 from eval.records.solves import Solves
 from eval.scores.metrics import ACC_AT
 from eval.scores.planner_metrics import METRICS
-from eval.scores.statistics import Interval
+from eval.scores.resampling.statistics import Interval
 
 NO_ACT, ORACLE = "no-act", "oracle"  # the two ends of the gap
 

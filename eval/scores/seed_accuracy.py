@@ -8,7 +8,7 @@ import numpy as np
 
 from eval.records.episodes import EpisodeRecords, join_records
 from eval.scores.metrics import acc_at, mean_acc
-from eval.scores.training_seeds import group_planners
+from eval.scores.resampling.training_seeds import group_planners
 
 TABLE_3 = (  # the paper's rows: without the embeddings of f^A, without f^V, without f^P, with everything
     "il-ppo-no-embedding",

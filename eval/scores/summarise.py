@@ -15,11 +15,11 @@ from eval.scores.metrics import ACC_AT, acc_at, gap_closed, mean_acc
 from eval.scores.planner_accuracy import PlannerAccuracy, draw_resamples, planner_accuracy
 from eval.scores.planner_metrics import METRICS
 from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
-from eval.scores.resamples import Resamples
+from eval.scores.resampling.resamples import Resamples
+from eval.scores.resampling.statistics import pair
+from eval.scores.resampling.training_seeds import PlannerGroup, group_planners, mean_over_seeds, resample_seeds
 from eval.scores.sequence_scores import interquartile_mean, resampled_interquartile_means
-from eval.scores.statistics import pair
 from eval.scores.summary import Summary
-from eval.scores.training_seeds import PlannerGroup, group_planners, mean_over_seeds, resample_seeds
 
 
 def summarise(

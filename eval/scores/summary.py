@@ -12,8 +12,8 @@ from eval.records.config import RunConfig
 from eval.records.episodes import EpisodeRecords
 from eval.scores.differences import Difference
 from eval.scores.planner_summary import NO_ACT, PlannerSummary, parse_planner
-from eval.scores.resamples import Basis
-from eval.scores.training_seeds import group_planners
+from eval.scores.resampling.resamples import Basis
+from eval.scores.resampling.training_seeds import group_planners
 
 if TYPE_CHECKING:
     from eval.render.tables import Table

@@ -15,7 +15,7 @@ from eval.scores.differences import Difference
 from eval.scores.metrics import ACC_AT, Metric
 from eval.scores.planner_metrics import METRICS
 from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
-from eval.scores.resamples import Basis
+from eval.scores.resampling.resamples import Basis
 
 TOGETHER = "Intervals are corrected together: all of them cover in 95 of 100 such tables."
 _SPREAD = "±"

@@ -15,10 +15,10 @@ from eval.scores.differences import Difference, compare_pairs
 from eval.scores.metrics import gap_closed, mean_acc
 from eval.scores.planner_accuracy import PlannerAccuracy, draw_resamples
 from eval.scores.planner_summary import NO_ACT, ORACLE
-from eval.scores.resamples import Basis, Resamples
+from eval.scores.resampling.resamples import Basis, Resamples
+from eval.scores.resampling.statistics import BOOTSTRAP_SEED, Interval, pair, resample_counts
+from eval.scores.resampling.training_seeds import group_planners
 from eval.scores.sequence_scores import accuracy_by_sequence
-from eval.scores.statistics import BOOTSTRAP_SEED, Interval, pair, resample_counts
-from eval.scores.training_seeds import group_planners
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from eval.records.config import CONFIG, PlannerConfig
 from eval.running.run import Run, read_run
 from eval.scores.differences import compare_pairs
 from eval.scores.planner_accuracy import PlannerAccuracy, draw_resamples, planner_accuracy
-from eval.scores.resamples import Resamples
-from eval.scores.training_seeds import PlannerGroup, group_planners
+from eval.scores.resampling.resamples import Resamples
+from eval.scores.resampling.training_seeds import PlannerGroup, group_planners
 from eval.studies.compare_table import ComparedPlanners
 from eval.studies.compare_table import Comparison as Comparison
 from eval.studies.same_episodes import check_same_episodes, label, shown

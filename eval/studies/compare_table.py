@@ -6,7 +6,7 @@ from pathlib import Path
 
 from eval.render.tables import Table, html, interval_text, p_text, share_text
 from eval.scores.differences import Difference
-from eval.scores.resamples import Basis
+from eval.scores.resampling.resamples import Basis
 from eval.scores.summary_table import TOGETHER, basis_lines
 
 _DIFFERENCE = 3  # column

@@ -10,7 +10,7 @@ from eval.render.tables import Table, interval_text, markdown, no_interval_footn
 from eval.running.run import read_run
 from eval.scores.differences import excludes_zero
 from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
-from eval.scores.statistics import Interval
+from eval.scores.resampling.statistics import Interval
 from eval.scores.summary import Summary
 
 TOLD = ("sensor", "views", "track")  # a column names these conditions if the runs differ in them

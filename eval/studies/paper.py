@@ -12,9 +12,9 @@ from eval.running.run import Run, class_names, read_run
 from eval.scores.metrics import ACC_AT, frame_at
 from eval.scores.planner_accuracy import accuracy_bands, draw_resamples, planner_accuracy
 from eval.scores.predictability import predictability
+from eval.scores.resampling.statistics import pair
+from eval.scores.resampling.training_seeds import group_planners
 from eval.scores.seed_accuracy import TABLE_3, accuracy_over_seeds, pool_seeds, seeds_of
-from eval.scores.statistics import pair
-from eval.scores.training_seeds import group_planners
 from eval.studies.analyse import FOLDER
 from eval.studies.analysis import (
     MOVES_MADE,

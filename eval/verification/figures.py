@@ -9,8 +9,8 @@ from ehar.files import json_text
 from eval.records.config import RunConfig
 from eval.records.episodes import EpisodeRecords
 from eval.records.run_files import SUMMARY
+from eval.scores.resampling.training_seeds import split_record_name
 from eval.scores.summarise import summarise
-from eval.scores.training_seeds import split_record_name
 
 UNRECORDED = (
     "step_ms",

@@ -59,5 +59,7 @@ def test_a_vehicle_is_not_mistaken_for_the_grid(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["rail", "", "px4", "vehicle.yaml"])
 def test_an_unknown_track_lists_the_known_ones(name: str) -> None:
-    with pytest.raises(UsageError, match="expected ideal, px4-auto, px4-max, tracking-drone, or a vehicle file"):
+    with pytest.raises(
+        UsageError, match="expected ideal, px4-auto, px4-max, tracking-drone, ground-robot, or a vehicle file"
+    ):
         load_track(name)

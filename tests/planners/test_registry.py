@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from ehar.errors import UsageError
+from eval.scores.resampling.training_seeds import record_name, split_record_name
 from eval.scores.seed_accuracy import TABLE_3
-from eval.scores.training_seeds import record_name, split_record_name
 from planners.agents.agent import Agent
 from planners.oracle import OracleLookahead
 from planners.place.storage import FixedPlace

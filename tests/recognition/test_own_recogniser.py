@@ -104,7 +104,8 @@ def run(planners: Any = None, **options: Any) -> Any:
 def test_it_runs_under_every_planner_that_was_not_trained_for_ours(own: Path, tmp_path: Path) -> None:
     log = Log()
     summary = run(recogniser=f"{own}:Mine(gain=2)", out=tmp_path / "run", reporter=log).summary
-    expected = ["no-act", "random", "towards", "h-rotate", "v-rotate", "oracle", "oracle-lookahead"]
+    rules = ["no-act", "random", "towards", "h-rotate", "v-rotate", "near-level", "front", "side"]
+    expected = [*rules, "oracle", "oracle-lookahead"]
     assert [planner.name for planner in summary.planners] == expected
     field, agents = log.notes
     assert field.startswith("left out: nbv-greedy, nbv-search, nbv: no gain field was trained for this recogniser: ")
@@ -159,7 +160,7 @@ def test_the_commands(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
     save_motion(own.parent / "tiny.npz", DATA)
     options = ["--data", str(own.parent / "tiny.npz")]
     main(["check", "recogniser", f"{own}:Mine", "--gain", "2", *options])
-    assert "recogniser Mine(gain=2): 14 passed, 1 not checked" in capsys.readouterr().out
+    assert "recogniser Mine(gain=2): 15 passed, 1 not checked" in capsys.readouterr().out
     with pytest.raises(SystemExit) as ended:
         main(["check", "recogniser", f"{own}:Wide", *options])
     assert ended.value.code == 1

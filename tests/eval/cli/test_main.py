@@ -230,7 +230,7 @@ def test_check_planner_exits_with_1_where_a_check_fails(
     own = tmp_path / "own.py"
     own.write_text(OWN_PLANNER)
     for planner, code, said in (
-        ([f"{own}:Mine", "--radius", "6"], 0, "planner mine(radius=6): 10 passed"),
+        ([f"{own}:Mine", "--radius", "6"], 0, "planner mine(radius=6): 11 passed"),
         ([f"{own}:Peeping"], 1, "  FAILED       no row looks at another\n"),
     ):
         assert exit_code(["check", "planner", *planner, "--data", str(tiny)]) == code

@@ -8,7 +8,7 @@ import pytest
 from eval.records.episodes import EpisodeRecords
 from eval.running.run import Run
 from eval.scores.closing import closing_sentences
-from eval.scores.resamples import Basis
+from eval.scores.resampling.resamples import Basis
 from eval.scores.summary import Summary
 from tests.helpers.made_records import config_of_run, make_records, summary_of
 

@@ -16,10 +16,10 @@ from eval.records.run_files import SUMMARY
 from eval.render.figures import draw_accuracy
 from eval.render.tables import Rendered, html, markdown
 from eval.running.run import write_records
-from eval.scores.resamples import Basis
-from eval.scores.statistics import BOOTSTRAP_SEED, resample_counts
+from eval.scores.resampling.resamples import Basis
+from eval.scores.resampling.statistics import BOOTSTRAP_SEED, resample_counts
+from eval.scores.resampling.training_seeds import curves, seed_counts
 from eval.scores.summary import Summary
-from eval.scores.training_seeds import curves, seed_counts
 from eval.studies.overview import difference_table, gap_table, read_overview
 from tests.helpers.made_records import CONFIG_OF_RUN, make_records, summary_of
 

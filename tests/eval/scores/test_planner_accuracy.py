@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 
 from eval.scores.planner_accuracy import accuracy_bands, draw_resamples
-from eval.scores.training_seeds import curves
+from eval.scores.resampling.training_seeds import curves
 from tests.helpers.made_records import make_records, three_planners
 
 

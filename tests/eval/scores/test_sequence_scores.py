@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import mannwhitneyu, trim_mean
 
+from eval.scores.resampling.statistics import resample_counts
 from eval.scores.sequence_scores import (
     accuracy_by_sequence,
     interquartile_mean,
@@ -12,7 +13,6 @@ from eval.scores.sequence_scores import (
     resampled_interquartile_means,
     wins,
 )
-from eval.scores.statistics import resample_counts
 
 
 def test_the_accuracy_of_a_sequence_is_over_all_its_episodes_and_frames() -> None:

@@ -86,6 +86,7 @@ def test_every_figure_is_written_and_printed(tmp_path: Path, monkeypatch: pytest
         "flops_ratio_published_widths",
         "time_ratio_published_widths",
         "refresh_over_plain_frame",
+        "training_clips_per_s",
         "shipped_weights",
     }
     assert all(figure > 0 for name, figure in figures.items() if name not in ("shipped_weights", "nbv_fallback_share"))

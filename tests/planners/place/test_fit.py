@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,7 @@ def wants_level(viewpoint: FloatArray) -> FloatArray:
 
 class LevelRecogniser(FakeRecogniser):
     sha256 = "level"
+    spec = SimpleNamespace(length=LENGTH)
 
     def __init__(self) -> None:
         super().__init__(quality=wants_level)

@@ -218,9 +218,9 @@ def test_fields_learn_from_the_policy_part_and_the_belief_from_unseen_people(
         run.append(set(collection.sequences.tolist()))
         return collection
 
-    def believing(*rollouts: Any) -> BeliefModel:
+    def believing(*rollouts: Any, **told: Any) -> BeliefModel:
         believed.append(set(rollouts[3].tolist()))
-        return fit_belief(*rollouts)
+        return fit_belief(*rollouts, **told)
 
     monkeypatch.setattr(gain_collection, "collect_batch", watched)
     monkeypatch.setattr(gain_training, "fit_belief", believing)

@@ -15,9 +15,8 @@ from eval.render.figures import draw_accuracy
 from eval.render.tables import Rendered, markdown
 from eval.scores.differences import SUBJECTS, Difference
 from eval.scores.metrics import ece, gap_closed, mean_acc, nll, path_length
-from eval.scores.statistics import BOOTSTRAP_SEED, RESAMPLES, interval, resample_counts, resampled_means
-from eval.scores.summarise import summarise
-from eval.scores.training_seeds import (
+from eval.scores.resampling.statistics import BOOTSTRAP_SEED, RESAMPLES, interval, resample_counts, resampled_means
+from eval.scores.resampling.training_seeds import (
     curves,
     group_planners,
     mean_over_seeds,
@@ -26,6 +25,7 @@ from eval.scores.training_seeds import (
     seed_counts,
     split_record_name,
 )
+from eval.scores.summarise import summarise
 from tests.helpers.made_records import CONFIG_OF_RUN, flown, make_records, summary_of
 
 

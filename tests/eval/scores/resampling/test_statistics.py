@@ -6,7 +6,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from eval.scores.metrics import gap_closed
-from eval.scores.statistics import (
+from eval.scores.resampling.statistics import (
     Variance,
     Widening,
     interval,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from eval.scores.resamples import FEW, Basis, Resamples, resample_episodes
-from eval.scores.statistics import RESAMPLES, interval, resample_counts
+from eval.scores.resampling.resamples import FEW, Basis, Resamples, resample_episodes
+from eval.scores.resampling.statistics import RESAMPLES, interval, resample_counts
 
 
 def drawn(subjects: list[list[int]], windows: int = 1) -> Resamples:

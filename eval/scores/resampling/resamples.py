@@ -6,7 +6,7 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.motion_data import UNKNOWN_SUBJECT
-from eval.scores.statistics import (
+from eval.scores.resampling.statistics import (
     BOOTSTRAP_SEED,
     RESAMPLES,
     Simultaneous,

@@ -39,15 +39,10 @@ class Variance(NamedTuple):
 
 
 class Widening(NamedTuple):
-    """How much wider than a bootstrap's an interval has to be, because some units are few.
+    """How much wider than a bootstrap's an interval has to be, because some units are few."""
 
-    Args:
-        factor: (...), by which the standard error of the bootstrap is too small.
-        freedom: (...), degrees of freedom of that standard error; infinite if no units are few.
-    """
-
-    factor: FloatArray
-    freedom: FloatArray
+    factor: FloatArray  # (...), by which the standard error of the bootstrap is too small
+    freedom: FloatArray  # (...), degrees of freedom of that standard error; infinite if no units are few
 
     @property
     def of_interval(self) -> FloatArray:
@@ -59,19 +54,12 @@ class Widening(NamedTuple):
 
 
 class Simultaneous(NamedTuple):
-    """Intervals and p-values of m differences that are corrected together.
+    """Intervals and p-values of m differences that are corrected together."""
 
-    Args:
-        ends: (m, 2); the chance that all of these intervals cover is 95 %.
-        p: (m,) adjusted p-values: 5 % bounds the chance of any false claim among the m.
-        p_alone: (m,) p-values of each difference by itself.
-        smallest: (m,) the true difference whose interval would exclude zero in 80 of 100 such runs; NaN if a
-            difference does not vary.
-    """
-
-    ends: FloatArray
-    p: FloatArray
-    p_alone: FloatArray
+    ends: FloatArray  # (m, 2); the chance that all of these intervals cover is 95 %
+    p: FloatArray  # (m,) adjusted p-values: 5 % bounds the chance of any false claim among the m
+    p_alone: FloatArray  # (m,) p-values of each difference by itself
+    # (m,) the true difference whose interval would exclude zero in 80 of 100 such runs; NaN without variation
     smallest: FloatArray
 
 

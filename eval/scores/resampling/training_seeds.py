@@ -14,7 +14,7 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import DataError
 from eval.records.episodes import EpisodeRecords
-from eval.scores.statistics import BOOTSTRAP_SEED, resample_counts
+from eval.scores.resampling.statistics import BOOTSTRAP_SEED, resample_counts
 
 _RECORD_NAME = re.compile(r"(.+)/(0|[1-9][0-9]*)")
 

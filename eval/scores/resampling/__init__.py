@@ -1,0 +1,1 @@
+"""How sure a score is: people, sequences and trainings are resampled, and intervals follow."""
