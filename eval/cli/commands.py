@@ -370,7 +370,7 @@ STUDY = CommandGroup(
             },
         ),
         "analyse": Command(
-            "eval.studies.analyse:analyse",
+            "eval.studies.behaviour.analyse:analyse",
             show_result,
             text="""Analyse a finished run as the paper does.
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from ehar.lazy import lazy_exports
 
 if TYPE_CHECKING:
-    from eval.studies.analysis import Analysis as Analysis
+    from eval.studies.behaviour.analysis import Analysis as Analysis
     from eval.studies.belief import BeliefReport as BeliefReport
     from eval.studies.compare_table import Comparison as Comparison
     from eval.studies.explanation import Explanation as Explanation
@@ -19,7 +19,7 @@ else:
             "Headroom": "eval.studies.headroom",
             "BeliefReport": "eval.studies.belief",
             "Explanation": "eval.studies.explanation",
-            "Analysis": "eval.studies.analysis",
+            "Analysis": "eval.studies.behaviour.analysis",
             "Comparison": "eval.studies.compare_table",
             "RunOverview": "eval.studies.overview",
             "Trainings": "eval.studies.trainings",

@@ -15,8 +15,8 @@ from eval.scores.predictability import predictability
 from eval.scores.resampling.statistics import pair
 from eval.scores.resampling.training_seeds import group_planners
 from eval.scores.seed_accuracy import TABLE_3, accuracy_over_seeds, pool_seeds, seeds_of
-from eval.studies.analyse import FOLDER
-from eval.studies.analysis import (
+from eval.studies.behaviour.analyse import FOLDER
+from eval.studies.behaviour.analysis import (
     MOVES_MADE,
     POSITIONS,
     STATES,

@@ -104,10 +104,11 @@ def run(planners: Any = None, **options: Any) -> Any:
 def test_it_runs_under_every_planner_that_was_not_trained_for_ours(own: Path, tmp_path: Path) -> None:
     log = Log()
     summary = run(recogniser=f"{own}:Mine(gain=2)", out=tmp_path / "run", reporter=log).summary
-    rules = ["no-act", "random", "towards", "h-rotate", "v-rotate", "near-level", "front", "side"]
+    rules = ["no-act", "random", "towards", "h-rotate", "v-rotate", "near-level", "side", "front"]
     expected = [*rules, "oracle", "oracle-lookahead"]
     assert [planner.name for planner in summary.planners] == expected
-    field, agents = log.notes
+    place, field, agents = log.notes
+    assert place.startswith("left out: fixed-best: no ")
     assert field.startswith("left out: nbv-greedy, nbv-search, nbv: no gain field was trained for this recogniser: ")
     assert agents.startswith("left out: il, ppo, il-ppo, dagger: no agent was trained for this recogniser: expected ")
     config = json.loads((tmp_path / "run" / "config.json").read_text())

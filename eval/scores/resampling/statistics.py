@@ -27,15 +27,10 @@ Interval = tuple[float, float]
 
 
 class Variance(NamedTuple):
-    """The variance of a statistic that one kind of unit causes alone, such as people.
+    """The variance of a statistic that one kind of unit causes alone, such as people."""
 
-    Args:
-        values: (...), the variance of the statistic when only these units are resampled.
-        units: number of units, at least 2.
-    """
-
-    values: FloatArray
-    units: int
+    values: FloatArray  # (...), the variance of the statistic when only these units are resampled
+    units: int  # number of units, at least 2
 
 
 class Widening(NamedTuple):

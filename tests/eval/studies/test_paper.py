@@ -9,8 +9,8 @@ from ehar.errors import UsageError
 from eval.cli.main import main
 from eval.running.run import Run, read_run
 from eval.scores.metrics import acc_at
-from eval.studies.analyse import FOLDER
-from eval.studies.analysis import POSITIONS
+from eval.studies.behaviour.analyse import FOLDER
+from eval.studies.behaviour.analysis import POSITIONS
 from eval.studies.paper import accuracy_table, figures_table, paper, paper_tables
 from tests.helpers.made_records import make_records, write_finished
 

@@ -15,9 +15,9 @@ from eval.records.config import CONFIG, PlannerConfig
 from eval.records.episodes import EpisodeRecords, episode_lines
 from eval.records.run_files import EPISODES, SUMMARY
 from eval.running.run import read_run
-from eval.studies.agent_states import Purity
-from eval.studies.analyse import analyse
-from eval.studies.analyse_figure import draw_states
+from eval.studies.behaviour.agent_states import Purity
+from eval.studies.behaviour.analyse import analyse
+from eval.studies.behaviour.figure import draw_states
 from planners.agents.network import STATE
 from tests.helpers.agents import save_untrained
 from tests.helpers.fakes import CLASS_NAMES, tiny_data

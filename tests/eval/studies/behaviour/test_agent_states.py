@@ -11,7 +11,7 @@ from ehar.errors import DataError, ModelError, UsageError
 from ehar.planner import Observation
 from eval.records.config import CONFIG
 from eval.running.run import read_run
-from eval.studies.agent_states import AgentStates, agent_states, load_agent, map_states, neighbour_purity
+from eval.studies.behaviour.agent_states import AgentStates, agent_states, load_agent, map_states, neighbour_purity
 from planners.agents.network import STATE
 from tests.helpers.agents import save_untrained
 from tests.helpers.fakes import tiny_data

@@ -18,7 +18,7 @@ from eval.scores.behaviour import (
 from eval.scores.planner_summary import NO_ACT
 from eval.scores.predictability import predictability
 from eval.scores.seed_accuracy import TABLE_3, accuracy_over_seeds, seeds_of
-from eval.studies.agent_states import (
+from eval.studies.behaviour.agent_states import (
     MOST,
     AgentLoader,
     agent_states,
@@ -26,7 +26,15 @@ from eval.studies.agent_states import (
     map_states,
     neighbour_purity,
 )
-from eval.studies.analysis import MOVES_MADE, POSITIONS, STATES, Analysis, Positions, StateMap, analysis_markdown
+from eval.studies.behaviour.analysis import (
+    MOVES_MADE,
+    POSITIONS,
+    STATES,
+    Analysis,
+    Positions,
+    StateMap,
+    analysis_markdown,
+)
 
 DEFAULTS = ("il-ppo", "nbv")  # the first that ran
 ANALYSIS, TABLES = "analysis.json", "analysis.md"
@@ -55,7 +63,7 @@ def analyse(
     Raises:
         EharError: one line that says what was got and what was expected.
     """
-    from eval.studies.analyse_figure import (  # matplotlib takes a second to import
+    from eval.studies.behaviour.figure import (  # matplotlib takes a second to import
         draw_moves,
         draw_positions,
         draw_states,

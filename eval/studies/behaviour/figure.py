@@ -16,7 +16,7 @@ from eval.render.figures import clean
 from eval.render.palette import CLASSES, EDGE, LINE, NEUTRAL, THIN, looks
 from eval.scores.behaviour import STAGES, PositionHistogram
 from eval.scores.planner_summary import NO_ACT
-from eval.studies.agent_states import Purity
+from eval.studies.behaviour.agent_states import Purity
 
 MARKERS = ("o", "^", "s", "D", "v", "P", "X", "*")  # 64 pairs of colour and marker, one for each class
 LEGEND_ROWS = 22

@@ -12,7 +12,7 @@ from eval.scores.behaviour import LEVEL_FROM, STAGES, PositionHistogram
 from eval.scores.planner_summary import NO_ACT
 from eval.scores.predictability import LEVELS, NO_EPISODE, Predictability
 from eval.scores.seed_accuracy import TABLE_3_AT, SeedAccuracy, Spread
-from eval.studies.agent_states import EVERY, AgentStates, Purity
+from eval.studies.behaviour.agent_states import EVERY, AgentStates, Purity
 
 POSITIONS, MOVES_MADE, STATES = "positions.png", "moves.png", "states.png"  # beside analysis.md, which links them
 
