@@ -108,13 +108,14 @@ OTHER = {
     "fps": 25.0,
     "sensor": "estimator",
     "sensor_sha256": "8",
+    "world": "indoor",
 }
 
 
 @pytest.mark.parametrize("name", SAME_EPISODES)
 def test_other_episodes_are_refused_with_both_values(tmp_path: Path, name: str) -> None:
     a, b = two_runs(tmp_path, **{name: OTHER[name]})
-    before = CONFIG_OF_RUN.to_json()[name]
+    before = CONFIG_OF_RUN.world.name if name == "world" else CONFIG_OF_RUN.to_json()[name]
     values = "tiny (synthetic) 0, tiny (synthetic) 9" if name == "data_sha256" else f"{before}, {OTHER[name]}"
     with pytest.raises(UsageError) as refused:
         compare(a, b)
