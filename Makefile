@@ -17,7 +17,7 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 	touch $@
 
 benchmark: setup
-	$(RUN)ehar benchmark --data duo --out runs/duo-perfect-moving
+	$(RUN)ehar benchmark --data duo --sensor estimator --starts 5 --out runs/duo-estimator
 
 test: setup
 	$(RUN)pytest -n 2 --dist worksteal
@@ -120,6 +120,10 @@ $(SETS:%=runs/agents-%-estimator/summary.json): runs/agents-%-estimator/summary.
 	$(EHAR) benchmark $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* \
 	  --starts $(STARTS) --out $(@D)
 
+$(SETS:%=runs/agents-%-perfect/summary.json): runs/agents-%-perfect/summary.json: models/%/all-perfect-moving
+	$(EHAR) benchmark $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor perfect --models models/$* \
+	  --starts $(STARTS) --out $(@D)
+
 $(SETS:%=runs/agents-%-paper/summary.json): runs/agents-%-paper/summary.json: models/%/all-perfect-paper
 	$(EHAR) benchmark $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor perfect --views paper --models models/$* \
 	  --starts $(STARTS) --out $(@D)
@@ -155,6 +159,35 @@ $(SETS:%=runs/form-%-causal/summary.json): runs/form-%-causal/summary.json: mode
 
 $(SETS:%=runs/form-%-ctrgcn/summary.json): runs/form-%-ctrgcn/summary.json: models/%/ctrgcn-perfect-moving.safetensors
 	$(EHAR) benchmark no-act $(call data_of,$*) --models models/$* --form ctrgcn --starts 2 --no-report --out $(@D)
+
+# The paper's setting: the published network at PAPER_SIZE, its optimiser, and agents as the paper trains them. Where no
+# GPU is at hand, PAPER_SIZE=half and PAPER_AGENTS="--episodes 1500 --frames 500000 --seeds 1" take hours, not days.
+PAPER_SIZE ?= published
+PAPER_AGENTS ?= --seeds $(SEEDS)
+PAPER := --views paper --form ctrgcn
+LEFT_OUT := embedding log-probs time vision position
+PAPER_PLANNERS := no-act random towards h-rotate v-rotate il ppo il-ppo $(LEFT_OUT:%=il-ppo-no-%) oracle
+
+models/paper-duo/trained models/paper-solo/trained: models/paper-%/trained: | setup
+	$(EHAR) train recogniser $($*) $(PAPER) --size $(PAPER_SIZE) --optimiser published --batch 64 --clips 200000 --out $(@D)
+	$(EHAR) train agent $($*) $(PAPER) --models $(@D) --setting paper $(PAPER_AGENTS)
+	for part in $(LEFT_OUT); do $(EHAR) train agent $($*) $(PAPER) --models $(@D) --setting paper $(PAPER_AGENTS) \
+	  --stages il,il-ppo --without $$part || exit 1; done
+	touch $@
+
+runs/paper-duo/summary.json runs/paper-solo/summary.json: runs/paper-%/summary.json: models/paper-%/trained
+	$(EHAR) benchmark $(PAPER_PLANNERS) $($*) $(PAPER) --models models/paper-$* --starts $(STARTS) --out $(@D)
+	$(EHAR) study analyse $(@D) --planners il-ppo --states il-ppo/0
+
+# Imitation on solo with one option of its own, as il in models/solo-NAME.
+soft := --labels soft
+lookahead := --teacher oracle-lookahead
+rounds := --rounds 2
+OPTIONS := soft lookahead rounds
+$(OPTIONS:%=runs/imitation-solo-%/summary.json): runs/imitation-solo-%/summary.json: models/solo/causal-perfect-paper.safetensors
+	mkdir -p models/solo-$* && cp models/solo/causal-perfect-paper.* models/solo-$*
+	$(EHAR) train agent $(solo) --views paper --models models/solo-$* --seeds $(SEEDS) --stages il $($*)
+	$(EHAR) benchmark no-act il oracle $(solo) --views paper --models models/solo-$* --starts $(STARTS) --no-report --out $(@D)
 
 # Write the page $(1) with the title $(2): the command $(3), when it ran, and the tables $(4).
 page = { printf '%s\n' '\# $(2)' '' '```' '$(3)' '```' '' \
@@ -197,7 +230,26 @@ docs/results/headroom.md: $(SETS:%=runs/headroom-%/summary.json)
 docs/results/forms.md: $(foreach set,duo hdm05,$(foreach form,causal ctrgcn,runs/form-$(set)-$(form)/summary.json))
 	$(call page,$@,The streaming form against the published one,ehar benchmark no-act --data duo --form ctrgcn --starts 2,$(^:summary.json=table.md))
 
-PAGES := planners nbv exact-joints flown trainings flight-solo ablation-sbu belief headroom forms
+docs/results/conditions.md: $(foreach set,duo solo,$(foreach kind,paper perfect estimator,runs/agents-$(set)-$(kind)/summary.json))
+	$(call side_by_side,il-ppo,Two synthetic sets under three conditions)
+
+docs/results/paper.md: runs/paper-duo/summary.json runs/paper-solo/summary.json
+	$(RUN)ehar study paper $(^:/summary.json=) --out runs/$(@F)
+	$(call page,$@,The setting and the tables of the paper,ehar study paper $(^:/summary.json=),runs/$(@F))
+
+docs/results/agents.md: runs/agents-solo-paper/summary.json $(OPTIONS:%=runs/imitation-solo-%/summary.json)
+	$(call page,$@,What options of imitation are worth,ehar benchmark no-act il oracle,$(^:summary.json=table.md))
+
+docs/results/behaviour.md: runs/agents-hdm05-estimator/summary.json
+	$(RUN)ehar study analyse $(<D) --planners il-ppo nbv
+	cp $(<D)/analysis/*.png docs/results
+	$(call page,$@,Where the agent goes,ehar study analyse $(<D) --planners il-ppo nbv,$(<D)/analysis/analysis.md)
+
+docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/summary.json runs/rules-$(set)-perfect/summary.json)
+	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$(^:summary.json=table.md))
+
+PAGES := planners nbv exact-joints conditions flown trainings flight-solo ablation-sbu belief headroom forms paper agents \
+  behaviour benchmarks
 results: $(PAGES:%=docs/results/%.md)
 
 clean:
