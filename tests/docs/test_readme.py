@@ -17,7 +17,7 @@ def test_it_begins_with_a_sentence_a_picture_and_a_short_table() -> None:
     assert title.startswith("# ") and sentence.endswith(".") and picture.startswith("![")
     rows = list(itertools.takewhile(lambda line: line.startswith("|"), table))
     assert 3 <= len(rows) <= 2 + 6  # below the head and its rule
-    assert {row.count("|") - 1 for row in rows} == {6}
+    assert len({row.count("|") for row in rows}) == 1
 
 
 def test_the_planner_has_ten_lines_at_most() -> None:

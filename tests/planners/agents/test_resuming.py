@@ -139,7 +139,6 @@ def test_a_checkpoint_without_what_belongs_in_it(config: AgentTrainingConfig) ->
     ("changes", "named"),
     [
         ({"frames": 1000}, "ppo.frames"),
-        ({"setting": "paper"}, "ppo.copies, ppo.critic_rollouts, ppo.hindsight, ppo.hold, variations"),
         ({"variations": 1}, "variations"),
         ({"length": 7}, "length"),
         ({"data": "other"}, "data_sha256"),
