@@ -1,12 +1,14 @@
 """Loads conditions: the motion, the recogniser, the sensor and the track that they name, ready to run."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from ehar.arrays import IntArray
 from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import part_of
+from ehar.errors import ModelError, UsageError
 from ehar.runner import Runner
 from ehar.track import load_track
 from ehar.world import World, by_name, load_world
@@ -119,3 +121,19 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     trained = load_recogniser(conditions, data, device=device)
     runner = Runner(data, trained, loaded.sensor, track, world)
     return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256, trained.spec.length)
+
+
+def refuse_loss(path: Path, setting: Setting, load: Callable[[Conditions, MotionData, str], object]) -> None:
+    """Raise a UsageError where what was trained for another recogniser would be lost to what is for your own.
+
+    Args:
+        path: the file that would be written.
+        setting: the setting of the training.
+        load: loads such a file from a folder, and raises a ModelError if it is another recogniser's.
+    """
+    if setting.conditions.recogniser is None or not path.is_file():
+        return
+    try:
+        load(replace(setting.conditions, models=path.parent), setting.data, setting.recogniser_sha256)
+    except ModelError as error:
+        raise UsageError(f"{error}: remove it, or choose another --out") from error

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from ehar.data.scenario import Scenarios, split_parts, windows
-from ehar.errors import DataError, EharError, ModelError, UsageError
+from ehar.errors import DataError, EharError, UsageError
 from ehar.files import json_text, read_json, write_text
 from ehar.processes import each_batch
 from ehar.runner import Runner
@@ -19,7 +19,7 @@ from planners.place.config import FixedBestConfig
 from planners.place.go_to_place import GoToPlace, Place
 from planners.place.people import trunk_of
 from planners.place.storage import FIXED_BEST, fixed_place_path, load_fixed_place, save_fixed_place
-from recognition.setting import Setting, load_setting
+from recognition.setting import Setting, load_setting, refuse_loss
 
 # Shares of the way from the nearest to the farthest distance. On the grid a way of 4 m costs most of an episode, so
 # the camera may also keep its distance and make all of its moves around the people.
@@ -110,7 +110,7 @@ def fit_fixed_best(config: FixedBestConfig, report: Callable[[str, int, int], No
         raise UsageError("train fixed-best: expected --models DIR, or --out DIR where the shipped recogniser is used")
     setting = load_setting(conditions)
     path = fixed_place_path(directory, conditions)
-    _check_place(path, setting)
+    refuse_loss(path, setting, load_fixed_place)
     part, scenarios = validation_windows(setting)
     places = candidate_places(tells_front=len(trunk_of(setting.data.skeleton)) > 0)
     task = PlaceTask(setting.runner, scenarios, places, conditions.seed)
@@ -199,13 +199,3 @@ def _read(path: Path, places: int) -> dict[int, float]:
     except EharError:
         return {}
     return {index: held[str(index)] for index in range(places) if str(index) in held}
-
-
-def _check_place(path: Path, setting: Setting) -> None:
-    """Raise a UsageError where the place of another recogniser would be lost to one for your own."""
-    if setting.conditions.recogniser is None or not path.is_file():
-        return
-    try:
-        load_fixed_place(replace(setting.conditions, models=path.parent), setting.data, setting.recogniser_sha256)
-    except ModelError as error:
-        raise UsageError(f"{error}: remove it, or choose another --out") from error

@@ -13,7 +13,7 @@ from safetensors.numpy import load_file, save
 from ehar.arrays import IntArray
 from ehar.data.motion_data import UNKNOWN_SUBJECT, MotionData
 from ehar.data.scenario import split_parts
-from ehar.errors import DataError, ModelError, UsageError
+from ehar.errors import DataError, UsageError
 from ehar.files import write_bytes
 from ehar.planner import Planner
 from ehar.world import PAPER
@@ -24,14 +24,12 @@ from planners.value.config import GainTrainingConfig
 from planners.value.fit import VARIANTS, Fit, Scores, fit_field, score_field
 from planners.value.model import FULL, GainModel, gain_model_path, load_gain_model, save_gain_model
 from planners.value.view_basis import DistanceRange
-from recognition.setting import Setting, load_setting
+from recognition.setting import Setting, load_setting, refuse_loss
 
 LEAST_LENGTH = 3  # frames of an episode: views along a path spread only if there are two to come
 FIRST_BATCHES = 12  # of rollouts; then twice as many, and so on
-UNSEEN_BATCHES = (
-    6  # on the people of the validation part: they fit the belief, and tell when more rollouts gain nothing
-)
-WORTH = 0.001  # rollouts go on while twice as many gain at least this probability on the unseen people
+UNSEEN_BATCHES = 6  # on the validation part: they fit the belief, and tell when more rollouts gain nothing
+WORTH = 0.001  # rollouts go on while twice as many gain at least this probability on the validation part
 
 
 @dataclass(frozen=True)
@@ -41,8 +39,8 @@ class GainTraining:
     Args:
         path: the weights.
         fits: the fields, with their scores in cross-validation.
-        unseen: the scores of the full field on the people of the validation part, by the number of batches.
-        second_round: the scores on them at forks of the planner's own paths: of the field before the second round,
+        unseen: the scores of the full field on the validation part, by the number of batches.
+        second_round: the scores there at forks of the planner's own paths: of the field before the second round,
             and of that after it.
         cut_short: whether more rollouts would have been worth it, or nobody knows.
     """
@@ -60,7 +58,7 @@ class GainTraining:
         gained = ""
         if len(batches) > 1:
             gain = self.unseen[batches[-1]].chosen_gain - self.unseen[batches[-2]].chosen_gain
-            gained = f"{batches[-1]} batches instead of {batches[-2]} gained {100 * gain:.2f} points on unseen people"
+            gained = f"{batches[-1]} batches instead of {batches[-2]} gained {100 * gain:.2f} points on validation"
         if not self.cut_short:
             return f"it had learned: {gained}"
         return f"cut short at {batches[-1]} batches: {gained or 'too few to tell what more bring'}"
@@ -76,7 +74,7 @@ def train_gain_field(
 
     In the first round cameras wander or stay, until twice the rollouts gain nothing. In the second round they follow a
     planner that has the first round's field, so that the field also knows the places that such a planner gets to. The
-    second round is kept if its field does better there, on unseen people.
+    second round is kept if its field does better there, on the validation part.
 
     Args:
         config: the settings of the training.
@@ -116,14 +114,14 @@ def train_gain_field(
         seed=conditions.seed,
     )
     path = gain_model_path(directory, conditions)
-    _check_place(path, setting)
+    refuse_loss(path, setting, load_gain_model)
     key = f"{data.sha256} {setting.recogniser_sha256} {conditions.length} {conditions.seed}"
     key += "" if setting.sensor_sha256 is None else f" {setting.sensor_sha256}"
     world = setting.world
     key += "" if world.agrees_with(PAPER) else f" {asdict(world)}"
     rollouts = _Rollouts(config, path, key, report)
     unseen_task = replace(task, sequences=_unseen_sequences(setting, sequences))
-    unseen = rollouts.run(unseen_task, rollouts.few, "rollouts of unseen people", "unseen")
+    unseen = rollouts.run(unseen_task, rollouts.few, "validation rollouts", "unseen")
     belief = fit_belief(
         unseen.log_probs,
         unseen.viewpoints,
@@ -143,11 +141,11 @@ def train_gain_field(
         scores[batches] = score_field(full.field, unseen, belief)
 
     leader = lead(GainModel({FULL: full.field}, belief, task.pairs))
-    told = f"led by {hashlib.sha256(full.field.absolute.tobytes() + full.field.relative.tobytes()).hexdigest()}"
+    led_by = f"led by {hashlib.sha256(full.field.absolute.tobytes() + full.field.relative.tobytes()).hexdigest()}"
     led_unseen = rollouts.run(
-        replace(unseen_task, lead=leader), rollouts.few, "led rollouts of unseen people", f"{told} unseen"
+        replace(unseen_task, lead=leader), rollouts.few, "led validation rollouts", f"{led_by} unseen"
     )
-    both = join([collection, rollouts.run(replace(task, lead=leader), batches, "led rollouts", told)])
+    both = join([collection, rollouts.run(replace(task, lead=leader), batches, "led rollouts", led_by)])
     second = fit(both, VARIANTS[FULL])
     before, after = (score_field(each.field, led_unseen, belief) for each in (full, second))
     if after.chosen_gain > before.chosen_gain:
@@ -159,21 +157,21 @@ def train_gain_field(
     report("regressions", len(VARIANTS), len(VARIANTS))
     trained = GainTraining(path, fits, scores, (before, after), not _has_learned(scores))
     model = GainModel({name: fit.field for name, fit in fits.items()}, belief, task.pairs)
-    conditions = setting.conditions
+    told = setting.conditions
     history: dict[str, Any] = {
-        **{name: getattr(conditions, name) for name in ("data", "models")},
+        **{name: getattr(told, name) for name in ("data", "models")},
         "out": None if config.out is None else str(config.out),
-        **{name: getattr(conditions, name) for name in ("sensor", "views", "length", "fps")},
+        **{name: getattr(told, name) for name in ("sensor", "views", "length", "fps")},
         "batches": batches,
         "stopped": trained.reason,
         "cut_short": trained.cut_short,
-        "seed": conditions.seed,
+        "seed": told.seed,
         "data_sha256": data.sha256,
         "cross_validation": {name: {"penalties": fit.penalties, **fit.scores._asdict()} for name, fit in fits.items()},
         "unseen_people": {str(count): found._asdict() for count, found in scores.items()},
         "second_round": {"before": before._asdict(), "after": after._asdict(), "kept": collection is both},
     }
-    own = {"recogniser": conditions.recogniser, "sensor_sha256": setting.sensor_sha256}
+    own = {"recogniser": told.recogniser, "sensor_sha256": setting.sensor_sha256}
     history |= {name: value for name, value in own.items() if value is not None}
     save_gain_model(path, model, recogniser_sha256=setting.recogniser_sha256, history=history, world=world)
     return trained
@@ -193,16 +191,6 @@ def _performers(data: MotionData, sequences: IntArray) -> IntArray:
         return sequences
     groups: IntArray = np.unique(people, axis=0, return_inverse=True)[1].ravel()
     return groups if groups.any() else sequences
-
-
-def _check_place(path: Path, setting: Setting) -> None:
-    """Raise a UsageError where the gain field of another recogniser would be lost to one for your own."""
-    if setting.conditions.recogniser is None or not path.is_file():
-        return
-    try:
-        load_gain_model(replace(setting.conditions, models=path.parent), setting.data, setting.recogniser_sha256)
-    except ModelError as error:
-        raise UsageError(f"{error}: remove it, or choose another --out") from error
 
 
 def _has_learned(scores: Mapping[int, Scores]) -> bool:
@@ -229,7 +217,7 @@ class _Rollouts:
 
     @property
     def few(self) -> int:
-        """The number of batches of unseen people."""
+        """The number of batches on the validation part."""
         return min(UNSEEN_BATCHES, self.config.batches)
 
     def run(self, task: CollectionTask, batches: int, what: str, kind: str) -> Collection:

@@ -16,6 +16,7 @@ from torch.nn import functional
 from torch.optim.swa_utils import AveragedModel
 
 from ehar.arrays import FloatArray
+from ehar.data.motion_data import UNKNOWN_SUBJECT
 from ehar.data.scenario import split_parts
 from ehar.errors import ModelError, UsageError
 from ehar.files import as_json, parse_json
@@ -152,12 +153,14 @@ class _Run:
         # If no sequence of the validation part is long enough, we validate on the recogniser's own part.
         has_own = bool((data.lengths[parts.validation] >= config.conditions.length).any())
         held_out = source(parts.validation if has_own else parts.recogniser, augment=False)
-        known = np.isin(data.subjects[parts.validation], data.subjects[parts.recogniser]).all()
-        self.validated_on = (
-            ("sequences of people it knows" if known else "people it does not know")
-            if has_own
-            else ("its own training sequences")
-        )
+        people = data.subjects[parts.validation]
+        if not has_own:
+            self.validated_on = "its own training sequences"
+        elif (people == UNKNOWN_SUBJECT).any():
+            self.validated_on = "other sequences, of people whom the data do not name"
+        else:
+            known = np.isin(people, data.subjects[parts.recogniser]).all()
+            self.validated_on = "other sequences of people it knows" if known else "people it does not know"
         self.validation = held_out.draw(np.random.default_rng(VALIDATION_SEED), VALIDATION_CLIPS)
         self.spec = NetworkSpec.of(
             data, form=config.conditions.form, size=config.size, length=config.conditions.length, world=world

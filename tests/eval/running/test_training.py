@@ -98,9 +98,9 @@ def test_a_training_alone_says_what_it_gave(tmp_path: Path, calls: list[str]) ->
         "warning: cut short at 24,000 clips",
     )
     assert train_gain_field(config.gain_field).lines == (
-        "in cross-validation; where nbv-search gets to, on unseen people, 2.00 % before the second round and 3.00 % "
+        "in cross-validation; where nbv-search gets to, on validation, 2.00 % before the second round and 3.00 % "
         f"after it; written to {tmp_path / GAIN_FIELD}.safetensors",
-        "it had learned: 24 batches instead of 12 gained 0.05 points on unseen people",
+        "it had learned: 24 batches instead of 12 gained 0.05 points on validation",
     )
     assert train_fixed_best(config.fixed_best).lines == (
         f"the best of 2 places: {PLACES['front']}",

@@ -128,9 +128,9 @@ def test_a_model_is_trained_saved_and_fits_its_recogniser(config: GainTrainingCo
         assert fit.scores.best_gain >= fit.scores.chosen_gain
     assert model.pairs.tolist() == trunk_pairs(data, split_parts(data).policy).tolist()
     assert reports == [
-        *(("rollouts of unseen people", done, 1) for done in range(2)),
+        *(("validation rollouts", done, 1) for done in range(2)),
         *(("rollouts", done, 3) for done in range(4)),
-        *(("led rollouts of unseen people", done, 1) for done in range(2)),
+        *(("led validation rollouts", done, 1) for done in range(2)),
         *(("led rollouts", done, 3) for done in range(4)),
         *(("regressions", done, 4) for done in range(5)),
     ]
@@ -246,7 +246,7 @@ def test_rollouts_stop_when_twice_as_many_gain_nothing(
     training = train_gain_field(replace(config, batches=64), searching, silent)
     assert run[:5] == [0, 0, 1, 2, 3]
     assert not training.cut_short
-    assert training.reason == "it had learned: 4 batches instead of 2 gained 0.05 points on unseen people"
+    assert training.reason == "it had learned: 4 batches instead of 2 gained 0.05 points on validation"
 
 
 def test_rollouts_that_still_gain_are_cut_short_by_their_limit(
@@ -255,7 +255,7 @@ def test_rollouts_that_still_gain_are_cut_short_by_their_limit(
     scripted(monkeypatch, [0.01, 0.02, 0.03])
     training = train_gain_field(config, searching, silent)
     assert training.cut_short
-    assert training.reason == "cut short at 3 batches: 3 batches instead of 2 gained 1.00 points on unseen people"
+    assert training.reason == "cut short at 3 batches: 3 batches instead of 2 gained 1.00 points on validation"
 
 
 @pytest.mark.parametrize("is_better", [True, False])
