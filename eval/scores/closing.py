@@ -44,7 +44,13 @@ def _found(summary: Summary) -> str:
             f"No planner beats a camera that stays: the best, {lead.name}, is {no_act.acc_mean - lead.acc_mean:.1f} "
             f"points below {NO_ACT}, {'and clearly so' if clear else 'though not clearly'}."
         )
-    standing = _standing(rivals, len([one for one in summary.planners if not one.privileged]) - 1, summary)
+    others = len([one for one in summary.planners if not one.privileged]) - 1
+    if len(rivals) < others and summary.no_intervals is None and not any(rival.clear for rival in rivals):
+        # A leader that is level with a planner which was compared with everybody: that planner's standing says more.
+        compared = [one for one in planners.values() if len(_rivals(summary, one.name)) == others]
+        lead = max(compared, key=lambda one: one.acc_mean, default=lead)
+        rivals = _rivals(summary, lead.name)
+    standing = _standing(rivals, others, summary)
     if lead.gap_closed is not None:
         ends = lead.gap_closed_ci95
         interval = "" if ends is None else f" [{100 * ends[0]:.0f}, {100 * ends[1]:.0f}]"

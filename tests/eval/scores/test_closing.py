@@ -59,6 +59,15 @@ def test_a_leader_is_compared_where_it_is_the_other_of_a_pair() -> None:
     assert " and is clearly above nbv. " in closing_sentences(summary)
 
 
+def test_a_leader_that_is_level_with_nbv_leaves_the_word_to_it() -> None:
+    # The leader has one pair alone, with nbv; nbv has a pair with everybody.
+    summary = of(no_act=LOW, spiral=right(0.5, 0.75, 0.5, 0.75), nbv=MIDDLE, h_rotate=LOW, oracle=HIGH)
+    assert summary.lead == "spiral"
+    said = closing_sentences(summary)
+    assert said.startswith("nbv closes ")
+    assert " and is clearly above no-act and h-rotate, but not above spiral. " in said
+
+
 def test_many_planners_are_counted_and_not_listed() -> None:
     twins = {f"rule-{row}": right(*np.roll([0.5, 0.5, 0.75], row)) for row in range(6)}
     summary = summary_of({"no-act": LOW, **twins, "nbv": right(0.5, 0.75, 0.75), "oracle": HIGH})
