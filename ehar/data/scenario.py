@@ -10,6 +10,7 @@ from ehar.errors import DataError, UsageError
 
 VALIDATION_SHARE = 0.15  # Sec. 5.1: train : validation = 0.85 : 0.15
 LEAST_PEOPLE = 3  # with fewer people in training, validation shares them: one person alone is too little to learn from
+LEAST_KNOWN = 5  # people whom the recogniser must keep for itself, or else the policy part shares them
 RECOGNISER_SHARE = 0.4  # Sec. 5.1: recogniser training : policy training = 0.4 : 0.6
 TEST_SHARE = 1 / 3  # for data without a split, as in AIST++ (7 of 21)
 TEST = "test"
@@ -88,15 +89,28 @@ def split_parts(data: MotionData) -> Parts:
     The data's own split decides the test part. Without a split it is a third of the subjects, or a third of each
     class's sequences if subjects are unknown. The rest is divided as in Sec. 5.1, by whole sequences, so windows of one
     sequence are always in the same part. Validation holds out people, if the rest names at least `LEAST_PEOPLE` of
-    them; a recogniser is right far more often on people that it knows. Every class with at least two sequences of other
-    people has one in the recogniser part and one in the policy part.
+    them; a recogniser is right far more often on people that it knows. So the policy part holds out people as well, if
+    the recogniser part keeps at least `LEAST_KNOWN`: planners learn what is left to win on people whom the recogniser
+    does not know. Every class with at least two sequences of other people than validation's has one in the recogniser
+    part and one in the policy part.
     """
     rng = np.random.default_rng(SPLIT_SEED)
     is_test = data.is_test if data.is_test is not None else _hold_out(data, rng)
-    unseen = _people_held_out(data, ~is_test)
+    unseen = _people_held_out(data, ~is_test, VALIDATION_SHARE)
+    known = ~is_test & ~unseen
+    others = _people_held_out(data, known, 1 - RECOGNISER_SHARE)
+    apart = (
+        unseen.any()
+        and len(np.unique(data.subjects[known & ~others])) >= LEAST_KNOWN
+        and set(data.labels[known & others]) == set(data.labels[known])
+    )
     parts: dict[str, list[IntArray]] = {"recogniser": [], "policy": [], "validation": [np.flatnonzero(unseen)]}
     for label in range(len(data.class_names)):
-        members = rng.permutation(np.flatnonzero((data.labels == label) & ~is_test & ~unseen))
+        members = rng.permutation(np.flatnonzero((data.labels == label) & known))
+        if apart:
+            parts["recogniser"].append(members[~others[members]])
+            parts["policy"].append(members[others[members]])
+            continue
         held = 0 if unseen.any() else round(VALIDATION_SHARE * len(members))
         learn = max(1, round(RECOGNISER_SHARE * (len(members) - held)))
         parts["validation"].append(members[:held])
@@ -120,15 +134,16 @@ def part_of(data: MotionData, part: str) -> IntArray:
     return sequences
 
 
-def _people_held_out(data: MotionData, train: BoolArray) -> BoolArray:
-    """Return which sequences show the people of the validation part, (sequences,); none if that is not possible.
+def _people_held_out(data: MotionData, train: BoolArray, share: float) -> BoolArray:
+    """Return which sequences show the people that a part holds out, (sequences,); none if that is not possible.
 
-    The first is the person whose share of the sequences is nearest to `VALIDATION_SHARE`. Others join as long as the
-    share comes nearer to it. Nobody is taken whose absence would leave a class with fewer than two sequences.
+    The first is the person whose share of the sequences is nearest to the part's. Others join as long as the share
+    comes nearer to it. Nobody is taken whose absence would leave a class with fewer than two sequences.
 
     Args:
         data: the data.
-        train: (sequences,) which are not for the test.
+        train: (sequences,) of which people are taken.
+        share: share of these sequences that the part wants.
     """
     held = np.zeros(len(data.labels), dtype=bool)
     people = np.unique(data.subjects[train])
@@ -139,8 +154,8 @@ def _people_held_out(data: MotionData, train: BoolArray) -> BoolArray:
         candidates = [held | (train & (data.subjects == person).any(axis=1)) for person in people]
         left = (np.bincount(data.labels[train & ~some], minlength=len(least)) for some in candidates)
         allowed = [some for some, count in zip(candidates, left, strict=True) if (count >= least).all()]
-        off = [abs(some.sum() / train.sum() - VALIDATION_SHARE) for some in allowed]
-        if not off or (held.any() and min(off) >= abs(held.sum() / train.sum() - VALIDATION_SHARE)):
+        off = [abs(some.sum() / train.sum() - share) for some in allowed]
+        if not off or (held.any() and min(off) >= abs(held.sum() / train.sum() - share)):
             break
         held = allowed[int(np.argmin(off))]
     return held

@@ -165,6 +165,21 @@ def test_validation_holds_out_several_people_if_each_has_few_sequences() -> None
     assert not held & set(data.subjects[split_parts(data).recogniser, 0])
 
 
+def test_the_recogniser_meets_nobody_whom_planners_learn_from_where_people_are_many() -> None:
+    def people(count: int) -> list[set[int]]:
+        data = performed([person for person in range(count) for _ in range(2)], [0, 1] * count)
+        parts = split_parts(data)
+        for part in (parts.recogniser, parts.policy):
+            assert set(data.labels[part]) == {0, 1}
+        return [set(data.subjects[part, 0]) for part in (parts.recogniser, parts.policy, parts.validation)]
+
+    recogniser, policy, validation = people(20)
+    assert (len(recogniser), len(policy), len(validation)) == (7, 10, 3)
+    assert not recogniser & policy and not validation & (recogniser | policy)
+    recogniser, policy, _ = people(10)  # nine or eight are left, of whom it would keep three: it shares them all
+    assert recogniser & policy
+
+
 def test_validation_takes_nobody_without_whom_a_class_is_missing() -> None:
     subjects = [*[0] * 6, *[1] * 17, *[2] * 17]
     data = performed(subjects, [*[1] * 6, *[0] * 17, *[1] * 17])
