@@ -14,7 +14,7 @@ from ehar.sensors.sensor import Sensed
 from recognition.calibration import Temperature
 from recognition.networks.causal import CausalCTRGCN, StreamingState
 from recognition.networks.ctrgcn import CTRGCN
-from recognition.networks.features import features
+from recognition.networks.features import features, with_view
 from recognition.networks.graph import parents
 from recognition.networks.spec import NetworkSpec
 
@@ -107,7 +107,7 @@ class StreamingRecogniser(_Recogniser):
         """See one more frame; shapes as in `ehar.recogniser.Recogniser.step`."""
         with torch.inference_mode():
             forked = state.network.forks > 1
-            seen = self._features(sensed, viewpoint)
+            seen = with_view(self._features(sensed, viewpoint), self._to_device(viewpoint))
             logits, embedding, after = self._network.step(seen if forked else seen[:, None], state.network)
             recognition = self._recognition(logits, embedding, after.count.cpu().numpy())
         if not forked:

@@ -14,6 +14,8 @@ from recognition.networks.layers import (
     refreshes,
 )
 
+WEIGHING = 16  # hidden units of what weighs frames
+
 
 @dataclass(frozen=True)
 class BlockState:
@@ -31,7 +33,7 @@ class StreamingState:
         forks: number F of alternatives of each episode. A tensor that they still share has a fork axis of size 1.
         count: (B,) number of frames seen.
         blocks: the state of each block, over B * P bodies.
-        pooled: (B, D, F') the sum of pooled features over the frames seen.
+        pooled: (B, D + 1, F') the weighted sum of pooled features over the frames seen, and last the sum of weights.
     """
 
     forks: int
@@ -122,7 +124,9 @@ class CausalCTRGCN(nn.Module):
     """CTR-GCN with a running counterpart for every operation over time.
 
     The logits after frame t depend only on the frames up to t. So one pass over a clip gives the logits of every
-    prefix, and training sees all observation ratios at once.
+    prefix, and training sees all observation ratios at once. The published network pools all frames alike. Here each
+    frame has a weight, which it learns from the frame's own features: where a camera sees little, its frames count
+    less, and a good view found late is not outvoted by the bad ones before it.
 
     Args:
         classes: number K of classes.
@@ -145,6 +149,7 @@ class CausalCTRGCN(nn.Module):
             CausalBlock(inputs=before, outputs=after, partition=partition, residual=i > 0)
             for i, (before, after) in enumerate(zip(inputs, widths, strict=True))
         )
+        self.weigh = nn.Sequential(nn.Linear(widths[-1] + channels, WEIGHING), nn.ReLU(), nn.Linear(WEIGHING, 1))
         self.dropout = nn.Dropout(dropout)
         self.classify = nn.Linear(widths[-1], classes)
 
@@ -155,16 +160,28 @@ class CausalCTRGCN(nn.Module):
         normed: Tensor = self.input_norm(flat.transpose(1, 2))
         return normed.view(batch * persons, joints, channels, frames).permute(0, 2, 3, 1)
 
+    def _weighted(self, x: Tensor, bodies: Tensor) -> Tensor:
+        """Return the features of frames times their weights, and the weights last: (B, T, D + 1).
+
+        A weight is between 0 and 1. It depends on the pooled features, and on the mean of the frame's input: how sure
+        the sensor is of its joints, and where the camera stands.
+
+        Args:
+            x: (B, T, P, J, C), the input; T may be the fork axis.
+            bodies: (B * P, D, T), the last block's features, pooled over joints.
+        """
+        batch, frames, persons = x.shape[:3]
+        pooled = bodies.view(batch, persons, -1, frames).mean(dim=1).transpose(1, 2)
+        weight = torch.sigmoid(self.weigh(torch.cat([pooled, x.mean(dim=(2, 3))], dim=2)))
+        return torch.cat([weight * pooled, weight], dim=2)
+
     def forward(self, x: Tensor) -> Tensor:
         """Return the logits (B, T, K) after every frame, from features (B, T, P, J, C)."""
-        batch, frames, persons = x.shape[:3]
         bodies = self._bodies(x).transpose(2, 3).contiguous()
         for block in self.blocks:
             bodies = block(bodies)
-        pooled = bodies.mean(dim=2).view(batch, persons, -1, frames).mean(dim=1)
-        counts = torch.arange(1, frames + 1, device=x.device)
-        embedding = (pooled.cumsum(dim=2, dtype=torch.float32) / counts).transpose(1, 2)
-        logits: Tensor = self.classify(self.dropout(embedding))
+        total = self._weighted(x, bodies.mean(dim=2)).cumsum(dim=1, dtype=torch.float32)
+        logits: Tensor = self.classify(self.dropout(total[..., :-1] / total[..., -1:]))
         return logits
 
     def start(self, episodes: int, persons: int) -> StreamingState:
@@ -174,7 +191,7 @@ class CausalCTRGCN(nn.Module):
             forks=1,
             count=torch.zeros(episodes, dtype=torch.int64, device=weight.device),
             blocks=tuple(block.start(episodes * persons) for block in self._typed_blocks()),
-            pooled=weight.new_zeros(episodes, self.embedding_size, 1),
+            pooled=weight.new_zeros(episodes, self.embedding_size + 1, 1),
         )
 
     def step(self, x: Tensor, state: StreamingState) -> tuple[Tensor, Tensor, StreamingState]:
@@ -183,7 +200,7 @@ class CausalCTRGCN(nn.Module):
         Returns:
             logits (B, F, K), embedding (B, F, D), and the state after the frame.
         """
-        batch, forks, persons = x.shape[:3]
+        persons = x.shape[2]
         count = state.count + 1
         due = torch.tensor([refreshes(int(c)) for c in count.tolist()], device=x.device)
         body_count, body_due = count.repeat_interleave(persons), due.repeat_interleave(persons)
@@ -192,8 +209,8 @@ class CausalCTRGCN(nn.Module):
         for block, before in zip(self._typed_blocks(), state.blocks, strict=True):
             bodies, after = block.step(bodies, before, body_count, body_due)
             blocks.append(after)
-        pooled = state.pooled + bodies.mean(dim=3).view(batch, persons, -1, forks).mean(dim=1)
-        embedding = (pooled / count[:, None, None]).transpose(1, 2)
+        pooled = state.pooled + self._weighted(x, bodies.mean(dim=3)).transpose(1, 2)
+        embedding = (pooled[:, :-1] / pooled[:, -1:]).transpose(1, 2)
         after_frame = StreamingState(state.forks, count, tuple(blocks), pooled)
         return self.classify(embedding), embedding, after_frame
 

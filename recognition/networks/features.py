@@ -1,4 +1,4 @@
-"""The features of a frame: joints, bones and partners in the image, in metres at the centre's depth."""
+"""The features of a frame: joints, bones and partners in the image, in metres at the centre's depth; and the view."""
 
 import torch
 from torch import Tensor
@@ -8,11 +8,26 @@ from ehar.camera import Camera
 JOINT_CHANNELS = 5  # x and y within the person, x and y of the person, confidence
 BONE_CHANNELS = 3  # x and y from parent to joint, confidence
 PARTNER_CHANNELS = 2  # x and y to the same joint of the other persons, where there are any
+VIEW_CHANNELS = 2  # the camera's polar angle, and the logarithm of its distance
 
 
-def channel_count(persons: int) -> int:
-    """Return the number C of features of a joint in scenes of P persons."""
-    return JOINT_CHANNELS + BONE_CHANNELS + (PARTNER_CHANNELS if persons > 1 else 0)
+def channel_count(persons: int, *, view: bool) -> int:
+    """Return the number C of features of a joint in scenes of P persons, with or without those of the view."""
+    return JOINT_CHANNELS + BONE_CHANNELS + (PARTNER_CHANNELS if persons > 1 else 0) + (VIEW_CHANNELS if view else 0)
+
+
+def with_view(seen: Tensor, viewpoint: Tensor) -> Tensor:
+    """Return features (..., P, J, C) with the view's behind those of every joint: (..., P, J, C + 2).
+
+    From far away joints are noisy, and from above people look flat: a network that knows where the camera is can tell
+    what to expect. The azimuth is left out, since people may face any way.
+
+    Args:
+        seen: (..., P, J, C), what `features` returns.
+        viewpoint: (..., 3), distance [m], azimuth and polar angle [rad].
+    """
+    view = torch.stack([viewpoint[..., 2], viewpoint[..., 0].log()], dim=-1)
+    return torch.cat([seen, view[..., None, None, :].expand(*seen.shape[:-1], VIEW_CHANNELS)], dim=-1)
 
 
 def features(joints_2d: Tensor, confidence: Tensor, distance: Tensor, parents: Tensor, camera: Camera) -> Tensor:
@@ -32,7 +47,7 @@ def features(joints_2d: Tensor, confidence: Tensor, distance: Tensor, parents: T
         camera: the intrinsics.
 
     Returns:
-        (..., P, J, C), C = `channel_count(P)`.
+        (..., P, J, C), C = `channel_count(P, view=False)`.
     """
     middle = joints_2d.new_tensor([camera.width / 2, camera.height / 2])
     scale = (distance / camera.focal_length)[..., None, None, None]

@@ -63,7 +63,7 @@ class NetworkSpec:
             if self.form == "causal":
                 return CausalCTRGCN(
                     classes=len(self.class_names),
-                    channels=channel_count(self.persons),
+                    channels=channel_count(self.persons, view=True),
                     partition=torch.from_numpy(topology),
                     widths=self.widths,
                     dropout=DROPOUT,
@@ -72,7 +72,7 @@ class NetworkSpec:
                 classes=len(self.class_names),
                 joints=len(self.skeleton.joint_names),
                 persons=self.persons,
-                in_channels=channel_count(self.persons),
+                in_channels=channel_count(self.persons, view=False),
                 adjacency=topology,
                 widths=self.widths,
                 strides=STRIDES[self.size],

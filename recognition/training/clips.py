@@ -7,13 +7,14 @@ import torch
 from torch import Tensor
 
 from ehar.arrays import FloatArray, IntArray
+from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios
 from ehar.errors import DataError
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensor, draw_noise
 from ehar.world import PAPER, World
-from recognition.networks.features import features
+from recognition.networks.features import features, with_view
 from recognition.networks.graph import parents
 from recognition.training.views import training_viewpoints
 
@@ -39,6 +40,7 @@ class ClipSource:
         length: number L of frames of a clip.
         sensor: the sensor that sees the clips.
         views: the training regime.
+        form: form of the network; the causal one is told where the camera is.
         augment: whether bodies are scaled.
         world: the world that cameras are in.
     """
@@ -51,6 +53,7 @@ class ClipSource:
         length: int,
         sensor: Sensor,
         views: str,
+        form: Form,
         augment: bool,
         world: World = PAPER,
     ) -> None:
@@ -66,7 +69,7 @@ class ClipSource:
                 f"{data.name}: expected a training sequence of at least {length} frames, the longest has {longest}"
             )
         self._data, self._sequences, self._length = data, long_enough, length
-        self._sensor, self._views, self._augment, self._world = sensor, views, augment, world
+        self._sensor, self._views, self._form, self._augment, self._world = sensor, views, form, augment, world
         weights = data.lengths[long_enough] // length
         self._probabilities = weights / weights.sum()
         self._parents = torch.from_numpy(parents(data.skeleton))
@@ -87,10 +90,12 @@ class ClipSource:
         """Return the features (B, L, P, J, C) of the clips as the sensor sees them."""
         noise = draw_noise(rng, positions.shape[:2], *positions.shape[2:4])
         sensed = sense(self._sensor, positions, viewpoints, noise)
-        return features(
+        cameras = torch.from_numpy(viewpoints.astype(np.float32))
+        seen = features(
             torch.from_numpy(sensed.joints_2d.astype(np.float32, copy=False)),
             torch.from_numpy(sensed.confidence.astype(np.float32, copy=False)),
-            torch.from_numpy(viewpoints[..., 0].astype(np.float32)),
+            cameras[..., 0],
             self._parents,
             self._sensor.camera,
         )
+        return with_view(seen, cameras) if self._form == "causal" else seen

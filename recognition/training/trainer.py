@@ -145,6 +145,7 @@ class _Run:
                 length=config.conditions.length,
                 sensor=loaded.sensor,
                 views=config.conditions.views,
+                form=config.conditions.form,
                 augment=augment,
                 world=world,
             )
