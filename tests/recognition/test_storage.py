@@ -250,6 +250,7 @@ def test_shipped_weights(built_in: MotionData, sensor: str, views: str) -> None:
         length=recogniser.spec.length,
         sensor=make_sensor(sensor, built_in),
         views=views,
+        form="causal",
         augment=False,
     ).draw(np.random.default_rng(0), 64)
     network = recogniser._network

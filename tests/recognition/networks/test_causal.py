@@ -103,6 +103,24 @@ def test_the_embedding_is_what_the_logits_are_linear_in(network: CausalCTRGCN) -
     assert_close(logits, network.classify(embedding))
 
 
+def test_the_embedding_is_the_mean_of_frames_weighed_by_what_they_show(network: CausalCTRGCN) -> None:
+    seen: dict[str, list[Tensor]] = {"pooled": [], "weight": []}
+
+    def keep(module: torch.nn.Module, given: tuple[Tensor], logit: Tensor) -> None:
+        seen["pooled"].append(given[0][..., : network.embedding_size])
+        seen["weight"].append(torch.sigmoid(logit))
+
+    x, state = clips(frames=9, persons=2), network.start(2, 2)
+    hook = network.weigh.register_forward_hook(keep)
+    for frame in x.unbind(1):
+        _, embedding, state = network.step(frame[:, None], state)
+    hook.remove()
+    pooled, weight = (torch.cat(parts, dim=1) for parts in seen.values())
+    assert weight.min() > 0 and weight.max() < 1 and weight.std() > 0.01  # not all alike
+    assert_close(embedding, (weight * pooled).sum(dim=1, keepdim=True) / weight.sum(dim=1, keepdim=True))
+    assert_close(network(x)[:, -1:], network.classify(embedding))
+
+
 @pytest.mark.parametrize("frame", [0, 3, 9, 16, 19])
 def test_no_output_depends_on_a_later_frame(network: CausalCTRGCN, frame: int) -> None:
     x = clips(persons=2).requires_grad_(True)

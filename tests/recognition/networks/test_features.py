@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ehar.camera import Camera, project
-from recognition.networks.features import channel_count, features
+from recognition.networks.features import VIEW_CHANNELS, channel_count, features, with_view
 
 PARENTS = torch.tensor([0, 0, 1])  # a chain, its first joint the centre
 CAMERA = Camera()
@@ -28,7 +28,7 @@ def seen(joints_2d: torch.Tensor, confidence: list[float], distance: float) -> t
 def test_joints_bones_and_confidence_by_hand() -> None:
     # The mean of the three joints is (1, 1) m.
     out = seen(from_metres([[0.0, 0.0], [1.0, 0.0], [2.0, 3.0]], 8.5), [0.9, 0.5, 0.7], 8.5)
-    assert out.shape == (3, channel_count(1))
+    assert out.shape == (3, channel_count(1, view=False))
     torch.testing.assert_close(out[:, WITHIN], torch.tensor([[-1.0, -1.0], [0.0, -1.0], [1.0, 2.0]]))
     torch.testing.assert_close(out[:, PERSON], torch.ones(3, 2))
     torch.testing.assert_close(out[:, CONFIDENCE], torch.tensor([0.9, 0.5, 0.7]))
@@ -74,7 +74,7 @@ def test_every_leading_axis_is_a_batch(leading: tuple[int, ...]) -> None:
     confidence = (torch.rand((*leading, 2, 3), generator=draw) - 0.3).clamp(min=0)
     distance = 5 + 10 * torch.rand(leading, generator=draw)
     whole = features(joints_2d, confidence, distance, PARENTS, CAMERA)
-    assert whole.shape == (*leading, 2, 3, channel_count(2))
+    assert whole.shape == (*leading, 2, 3, channel_count(2, view=False))
     last = (-1,) * len(leading)
     torch.testing.assert_close(
         whole[last], features(joints_2d[last], confidence[last], distance[last], PARENTS, CAMERA)
@@ -86,7 +86,7 @@ def test_the_way_to_the_partners_joints_by_hand() -> None:
     pixels = MIDDLE + metres * CAMERA.focal_length / 8.5
     confidence = torch.tensor([[1.0, 1.0], [1.0, 1.0], [1.0, 0.0]])  # the third person's second joint is missing
     out = features(pixels, confidence, torch.tensor(8.5), torch.tensor([0, 0]), CAMERA)
-    assert out.shape == (3, 2, channel_count(3))
+    assert out.shape == (3, 2, channel_count(3, view=False))
     to_partners = out[..., -2:]
     torch.testing.assert_close(to_partners[:, 0], torch.tensor([[3.0, 1.0], [0.0, -0.5], [-3.0, -0.5]]))
     torch.testing.assert_close(to_partners[:, 1], torch.tensor([[1.0, 2.0], [-1.0, -2.0], [0.0, 0.0]]))
@@ -104,3 +104,12 @@ def test_two_persons_who_move_alike_are_told_from_two_who_do_not() -> None:
         ]
         change.append((ways[1] - ways[0]).abs().sum())
     assert change[0] < 1e-5 < change[1]
+
+
+def test_the_view_stands_behind_the_features_of_every_joint_without_the_azimuth() -> None:
+    seen = torch.randn(4, 2, 3, channel_count(2, view=False), generator=torch.Generator().manual_seed(0))
+    viewpoint = torch.tensor([[8.0, azimuth, 1.2] for azimuth in (0.0, 1.0, 2.0, 3.0)])
+    out = with_view(seen, viewpoint)
+    assert out.shape == (4, 2, 3, channel_count(2, view=True))
+    torch.testing.assert_close(out[..., :-VIEW_CHANNELS], seen)
+    torch.testing.assert_close(out[..., -VIEW_CHANNELS:], torch.tensor([1.2, float(np.log(8.0))]).expand(4, 2, 3, 2))

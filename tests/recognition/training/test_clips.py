@@ -21,7 +21,7 @@ SIZE = slice(5, 7)  # of a bone in the image
 
 
 def source(data: MotionData, sequences: np.ndarray, **changes: object) -> ClipSource:
-    options = {"length": LENGTH, "sensor": PerfectSensor(), "views": "paper", "augment": False}
+    options = {"length": LENGTH, "sensor": PerfectSensor(), "views": "paper", "form": "ctrgcn", "augment": False}
     return ClipSource(data=data, sequences=sequences, **{**options, **changes})  # type: ignore[arg-type]
 
 
@@ -42,10 +42,11 @@ def bone_lengths(clips: Clips) -> torch.Tensor:
 @pytest.mark.parametrize("persons", [1, 2])
 def test_shapes(sensor: str, views: str, persons: int) -> None:
     data = tiny_data(persons=persons)
-    clips = source(data, np.arange(6), sensor=make_sensor(sensor, tiny_data()), views=views).draw(
-        np.random.default_rng(0), 4
-    )
-    assert clips.features.shape == (4, LENGTH, persons, 6, channel_count(persons))
+    for form in ("causal", "ctrgcn"):
+        clips = source(data, np.arange(6), sensor=make_sensor(sensor, tiny_data()), views=views, form=form).draw(
+            np.random.default_rng(0), 4
+        )
+        assert clips.features.shape == (4, LENGTH, persons, 6, channel_count(persons, view=form == "causal"))
     assert clips.features.dtype == torch.float32
     assert torch.isfinite(clips.features).all()
     assert clips.labels.shape == (4,)
