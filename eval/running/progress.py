@@ -4,11 +4,11 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
+from recognition.training.stopping import Evaluation, doubling_gain
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress, TaskID
-
-    from recognition.training.trainer import Evaluation
 
 
 class Reporter(Protocol):
@@ -92,10 +92,8 @@ class TrainingProgress:
         """Take the bar away."""
         self._bar.stop()
 
-    def report(self, clips: int, expected: int, evaluations: "Sequence[Evaluation] | None") -> None:
+    def report(self, clips: int, expected: int, evaluations: Sequence[Evaluation] | None) -> None:
         """Advance to a number of clips, and print the last evaluation and what more clips would bring."""
-        from recognition.training.trainer import doubling_gain  # brings torch, which is there once training reports
-
         if self._begun is None:
             self._begun = (time.monotonic(), clips)
         self._bar.update(self._task, completed=clips, total=expected)

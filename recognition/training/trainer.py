@@ -31,45 +31,22 @@ from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_c
 from recognition.training.clips import Clips, ClipSource
 from recognition.training.config import TrainingConfig
 from recognition.training.optimisers import make_optimiser, published_rate
+from recognition.training.stopping import (
+    Evaluation,
+    Outcome,
+    conclude,
+    enough_clips,
+    has_learned,
+    next_evaluation,
+)
 from recognition.weight_files import description_path, recorded_run
 
 WARM_UP = 150  # steps in which the learning rate rises; then it stays
 AVERAGING = 8.0  # how much late weights count in the average: about the last ninth of the steps
 GRADIENT_NORM = 1.0  # gradients are clipped to this norm
 VALIDATION_CLIPS = 768
-LEAST_CLIPS = 20_000  # before, a network that has not begun to learn looks like one that has learned all
-WORTH = 0.005  # training goes on while twice the clips gain at least this accuracy on validation
-SPREAD = 1.25  # from one evaluation to the next, the clips grow by this factor, but by at least the first interval
 VALIDATION_SEED = 1_000_003  # draws the same clips for every run on the same data
 PREFIXES = 10  # observation ratios at which the published form is validated: its prefixes are not cheap
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """The result of one evaluation of the averaged weights on the validation clips."""
-
-    step: int
-    clips: int  # seen in training so far
-    train_loss: float
-    nll: float
-    accuracy: float  # mean over frames, in [0, 1]
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """The end of a training.
-
-    Args:
-        best: the evaluation of the weights that are kept.
-        gain: the accuracy that the last doubling of the clips gained, in [0, 1]; None before there was one.
-        cut_short: whether more clips would have been worth it, or nobody knows.
-        reason: why it stopped, in words.
-    """
-
-    best: Evaluation
-    gain: float | None
-    cut_short: bool
-    reason: str
 
 
 @dataclass(frozen=True)
@@ -91,7 +68,7 @@ def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Ou
 
     The learning rate is constant after a short rise, and the weights that count are a running average over the steps:
     polynomial-decay averaging (Shamir and Zhang, ICML 2013, Sec. 4). So no length has to be known beforehand. Training
-    stops when twice the clips have gained less than `WORTH` on validation.
+    stops when twice the clips have gained too little on validation (`recognition.training.stopping`).
 
     The clips and dropout of a step depend only on its number and the seed. So a run that is stopped and started again
     ends like one that ran through.
@@ -117,15 +94,6 @@ def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Ou
     run = _Run(config)
     _refuse_finished(run.path, run.identity)
     return run.train(report or (lambda clips, expected, evaluations: None))
-
-
-def doubling_gain(evaluations: Sequence[Evaluation]) -> float | None:
-    """Return the accuracy that the last doubling of the clips gained; None before an evaluation at half as many.
-
-    It is the best accuracy so far, minus the best at up to half of the present clips.
-    """
-    half = [past.accuracy for past in evaluations if 2 * past.clips <= evaluations[-1].clips]
-    return max(past.accuracy for past in evaluations) - max(half) if half else None
 
 
 class _Run:
@@ -191,9 +159,9 @@ class _Run:
     def train(self, report: Report) -> Outcome:
         self._resume()
         interval = max(1, self.config.interval // self.config.batch)
-        while self.step < self.steps and not self._has_learned():
+        while self.step < self.steps and (self.runs_to_end or not has_learned(self.evaluations)):
             self.losses.append(self._learn())
-            evaluated = self.step >= self._next_evaluation(interval) or self.step == self.steps
+            evaluated = self.step >= next_evaluation(self.evaluations, interval) or self.step == self.steps
             if evaluated:
                 self._evaluate()
             if evaluated or self.step % interval == 0:
@@ -206,35 +174,24 @@ class _Run:
         """The number of clips seen so far."""
         return self.step * self.config.batch
 
-    def _next_evaluation(self, interval: int) -> int:
-        """Return the step of the next evaluation: at first after each interval, then ever farther apart."""
-        last = self.evaluations[-1].step if self.evaluations else 0
-        return max(last + interval, int(last * SPREAD))
-
-    def _has_learned(self) -> bool:
-        """Return whether twice the clips gained too little to go on; the published schedule runs to its end."""
-        if self.config.optimiser == "published" or not self.evaluations or self.evaluations[-1].clips < LEAST_CLIPS:
-            return False
-        gain = doubling_gain(self.evaluations)
-        return gain is not None and gain < WORTH
+    @property
+    def runs_to_end(self) -> bool:
+        """Whether the schedule decides when training ends: the published one does."""
+        return self.config.optimiser == "published"
 
     def _expected_clips(self) -> int:
         """Return the clips after which training stops if nothing gets better from now on."""
-        if self.config.optimiser == "published":
-            return self.config.clips
-        if not self.evaluations:
-            return min(LEAST_CLIPS, self.config.clips)
-        best = max(past.accuracy for past in self.evaluations)
-        enough = next(past.clips for past in self.evaluations if past.accuracy > best - WORTH)
-        return min(max(2 * enough, LEAST_CLIPS, self.clips), self.config.clips)
+        most = self.config.clips
+        return most if self.runs_to_end else min(enough_clips(self.evaluations, self.clips), most)
 
     def _learn(self) -> float:
         """Make one step and return its loss."""
         config = self.config
         rng = np.random.default_rng((config.conditions.seed, self.step))
         clips = self.source.draw(rng, config.batch)
-        published, progress = config.optimiser == "published", self.step / self.steps
-        rate = published_rate(progress) if published else config.learning_rate * min(1.0, (self.step + 1) / WARM_UP)
+        rate = config.learning_rate * min(1.0, (self.step + 1) / WARM_UP)
+        if self.runs_to_end:
+            rate = published_rate(self.step / self.steps)
         for group in self.optimiser.param_groups:
             group["lr"] = rate
         self.network.train()
@@ -246,7 +203,7 @@ class _Run:
             raise ModelError(f"{self.path.name}: the loss is {value} at step {self.step}: expected a finite one")
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
-        if not published:
+        if not self.runs_to_end:
             torch.nn.utils.clip_grad_norm_(self.network.parameters(), GRADIENT_NORM)
         self.optimiser.step()
         self.average.update_parameters(self.network)
@@ -300,27 +257,15 @@ class _Run:
 
     def _averaged(self) -> Network:
         """Return the network with the weights that count: with the published optimiser the last ones, as they are."""
-        network = self.network if self.config.optimiser == "published" else self.average.module
+        network = self.network if self.runs_to_end else self.average.module
         assert isinstance(network, Network)
         return network
-
-    def _outcome(self) -> Outcome:
-        """Return why training stopped, and what it reached."""
-        top = max(past.accuracy for past in self.evaluations)
-        best = next(past for past in reversed(self.evaluations) if past.accuracy == top)
-        gain, clips = doubling_gain(self.evaluations), self.clips
-        gained = "" if gain is None else f"twice the clips, {clips // 2:,} to {clips:,}, gained {100 * gain:.1f} points"
-        if self.config.optimiser == "published":
-            return Outcome(best, gain, False, f"the published schedule ended after {clips:,} clips")
-        if self._has_learned():
-            return Outcome(best, gain, False, f"it had learned: {gained} on validation")
-        return Outcome(best, gain, True, f"cut short at {clips:,} clips: {gained or 'too few to tell what more bring'}")
 
     def _finish(self) -> Outcome:
         """Calibrate and save the best weights, and remove the checkpoint."""
         self.network.load_state_dict(self.best)
         temperature = fit_temperature(self._logits(self.network, self.validation), self.validation.labels.numpy())
-        outcome = self._outcome()
+        outcome = conclude(self.evaluations, self.clips, runs_to_end=self.runs_to_end)
         history = {
             "data": self.data_title,
             "run": self.identity,

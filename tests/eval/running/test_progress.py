@@ -1,10 +1,12 @@
 """Progress: a training says what its last doubling gained, and what the next one may bring."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from eval.running import progress
 from eval.running.progress import TrainingProgress
-from recognition.training.trainer import Evaluation
+from recognition.training.stopping import Evaluation
 
 
 def evaluation(clips: int, accuracy: float) -> Evaluation:
@@ -15,7 +17,7 @@ def test_an_evaluation_says_what_a_minute_may_bring(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     now = iter([0.0, 120.0])
-    monkeypatch.setattr(progress.time, "monotonic", lambda: next(now))
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: next(now)))  # rich has its own clock
     first, second = evaluation(1000, 0.5), evaluation(2000, 0.6)
     with TrainingProgress() as bar:
         bar.report(1000, 20_000, [first])  # nothing is known of its pace

@@ -35,7 +35,7 @@ from recognition.networks.spec import NetworkSpec
 from recognition.storage import SHIPPED as RECOGNISERS
 from recognition.storage import load_recogniser, recogniser_path, save_recogniser
 from recognition.training.config import TrainingConfig
-from recognition.training.trainer import Evaluation, Outcome
+from recognition.training.stopping import Evaluation, Outcome
 from tests.helpers.fixed_places import save_place
 
 DUO = Conditions(data="duo")

@@ -19,10 +19,12 @@ from ehar.data.motion_file import load_motion, save_motion
 from ehar.data.scenario import split_parts
 from ehar.errors import DataError, EharError, ModelError, UsageError
 from recognition.storage import load_recogniser, recogniser_path
+from recognition.training import stopping
 from recognition.training import trainer as training
 from recognition.training.checkpoints import load_checkpoint, save_checkpoint
 from recognition.training.config import TrainingConfig
-from recognition.training.trainer import Evaluation, doubling_gain, train_recogniser
+from recognition.training.stopping import Evaluation
+from recognition.training.trainer import train_recogniser
 from tests.helpers.fakes import tiny_data
 from tests.helpers.settings import changed
 
@@ -251,19 +253,6 @@ def test_a_loss_that_is_not_finite_names_the_step(config: TrainingConfig, clips:
     assert not weights_path(config).exists()
 
 
-def evaluated(*accuracies: float) -> list[Evaluation]:
-    """Return evaluations after 8, 16, 24, ... clips."""
-    return [Evaluation(i, 8 * i, 1.0, 1.0, accuracy) for i, accuracy in enumerate(accuracies, 1)]
-
-
-def test_the_gain_of_a_doubling_is_that_of_the_best_over_the_best_at_half_as_many() -> None:
-    assert doubling_gain(evaluated(0.2)) is None
-    assert doubling_gain(evaluated(0.2, 0.5)) == pytest.approx(0.3)
-    assert doubling_gain(evaluated(0.2, 0.5, 0.9)) == pytest.approx(0.7)  # 12 clips are half of 24
-    assert doubling_gain(evaluated(0.2, 0.6, 0.5, 0.5)) == 0.0
-    assert doubling_gain(evaluated(0.6, 0.5, 0.7, 0.5)) == pytest.approx(0.1)
-
-
 def scripted(monkeypatch: pytest.MonkeyPatch, accuracies: list[float]) -> None:
     """Let evaluations find these accuracies, one after another."""
     evaluate = training._Run._evaluate
@@ -282,7 +271,7 @@ def scripted(monkeypatch: pytest.MonkeyPatch, accuracies: list[float]) -> None:
 
 
 def test_stops_when_twice_the_clips_gain_too_little(config: TrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(training, "LEAST_CLIPS", 24)
+    monkeypatch.setattr(stopping, "LEAST_CLIPS", 24)
     scripted(monkeypatch, [0.3, 0.3, 0.6, 0.8, 0.803, 0.804, 0.804, 0.804])
     outcome = train_recogniser(replace(config, clips=400))
     assert outcome.best.step == 8  # of equal ones the last; at 8 the best at half as many is 0.8
