@@ -104,8 +104,22 @@ $(eval $(call planner_weights,estimator,moving))
 $(eval $(call planner_weights,perfect,moving))
 $(eval $(call planner_weights,perfect,paper))
 
-# The weights that ship in recognition/weights and planners/weights, trained anew into models. Of the agents, seed 0 ships.
-weights: $(foreach set,duo solo,$(foreach seen,estimator-moving perfect-moving perfect-paper,models/$(set)/all-$(seen)))
+# The weights that ship in recognition/weights and planners/weights, trained anew into models.
+weights: $(foreach set,duo solo,$(foreach seen,estimator-moving perfect-moving,models/$(set)/planners-$(seen)))
+
+# Recognisers that learned for fewer clips, and their planners: curve-duo-15000.
+CURVE_CLIPS := 7500 15000 30000 60000
+CURVES := $(foreach set,duo hdm05,$(CURVE_CLIPS:%=$(set)-%))
+
+$(CURVES:%=models/curve-%/trained): models/curve-%/trained: | setup
+	$(EHAR) train recogniser $(call data_of,$*) --sensor estimator --clips $(word 2,$(subst -, ,$*)) --out $(@D)
+	$(EHAR) train gain-field $(call data_of,$*) --sensor estimator --models $(@D)
+	$(EHAR) train fixed-best $(call data_of,$*) --sensor estimator --models $(@D)
+	touch $@
+
+$(CURVES:%=runs/curve-%/summary.json): runs/curve-%/summary.json: models/curve-%/trained
+	$(EHAR) benchmark $(RULES) oracle $(call data_of,$*) --sensor estimator --models models/curve-$* --starts $(STARTS) \
+	  --no-report --out $(@D)
 
 # Runs. agents: every planner; rules: every planner that is not an agent; each through a sensor, on a track.
 $(TRAININGS:%=runs/rules-%-estimator/summary.json): runs/rules-%-estimator/summary.json: models/%/planners-estimator-moving
@@ -215,6 +229,12 @@ docs/results/trainings.md: runs/trainings-duo/summary.json runs/trainings-solo/s
 	$(call page,$@,Three trainings of recogniser and gain field,ehar study trainings runs/rules-duo-estimator \
 	  runs/rules-duo-1-estimator runs/rules-duo-2-estimator,$(^:summary.json=table.md))
 
+docs/results/learning.md: $(CURVES:%=runs/curve-%/summary.json) runs/rules-duo-estimator/summary.json runs/rules-hdm05-estimator/summary.json
+	for set in duo hdm05; do $(RUN)ehar study learning runs/curve-$$set-*/ runs/rules-$$set-estimator --out runs/learning-$$set && \
+	  cp runs/learning-$$set/learning.png docs/results/learning-$$set.png || exit 1; done
+	$(call page,$@,What is left to win the longer the recogniser learned,ehar study learning runs/curve-duo-*/ \
+	  runs/rules-duo-estimator,$(foreach set,duo hdm05,runs/learning-$(set)/table.md))
+
 docs/results/flight-solo.md: $(foreach track,ideal $(VEHICLES),runs/flight-solo-$(track)/summary.json)
 	$(call page,$@,Flight over 2.5 seconds of solo,ehar benchmark $(RULES) oracle $(LONG) --track px4-auto,$(^:summary.json=table.md))
 
@@ -248,7 +268,7 @@ docs/results/behaviour.md: runs/agents-hdm05-estimator/summary.json
 docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/summary.json runs/rules-$(set)-perfect/summary.json)
 	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$(^:summary.json=table.md))
 
-PAGES := planners nbv exact-joints conditions flown trainings flight-solo ablation-sbu belief headroom forms paper agents \
+PAGES := planners nbv exact-joints conditions flown trainings learning flight-solo ablation-sbu belief headroom forms paper agents \
   behaviour benchmarks
 results: $(PAGES:%=docs/results/%.md)
 

@@ -98,7 +98,7 @@ def load_recogniser(
     made = f"ehar train recogniser {conditions.options} --out {folder}"
     check_files(path, f"a recogniser, as made by `{made}`" + ("" if directory else ", and --models DIR"))
     file, what = description_path(path), "a recogniser, as `ehar train recogniser` writes it"
-    description = read_json(file, RecogniserDescription, what, optional=("world",), wrong=ModelError)
+    description = read_json(file, RecogniserDescription, what, wrong=ModelError)
     spec, temperature = description.spec, description.temperature
     if spec.form != form:
         raise ModelError(f"{file}: spec.form: expected {form!r}, got {spec.form!r}")
@@ -106,10 +106,15 @@ def load_recogniser(
     check_world(path, spec.world, conditions)
     network = spec.build()
     load_weights(path, network)
-    digest = hashlib.sha256(path.read_bytes() + repr(temperature.log_temperatures).encode()).hexdigest()
+    digest = recogniser_sha256(path, temperature)
     if isinstance(network, CausalCTRGCN):
         return StreamingRecogniser(network=network, spec=spec, temperature=temperature, sha256=digest, device=device)
     return PrefixRecogniser(network=network, spec=spec, temperature=temperature, sha256=digest, device=device)
+
+
+def recogniser_sha256(path: Path, temperature: Temperature) -> str:
+    """Return the hash that stands for a recogniser in records: of its weights and its temperature."""
+    return hashlib.sha256(path.read_bytes() + repr(temperature.log_temperatures).encode()).hexdigest()
 
 
 def load_weights(path: Path, network: Network) -> None:

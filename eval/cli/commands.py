@@ -418,6 +418,28 @@ STUDY = CommandGroup(
                 "out": Flag("folder for table.md and summary.json.", hint="none"),
             },
         ),
+        "learning": Command(
+            "eval.studies.learning:learning",
+            show_result,
+            text="""Show what is left to win, the longer the recogniser learned.
+
+            For runs whose recognisers saw more or fewer training clips.
+
+            For example:
+                ehar study learning runs/duo-15k runs/duo-60k runs/duo --out runs/learning
+            """,
+            flags={
+                "runs": Flag(
+                    "folders of runs with the same episodes and conditions, and other clips of training.",
+                    kind=tuple[Path, ...],
+                    positional=True,
+                    metavar="RUN ...",
+                    hint="at least two",
+                ),
+                "planner": Flag("planner to show.", metavar="PLANNER"),
+                "out": Flag("folder for table.md and the picture.", hint="none"),
+            },
+        ),
         "paper": Command(
             "eval.studies.paper:paper",
             show_tables,

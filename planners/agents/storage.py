@@ -37,7 +37,7 @@ class AgentDescription:
         skeleton: names of the data's joints.
         classes: names of the data's classes.
         training: how it was trained; kept for people, and to tell one run from another.
-        world: the world of the training; files from before there were several do not name it.
+        world: the world of the training.
     """
 
     spec: AgentSpec
@@ -126,7 +126,7 @@ def load_agent(conditions: Conditions, data: MotionData, name: str, *, recognise
         f"an agent, as made by `ehar train agent {conditions.options} {conditions.models_option}`",
     )
     what = "an agent, as `ehar train agent` writes it"
-    held = read_json(description_path(path), AgentDescription, what, optional=("world",), wrong=ModelError)
+    held = read_json(description_path(path), AgentDescription, what, wrong=ModelError)
     check_world(path, held.world, conditions)
     _check_fit(path, held, data, recogniser_sha256)
     return Agent(name=name, network=_load_network(path, held), sha256=files_sha256(path), length=held.length)

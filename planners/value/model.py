@@ -61,7 +61,7 @@ class GainDescription:
         trunk: pairs of [left, right], the joints of the trunk.
         belief: the parameters of the belief.
         training: how they were trained; kept for people; only the length is read back.
-        world: the world of the training; files from before there were several do not name it.
+        world: the world of the training.
     """
 
     recogniser_sha256: str
@@ -128,8 +128,7 @@ def load_gain_model(conditions: Conditions, data: MotionData, recogniser_sha256:
         f"a gain field, as made by `ehar train gain-field {conditions.options} {conditions.models_option}`",
     )
     file, what = description_path(path), "a gain field, as `ehar train gain-field` writes it"
-    later = ("world", "distances")
-    description = read_json(file, GainDescription, what, optional=later, wrong=ModelError)
+    description = read_json(file, GainDescription, what, wrong=ModelError)
     joints = range(len(data.skeleton.joint_names))
     if not description.trunk or any(joint not in joints for pair in description.trunk for joint in pair):
         got = str(description.trunk)[:80]

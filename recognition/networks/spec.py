@@ -33,7 +33,7 @@ class NetworkSpec:
         persons: number P of persons.
         fps: frame rate of the training motion.
         length: number L of frames of a training clip.
-        world: the world of the training; files from before there were several do not name it.
+        world: the world of the training.
     """
 
     form: Form
