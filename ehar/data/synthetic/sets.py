@@ -157,7 +157,7 @@ def duo(seed: int = 0) -> MotionData:
     programme = _programme(len(figures))
     scenes = []
     for label, cast in programme:
-        rng = np.random.default_rng([seed, _DUO, cast, label])
+        rng = _scene_generator(seed, _DUO, cast, label)
         frames = int(rng.integers(170, 195)) if rng.random() < 0.2 else int(rng.integers(118, 150))
         scenes.append(_dance_together(rng, figures[label], casts[cast], frames))
     return _collect("duo", DUO_FPS, tuple(duo_activities.ACTIVITIES), programme, scenes)
@@ -170,7 +170,7 @@ def solo(seed: int = 0) -> MotionData:
     programme = _programme(len(figures))
     scenes = []
     for label, cast in programme:
-        rng = np.random.default_rng([seed, _SOLO, cast, label])
+        rng = _scene_generator(seed, _SOLO, cast, label)
         scenes.append(_dance_alone(rng, figures[label], casts[cast][0], int(rng.integers(150, 261))))
     return _collect("solo", SOLO_FPS, tuple(solo_activities.ACTIVITIES), programme, scenes)
 
@@ -179,6 +179,12 @@ def _draw_cast(seed: int, key: int, cast: int, persons: int) -> tuple[Actor, ...
     """Return the actors of a cast."""
     rng = np.random.default_rng([seed, key, cast])
     return tuple(draw_actor(rng) for _ in range(persons))
+
+
+def _scene_generator(seed: int, key: int, cast: int, label: int) -> np.random.Generator:
+    """Return the generator of a sequence."""
+    # Labels count from 1: numpy fills seeds up with zeros, so that of label 0 would be the cast's own.
+    return np.random.default_rng([seed, key, cast, 1 + label])
 
 
 def _programme(classes: int) -> list[Performance]:

@@ -149,6 +149,19 @@ def test_more_casts_would_change_none_of_the_others(monkeypatch: pytest.MonkeyPa
         assert np.array_equal(few.sequence(index), many.sequence(names[name]))
 
 
+def test_every_cast_and_every_sequence_has_a_generator_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    first: list[float] = []
+    make = np.random.default_rng
+
+    def noted(seed: object) -> np.random.Generator:
+        first.append(make(seed).random())  # numpy fills up seeds with zeros: some that differ begin the same stream
+        return make(seed)
+
+    monkeypatch.setattr(sets.np.random, "default_rng", noted)
+    solo()
+    assert len(first) == len(set(first)) == 40 + 400
+
+
 def test_is_long_enough_for_short_and_long_episodes(data: MotionData) -> None:
     test = split_parts(data).test
     assert 250 <= len(windows(data, test, 60, 60)) <= 600
