@@ -11,7 +11,7 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
-from ehar.conditions import REGIMES, Conditions, Form
+from ehar.conditions import Conditions, Form
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import split_parts
 from ehar.data.skeleton import Skeleton
@@ -234,22 +234,22 @@ def built_in(request: pytest.FixtureRequest) -> MotionData:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("views", REGIMES)
 @pytest.mark.parametrize("sensor", SENSORS)
-def test_shipped_weights(built_in: MotionData, sensor: str, views: str) -> None:
-    conditions = Conditions(sensor=sensor, views=views)
+def test_shipped_weights(built_in: MotionData, sensor: str) -> None:
+    conditions = Conditions(sensor=sensor)
     recogniser = load_recogniser(conditions, built_in)
     path = recogniser_path(SHIPPED / built_in.name, conditions)
     assert path.stat().st_size <= 1_000_000
     training = json.loads(path.with_suffix(".json").read_text())["training"]
     assert training["data"] == built_in.title
-    assert (training["run"]["sensor"], training["run"]["views"]) == (sensor, views)
+    run = training["run"]
+    assert (run["sensor"], run["views"], run["data_sha256"]) == (sensor, "moving", built_in.sha256)
     clips = ClipSource(
         data=built_in,
         sequences=split_parts(built_in).test,
         length=recogniser.spec.length,
         sensor=make_sensor(sensor, built_in),
-        views=views,
+        views="moving",
         form="causal",
         augment=False,
     ).draw(np.random.default_rng(0), 64)
@@ -258,15 +258,14 @@ def test_shipped_weights(built_in: MotionData, sensor: str, views: str) -> None:
     with torch.inference_mode():
         predicted = network(clips.features).argmax(dim=-1)
     accuracy = (predicted == clips.labels[:, None]).float().mean()
-    assert accuracy > 2 / len(built_in.class_names)  # weights of an older version of the set would be at chance
+    assert accuracy > 0.6
 
 
 @pytest.mark.parametrize("name", sorted(BUILT_IN))
 def test_nothing_else_is_shipped(name: str) -> None:
     expected = {
-        recogniser_path(SHIPPED / name, Conditions(sensor=sensor, views=views)).with_suffix(suffix)
+        recogniser_path(SHIPPED / name, Conditions(sensor=sensor)).with_suffix(suffix)
         for sensor in SENSORS
-        for views in REGIMES
         for suffix in (".safetensors", ".json")
     }
     assert set((SHIPPED / name).iterdir()) == expected
