@@ -17,7 +17,7 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 	touch $@
 
 benchmark: setup
-	$(RUN)ehar benchmark --data duo --sensor estimator --starts 2 --out runs/duo-estimator
+	$(RUN)ehar benchmark --data solo --sensor estimator --out runs/solo-estimator
 
 test: setup
 	$(RUN)pytest -n 2 --dist worksteal

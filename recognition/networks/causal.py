@@ -15,6 +15,7 @@ from recognition.networks.layers import (
 )
 
 WEIGHING = 16  # hidden units of what weighs frames
+LEAST_WEIGHT = 1e-6  # of a frame: the sum of weights, by which is divided, is never zero
 
 
 @dataclass(frozen=True)
@@ -163,8 +164,8 @@ class CausalCTRGCN(nn.Module):
     def _weighted(self, x: Tensor, bodies: Tensor) -> Tensor:
         """Return the features of frames times their weights, and the weights last: (B, T, D + 1).
 
-        A weight is between 0 and 1. It depends on the pooled features, and on the mean of the frame's input: how sure
-        the sensor is of its joints, and where the camera stands.
+        A weight is between 0 and 1, but never 0. It depends on the pooled features, and on the mean of the frame's
+        input: how sure the sensor is of its joints, and where the camera stands.
 
         Args:
             x: (B, T, P, J, C), the input; T may be the fork axis.
@@ -172,7 +173,7 @@ class CausalCTRGCN(nn.Module):
         """
         batch, frames, persons = x.shape[:3]
         pooled = bodies.view(batch, persons, -1, frames).mean(dim=1).transpose(1, 2)
-        weight = torch.sigmoid(self.weigh(torch.cat([pooled, x.mean(dim=(2, 3))], dim=2)))
+        weight = torch.sigmoid(self.weigh(torch.cat([pooled, x.mean(dim=(2, 3))], dim=2))) + LEAST_WEIGHT
         return torch.cat([weight * pooled, weight], dim=2)
 
     def forward(self, x: Tensor) -> Tensor:

@@ -83,7 +83,7 @@ def test_a_planner_of_no_file_runs_and_is_read_again_and_verified(tmp_path: Path
     )
     assert done.returncode == 0, done.stderr
     line, verdict = done.stdout.splitlines()
-    assert line.endswith(": 2 planners, 45 episodes each)")
+    assert line.endswith(": 2 planners, 46 episodes each)")
     assert verdict.startswith("verified")
 
 

@@ -20,6 +20,7 @@ from ehar.errors import ModelError
 from ehar.sensors.registry import SENSORS, make_sensor
 from recognition.calibration import Temperature
 from recognition.networks.causal import CausalCTRGCN
+from recognition.networks.features import channel_count
 from recognition.networks.spec import NetworkSpec
 from recognition.storage import SHIPPED, load_recogniser, recogniser_path, save_recogniser
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
@@ -71,7 +72,7 @@ def test_a_loaded_recogniser_gives_the_same_outputs(tmp_path: Path) -> None:
     assert isinstance(network, CausalCTRGCN)
     loaded = load(tmp_path)._network
     assert not loaded.training
-    x = torch.randn(2, LENGTH, 1, 6, 8, generator=torch.Generator().manual_seed(0))
+    x = torch.randn(2, LENGTH, 1, 6, channel_count(1, view=True), generator=torch.Generator().manual_seed(0))
     with torch.inference_mode():
         assert torch.equal(loaded(x), network(x))
 

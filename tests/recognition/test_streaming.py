@@ -15,7 +15,7 @@ from ehar.world import PAPER
 from recognition.calibration import KNOTS, Temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.ctrgcn import CTRGCN
-from recognition.networks.features import features
+from recognition.networks.features import features, with_view
 from recognition.networks.graph import parents
 from recognition.networks.spec import NetworkSpec
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
@@ -115,7 +115,10 @@ def test_every_step_is_the_calibrated_network_on_the_prefix(recogniser: TrainedR
             if isinstance(network, CTRGCN):
                 logits = network(prefix.permute(0, 4, 1, 3, 2))
             else:
-                logits = network(prefix)[:, -1]
+                viewpoints = torch.stack(
+                    [torch.from_numpy(viewpoint).float() for _, viewpoint in frames[:count]], dim=1
+                )
+                logits = network(with_view(prefix, viewpoints))[:, -1]
         temperature = np.exp(np.interp(count / LENGTH, KNOTS, TEMPERATURE.log_temperatures))
         expected = torch.log_softmax(logits / temperature, dim=-1).numpy()
         np.testing.assert_allclose(recognition.log_probs, expected, atol=1e-5)

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ehar.data.skeleton import Skeleton
-from recognition.networks.causal import CausalCTRGCN, StreamingState
+from recognition.networks.causal import LEAST_WEIGHT, CausalCTRGCN, StreamingState
 from recognition.networks.graph import partition
 from recognition.networks.layers import (
     HISTORY,
@@ -108,7 +108,7 @@ def test_the_embedding_is_the_mean_of_frames_weighed_by_what_they_show(network: 
 
     def keep(module: torch.nn.Module, given: tuple[Tensor], logit: Tensor) -> None:
         seen["pooled"].append(given[0][..., : network.embedding_size])
-        seen["weight"].append(torch.sigmoid(logit))
+        seen["weight"].append(torch.sigmoid(logit) + LEAST_WEIGHT)
 
     x, state = clips(frames=9, persons=2), network.start(2, 2)
     hook = network.weigh.register_forward_hook(keep)
@@ -119,6 +119,18 @@ def test_the_embedding_is_the_mean_of_frames_weighed_by_what_they_show(network: 
     assert weight.min() > 0 and weight.max() < 1 and weight.std() > 0.01  # not all alike
     assert_close(embedding, (weight * pooled).sum(dim=1, keepdim=True) / weight.sum(dim=1, keepdim=True))
     assert_close(network(x)[:, -1:], network.classify(embedding))
+
+
+def test_frames_that_all_count_as_nothing_still_have_a_mean(network: CausalCTRGCN) -> None:
+    bias = network.weigh[-1].bias.clone()
+    try:
+        network.weigh[-1].bias.fill_(-1e4)
+        x = clips(persons=2)
+        logits = network(x)
+        assert torch.isfinite(logits).all()
+        assert_close(begun(network, x[:, :0]).take(x)[:, :, 0], logits)
+    finally:
+        network.weigh[-1].bias.copy_(bias)
 
 
 @pytest.mark.parametrize("frame", [0, 3, 9, 16, 19])
