@@ -440,6 +440,26 @@ STUDY = CommandGroup(
                 "out": Flag("folder for table.md and the picture.", hint="none"),
             },
         ),
+        "published": Command(
+            "eval.studies.published:published",
+            show_result,
+            text="""Hold both forms to published figures, by their protocol.
+
+            3D joints, the data's own split; joints, bones and both together.
+
+            For example:
+                ehar study published nwucla.npz --out runs/published
+            """,
+            flags={
+                "data": Flag(positional=True, metavar="FILE.npz"),
+                "size": Flag("widths: small, half or published."),
+                "seeds": Flag("trainings of each form and stream."),
+                "epochs": Flag("epochs of each training."),
+                "device": Flag("torch device."),
+                "threads": Flag("CPU threads of torch.", hint="torch decides"),
+                "out": Flag("folder for results and checkpoints.", kind=Path, default=REQUIRED),
+            },
+        ),
         "paper": Command(
             "eval.studies.paper:paper",
             show_tables,

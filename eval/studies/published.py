@@ -1,0 +1,172 @@
+"""Holds the recogniser to published figures: both forms by the published protocol of Northwestern-UCLA."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.conditions import Form
+from ehar.data.source import load_data
+from ehar.errors import UsageError
+from ehar.files import json_text, write_text
+from eval.render.tables import Table, html, markdown, text
+from recognition.networks.sizes import Size
+from recognition.published.clips import STREAMS
+from recognition.published.training import EPOCHS, RATIOS, PublishedRun, accuracies, train_published
+
+FORMS: tuple[Form, ...] = ("ctrgcn", "causal")
+SHOWN = (10, 30, 50, 70, 100)  # observation ratios in the table [%]
+# Chen et al., ICCV 2021, and Chi et al., CVPR 2022: several streams together, all frames seen.
+PUBLISHED = (("CTR-GCN, four streams, as published", 96.5), ("InfoGCN, as published", 97.0))
+
+
+@dataclass(frozen=True)
+class PublishedRow:
+    """A form and its streams.
+
+    Args:
+        form: form of the network.
+        streams: "joint", "bone" or "joint + bone".
+        accuracy: (seeds, R) accuracy [%] after each of `RATIOS` of the frames.
+    """
+
+    form: Form
+    streams: str
+    accuracy: FloatArray
+
+    @property
+    def area(self) -> FloatArray:
+        """The area under accuracy over the observation ratio [%], (seeds,): the mean over the ratios."""
+        return np.asarray(self.accuracy.mean(axis=1))
+
+
+@dataclass(frozen=True, repr=False)
+class PublishedReport:
+    """Both forms by the published protocol; it prints as a table, in a notebook as HTML.
+
+    Args:
+        data: title of the data.
+        size: widths of the networks.
+        epochs: epochs of each training.
+        seeds: trainings of each form and stream.
+        rows: the results.
+    """
+
+    data: str
+    size: Size
+    epochs: int
+    seeds: int
+    rows: tuple[PublishedRow, ...]
+
+    def tables(self) -> list[Table]:
+        """Return the table."""
+        whole = RATIOS.index(100)
+        return [
+            Table(
+                title=f"{self.data}: the published protocol, {self.size} widths, in percent",
+                header=("form", "streams", *(f"acc@{ratio}" for ratio in SHOWN), "area"),
+                rows=(
+                    *(
+                        (
+                            row.form,
+                            row.streams,
+                            *(_spread(row.accuracy[:, RATIOS.index(ratio)]) for ratio in SHOWN),
+                            _spread(row.area),
+                        )
+                        for row in self.rows
+                    ),
+                    *((name, "", *[""] * (len(SHOWN) - 1), f"{figure:.1f}", "") for name, figure in PUBLISHED),
+                ),
+                footnotes=(
+                    f"{self.seeds} trainings of each; behind ± stands the standard deviation over them. "
+                    f"{self.epochs} epochs, as published {EPOCHS}.",
+                    "acc@x: the network sees the first x % of the frames, scaled and cut to a clip by themselves. "
+                    "area: the mean over 10, 20, ..., 100 %. Published figures are those of all frames.",
+                ),
+                bold=frozenset({(max(range(len(self.rows)), key=lambda i: self.rows[i].accuracy[:, whole].mean()), 6)}),
+                words=frozenset({1}),
+            )
+        ]
+
+    def __repr__(self) -> str:
+        """Return one line: the data and the number of trainings."""
+        return f"PublishedReport({self.data}: {len(self.rows)} rows of {self.seeds} trainings)"
+
+    def __str__(self) -> str:
+        """Return the table."""
+        return text(*self.tables())
+
+    def _repr_html_(self) -> str:
+        """Return the table for a notebook."""
+        return "".join(map(html, self.tables()))
+
+
+def published(
+    data: str,
+    *,
+    out: str | Path,
+    size: Size = "small",
+    seeds: int = 1,
+    epochs: int = EPOCHS,
+    device: str = "cpu",
+    threads: int = 0,
+) -> PublishedReport:
+    """Train both forms on joints and bones by the published protocol, and test them.
+
+    Args:
+        data: an .npz with 3D joints and a split, such as Northwestern-UCLA by camera.
+        out: folder of the results; what is done there is kept, and a training goes on from its last epoch.
+        size: widths of the networks.
+        seeds: trainings of each form and stream.
+        epochs: epochs of each training.
+        device: torch device.
+        threads: CPU threads of torch; with 0, torch decides.
+
+    Raises:
+        UsageError: a number is below 1, or `out` holds results of other data.
+        DataError: the data is malformed, or has no split.
+        ModelError: a loss is not finite, or a checkpoint is damaged.
+    """
+    import torch  # imported here: too slow for `ehar --help`
+
+    for name, value in (("seeds", seeds), ("epochs", epochs)):
+        if value < 1:
+            raise UsageError(f"--{name}: got {value}, expected at least 1")
+    if threads:
+        torch.set_num_threads(threads)
+    motion, folder = load_data(data), Path(out)
+    rows = []
+    for form in FORMS:
+        held = []
+        for seed in range(seeds):
+            runs = [PublishedRun(form, stream, size, seed, epochs) for stream in STREAMS]
+            held.append(
+                [train_published(run, motion, folder, device=device, report=partial(_epoch_done, run)) for run in runs]
+            )
+        assert motion.is_test is not None
+        labels = motion.labels[motion.is_test]
+        chosen: Sequence[tuple[str, slice]] = (
+            *((stream, slice(i, i + 1)) for i, stream in enumerate(STREAMS)),
+            (" + ".join(STREAMS), slice(None)),
+        )
+        for streams, part in chosen:
+            rows.append(PublishedRow(form, streams, np.array([accuracies(of[part], labels) for of in held])))
+    found = PublishedReport(motion.title, size, epochs, seeds, tuple(rows))
+    kept = {**asdict(found), "rows": [{**asdict(row), "accuracy": row.accuracy.tolist()} for row in rows]}
+    write_text(folder / "summary.json", [json_text(kept)])
+    write_text(folder / "table.md", [markdown(*found.tables())])
+    return found
+
+
+def _epoch_done(run: PublishedRun, epoch: int, loss: float) -> None:
+    """Print how far a training is."""
+    print(f"{run.name}: {epoch} of {run.epochs} epochs, loss {loss:.3f}", file=sys.stderr, flush=True)
+
+
+def _spread(values: FloatArray) -> str:
+    """Return the mean over trainings, and their standard deviation if there are several."""
+    return f"{values.mean():.1f}" + (f" ± {values.std(ddof=1):.1f}" if len(values) > 1 else "")

@@ -1,0 +1,253 @@
+"""Trains and tests a network by the published protocol of Northwestern-UCLA; it goes on from its last epoch."""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.conditions import Form
+from ehar.data.motion_data import MotionData
+from ehar.errors import DataError, ModelError, UsageError
+from ehar.files import as_json, replacing
+from recognition.networks.causal import CausalCTRGCN
+from recognition.networks.ctrgcn import CTRGCN
+from recognition.networks.graph import parents, partition
+from recognition.networks.sizes import STRIDES, WIDTHS, Size
+from recognition.networks.spec import Network
+from recognition.published.clips import Stream, published_clip
+from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
+
+RATE = 0.1
+MOMENTUM = 0.9  # Nesterov's
+DECAY = 1e-4  # of weights
+BATCH = 16
+EPOCHS = 65
+REPEATS = 5  # of each training sequence in an epoch
+WARM_UP = 5  # epochs over which the rate rises
+DROP = 50  # the epoch from which the rate is a tenth
+RATIOS = tuple(range(10, 101, 10))  # observation ratios of the test [%]
+TEST_BATCH = 64
+
+
+@dataclass(frozen=True)
+class PublishedRun:
+    """One training by the published protocol.
+
+    Args:
+        form: "ctrgcn" is the published network; "causal" the one that streams.
+        stream: joints or bones.
+        size: widths of the network.
+        seed: for initial weights, order and random turns.
+        epochs: 65, as published; fewer show that it runs.
+    """
+
+    form: Form
+    stream: Stream
+    size: Size
+    seed: int = 0
+    epochs: int = EPOCHS
+
+    @property
+    def name(self) -> str:
+        """The stem of its files."""
+        short = "" if self.epochs == EPOCHS else f"-{self.epochs}-epochs"
+        return f"{self.form}-{self.stream}-{self.size}-seed{self.seed}{short}"
+
+
+def train_published(
+    run: PublishedRun,
+    data: MotionData,
+    out: Path,
+    *,
+    device: str = "cpu",
+    report: Callable[[int, float], None] = lambda epoch, loss: None,
+) -> FloatArray:
+    """Train on the training split, test on the test split.
+
+    Args:
+        run: what to train.
+        data: the data, with a split.
+        out: folder of the results, and of checkpoints until then; what is done there is not done again.
+        device: torch device.
+        report: is told of each epoch: how many are done, and the mean loss.
+
+    Returns:
+        log-probabilities (N, R, K) of the N test sequences after each of `RATIOS` of their frames.
+
+    Raises:
+        DataError: the data has no split, or no training sequence.
+        UsageError: the files in `out` are of other data.
+        ModelError: the loss is not finite, or a checkpoint is damaged.
+    """
+    if data.is_test is None or data.is_test.all() or not data.is_test.any():
+        raise DataError(f"{data.name}: expected training and test sequences, as `split` names them")
+    finished = out / f"{run.name}.npz"
+    if finished.is_file():
+        return _read(finished, data)
+    trained = _Training(run, data, out / f"{run.name}.checkpoint", torch.device(device))
+    trained.train(report)
+    log_probs = trained.test()
+    with replacing(finished) as temporary, temporary.open("wb") as file:
+        np.savez(file, allow_pickle=False, log_probs=log_probs, data_sha256=data.sha256)
+    trained.checkpoint.unlink(missing_ok=True)
+    return log_probs
+
+
+def published_rate(epoch: int) -> float:
+    """Return the learning rate of an epoch, counted from 0."""
+    if epoch < WARM_UP:
+        return RATE * (epoch + 1) / WARM_UP
+    return RATE * (0.1 if epoch >= DROP else 1.0)
+
+
+def build(run: PublishedRun, data: MotionData) -> Network:
+    """Return a fresh network for 3D joints."""
+    topology = partition(data.skeleton)
+    if run.form == "ctrgcn":
+        return CTRGCN(
+            classes=len(data.class_names),
+            joints=len(data.skeleton.joint_names),
+            persons=data.persons,
+            in_channels=3,
+            adjacency=topology,
+            widths=WIDTHS[run.size],
+            strides=STRIDES[run.size],
+            generator=torch.Generator().manual_seed(run.seed),
+        )
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(run.seed)
+        return CausalCTRGCN(
+            classes=len(data.class_names),
+            channels=3,
+            partition=torch.from_numpy(topology),
+            widths=WIDTHS[run.size],
+        )
+
+
+class _Training:
+    """A network, its optimiser and how far it is."""
+
+    def __init__(self, run: PublishedRun, data: MotionData, checkpoint: Path, device: torch.device) -> None:
+        self.run, self.data, self.checkpoint, self.device = run, data, checkpoint, device
+        self.network = build(run, data).to(device)
+        self.parents = parents(data.skeleton)
+        self.optimiser = torch.optim.SGD(
+            self.network.parameters(), lr=RATE, momentum=MOMENTUM, weight_decay=DECAY, nesterov=True
+        )
+        self.identity = as_json({**asdict(run), "data_sha256": data.sha256})
+        self.epoch = 0
+
+    def train(self, report: Callable[[int, float], None]) -> None:
+        """Train all epochs that are left."""
+        self._resume()
+        assert self.data.is_test is not None
+        sequences = np.repeat(np.flatnonzero(~self.data.is_test), REPEATS)
+        while self.epoch < self.run.epochs:
+            rng = np.random.default_rng((self.run.seed, self.epoch))
+            for group in self.optimiser.param_groups:
+                group["lr"] = published_rate(self.epoch)
+            self.network.train()
+            losses = [self._learn(batch, rng) for batch in _batches(rng.permutation(sequences))]
+            self.epoch += 1
+            loss = float(np.mean(losses))
+            if not np.isfinite(loss):
+                raise ModelError(f"{self.run.name}: the loss is {loss} in epoch {self.epoch}: expected a finite one")
+            held = {"run": self.identity, "epoch": self.epoch}
+            state = {"network": self.network.state_dict()}
+            save_checkpoint(self.checkpoint, Checkpoint(state, self.optimiser.state_dict(), held))
+            report(self.epoch, loss)
+
+    def test(self) -> FloatArray:
+        """Return the log-probabilities of the test sequences after each observation ratio."""
+        assert self.data.is_test is not None
+        self.network.eval()
+        pieces = []
+        test = np.flatnonzero(self.data.is_test)
+        with torch.inference_mode():
+            for ratio in RATIOS:
+                prefixes = [self._prefix(index, ratio) for index in test]
+                clips = torch.from_numpy(np.stack(prefixes))
+                logits = torch.cat([self._logits(part)[..., -1, :].cpu() for part in torch.split(clips, TEST_BATCH)])
+                pieces.append(torch.log_softmax(logits, dim=-1))
+        log_probs: FloatArray = torch.stack(pieces, dim=1).numpy()
+        return log_probs
+
+    def _prefix(self, index: int, ratio: int) -> FloatArray:
+        """Return the clip of the first frames of a sequence: what is scaled and cut is the prefix alone."""
+        motion = self.data.sequence(index)
+        seen = max(1, int(np.ceil(ratio / 100 * len(motion))))
+        return published_clip(motion[:seen], self.run.stream, self.parents)
+
+    def _learn(self, sequences: IntArray, rng: np.random.Generator) -> float:
+        """Make one step and return its loss: the mean over frames, if the form gives an answer at each."""
+        clips = [published_clip(self.data.sequence(i), self.run.stream, self.parents, rng) for i in sequences]
+        labels = torch.from_numpy(self.data.labels[sequences].astype(np.int64)).to(self.device)
+        logits = self._logits(torch.from_numpy(np.stack(clips)))
+        loss = functional.cross_entropy(logits.flatten(0, 1), labels.repeat_interleave(logits.shape[1]))
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        self.optimiser.step()
+        return float(loss.detach())
+
+    def _logits(self, clips: Tensor) -> Tensor:
+        """Return logits (N, L, K) of clips (N, L, P, J, 3); the published form has one answer: (N, 1, K)."""
+        clips = clips.to(self.device)
+        if isinstance(self.network, CausalCTRGCN):
+            whole: Tensor = self.network(clips)
+            return whole
+        answer: Tensor = self.network(clips.permute(0, 4, 1, 3, 2))
+        return answer[:, None]
+
+    def _resume(self) -> None:
+        """Go on from the checkpoint, if there is one."""
+        if not self.checkpoint.is_file():
+            return
+        try:
+            saved = load_checkpoint(self.checkpoint, str(self.device))
+            same, epoch = saved.held["run"] == self.identity, int(saved.held["epoch"])
+            if same:
+                self.network.load_state_dict(saved.states["network"])
+                self.optimiser.load_state_dict(saved.optimiser or {})
+        except Exception as error:  # the damage decides its type
+            raise ModelError(f"{self.checkpoint}: expected a checkpoint, got {type(error).__name__}") from error
+        if not same:
+            got = json.dumps(saved.held["run"])
+            raise UsageError(
+                f"{self.checkpoint}: a checkpoint of another run: {got}; remove it, or choose another --out"
+            )
+        self.epoch = epoch
+
+
+def _batches(sequences: IntArray) -> Iterator[IntArray]:
+    """Yield whole batches; with fewer sequences than one holds, there is one of all of them."""
+    size = min(BATCH, len(sequences))
+    for begin in range(0, len(sequences) - size + 1, size):
+        yield sequences[begin : begin + size]
+
+
+def _read(path: Path, data: MotionData) -> FloatArray:
+    """Read the log-probabilities of a finished run."""
+    with np.load(path, allow_pickle=False) as held:
+        if str(held["data_sha256"]) != data.sha256:
+            raise UsageError(f"{path}: the result of other data than {data.name}: remove it, or choose another --out")
+        log_probs: FloatArray = held["log_probs"]
+    return log_probs
+
+
+def accuracies(log_probs: Sequence[FloatArray], labels: IntArray) -> FloatArray:
+    """Return the accuracy [%] after each of `RATIOS`, (R,), of one stream, or of several together.
+
+    Log-probabilities are added up. They are logits but for a constant, and the public code adds up logits.
+
+    Args:
+        log_probs: of each stream, (N, R, K).
+        labels: (N,) true classes.
+    """
+    right = np.sum(log_probs, axis=0).argmax(axis=-1) == labels[:, None]
+    return np.asarray(100 * right.mean(axis=0))

@@ -1,0 +1,44 @@
+"""The study of the published protocol: one table of both forms, on joints, bones and both."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ehar.data.motion_file import save_motion
+from ehar.errors import UsageError
+from eval.cli.main import main
+from eval.studies.published import published
+from tests.helpers.fakes import tiny_data
+
+
+@pytest.fixture(scope="module")
+def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("data") / "tiny.npz"
+    save_motion(path, replace(tiny_data(), is_test=np.arange(len(tiny_data().labels)) >= 3))
+    return path
+
+
+def test_the_command_trains_tests_and_prints_both_forms(
+    motion: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["study", "published", str(motion), "--out", str(tmp_path), "--epochs", "1", "--seeds", "2", "--threads", "1"])
+    printed = capsys.readouterr()
+    assert "CTR-GCN, four streams, as published" in printed.out and "1 epochs, as published 65" in printed.out
+    assert "causal-bone-small-seed1-1-epochs: 1 of 1 epochs, loss" in printed.err
+    held = json.loads((tmp_path / "summary.json").read_text())
+    assert [(row["form"], row["streams"]) for row in held["rows"]] == [
+        (form, streams) for form in ("ctrgcn", "causal") for streams in ("joint", "bone", "joint + bone")
+    ]
+    assert np.shape(held["rows"][0]["accuracy"]) == (2, 10)
+    found = published(str(motion), out=tmp_path, epochs=1, seeds=2)  # from what is done
+    assert not capsys.readouterr().err
+    assert found.rows[5].accuracy.tolist() == held["rows"][5]["accuracy"]
+    assert (tmp_path / "table.md").read_text().count("±") > 10
+
+
+def test_numbers_below_one_are_refused(motion: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--seeds: got 0, expected at least 1"):
+        published(str(motion), out=tmp_path, seeds=0)
