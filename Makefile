@@ -193,6 +193,12 @@ runs/paper-duo/summary.json runs/paper-solo/summary.json: runs/paper-%/summary.j
 	$(EHAR) benchmark $(PAPER_PLANNERS) $($*) $(PAPER) --models models/paper-$* --starts $(STARTS) --out $(@D)
 	$(EHAR) study analyse $(@D) --planners il-ppo --states il-ppo/0
 
+# The published protocol on Northwestern-UCLA. Published widths want a GPU: PUBLISHED_SIZE=small takes hours on two cores.
+PUBLISHED_SIZE ?= published
+PUBLISHED_DEVICE ?= cuda
+runs/published/summary.json: | setup
+	$(EHAR) study published $(DATA)/nwucla.npz --size $(PUBLISHED_SIZE) --device $(PUBLISHED_DEVICE) --seeds 3 --out $(@D)
+
 # Imitation on solo with one option of its own, as il in models/solo-NAME.
 soft := --labels soft
 lookahead := --teacher oracle-lookahead
@@ -257,6 +263,10 @@ docs/results/paper.md: runs/paper-duo/summary.json runs/paper-solo/summary.json
 	$(RUN)ehar study paper $(^:/summary.json=) --out runs/$(@F)
 	$(call page,$@,The setting and the tables of the paper,ehar study paper $(^:/summary.json=),runs/$(@F))
 
+docs/results/published.md: runs/published/summary.json
+	$(call page,$@,The recogniser against published figures,ehar study published $(DATA)/nwucla.npz --size $(PUBLISHED_SIZE) \
+	  --seeds 3 --out runs/published,$(<D)/table.md)
+
 docs/results/agents.md: runs/agents-solo-paper/summary.json $(OPTIONS:%=runs/imitation-solo-%/summary.json)
 	$(call page,$@,What options of imitation are worth,ehar benchmark no-act il oracle,$(^:summary.json=table.md))
 
@@ -268,7 +278,7 @@ docs/results/behaviour.md: runs/agents-hdm05-estimator/summary.json
 docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/summary.json runs/rules-$(set)-perfect/summary.json)
 	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$(^:summary.json=table.md))
 
-PAGES := planners nbv exact-joints conditions flown trainings learning flight-solo ablation-sbu belief headroom forms paper agents \
+PAGES := planners nbv exact-joints conditions flown trainings learning flight-solo ablation-sbu belief headroom forms published paper agents \
   behaviour benchmarks
 results: $(PAGES:%=docs/results/%.md)
 

@@ -42,10 +42,10 @@ def published_clip(
         frames = np.sort(rng.choice(np.tile(np.arange(len(motion)), 100), FRAMES, replace=False))
     low, high = centred.min(axis=(0, 1, 2)), centred.max(axis=(0, 1, 2))
     scaled = (centred - low) / np.maximum(high - low, 1e-6) * 2 - 1
-    clip = scaled[frames]
+    clip: FloatArray = scaled[frames]
     if stream == "bone":
         clip = clip - clip[:, :, parents]
-    return clip.astype(np.float32)
+    return clip.astype(np.float32, copy=False)
 
 
 def _turn(right: float, up: float) -> FloatArray:

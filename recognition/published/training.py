@@ -171,7 +171,7 @@ class _Training:
         test = np.flatnonzero(self.data.is_test)
         with torch.inference_mode():
             for ratio in RATIOS:
-                prefixes = [self._prefix(index, ratio) for index in test]
+                prefixes = [self._prefix(index, ratio) for index in test.tolist()]
                 clips = torch.from_numpy(np.stack(prefixes))
                 logits = torch.cat([self._logits(part)[..., -1, :].cpu() for part in torch.split(clips, TEST_BATCH)])
                 pieces.append(torch.log_softmax(logits, dim=-1))
