@@ -278,8 +278,8 @@ docs/results/behaviour.md: runs/agents-hdm05-estimator/summary.json
 docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/summary.json runs/rules-$(set)-perfect/summary.json)
 	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$(^:summary.json=table.md))
 
-PAGES := planners nbv exact-joints conditions flown trainings learning flight-solo ablation-sbu belief headroom forms published paper agents \
-  behaviour benchmarks
+PAGES := planners nbv exact-joints conditions flown trainings learning flight-solo ablation-sbu belief headroom forms \
+  published paper agents behaviour benchmarks
 results: $(PAGES:%=docs/results/%.md)
 
 clean:

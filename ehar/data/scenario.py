@@ -97,16 +97,16 @@ def split_parts(data: MotionData) -> Parts:
     rng = np.random.default_rng(SPLIT_SEED)
     is_test = data.is_test if data.is_test is not None else _hold_out(data, rng)
     unseen = _people_held_out(data, ~is_test, VALIDATION_SHARE)
-    known = ~is_test & ~unseen
-    others = _people_held_out(data, known, 1 - RECOGNISER_SHARE)
+    rest = ~is_test & ~unseen
+    others = _people_held_out(data, rest, 1 - RECOGNISER_SHARE)
     apart = (
         unseen.any()
-        and len(np.unique(data.subjects[known & ~others])) >= LEAST_KNOWN
-        and set(data.labels[known & others]) == set(data.labels[known])
+        and len(np.unique(data.subjects[rest & ~others])) >= LEAST_KNOWN
+        and set(data.labels[rest & others]) == set(data.labels[rest])
     )
     parts: dict[str, list[IntArray]] = {"recogniser": [], "policy": [], "validation": [np.flatnonzero(unseen)]}
     for label in range(len(data.class_names)):
-        members = rng.permutation(np.flatnonzero((data.labels == label) & known))
+        members = rng.permutation(np.flatnonzero((data.labels == label) & rest))
         if apart:
             parts["recogniser"].append(members[~others[members]])
             parts["policy"].append(members[others[members]])

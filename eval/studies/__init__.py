@@ -10,7 +10,9 @@ if TYPE_CHECKING:
     from eval.studies.compare_table import Comparison as Comparison
     from eval.studies.explanation import Explanation as Explanation
     from eval.studies.headroom import Headroom as Headroom
+    from eval.studies.learning import LearningCurve as LearningCurve
     from eval.studies.overview import RunOverview as RunOverview
+    from eval.studies.published import PublishedReport as PublishedReport
     from eval.studies.trainings import Trainings as Trainings
 else:
     __getattr__, __dir__, __all__ = lazy_exports(
@@ -21,6 +23,8 @@ else:
             "Explanation": "eval.studies.explanation",
             "Analysis": "eval.studies.behaviour.analysis",
             "Comparison": "eval.studies.compare_table",
+            "LearningCurve": "eval.studies.learning",
+            "PublishedReport": "eval.studies.published",
             "RunOverview": "eval.studies.overview",
             "Trainings": "eval.studies.trainings",
         },

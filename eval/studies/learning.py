@@ -33,7 +33,7 @@ class Learned:
     Args:
         clips: clips of the training whose weights were kept.
         validation: accuracy of these weights on the validation clips, in [0, 1].
-        rule: the best planner that learned nothing, apart from `no-act`; None if there is none.
+        rule: the best planner without a gain field or a policy, apart from `no-act`; None if there is none.
         run: the run.
     """
 
@@ -83,7 +83,7 @@ class LearningCurve:
                 footnotes=(
                     *basis.footnotes,
                     "Clips are those of the weights that were kept, validation is their accuracy there. All accuracies "
-                    "are means over frames in percent. A rule is a planner that learned nothing.",
+                    "are means over frames in percent. A rule has neither a gain field nor a policy: fixed-best too.",
                     "The interval of the difference is corrected together with all pairs of its run.",
                 ),
                 notice=basis.notice,

@@ -16,7 +16,8 @@ from ehar.files import json_text, write_text
 from eval.render.tables import Table, html, markdown, text
 from recognition.networks.sizes import Size
 from recognition.published.clips import STREAMS
-from recognition.published.training import EPOCHS, RATIOS, PublishedRun, accuracies, train_published
+from recognition.published.training import RATIOS, PublishedRun, accuracies, train_published
+from recognition.training.optimisers import PUBLISHED_EPOCHS
 
 FORMS: tuple[Form, ...] = ("ctrgcn", "causal")
 SHOWN = (10, 30, 50, 70, 100)  # observation ratios in the table [%]
@@ -83,7 +84,7 @@ class PublishedReport:
                 ),
                 footnotes=(
                     f"{self.seeds} trainings of each; behind ± stands the standard deviation over them. "
-                    f"{self.epochs} epochs, as published {EPOCHS}.",
+                    f"{self.epochs} epochs, as published {PUBLISHED_EPOCHS}.",
                     "acc@x: the network sees the first x % of the frames, scaled and cut to a clip by themselves. "
                     "area: the mean over 10, 20, ..., 100 %. Published figures are those of all frames.",
                 ),
@@ -111,7 +112,7 @@ def published(
     out: str | Path,
     size: Size = "small",
     seeds: int = 1,
-    epochs: int = EPOCHS,
+    epochs: int = PUBLISHED_EPOCHS,
     device: str = "cpu",
     threads: int = 0,
 ) -> PublishedReport:

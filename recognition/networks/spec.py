@@ -57,24 +57,59 @@ class NetworkSpec:
 
     def build(self, seed: int = 0) -> Network:
         """Return a freshly initialised network; torch's global generator is left as it was."""
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(seed)
-            topology = partition(self.skeleton)
-            if self.form == "causal":
-                return CausalCTRGCN(
-                    classes=len(self.class_names),
-                    channels=channel_count(self.persons, view=True),
-                    partition=torch.from_numpy(topology),
-                    widths=self.widths,
-                    dropout=DROPOUT,
-                )
-            return CTRGCN(
-                classes=len(self.class_names),
-                joints=len(self.skeleton.joint_names),
-                persons=self.persons,
-                in_channels=channel_count(self.persons, view=False),
-                adjacency=topology,
-                widths=self.widths,
-                strides=STRIDES[self.size],
-                generator=torch.Generator().manual_seed(seed),
+        return build_network(
+            self.form,
+            self.size,
+            classes=len(self.class_names),
+            channels=channel_count(self.persons, view=self.form == "causal"),
+            skeleton=self.skeleton,
+            persons=self.persons,
+            dropout=DROPOUT,
+            seed=seed,
+        )
+
+
+def build_network(
+    form: Form,
+    size: Size,
+    *,
+    classes: int,
+    channels: int,
+    skeleton: Skeleton,
+    persons: int,
+    dropout: float,
+    seed: int,
+) -> Network:
+    """Return a freshly initialised network; torch's global generator is left as it was.
+
+    Args:
+        form: causal or published.
+        size: widths of the network.
+        classes: number K of classes.
+        channels: number C of features of a joint.
+        skeleton: skeleton of one person.
+        persons: number P of persons.
+        dropout: rate of dropout in the causal form; the published one has none.
+        seed: decides the first weights.
+    """
+    topology = partition(skeleton)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        if form == "causal":
+            return CausalCTRGCN(
+                classes=classes,
+                channels=channels,
+                partition=torch.from_numpy(topology),
+                widths=WIDTHS[size],
+                dropout=dropout,
             )
+        return CTRGCN(
+            classes=classes,
+            joints=len(skeleton.joint_names),
+            persons=persons,
+            in_channels=channels,
+            adjacency=topology,
+            widths=WIDTHS[size],
+            strides=STRIDES[size],
+            generator=torch.Generator().manual_seed(seed),
+        )

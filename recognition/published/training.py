@@ -16,21 +16,19 @@ from ehar.data.motion_data import MotionData
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.files import as_json, replacing
 from recognition.networks.causal import CausalCTRGCN
-from recognition.networks.ctrgcn import CTRGCN
-from recognition.networks.graph import parents, partition
-from recognition.networks.sizes import STRIDES, WIDTHS, Size
-from recognition.networks.spec import Network
+from recognition.networks.graph import parents
+from recognition.networks.sizes import Size
+from recognition.networks.spec import Network, build_network
 from recognition.published.clips import Stream, published_clip
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
+from recognition.training.optimisers import PUBLISHED_EPOCHS, PUBLISHED_MOMENTUM, PUBLISHED_RATE, PUBLISHED_WARM_UP
 
-RATE = 0.1
-MOMENTUM = 0.9  # Nesterov's
+# Where this protocol differs from that of NTU RGB+D, as `recognition.training.optimisers` has it:
 DECAY = 1e-4  # of weights
 BATCH = 16
-EPOCHS = 65
 REPEATS = 5  # of each training sequence in an epoch
-WARM_UP = 5  # epochs over which the rate rises
 DROP = 50  # the epoch from which the rate is a tenth
+
 RATIOS = tuple(range(10, 101, 10))  # observation ratios of the test [%]
 TEST_BATCH = 64
 
@@ -51,12 +49,12 @@ class PublishedRun:
     stream: Stream
     size: Size
     seed: int = 0
-    epochs: int = EPOCHS
+    epochs: int = PUBLISHED_EPOCHS
 
     @property
     def name(self) -> str:
         """The stem of its files."""
-        short = "" if self.epochs == EPOCHS else f"-{self.epochs}-epochs"
+        short = "" if self.epochs == PUBLISHED_EPOCHS else f"-{self.epochs}-epochs"
         return f"{self.form}-{self.stream}-{self.size}-seed{self.seed}{short}"
 
 
@@ -99,35 +97,11 @@ def train_published(
     return log_probs
 
 
-def published_rate(epoch: int) -> float:
+def rate_of_epoch(epoch: int) -> float:
     """Return the learning rate of an epoch, counted from 0."""
-    if epoch < WARM_UP:
-        return RATE * (epoch + 1) / WARM_UP
-    return RATE * (0.1 if epoch >= DROP else 1.0)
-
-
-def build(run: PublishedRun, data: MotionData) -> Network:
-    """Return a fresh network for 3D joints."""
-    topology = partition(data.skeleton)
-    if run.form == "ctrgcn":
-        return CTRGCN(
-            classes=len(data.class_names),
-            joints=len(data.skeleton.joint_names),
-            persons=data.persons,
-            in_channels=3,
-            adjacency=topology,
-            widths=WIDTHS[run.size],
-            strides=STRIDES[run.size],
-            generator=torch.Generator().manual_seed(run.seed),
-        )
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(run.seed)
-        return CausalCTRGCN(
-            classes=len(data.class_names),
-            channels=3,
-            partition=torch.from_numpy(topology),
-            widths=WIDTHS[run.size],
-        )
+    if epoch < PUBLISHED_WARM_UP:
+        return PUBLISHED_RATE * (epoch + 1) / PUBLISHED_WARM_UP
+    return PUBLISHED_RATE * (0.1 if epoch >= DROP else 1.0)
 
 
 class _Training:
@@ -135,10 +109,19 @@ class _Training:
 
     def __init__(self, run: PublishedRun, data: MotionData, checkpoint: Path, device: torch.device) -> None:
         self.run, self.data, self.checkpoint, self.device = run, data, checkpoint, device
-        self.network = build(run, data).to(device)
+        self.network: Network = build_network(
+            run.form,
+            run.size,
+            classes=len(data.class_names),
+            channels=3,
+            skeleton=data.skeleton,
+            persons=data.persons,
+            dropout=0.0,
+            seed=run.seed,
+        ).to(device)
         self.parents = parents(data.skeleton)
         self.optimiser = torch.optim.SGD(
-            self.network.parameters(), lr=RATE, momentum=MOMENTUM, weight_decay=DECAY, nesterov=True
+            self.network.parameters(), lr=PUBLISHED_RATE, momentum=PUBLISHED_MOMENTUM, weight_decay=DECAY, nesterov=True
         )
         self.identity = as_json({**asdict(run), "data_sha256": data.sha256})
         self.epoch = 0
@@ -151,7 +134,7 @@ class _Training:
         while self.epoch < self.run.epochs:
             rng = np.random.default_rng((self.run.seed, self.epoch))
             for group in self.optimiser.param_groups:
-                group["lr"] = published_rate(self.epoch)
+                group["lr"] = rate_of_epoch(self.epoch)
             self.network.train()
             losses = [self._learn(batch, rng) for batch in _batches(rng.permutation(sequences))]
             self.epoch += 1

@@ -9,7 +9,7 @@ import pytest
 from ehar.data.motion_data import MotionData
 from ehar.errors import DataError, ModelError, UsageError
 from recognition.published import training
-from recognition.published.training import PublishedRun, accuracies, published_rate, train_published
+from recognition.published.training import PublishedRun, accuracies, rate_of_epoch, train_published
 from tests.helpers.fakes import tiny_data
 
 
@@ -19,7 +19,7 @@ def data() -> MotionData:
 
 @pytest.mark.parametrize(("epoch", "rate"), [(0, 0.02), (3, 0.08), (4, 0.1), (49, 0.1), (50, 0.01), (64, 0.01)])
 def test_the_rate_rises_over_five_epochs_and_falls_at_the_fiftieth(epoch: int, rate: float) -> None:
-    assert published_rate(epoch) == pytest.approx(rate)
+    assert rate_of_epoch(epoch) == pytest.approx(rate)
 
 
 @pytest.mark.parametrize("form", ["ctrgcn", "causal"])
