@@ -121,21 +121,20 @@ class CausalGraphConvolution(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """Return the layer's output (N, C_out, J, T) for whole clips (N, C_in, J, T)."""
         n, inputs, j, frames = x.shape
-        begins = [count - 1 for count in range(1, frames + 1) if refreshes(count)]
-        counts = torch.arange(1, frames + 1, device=x.device)
-        # Sums over frames are in full precision: in bfloat16 they would lose the late frames.
-        means = (x.cumsum(dim=3, dtype=torch.float32) / counts)[..., begins]
-        topologies = self.refined(means.permute(0, 3, 1, 2).reshape(n * len(begins), inputs, j))
-        topologies = topologies.view(n, len(begins), self.outputs, 3 * j, j).transpose(-1, -2)
         # The weight's rows are sorted by channel, then by subset. So the product has the subsets side by side already.
+        # Frames that share a topology are cut out of the input, not of the values, which are three times as large.
         weight = self.value.weight.view(3, self.outputs, inputs).transpose(0, 1).reshape(-1, inputs)
         bias = _bias(self.value).view(3, self.outputs).t().reshape(-1)
-        values = _product(weight, bias, x).view(n, self.outputs, 3 * j, frames)
-        lengths = [end - begin for begin, end in zip(begins, [*begins[1:], frames], strict=True)]
-        pieces = [
-            topology @ value
-            for value, topology in zip(torch.split(values, lengths, dim=3), topologies.unbind(1), strict=True)
-        ]
+        begins = [count - 1 for count in range(1, frames + 1) if refreshes(count)]
+        total = x.new_zeros((n, inputs, j), dtype=torch.float32)
+        summed, pieces = 0, []
+        for begin, end in zip(begins, [*begins[1:], frames], strict=True):
+            # Sums over frames are in full precision: in bfloat16 they would lose the late frames.
+            total = total + x[..., summed : begin + 1].sum(dim=3, dtype=torch.float32)
+            summed = begin + 1
+            topology = self.refined(total / summed).transpose(-1, -2)
+            values = _product(weight, bias, x[..., begin:end]).view(n, self.outputs, 3 * j, end - begin)
+            pieces.append(topology @ values)
         return self.finish(torch.cat(pieces, dim=3), x)
 
     def start(self, bodies: int) -> GraphState:
@@ -232,7 +231,11 @@ class CausalTemporalConvolution(nn.Module):
         outputs.append(
             functional.max_pool2d(padded[:, 2 * self.branch :, :, HISTORY - POOL + 1 :], (1, POOL), stride=1)
         )
-        return torch.cat([self.norm(torch.cat(outputs, dim=1)), present], dim=1)
+        normed = self.norm(torch.cat(outputs, dim=1))
+        if normed.requires_grad:
+            # The gradient is a slice of that of all branches, and batch norm is slow to go back from a slice.
+            normed.register_hook(torch.Tensor.contiguous)
+        return torch.cat([normed, present], dim=1)
 
     def start(self, bodies: int, joints: int) -> tuple[Tensor, ...]:
         """Return the last HISTORY frames of bodies that have seen nothing, each (N, 3 C / 4, 1, J)."""
