@@ -81,7 +81,7 @@ def cost_against_motion(data: ReportData, _: str) -> Figure:
 def cost_against_time(data: ReportData, _: str) -> Figure:
     """Return accuracy against planning time, with the Pareto front of those without the truth."""
     milliseconds = np.maximum([planner.step_ms for planner in data.summary.planners], LEAST_MS)
-    axis = {"title": "planning time a frame [ms], log scale", "type": "log", "tickformat": "~g"}
+    axis: dict[str, Any] = {"title": "planning time a frame [ms], log scale", "type": "log", "tickformat": "~g"}
     if milliseconds.max() > 100 * milliseconds.min():
         axis["dtick"] = 1  # powers of ten alone: over so many of them the labels of 2 and 5 overlap
     return _cost(data, milliseconds, axis, "ms")
