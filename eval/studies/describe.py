@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.conditions import Conditions
+from ehar.data.copies import copied
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import split_parts, windows
 from ehar.data.skeleton import Skeleton
@@ -80,7 +81,11 @@ def _title(data: MotionData) -> str:
 def _footnotes(data: MotionData) -> list[str]:
     minutes = len(data.positions) / data.fps / 60
     short = int((data.lengths < EPISODE_FRAMES).sum())
+    parts = split_parts(data)
+    copies = int(copied(data, parts.test, np.setdiff1d(np.arange(len(data.labels)), parts.test)).sum())
+    notes = [f"warning: {copies} test sequences are copies of training sequences"] if copies else []
     return [
+        *notes,
         f"{'synthetic motion' if data.synthetic else 'recorded motion'}, {minutes:.1f} minutes, "
         f"{short} of {len(data.labels)} sequences shorter than {EPISODE_FRAMES} frames",
         f"split: {'as in the data' if data.is_test is not None else 'none in the data; held out from a fixed seed'}",

@@ -42,3 +42,16 @@ def test_the_command_trains_tests_and_prints_both_forms(
 def test_numbers_below_one_are_refused(motion: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="--seeds: got 0, expected at least 1"):
         published(str(motion), out=tmp_path, seeds=0)
+
+
+def test_copies_of_training_sequences_are_counted_and_left_out(tmp_path: Path) -> None:
+    data = tiny_data()
+    positions = data.positions.copy()
+    positions[data.offsets[6] : data.offsets[7]] = data.sequence(0)
+    save_motion(tmp_path / "tiny.npz", replace(data, positions=positions))
+    found = published(str(tmp_path / "tiny.npz"), out=tmp_path, epochs=1, threads=1)
+    assert (found.tests, found.copies) == (6, ("nod",))
+    assert "1 of 6 test sequences are copies of training sequences, frame by frame: of nod." in str(found)
+    sixths, fifths = found.rows[0].accuracy[0] * 6 / 100, found.rows[0].accuracy_new[0] * 5 / 100
+    np.testing.assert_allclose([sixths, fifths], np.round([sixths, fifths]), atol=1e-9)
+    assert set(np.round(sixths - fifths).astype(int)) <= {0, 1}  # the copy is right, or it is not

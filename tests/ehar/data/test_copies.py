@@ -1,0 +1,46 @@
+"""Test sequences that are in the training part as well are found."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ehar.data.copies import copied
+from ehar.data.motion_data import MotionData
+from ehar.data.motion_file import load_motion
+from eval.studies.describe import describe
+from tests.helpers.fakes import tiny_data
+from tests.helpers.places import SHARED
+
+
+def with_copy(frames: int) -> MotionData:
+    """Return data whose last sequence, a test sequence, has its first frames from the first one."""
+    data = tiny_data()
+    positions = data.positions.copy()
+    end = data.offsets[-2]
+    positions[end : end + frames] = data.sequence(0)[:frames]
+    return replace(data, positions=positions)
+
+
+@pytest.mark.parametrize(("frames", "is_copy"), [(0, False), (10, False), (11, True), (20, True)])
+def test_a_copy_has_more_than_half_of_its_frames_there(frames: int, is_copy: bool) -> None:
+    found = copied(with_copy(frames), np.array([6, 11]), np.arange(6))
+    assert found.tolist() == [False, is_copy]
+
+
+def test_no_sequence_is_compared_with_itself() -> None:
+    assert not copied(tiny_data(), np.arange(6, 12), np.arange(6)).any()
+    assert copied(tiny_data(), np.arange(3), np.arange(3)).all()  # unless it is asked for
+
+
+def test_describe_warns_of_copies() -> None:
+    assert "warning: 1 test sequences are copies of training sequences" in str(describe(with_copy(20)))
+    assert "copies" not in str(describe(tiny_data()))
+
+
+@pytest.mark.skipif(not (SHARED / "nwucla.npz").is_file(), reason="needs ../shared/data/nwucla.npz")
+def test_northwestern_ucla_has_copies_between_cameras() -> None:
+    data = load_motion(SHARED / "nwucla.npz")
+    assert data.is_test is not None
+    found = copied(data, np.flatnonzero(data.is_test), np.flatnonzero(~data.is_test))
+    assert 80 < found.sum() < 100
