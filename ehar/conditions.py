@@ -20,7 +20,7 @@ from ehar.world import PAPER, World, by_name
 
 Form = Literal["causal", "ctrgcn"]
 FORMS: tuple[Form, ...] = get_args(Form)
-REGIMES = ("moving", "paper")  # views that a recogniser is trained on
+REGIMES = ("moving", "paper", "recorded")  # views that a recogniser is trained on
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -40,7 +40,7 @@ class Conditions:
         fps: frame rate to resample to [Hz].
         seed: seed of start viewpoints, noise and random planners.
         part: part of the data: test, validation, policy or recogniser.
-        views: cameras the recogniser was trained on: moving or paper.
+        views: cameras the recogniser was trained on: moving, paper, or recorded (the real ones).
         form: causal (streams) or ctrgcn (as published, on each prefix).
         recogniser: your own: file.py:Class.
         world: paper, indoor, or a world file (.json).

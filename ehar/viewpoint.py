@@ -141,6 +141,13 @@ def cartesian(viewpoint: FloatArray) -> FloatArray:
     return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), distance * np.cos(polar)], axis=-1)
 
 
+def spherical(position: FloatArray) -> FloatArray:
+    """Return the viewpoints (..., 3) of camera positions (..., 3) [m] around the centre: what `cartesian` undoes."""
+    distance = np.linalg.norm(position, axis=-1)
+    azimuth = wrap_azimuth(np.arctan2(position[..., 1], position[..., 0]))
+    return np.stack([distance, azimuth, np.arccos(position[..., 2] / distance)], axis=-1)
+
+
 def apply_moves(viewpoint: FloatArray, moves: IntArray, workspace: Workspace) -> FloatArray:
     """Return the viewpoints that grid moves lead to; a move out of the workspace leaves the camera where it is.
 

@@ -31,6 +31,8 @@ class MotionData:
         subjects: (sequences, P) ints, the performers; -1 is unknown.
         license: the license of the motion.
         synthetic: whether the motion was generated.
+        views: (sequences,) ints, the camera that recorded each sequence, in whose frame its joints are: x to its right,
+            y away from it, z up; None if joints are in the room's frame.
     """
 
     name: str
@@ -45,6 +47,7 @@ class MotionData:
     subjects: IntArray
     license: str = ""
     synthetic: bool = False
+    views: IntArray | None = None
 
     def __repr__(self) -> str:
         """Return one line: sequences, frames, persons, joints and classes."""

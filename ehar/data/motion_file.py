@@ -145,6 +145,7 @@ def _parse(fields: _Fields, *, name: str) -> MotionData:
         subjects=_parse_subjects(fields, len(labels), persons),
         license=str(fields.get("license", _TEXT)[()]),
         synthetic=bool(fields.get("synthetic", _BOOL)) if "synthetic" in fields.arrays else False,
+        views=fields.get("views", _INTEGER, len(labels)).astype(np.int64) if "views" in fields.arrays else None,
     )
 
 
@@ -243,6 +244,7 @@ _SCHEMA = {
     "bones",
     "license",
     "synthetic",
+    "views",
 }
 
 
@@ -263,4 +265,6 @@ def _to_arrays(data: MotionData) -> dict[str, Array]:
         arrays["split"] = np.where(data.is_test, "test", "train")
     if data.synthetic:
         arrays["synthetic"] = np.array(True)
+    if data.views is not None:
+        arrays["views"] = data.views.astype(np.int32)
     return arrays

@@ -52,10 +52,19 @@ class Scenarios:
         paper takes it as known a priori (Sec. 3) and does not say where it lies. A mean over later frames would tell
         in the first frame where people are going to go.
         """
-        begin = self.data.offsets[self.sequence[indices]] + self.first[indices]
-        motion = self.data.positions[begin[:, None] + np.arange(self.length)]
-        centred: FloatArray = motion - motion[:, :1].mean(axis=(2, 3), keepdims=True)
+        motion = self.data.positions[self._begin(indices)[:, None] + np.arange(self.length)]
+        centred: FloatArray = motion - self.centres(indices)[:, None, None, None]
         return centred.astype(np.float32, copy=False)
+
+    def centres(self, indices: IntArray) -> FloatArray:
+        """Return each scenario's centre in the data's frame, (n, 3) [m]."""
+        centre: FloatArray = self.data.positions[self._begin(indices)].mean(axis=(1, 2))
+        return centre
+
+    def _begin(self, indices: IntArray) -> IntArray:
+        """Return the first frame (n,) of scenarios, counted over all of the data."""
+        begin: IntArray = self.data.offsets[self.sequence[indices]] + self.first[indices]
+        return begin
 
 
 @dataclass(frozen=True)

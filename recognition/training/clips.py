@@ -16,8 +16,9 @@ from ehar.sensors.sensor import Sensor, draw_noise
 from ehar.world import PAPER, World
 from recognition.networks.features import features, with_view
 from recognition.networks.graph import parents
-from recognition.training.views import training_viewpoints
+from recognition.training.views import recorded_viewpoints, training_viewpoints
 
+RECORDED = "recorded"  # the regime of the cameras that recorded the data
 BODY_SCALE = 0.1  # training bodies are scaled by a random factor from 1 - this to 1 + this: actors differ in size
 
 
@@ -60,8 +61,10 @@ class ClipSource:
         """Collect the sequences that are long enough.
 
         Raises:
-            DataError: no sequence is long enough.
+            DataError: no sequence is long enough, or no camera recorded the data and `views` are the recorded ones.
         """
+        if views == RECORDED and data.views is None:
+            raise DataError(f"{data.name}: expected `views`, the cameras that recorded each sequence; it has none")
         long_enough = sequences[data.lengths[sequences] >= length]
         if len(long_enough) == 0:
             longest = int(data.lengths[sequences].max(initial=0))
@@ -79,11 +82,15 @@ class ClipSource:
         sequence = rng.choice(self._sequences, size=clips, p=self._probabilities)
         first = rng.integers(self._data.lengths[sequence] - self._length + 1)
         scenarios = Scenarios(self._data, self._length, sequence, first)
-        positions = scenarios.positions(np.arange(clips))
+        every = np.arange(clips)
+        positions = scenarios.positions(every)
         if self._augment:
             scale = rng.uniform(1 - BODY_SCALE, 1 + BODY_SCALE, size=(clips, 1, 1, 1, 1))
             positions = positions * scale.astype(np.float32)
-        viewpoints = training_viewpoints(self._views, self._world, rng, clips, self._length)
+        if self._views == RECORDED:
+            viewpoints = recorded_viewpoints(scenarios.centres(every), self._length)
+        else:
+            viewpoints = training_viewpoints(self._views, self._world, rng, clips, self._length)
         return Clips(self._see(positions, viewpoints, rng), torch.from_numpy(scenarios.labels.astype(np.int64)))
 
     def _see(self, positions: FloatArray, viewpoints: FloatArray, rng: np.random.Generator) -> Tensor:

@@ -1,11 +1,10 @@
-"""The cameras of a recogniser's training: the paper's static grid, or moving cameras."""
+"""The cameras of a recogniser's training: the paper's static grid, moving cameras, or those that recorded."""
 
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.conditions import REGIMES
 from ehar.errors import UsageError
-from ehar.viewpoint import MOVES, Workspace, apply_moves
+from ehar.viewpoint import MOVES, Workspace, apply_moves, spherical
 from ehar.world import World
 
 # Sec. 4.2: "a uniform grid of 32 nodes spanning P_0". The paper does not say which 32: the middles of 2 x 8 x 2 cells.
@@ -25,8 +24,22 @@ def paper_viewpoints(workspace: Workspace) -> FloatArray:
     return np.stack(grid, axis=-1).reshape(-1, 3)
 
 
+def recorded_viewpoints(centres: FloatArray, length: int) -> FloatArray:
+    """Return where the cameras stood that recorded clips, (B, L, 3).
+
+    Joints are in the recording camera's frame, so the camera is at its origin. Our camera looks at the people's centre;
+    a real one looked along its own axis. That is a turn about the camera, which changes neither what hides what nor
+    the rays to the joints.
+
+    Args:
+        centres: (B, 3) the people's centre in each clip's first frame, in the camera's frame [m].
+        length: number L of frames.
+    """
+    return np.repeat(spherical(-centres.astype(np.float64))[:, None], length, axis=1)
+
+
 def training_viewpoints(regime: str, world: World, rng: np.random.Generator, clips: int, length: int) -> FloatArray:
-    """Draw the cameras of training clips.
+    """Draw the cameras of training clips that are simulated.
 
     Args:
         regime: "paper" takes each clip from one of the 32 viewpoints; "moving" takes half of the clips from a random
@@ -47,7 +60,7 @@ def training_viewpoints(regime: str, world: World, rng: np.random.Generator, cli
         chosen = grid[rng.integers(len(grid), size=clips)]
         return np.repeat(chosen[:, None], length, axis=1)
     if regime != "moving":
-        raise UsageError(f"unknown --views {regime!r}: expected one of {', '.join(REGIMES)}")
+        raise UsageError(f"unknown --views {regime!r}: expected moving or paper")
     viewpoints = np.empty((clips, length, 3))
     viewpoints[:, 0] = world.sample_starts(rng, clips)
     moving = rng.random(clips) >= STATIC_SHARE

@@ -25,7 +25,7 @@ def refusal(**told: Any) -> str:
     ("field", "known"),
     [
         ("part", "recogniser, policy, validation, test"),
-        ("views", "moving, paper"),
+        ("views", "moving, paper, recorded"),
         ("form", "causal, ctrgcn"),
     ],
 )

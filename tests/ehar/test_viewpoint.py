@@ -13,6 +13,7 @@ from ehar.viewpoint import (
     apply_moves,
     cartesian,
     neighbours,
+    spherical,
     wrap_azimuth,
     wrap_difference,
 )
@@ -146,3 +147,10 @@ def test_clip_gives_viewpoints_inside_and_leaves_those_inside(viewpoint: np.ndar
     clipped = PAPER.clip(viewpoint)
     assert PAPER.contains(clipped)
     np.testing.assert_allclose(PAPER.clip(clipped), clipped)
+
+
+@given(st.floats(0.1, 20), st.floats(0, 2 * np.pi - 1e-6), st.floats(0.01, np.pi - 0.01))
+def test_a_place_in_space_is_the_viewpoint_that_it_came_from(distance: float, azimuth: float, polar: float) -> None:
+    viewpoint = np.array([distance, azimuth, polar])
+    back = spherical(cartesian(viewpoint))
+    np.testing.assert_allclose(wrap_difference(back - viewpoint), 0, atol=1e-6)

@@ -88,6 +88,7 @@ def test_one_subject_a_sequence_counts_for_every_person(tmp_path: Path) -> None:
     fps=st.sampled_from([12.5, 25.0, 29.97, 59.94, 120.0]),
     seed=st.integers(0, 99),
     synthetic=st.booleans(),
+    recorded=st.booleans(),
     divided=st.booleans(),
 )
 def test_round_trip(
@@ -97,6 +98,7 @@ def test_round_trip(
     fps: float,
     seed: int,
     synthetic: bool,
+    recorded: bool,
     divided: bool,
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -113,6 +115,7 @@ def test_round_trip(
         subjects=rng.integers(-1, 4, size=(len(lengths), persons)),
         license="x",
         synthetic=synthetic,
+        views=rng.integers(1, 4, size=len(lengths)) if recorded else None,
     )
     path = tmp_path_factory.mktemp("round") / "written.npz"
     save_motion(path, data)
@@ -120,6 +123,7 @@ def test_round_trip(
     assert back.sha256 == data.sha256
     assert (back.fps, back.synthetic, back.license, back.name) == (fps, synthetic, "x", "written")
     np.testing.assert_array_equal(back.subjects, data.subjects)
+    np.testing.assert_array_equal(back.views, data.views)
     assert os.listdir(path.parent) == ["written.npz"]
 
 

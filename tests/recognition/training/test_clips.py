@@ -144,3 +144,18 @@ def test_sequences_that_are_too_short_are_left_out() -> None:
     shortened = replace(data, offsets=np.array([0, 20, 24, 60]))
     clips = source(shortened, np.arange(3)).draw(np.random.default_rng(0), 50)
     assert set(clips.labels.tolist()) == {0, 2}
+
+
+def test_recorded_views_are_those_of_the_cameras_and_need_them() -> None:
+    with pytest.raises(DataError, match="tiny: expected `views`, the cameras that recorded each sequence; it has none"):
+        source(tiny_data(), np.arange(3), views="recorded")
+    data = tiny_data(sequences=2)
+    near = replace(data, positions=data.positions + np.array([0, 3, 0], dtype=np.float32), views=np.array([1, 2]))
+    far = replace(near, positions=near.positions + np.array([0, 3, 0], dtype=np.float32))
+    views = [
+        source(moved, np.arange(2), views="recorded", form="causal")
+        .draw(np.random.default_rng(0), 20)
+        .features[..., -1]
+        for moved in (near, far)
+    ]
+    np.testing.assert_allclose([view.exp().mean() for view in views], [3, 6], atol=0.1)
