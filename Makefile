@@ -40,8 +40,8 @@ docs: setup
 
 # --- weights and results: file targets, so a run that was stopped goes on where it was, and -j runs what is independent.
 # LAUNCH comes before every command, for a cluster: make -j 20 results LAUNCH="srun --ntasks=1".
-# A model set is NAME or NAME-SEED: models/duo-1 is the second training on duo. DATA is a folder with hdm05, bandai2 and
-# sbu.npz.
+# A model set is NAME or NAME-SEED: models/duo-1 is the second training on duo. DATA is a folder with hdm05, bandai2, sbu
+# and nwucla.npz.
 LAUNCH ?=
 EHAR := $(LAUNCH) $(RUN)ehar
 DATA ?= ../shared/data
@@ -199,6 +199,9 @@ PUBLISHED_DEVICE ?= cuda
 runs/published/summary.json: | setup
 	$(EHAR) study published $(DATA)/nwucla.npz --size $(PUBLISHED_SIZE) --device $(PUBLISHED_DEVICE) --seeds 3 --out $(@D)
 
+runs/real-views/summary.json: | setup
+	$(EHAR) study real-views $(DATA)/nwucla.npz --out $(@D)
+
 # Imitation on solo with one option of its own, as il in models/solo-NAME.
 soft := --labels soft
 lookahead := --teacher oracle-lookahead
@@ -267,6 +270,9 @@ docs/results/published.md: runs/published/summary.json
 	$(call page,$@,The recogniser against published figures,ehar study published $(DATA)/nwucla.npz --size $(PUBLISHED_SIZE) \
 	  --seeds 3 --out runs/published,$(<D)/table.md)
 
+docs/results/real-views.md: runs/real-views/summary.json
+	$(call page,$@,What is simulated against real cameras,ehar study real-views $(DATA)/nwucla.npz --out runs/real-views,$(<D)/table.md)
+
 docs/results/agents.md: runs/agents-solo-paper/summary.json $(OPTIONS:%=runs/imitation-solo-%/summary.json)
 	$(call page,$@,What options of imitation are worth,ehar benchmark no-act il oracle,$(^:summary.json=table.md))
 
@@ -279,7 +285,7 @@ docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/s
 	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$(^:summary.json=table.md))
 
 PAGES := planners nbv exact-joints conditions flown trainings learning flight-solo ablation-sbu belief headroom forms \
-  published paper agents behaviour benchmarks
+  published real-views paper agents behaviour benchmarks
 results: $(PAGES:%=docs/results/%.md)
 
 clean:

@@ -191,7 +191,7 @@ TRAIN = CommandGroup(
             conditions=(*TRAINED, "models", "form", "recogniser"),
             flags={
                 **TRAINED_FROM,
-                "views": Flag("of the recogniser: moving or paper."),
+                "views": Flag("of the recogniser: moving, paper or recorded."),
                 "form": Flag("of the recogniser; ctrgcn is as published."),
                 "stages": Flag("agents, with commas.", hint="all; il,ppo,il-ppo in paper"),
                 "setting": Flag("paper takes a GPU, and --views paper --form ctrgcn."),
@@ -458,6 +458,24 @@ STUDY = CommandGroup(
                 "device": Flag("torch device."),
                 "threads": Flag("CPU threads of torch.", hint="torch decides"),
                 "out": Flag("folder for results and checkpoints.", kind=Path, default=REQUIRED),
+            },
+        ),
+        "real-views": Command(
+            "eval.studies.real_views.study:real_views",
+            show_result,
+            text="""Ask whether what is simulated holds for real cameras.
+
+            For executions that several real cameras recorded at once.
+
+            For example:
+                ehar study real-views nwucla.npz --out runs/real-views
+            """,
+            flags={
+                "data": Flag(positional=True, metavar="FILE.npz"),
+                "length": Flag("frames of a window."),
+                "clips": Flag("the most training clips of each recogniser."),
+                "threads": Flag("CPU threads of torch.", hint="torch decides"),
+                "out": Flag("folder for results and recognisers.", kind=Path, default=REQUIRED),
             },
         ),
         "paper": Command(

@@ -1,0 +1,1 @@
+"""Whether what is simulated holds for real cameras: executions that several cameras recorded at once."""
