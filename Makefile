@@ -40,8 +40,8 @@ docs: setup
 
 # --- weights and results: file targets, so a run that was stopped goes on where it was, and -j runs what is independent.
 # LAUNCH comes before every command, for a cluster: make -j 20 results LAUNCH="srun --ntasks=1".
-# A model set is NAME or NAME-SEED: models/duo-1 is the second training on duo. DATA is a folder with hdm05, bandai2, sbu
-# and nwucla.npz.
+# A model set is NAME, NAME-SEED or NAME-indoor: models/duo-1 is the second training on duo, models/sbu-indoor the world of
+# a robot indoors. DATA is a folder with hdm05, bandai2, sbu and nwucla.npz.
 LAUNCH ?=
 EHAR := $(LAUNCH) $(RUN)ehar
 DATA ?= ../shared/data
@@ -54,12 +54,12 @@ hdm05 := --data $(DATA)/hdm05.npz
 bandai2 := --data $(DATA)/bandai2.npz
 sbu := --data $(DATA)/sbu.npz --fps 30 --length 30
 SETS := duo solo hdm05 bandai2 sbu
-TRAININGS := duo duo-1 duo-2 solo solo-1 solo-2 hdm05 bandai2 sbu
+TRAININGS := duo duo-1 duo-2 solo solo-1 solo-2 hdm05 bandai2 sbu hdm05-indoor sbu-indoor
 
 # The rules name every file (static patterns): make would pass over files that only patterns name.
 # Of a model set $(1): its data, and the seed of its trainings.
-data_of = $($(firstword $(subst -, ,$(1))))
-seed_of = $(or $(word 2,$(subst -, ,$(1))),0)
+data_of = $($(firstword $(subst -, ,$(1)))) $(if $(filter indoor,$(subst -, ,$(1))),--world indoor)
+seed_of = $(or $(filter-out indoor,$(word 2,$(subst -, ,$(1)))),0)
 train_options = $(call data_of,$(1)) --seed $(call seed_of,$(1))
 
 RULES := no-act random towards h-rotate v-rotate near-level front side fixed-best nbv-greedy nbv-search nbv
@@ -228,6 +228,9 @@ docs/results/planners.md: $(SETS:%=runs/agents-%-estimator/summary.json)
 docs/results/nbv.md: $(SETS:%=runs/rules-%-estimator/summary.json)
 	$(call side_by_side,nbv,nbv against the others through the estimator)
 
+docs/results/indoor.md: runs/rules-hdm05-indoor-estimator/summary.json runs/rules-sbu-indoor-estimator/summary.json
+	$(call side_by_side,nbv,A robot indoors)
+
 docs/results/exact-joints.md: $(SETS:%=runs/rules-%-perfect/summary.json)
 	$(call side_by_side,nbv,Planners with exact joints)
 
@@ -284,7 +287,7 @@ docs/results/behaviour.md: runs/agents-hdm05-estimator/summary.json
 docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/summary.json runs/rules-$(set)-perfect/summary.json)
 	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$(^:summary.json=table.md))
 
-PAGES := planners nbv exact-joints conditions flown trainings learning flight-solo ablation-sbu belief headroom forms \
+PAGES := planners nbv indoor exact-joints conditions flown trainings learning flight-solo ablation-sbu belief headroom forms \
   published real-views paper agents behaviour benchmarks
 results: $(PAGES:%=docs/results/%.md)
 
