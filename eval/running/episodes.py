@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray, in_brief
+from ehar.data.copies import copied
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios, windows
 from ehar.errors import DataError
@@ -105,6 +106,11 @@ def cut_scenarios(data: MotionData, sequences: IntArray, length: int, note: Call
         raise DataError(
             f"{data.name}: expected test sequences of at least {length} frames, "
             f"the longest of {len(sequences)} has {data.lengths[sequences].max()}"
+        )
+    copies = int(copied(data, sequences).sum())
+    if copies:
+        note(
+            f"warning: {copies} of {len(sequences)} test sequences are copies of others of {data.name}, frame by frame"
         )
     short = int((data.lengths[sequences] < length).sum())
     if short:

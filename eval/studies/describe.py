@@ -81,8 +81,7 @@ def _title(data: MotionData) -> str:
 def _footnotes(data: MotionData) -> list[str]:
     minutes = len(data.positions) / data.fps / 60
     short = int((data.lengths < EPISODE_FRAMES).sum())
-    parts = split_parts(data)
-    copies = int(copied(data, parts.test, np.setdiff1d(np.arange(len(data.labels)), parts.test)).sum())
+    copies = int(copied(data, split_parts(data).test).sum())
     notes = [f"warning: {copies} test sequences are copies of training sequences"] if copies else []
     return [
         *notes,

@@ -159,7 +159,7 @@ def published(
             )
     assert motion.is_test is not None
     test = np.flatnonzero(motion.is_test)
-    labels, new = motion.labels[test], ~copied(motion, test, np.flatnonzero(~motion.is_test))
+    labels, new = motion.labels[test], ~copied(motion, test)
     copies = tuple(motion.class_names[label] for label in labels[~new])
     chosen: Sequence[tuple[str, slice]] = (
         *((stream, slice(i, i + 1)) for i, stream in enumerate(STREAMS)),

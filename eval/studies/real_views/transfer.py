@@ -64,7 +64,7 @@ def unseen_test(data: MotionData) -> IntArray:
     if data.is_test is None:
         raise DataError(f"{data.name}: expected a split by camera, as `split` names it")
     test = np.flatnonzero(data.is_test)
-    found: IntArray = test[~copied(data, test, np.flatnonzero(~data.is_test))]
+    found: IntArray = test[~copied(data, test)]
     if not len(found):
         raise DataError(f"{data.name}: expected a test sequence that is no copy of a training sequence")
     return found

@@ -8,6 +8,7 @@ import pytest
 from ehar.data.copies import copied
 from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import load_motion
+from eval.running.episodes import cut_scenarios
 from eval.studies.describe import describe
 from tests.helpers.fakes import tiny_data
 from tests.helpers.places import SHARED
@@ -24,13 +25,18 @@ def with_copy(frames: int) -> MotionData:
 
 @pytest.mark.parametrize(("frames", "is_copy"), [(0, False), (10, False), (11, True), (20, True)])
 def test_a_copy_has_more_than_half_of_its_frames_there(frames: int, is_copy: bool) -> None:
-    found = copied(with_copy(frames), np.array([6, 11]), np.arange(6))
-    assert found.tolist() == [False, is_copy]
+    assert copied(with_copy(frames), np.arange(6, 12)).tolist() == [False] * 5 + [is_copy]
 
 
-def test_no_sequence_is_compared_with_itself() -> None:
-    assert not copied(tiny_data(), np.arange(6, 12), np.arange(6)).any()
-    assert copied(tiny_data(), np.arange(3), np.arange(3)).all()  # unless it is asked for
+def test_no_sequence_is_compared_with_itself_or_with_others_that_are_asked_for() -> None:
+    assert not copied(tiny_data(), np.arange(12)).any()
+    assert not copied(with_copy(20), np.array([0, 11])).any()
+
+
+def test_a_benchmark_warns_of_copies() -> None:
+    told: list[str] = []
+    cut_scenarios(with_copy(20), np.arange(6, 12), 10, told.append)
+    assert told == ["warning: 1 of 6 test sequences are copies of others of tiny, frame by frame"]
 
 
 def test_describe_warns_of_copies() -> None:
@@ -42,5 +48,5 @@ def test_describe_warns_of_copies() -> None:
 def test_northwestern_ucla_has_copies_between_cameras() -> None:
     data = load_motion(SHARED / "nwucla.npz")
     assert data.is_test is not None
-    found = copied(data, np.flatnonzero(data.is_test), np.flatnonzero(~data.is_test))
+    found = copied(data, np.flatnonzero(data.is_test))
     assert 80 < found.sum() < 100
