@@ -1,5 +1,6 @@
 """Trains on simulated views or on real ones, and tests on what a camera really saw that no training did."""
 
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,12 +14,12 @@ from ehar.data.motion_data import MotionData
 from ehar.data.scenario import windows
 from ehar.errors import DataError
 from ehar.sensors.perfect import PerfectSensor
+from eval.running.training import train_recogniser
 from eval.scores.metrics import ACC_AT, acc_at, mean_acc
 from eval.scores.resampling.resamples import Basis, resample_episodes
 from eval.studies.real_views.watching import right_answers
 from recognition.storage import load_recogniser, recogniser_path
 from recognition.training.config import TrainingConfig
-from recognition.training.trainer import train_recogniser
 from recognition.training.views import recorded_viewpoints
 
 RECORDED, SIMULATED, ESTIMATED = "real views", "simulated views", "simulated views, estimator"
@@ -51,7 +52,8 @@ def train(conditions: Conditions, training: str, out: Path, *, clips: int, threa
     views, sensor = TRAININGS[training]
     own = replace(conditions, views=views, sensor=sensor, models=out)
     if not recogniser_path(out, own).is_file():
-        train_recogniser(TrainingConfig(conditions=own, out=out, clips=clips, threads=threads))
+        trained = train_recogniser(TrainingConfig(conditions=own, out=out, clips=clips, threads=threads))
+        print("\n".join(trained.lines), file=sys.stderr, flush=True)
     return own
 
 
