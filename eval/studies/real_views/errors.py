@@ -38,7 +38,8 @@ class JointErrors:
         noise_floor: what comes on top of it, as variances add up [px].
         occluded_noise: factor on the noise of joints behind limbs.
         swaps: share of frames with sides swapped, for people seen from the front, the side and the back.
-        correlation: of a joint's error with its error in the next frame.
+        lasting: share of the errors' variance that is the same in all frames of a recording.
+        correlation: of what is left of a joint's error with what is left in the next frame.
     """
 
     frames: int
@@ -46,6 +47,7 @@ class JointErrors:
     noise_floor: float
     occluded_noise: float
     swaps: tuple[float, float, float]
+    lasting: float
     correlation: float
 
 
@@ -175,13 +177,28 @@ def _fitted(found: Sequence[_Errors], *, trackers: int) -> JointErrors:
     hidden = _spread(share[occluded]) / _spread(share[~occluded])
     side = np.digitize(turned, SIDES)
     swaps = [float(swapped[side == kind].mean()) / trackers for kind in range(3)]
+    lasts = np.concatenate([np.broadcast_to(_mean(of.error), of.error.shape) for of in found])
+    changing = error - lasts
     follows = np.diff(frame) == 1
-    now, then = error[:-1][follows], error[1:][follows]
+    now, then = changing[:-1][follows], changing[1:][follows]
     both = np.isfinite(now + then)
     correlation = float(np.corrcoef(now[both], then[both])[0, 1])
     return JointErrors(
-        len(error), float(relative), float(floor), float(hidden), (swaps[0], swaps[1], swaps[2]), correlation
+        frames=len(error),
+        relative_noise=float(relative),
+        noise_floor=float(floor),
+        occluded_noise=float(hidden),
+        swaps=(swaps[0], swaps[1], swaps[2]),
+        lasting=float(np.nansum(lasts**2) / np.nansum(error**2)),
+        correlation=correlation,
     )
+
+
+def _mean(error: FloatArray) -> FloatArray:
+    """Return the mean over frames of errors (n, J, 2) that may be NaN, (J, 2); 0 where all are."""
+    seen = np.isfinite(error).sum(axis=0)
+    mean: FloatArray = np.nansum(error, axis=0) / np.maximum(seen, 1)
+    return mean
 
 
 def _spread(values: FloatArray) -> float:

@@ -183,7 +183,8 @@ def _error_rows(simulated: JointErrors, real: JointErrors) -> list[tuple[str, ..
             real.occluded_noise,
         ),
         *(row(f"sides swapped, seen from the {of} [%]", told, ".1f", 100 * a, 100 * b) for of, told, a, b in swaps),
-        row("correlation with the next frame's error", "0", ".2f", simulated.correlation, real.correlation),
+        row("share that lasts for a whole recording", "0", ".2f", simulated.lasting, real.lasting),
+        row("correlation of the rest with the next frame's", "0", ".2f", simulated.correlation, real.correlation),
     ]
 
 

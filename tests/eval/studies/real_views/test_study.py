@@ -22,7 +22,7 @@ def test_the_command_prints_three_tables_and_trains_only_once(
     main(["study", "real-views", *words, "--length", "10"])
     printed = capsys.readouterr().out
     assert "24 windows of 10 frames" in printed and "only 4 people" in printed
-    assert "simulated views, estimator" in printed and "correlation with the next frame's error" in printed
+    assert "simulated views, estimator" in printed and "share that lasts for a whole recording" in printed
     held = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert [row["training"] for row in held["transfer"]] == [
         "real views",
