@@ -30,7 +30,8 @@ class Choice:
         executions: number of executions, none of which the recogniser learned from.
         correlation: over classes and cameras, of the predicted mean accuracy with the real one; None if one of both is
             the same everywhere.
-        within_classes: the same without what classes differ by on average: over cameras alone.
+        within_classes: the same between cameras alone: without what classes differ by on average, and the cameras whose
+            joints were used.
         pairs: pairs of other cameras at one of which the execution is really recognised better.
         better: share of them in which simulation names that one, a tie counts as half; None without pairs.
     """
@@ -110,15 +111,15 @@ def _accuracy(
 
 def _score(guesses: Mapping[_View, float], truth: Mapping[tuple[str, int], float]) -> Choice:
     """Compare the predicted accuracies with the real ones, by (execution, camera)."""
-    cells: dict[tuple[int, int], list[tuple[float, float]]] = {}
+    cells: dict[tuple[int, int, int], list[tuple[float, float]]] = {}
     by_source: dict[tuple[str, int], list[_View]] = {}
     for view, guess in guesses.items():
         real = truth[view.execution.name, view.camera]
-        cells.setdefault((view.execution.label, view.camera), []).append((guess, real))
+        cells.setdefault((view.execution.label, view.source, view.camera), []).append((guess, real))
         by_source.setdefault((view.execution.name, view.source), []).append(view)
     means = np.array([np.mean(values, axis=0) for values in cells.values()])
-    label = np.array([cell[0] for cell in cells])
-    within = means - np.stack([means[label == own].mean(axis=0) for own in label])
+    alike = np.array([cell[:2] for cell in cells])
+    within = means - np.stack([means[(alike == own).all(axis=1)].mean(axis=0) for own in alike])
     hits = []
     for views in by_source.values():
         for i, one in enumerate(views):

@@ -72,7 +72,7 @@ class RealViewsReport:
                         "correlation of predicted and real accuracy, over classes and cameras",
                         _told(self.choice.correlation, ".2f"),
                     ),
-                    ("the same without what classes differ by", _told(self.choice.within_classes, ".2f")),
+                    ("the same between cameras alone", _told(self.choice.within_classes, ".2f")),
                     (
                         f"share of {self.choice.pairs} pairs of cameras of which it names the better one",
                         _told(self.choice.better, ".3f"),
