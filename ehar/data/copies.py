@@ -4,6 +4,7 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.motion_data import MotionData
+from ehar.errors import DataError
 
 ALIKE = 0.5  # share of its frames that a copy has elsewhere; few may be alike by chance
 
@@ -17,6 +18,21 @@ def copied(data: MotionData, sequences: IntArray) -> BoolArray:
     others = np.setdiff1d(np.arange(len(data.labels)), sequences)
     known = set().union(*(_frames(data.sequence(other)) for other in others.tolist()))
     return np.array([_is_copy(data.sequence(sequence), known) for sequence in sequences.tolist()], dtype=bool)
+
+
+def unseen_test(data: MotionData) -> IntArray:
+    """Return the test sequences that are no copies of training sequences, (n,).
+
+    Raises:
+        DataError: the data has no split, or every test sequence is a copy.
+    """
+    if data.is_test is None or data.is_test.all() or not data.is_test.any():
+        raise DataError(f"{data.name}: expected training and test sequences, as `split` names them")
+    test = np.flatnonzero(data.is_test)
+    found: IntArray = test[~copied(data, test)]
+    if not len(found):
+        raise DataError(f"{data.name}: expected a test sequence that is no copy of a training sequence")
+    return found
 
 
 def is_copy(motion: FloatArray, other: FloatArray) -> bool:

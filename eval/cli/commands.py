@@ -52,7 +52,7 @@ TRAINED_FROM = {  # flags of trainings for a recogniser
 TRAINED_ANEW = {  # flags of trainings of a recogniser
     **SENSED,
     "data": Flag(default=REQUIRED),
-    "views": Flag("cameras to train on: moving, or paper (32 static ones)."),
+    "views": Flag("cameras to train on: moving, paper (32 static), or recorded."),
 }
 
 

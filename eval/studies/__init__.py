@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from eval.studies.learning import LearningCurve as LearningCurve
     from eval.studies.overview import RunOverview as RunOverview
     from eval.studies.published import PublishedReport as PublishedReport
+    from eval.studies.real_views.study import RealViewsReport as RealViewsReport
     from eval.studies.trainings import Trainings as Trainings
 else:
     __getattr__, __dir__, __all__ = lazy_exports(
@@ -25,6 +26,7 @@ else:
             "Comparison": "eval.studies.compare_table",
             "LearningCurve": "eval.studies.learning",
             "PublishedReport": "eval.studies.published",
+            "RealViewsReport": "eval.studies.real_views.study",
             "RunOverview": "eval.studies.overview",
             "Trainings": "eval.studies.trainings",
         },

@@ -10,7 +10,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.conditions import Form
-from ehar.data.copies import copied
+from ehar.data.copies import unseen_test
 from ehar.data.source import load_data
 from ehar.errors import UsageError
 from ehar.files import json_text, write_text
@@ -149,6 +149,7 @@ def published(
     if threads:
         torch.set_num_threads(threads)
     motion, folder = load_data(data), Path(out)
+    unseen = unseen_test(motion)
     held: dict[Form, list[list[FloatArray]]] = {}
     for form in FORMS:
         held[form] = []
@@ -159,7 +160,7 @@ def published(
             )
     assert motion.is_test is not None
     test = np.flatnonzero(motion.is_test)
-    labels, new = motion.labels[test], ~copied(motion, test)
+    labels, new = motion.labels[test], np.isin(test, unseen)
     copies = tuple(motion.class_names[label] for label in labels[~new])
     chosen: Sequence[tuple[str, slice]] = (
         *((stream, slice(i, i + 1)) for i, stream in enumerate(STREAMS)),

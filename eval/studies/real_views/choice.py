@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ehar.arrays import FloatArray
+from ehar.data.copies import copied
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios, split_parts
 from ehar.errors import DataError
@@ -65,11 +66,12 @@ def predict_cameras(
     Raises:
         DataError: there is no execution of that length that the recogniser has not learned from.
     """
-    known = set(split_parts(data).recogniser.tolist())
+    others = np.setdiff1d(np.arange(len(data.labels)), split_parts(data).recogniser)
+    unknown = set(others[~copied(data, others)].tolist())
     views = [
         _View(execution, source, camera)
         for execution in executions
-        if not known & set(execution.sequences.values())
+        if unknown.issuperset(execution.sequences.values())
         for source, sequence in execution.sequences.items()
         for camera in execution.sequences
         if data.lengths[sequence] >= length

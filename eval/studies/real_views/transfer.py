@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ehar.arrays import FloatArray, IntArray
+from ehar.arrays import FloatArray
 from ehar.camera import Camera
 from ehar.conditions import Conditions
-from ehar.data.copies import copied
+from ehar.data.copies import unseen_test
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import windows
-from ehar.errors import DataError
+from ehar.errors import UsageError
 from ehar.sensors.perfect import PerfectSensor
 from eval.running.training import train_recogniser
 from eval.scores.metrics import ACC_AT, acc_at, mean_acc
@@ -21,6 +21,7 @@ from eval.studies.real_views.watching import right_answers
 from recognition.storage import load_recogniser, recogniser_path
 from recognition.training.config import TrainingConfig
 from recognition.training.views import recorded_viewpoints
+from recognition.weight_files import recorded_run
 
 RECORDED, SIMULATED, ESTIMATED = "real views", "simulated views", "simulated views, estimator"
 TRAININGS = {RECORDED: ("recorded", "perfect"), SIMULATED: ("moving", "perfect"), ESTIMATED: ("moving", "estimator")}
@@ -47,29 +48,25 @@ class Transfer:
     windows: int
 
 
-def train(conditions: Conditions, training: str, out: Path, *, clips: int, threads: int) -> Conditions:
-    """Train a recogniser, unless it is there, and return the conditions that load it."""
+def train(
+    conditions: Conditions, training: str, data: MotionData, out: Path, *, clips: int, threads: int
+) -> Conditions:
+    """Train a recogniser, unless it is there, and return the conditions that load it.
+
+    Raises:
+        UsageError: `out` holds one that was trained on other data, or at another length.
+    """
     views, sensor = TRAININGS[training]
     own = replace(conditions, views=views, sensor=sensor, models=out)
-    if not recogniser_path(out, own).is_file():
+    path = recogniser_path(out, own)
+    if path.is_file():
+        held = recorded_run(path) or {}
+        if (held.get("data_sha256"), held.get("length")) != (data.sha256, conditions.length):
+            raise UsageError(f"{path}: trained on other data or at another length: remove it, or choose another --out")
+    else:
         trained = train_recogniser(TrainingConfig(conditions=own, out=out, clips=clips, threads=threads))
         print("\n".join(trained.lines), file=sys.stderr, flush=True)
     return own
-
-
-def unseen_test(data: MotionData) -> IntArray:
-    """Return the test sequences that are no copies of training sequences, (n,).
-
-    Raises:
-        DataError: the data has no split, or every test sequence is a copy.
-    """
-    if data.is_test is None:
-        raise DataError(f"{data.name}: expected a split by camera, as `split` names it")
-    test = np.flatnonzero(data.is_test)
-    found: IntArray = test[~copied(data, test)]
-    if not len(found):
-        raise DataError(f"{data.name}: expected a test sequence that is no copy of a training sequence")
-    return found
 
 
 def test(conditions: Conditions, training: str, data: MotionData, camera: Camera) -> Transfer:
