@@ -15,10 +15,12 @@ class MotionData(Recordings):
         labels: (sequences,) indices into `class_names`.
         views: (sequences,) ints, the camera that recorded each sequence, in whose frame its joints are: x to its right,
             y away from it, z up; None if joints are in the room's frame.
+        recorded_ms: (sequences,) ints, when each recording began [ms]; None if the order is not known.
     """
 
     labels: IntArray
     views: IntArray | None = None
+    recorded_ms: IntArray | None = None
 
     @cached_property
     def sha256(self) -> str:

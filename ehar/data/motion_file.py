@@ -1,6 +1,7 @@
 """Motion data on disk: the .npz of the schema, checked when it is read and written atomically."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,8 @@ from ehar.data.file_fields import (
 from ehar.data.motion_data import MotionData
 from ehar.files import replacing
 
-_SCHEMA = SHARED | {"labels", "views"}
+_NOTES = ("views", "recorded_ms")  # what is known of each sequence, if it is
+_SCHEMA = SHARED | {"labels", *_NOTES}
 
 
 def load_motion(path: str | Path) -> MotionData:
@@ -57,17 +59,18 @@ def _parse(fields: Fields, *, name: str) -> MotionData:
     shared = parse_shared(fields, sequences=count)
     sequence_names, class_names = shared["sequence_names"], shared["class_names"]
     labels = parse_labels(fields, "labels", held, class_names, lambda index: f"sequence {sequence_names[index]!r}")
+    notes: dict[str, Any] = {
+        name: fields.get(name, INTEGER, count).astype(np.int64) for name in _NOTES if name in fields.arrays
+    }
     return MotionData(
         name=name,
         labels=labels,
         is_test=parse_split(fields, labels, np.arange(count), class_names, sequence_names),
-        views=fields.get("views", INTEGER, count).astype(np.int64) if "views" in fields.arrays else None,
         **shared,
+        **notes,
     )
 
 
 def _to_arrays(data: MotionData) -> dict[str, Array]:
     arrays = {**shared_arrays(data), "labels": data.labels.astype(np.int32)}
-    if data.views is not None:
-        arrays["views"] = data.views.astype(np.int32)
-    return arrays
+    return arrays | {name: getattr(data, name) for name in _NOTES if getattr(data, name) is not None}
