@@ -9,13 +9,13 @@ from torch import Tensor
 from torch.nn import Module
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.data.skeleton_tree import parents
 from ehar.recogniser import Recognition
 from ehar.sensors.sensor import Sensed
 from recognition.calibration import Temperature
 from recognition.networks.causal import CausalCTRGCN, StreamingState
 from recognition.networks.ctrgcn import CTRGCN
 from recognition.networks.features import features, with_view
-from recognition.networks.graph import parents
 from recognition.networks.spec import NetworkSpec
 
 FRAMES_AT_ONCE = 256  # frames that the published network takes in one call on a CPU: 2 MB fit into its cache

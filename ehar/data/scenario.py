@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief
-from ehar.data.motion_data import UNKNOWN_SUBJECT, MotionData
+from ehar.data.motion_data import MotionData
+from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.errors import DataError, UsageError
 
 VALIDATION_SHARE = 0.15  # Sec. 5.1: train : validation = 0.85 : 0.15

@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.data.motion_data import MotionData, interpolated
+from ehar.data.motion_data import MotionData
+from ehar.data.recordings import interpolated
 from ehar.data.skeleton import counterparts
 
 PACES = (0.85, 1.18)  # times as fast

@@ -9,6 +9,7 @@ from ehar.data.readers import READERS
 from eval.cli.command import REQUIRED, Command, Flag
 from eval.cli.show import (
     save_data,
+    save_stitched,
     show_conformance,
     show_path,
     show_replay,
@@ -112,6 +113,21 @@ DATA = CommandGroup(
                 ehar data describe mine.npz --figure mine.png
             """,
             flags={"data": Flag(kind=str, positional=True, metavar="DATA"), "figure": Flag(hint="none")},
+        ),
+        "stitch": Command(
+            "ehar.data.stitching:stitch",
+            save_stitched,
+            text="""Make streams out of sequences: one activity after another.
+
+            For example:
+                ehar data stitch mine.npz --out mine-stream.npz --seconds 60
+            """,
+            flags={
+                "data": Flag(kind=str, positional=True, metavar="DATA"),
+                "seconds": Flag("length of a stream [s]."),
+                "seed": Flag("of the order, if the data do not say when sequences were recorded."),
+                "out": Flag(".npz to write.", kind=Path, default=REQUIRED),
+            },
         ),
     },
 )

@@ -7,6 +7,7 @@ from eval.render.console import output_console, print_tables
 
 if TYPE_CHECKING:
     from ehar.data.motion_data import MotionData
+    from ehar.data.stream_data import StreamData
     from eval.conformance.checks import Conformance
     from eval.render.tables import Table
     from eval.replays.replay import WrittenReplay
@@ -81,14 +82,39 @@ def save_data(data: "MotionData", *, out: Path) -> None:
         out: .npz to write.
     """
     from ehar.data.motion_file import save_motion
+
+    save_motion(_npz(out), data)
+    output_console().print(
+        f"{out}: {len(data.labels)} sequences of {len(data.class_names)} classes, {data.fps:g} frames/s"
+    )
+
+
+def save_stitched(streams: "StreamData", *, out: Path) -> None:
+    """Write streams, and print a summary.
+
+    Args:
+        streams: the streams.
+        out: .npz to write.
+    """
+    from ehar.data.stream_data import NO_ACTIVITY
+    from ehar.data.stream_file import save_streams
+
+    save_streams(_npz(out), streams)
+    seconds = streams.lengths / streams.fps
+    output_console().print(
+        f"{out}: {len(seconds)} streams of {seconds.min():.0f} to {seconds.max():.0f} s, "
+        f"{seconds.sum() / 60:.1f} minutes, {len(streams.segments)} activities of {len(streams.class_names)} classes, "
+        f"{100 * (streams.labels == NO_ACTIVITY).mean():.0f} % of the time none"
+    )
+
+
+def _npz(out: Path) -> Path:
+    """Return the path if it is one of an .npz, or else raise a UsageError."""
     from ehar.errors import UsageError
 
     if out.suffix != ".npz":
         raise UsageError(f"{out}: expected a path that ends in .npz")
-    save_motion(out, data)
-    output_console().print(
-        f"{out}: {len(data.labels)} sequences of {len(data.class_names)} classes, {data.fps:g} frames/s"
-    )
+    return out
 
 
 def show_trained(trained: "Trained") -> None:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief
-from ehar.data.motion_data import UNKNOWN_SUBJECT
+from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.errors import DataError
 from ehar.rollout import Record
 from eval.records.flights import KEYS, FlightRecords, join_flights

@@ -11,7 +11,8 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
 from ehar.arrays import IntArray
-from ehar.data.motion_data import UNKNOWN_SUBJECT, MotionData
+from ehar.data.motion_data import MotionData
+from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.scenario import split_parts
 from ehar.errors import DataError, UsageError
 from ehar.files import write_bytes

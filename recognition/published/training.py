@@ -13,10 +13,10 @@ from torch.nn import functional
 from ehar.arrays import FloatArray, IntArray
 from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
+from ehar.data.skeleton_tree import parents
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.files import as_json, replacing
 from recognition.networks.causal import CausalCTRGCN
-from recognition.networks.graph import parents
 from recognition.networks.sizes import Size
 from recognition.networks.spec import Network, build_network
 from recognition.published.clips import Stream, published_clip

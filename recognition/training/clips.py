@@ -10,12 +10,12 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios
+from ehar.data.skeleton_tree import parents
 from ehar.errors import DataError
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensor, draw_noise
 from ehar.world import PAPER, World
 from recognition.networks.features import features, with_view
-from recognition.networks.graph import parents
 from recognition.training.views import recorded_viewpoints, training_viewpoints
 
 RECORDED = "recorded"  # the regime of the cameras that recorded the data

@@ -16,7 +16,7 @@ from torch.nn import functional
 from torch.optim.swa_utils import AveragedModel
 
 from ehar.arrays import FloatArray
-from ehar.data.motion_data import UNKNOWN_SUBJECT
+from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.scenario import split_parts
 from ehar.errors import ModelError, UsageError
 from ehar.files import as_json, parse_json

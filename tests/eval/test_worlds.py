@@ -11,6 +11,7 @@ import pytest
 import torch
 
 from ehar import Camera, Conditions, EharError, World
+from ehar.data.skeleton_tree import parents
 from ehar.sensors.perfect import PerfectSensor
 from ehar.world import INDOOR, PAPER, load_world
 from eval import benchmark, headroom, read_run, verify
@@ -18,7 +19,6 @@ from eval.running.run import Run
 from planners.value.model import gain_model_path, load_gain_model, save_gain_model
 from recognition.environments import make_vector_env
 from recognition.networks.features import features
-from recognition.networks.graph import parents
 from recognition.setting import load_setting
 from tests.helpers.gain_models import model_of, peak_weights
 from tests.helpers.random_networks import save_random_world

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from ehar.camera import Camera
+from ehar.data.skeleton_tree import parents
 from ehar.recogniser import Recognition
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import Sensed, SensorNoise, draw_noise
@@ -16,7 +17,6 @@ from recognition.calibration import KNOTS, Temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.ctrgcn import CTRGCN
 from recognition.networks.features import features, with_view
-from recognition.networks.graph import parents
 from recognition.networks.spec import NetworkSpec
 from recognition.streaming import PrefixRecogniser, StreamingRecogniser
 from tests.helpers.fakes import POSE, tiny_batch, tiny_data

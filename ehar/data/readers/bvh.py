@@ -16,7 +16,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ehar.arrays import FloatArray
-from ehar.data.motion_data import UNKNOWN_SUBJECT, MotionData
+from ehar.data.motion_data import MotionData
+from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError, UsageError
 

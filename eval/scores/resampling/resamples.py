@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
-from ehar.data.motion_data import UNKNOWN_SUBJECT
+from ehar.data.recordings import UNKNOWN_SUBJECT
 from eval.scores.resampling.statistics import (
     BOOTSTRAP_SEED,
     RESAMPLES,

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 from scipy.stats import mannwhitneyu, norm, trim_mean
 
-from ehar.data.motion_data import UNKNOWN_SUBJECT
+from ehar.data.recordings import UNKNOWN_SUBJECT
 from eval.records.episodes import EpisodeRecords
 from eval.records.run_files import SUMMARY
 from eval.render.figures import draw_accuracy

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ehar.data.motion_data import UNKNOWN_SUBJECT, MotionData
+from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import load_motion, save_motion
+from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.scenario import split_parts
 from ehar.errors import DataError, EharError, ModelError, UsageError
 from ehar.planner import Planner

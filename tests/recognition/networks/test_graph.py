@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 from safetensors import safe_open
 
 from ehar.data.skeleton import Skeleton
-from recognition.networks.graph import parents, partition
+from ehar.data.skeleton_tree import parents
+from recognition.networks.graph import partition
 from tests.helpers.places import SHARED
 
 REFERENCE = SHARED / "ctrgcn_reference.safetensors"

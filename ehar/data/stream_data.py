@@ -1,0 +1,70 @@
+"""Continuous recordings in memory, in which activities follow each other: the content of a stream file."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ehar.arrays import BoolArray, IntArray
+from ehar.data.recordings import Recordings
+
+NO_ACTIVITY = -1  # the label of frames that show none
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class StreamData(Recordings):
+    """Streams: sequences of a minute or more that show one activity after another.
+
+    Args:
+        segments: (N, 3) int64, in order: the first frame, the end frame (not included) and the class of each activity,
+            counted over all of `positions`. No two share a frame, and none reaches into another stream.
+        missing: (total_frames,) bool, true where the tracker gave nothing; positions there are interpolated.
+    """
+
+    segments: IntArray
+    missing: BoolArray
+
+    @cached_property
+    def sha256(self) -> str:
+        """A hash of everything that decides an episode; recorded beside every result."""
+        return self._hash(self.segments, self.missing.astype(np.int64))
+
+    @property
+    def stream_of(self) -> IntArray:
+        """The stream of each segment, (N,)."""
+        stream: IntArray = np.searchsorted(self.offsets, self.segments[:, 0], side="right") - 1
+        return stream
+
+    @cached_property
+    def labels(self) -> IntArray:
+        """The class of each frame, (total_frames,); `NO_ACTIVITY` where there is none."""
+        labels = np.full(len(self.positions), NO_ACTIVITY)
+        lengths = self.segments[:, 1] - self.segments[:, 0]
+        begins = np.repeat(self.segments[:, 0] - np.cumsum(lengths) + lengths, lengths)
+        labels[begins + np.arange(lengths.sum())] = np.repeat(self.segments[:, 2], lengths)
+        return labels
+
+    def resampled(self, fps: float) -> "StreamData":
+        """Return the streams at another frame rate: linear interpolation in time, each stream by itself.
+
+        A segment begins at the first frame that is not before it. One that would have no frame left keeps one.
+
+        Raises:
+            UsageError: the rate is not above 0.
+        """
+        if fps == self.fps:
+            return self
+        positions, offsets = self._at_rate(fps)
+        stream, scale = self.stream_of, fps / self.fps
+        within = self.segments[:, :2] - self.offsets[stream][:, None]
+        first, end = np.ceil(within * scale - 1e-6).astype(np.int64).T
+        last = offsets[stream + 1] - offsets[stream]
+        first = np.minimum(first, last - 1)
+        end = np.clip(end, first + 1, last)
+        segments = np.stack([first + offsets[stream], end + offsets[stream], self.segments[:, 2]], axis=1)
+        before = [
+            np.minimum((np.arange(length) / scale).astype(np.int64), old - 1) + begin
+            for length, old, begin in zip(np.diff(offsets), self.lengths, self.offsets, strict=False)
+        ]
+        missing = self.missing[np.concatenate(before)]
+        return replace(self, positions=positions, offsets=offsets, fps=float(fps), segments=segments, missing=missing)
