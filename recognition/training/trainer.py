@@ -356,4 +356,4 @@ def _keep_freed_memory() -> None:
         libc = ctypes.CDLL(None)
         if hasattr(libc, "mallopt"):
             libc.mallopt(mmap_threshold, gigabyte)
-            libc.mallopt(trim_threshold, 2 * gigabyte - 1)
+            libc.mallopt(trim_threshold, -1)  # never
