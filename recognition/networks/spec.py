@@ -34,6 +34,7 @@ class NetworkSpec:
         fps: frame rate of the training motion.
         length: number L of frames of a training clip.
         world: the world of the training.
+        fading: whether evidence fades, as for streams; their last class is no activity.
     """
 
     form: Form
@@ -44,6 +45,7 @@ class NetworkSpec:
     fps: float
     length: Annotated[int, Ge(1)]
     world: World = PAPER
+    fading: bool = False
 
     @classmethod
     def of(cls, data: MotionData, *, form: Form, size: Size, length: int, world: World = PAPER) -> "NetworkSpec":
@@ -66,6 +68,7 @@ class NetworkSpec:
             persons=self.persons,
             dropout=DROPOUT,
             seed=seed,
+            fading=self.fading,
         )
 
 
@@ -79,6 +82,7 @@ def build_network(
     persons: int,
     dropout: float,
     seed: int,
+    fading: bool = False,
 ) -> Network:
     """Return a freshly initialised network; torch's global generator is left as it was.
 
@@ -91,6 +95,7 @@ def build_network(
         persons: number P of persons.
         dropout: rate of dropout in the causal form; the published one has none.
         seed: decides the first weights.
+        fading: whether evidence fades in the causal form.
     """
     topology = partition(skeleton)
     with torch.random.fork_rng(devices=[]):
@@ -102,6 +107,7 @@ def build_network(
                 partition=torch.from_numpy(topology),
                 widths=WIDTHS[size],
                 dropout=dropout,
+                fading=fading,
             )
         return CTRGCN(
             classes=classes,
