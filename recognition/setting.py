@@ -8,6 +8,7 @@ from ehar.arrays import IntArray
 from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import part_of
+from ehar.data.stream_data import StreamData
 from ehar.errors import ModelError, UsageError
 from ehar.runner import Runner
 from ehar.track import load_track
@@ -83,9 +84,25 @@ def load_motion_of(conditions: Conditions) -> MotionData:
     from ehar.data.source import load_data  # imported here: too slow for `ehar --help`
 
     given = conditions.data
+    if isinstance(given, StreamData):
+        raise UsageError(f"{given.name}: expected trimmed sequences, got streams")
     if isinstance(given, MotionData):
         return given if conditions.fps is None else given.resampled(conditions.fps)
     return load_data(given, fps=conditions.fps)
+
+
+def load_recordings_of(conditions: Conditions) -> MotionData | StreamData:
+    """Load the trimmed sequences or the streams that conditions name or hold, at their frame rate.
+
+    Raises:
+        EharError: the motion is unknown, missing or malformed.
+    """
+    from ehar.data.any_source import load_recordings  # imported here: too slow for `ehar --help`
+
+    given = conditions.data
+    if isinstance(given, MotionData | StreamData):
+        return given if conditions.fps is None else given.resampled(conditions.fps)
+    return load_recordings(given, fps=conditions.fps)
 
 
 def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:

@@ -62,6 +62,11 @@ class Recordings:
         return int(self.positions.shape[1])
 
     @property
+    def recognised_names(self) -> tuple[str, ...]:
+        """Names of all that a recogniser tells apart."""
+        return self.class_names
+
+    @property
     def title(self) -> str:
         """The name for people to read; it marks synthetic motion."""
         return f"{self.name} (synthetic)" if self.synthetic else self.name

@@ -7,8 +7,10 @@ import torch
 from annotated_types import Ge
 
 from ehar.conditions import Form
-from ehar.data.motion_data import MotionData
+from ehar.data.recordings import Recordings
 from ehar.data.skeleton import Skeleton
+from ehar.data.stream_data import StreamData
+from ehar.errors import UsageError
 from ehar.world import PAPER, World
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.ctrgcn import CTRGCN
@@ -34,7 +36,7 @@ class NetworkSpec:
         fps: frame rate of the training motion.
         length: number L of frames of a training clip.
         world: the world of the training.
-        fading: whether evidence fades, as for streams; their last class is no activity.
+        fading: whether evidence fades, as it does for streams; their last class is no activity.
     """
 
     form: Form
@@ -48,9 +50,16 @@ class NetworkSpec:
     fading: bool = False
 
     @classmethod
-    def of(cls, data: MotionData, *, form: Form, size: Size, length: int, world: World = PAPER) -> "NetworkSpec":
-        """Return the spec that fits some data."""
-        return cls(form, size, data.class_names, data.skeleton, data.persons, data.fps, length, world)
+    def of(cls, data: Recordings, *, form: Form, size: Size, length: int, world: World = PAPER) -> "NetworkSpec":
+        """Return the spec that fits some data.
+
+        Raises:
+            UsageError: the data are streams, and the form is the published one.
+        """
+        fading = isinstance(data, StreamData)
+        if fading and form != "causal":
+            raise UsageError(f"form: expected causal for {data.name}, which holds streams, got {form}")
+        return cls(form, size, data.recognised_names, data.skeleton, data.persons, data.fps, length, world, fading)
 
     @property
     def widths(self) -> tuple[int, ...]:

@@ -25,7 +25,7 @@ from ehar.world import PAPER, load_world
 from recognition.calibration import fit_temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network, NetworkSpec
-from recognition.setting import load_motion_of
+from recognition.setting import load_recordings_of
 from recognition.storage import load_weights, recogniser_path, save_recogniser
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.training.clips import Clips, ClipSource
@@ -101,7 +101,7 @@ class _Run:
 
     def __init__(self, config: TrainingConfig) -> None:
         self.config = config
-        data = load_motion_of(config.conditions)
+        data = load_recordings_of(config.conditions)
         parts = split_parts(data)
         world = load_world(config.conditions.world)
         loaded = load_sensor(config.conditions.sensor, data, world)
@@ -216,7 +216,7 @@ class _Run:
         with torch.autocast(self.device.type, torch.bfloat16, enabled=_has_bfloat16(self.device)):
             if isinstance(self.network, CausalCTRGCN):
                 logits = self.network(seen).flatten(0, 1)
-                labels = labels.repeat_interleave(seen.shape[1])
+                labels = clips.frame_labels.flatten().to(self.device)
             else:
                 prefix = int(rng.integers(1, self.config.conditions.length + 1))
                 logits = self.network(seen[:, :prefix].permute(0, 4, 1, 3, 2))
@@ -242,7 +242,7 @@ class _Run:
         """Evaluate the averaged weights on the validation clips, and remember the best."""
         network = self._averaged()
         logits = torch.from_numpy(self._logits(network, self.validation))
-        labels = self.validation.labels[:, None].expand(logits.shape[:2])
+        labels = self.validation.frame_labels
         nll = float(functional.cross_entropy(logits.flatten(0, 1), labels.flatten()))
         accuracy = float((logits.argmax(dim=-1) == labels).float().mean())
         if not np.isfinite(nll):
