@@ -98,7 +98,7 @@ def load_recogniser(
     made = f"ehar train recogniser {conditions.options} --out {folder}"
     check_files(path, f"a recogniser, as made by `{made}`" + ("" if directory else ", and --models DIR"))
     file, what = description_path(path), "a recogniser, as `ehar train recogniser` writes it"
-    description = read_json(file, RecogniserDescription, what, wrong=ModelError)
+    description = read_json(file, RecogniserDescription, what, wrong=ModelError, optional=("fading",))
     spec, temperature = description.spec, description.temperature
     if spec.form != form:
         raise ModelError(f"{file}: spec.form: expected {form!r}, got {spec.form!r}")

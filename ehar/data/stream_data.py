@@ -26,10 +26,9 @@ class StreamData(Recordings):
     segments: IntArray
     missing: BoolArray
 
-    @cached_property
-    def sha256(self) -> str:
-        """A hash of everything that decides an episode; recorded beside every result."""
-        return self._hash(self.segments, self.missing.astype(np.int64))
+    @property
+    def _activities(self) -> tuple[IntArray, ...]:
+        return (self.segments, self.missing.astype(np.int64))
 
     @property
     def recognised_names(self) -> tuple[str, ...]:

@@ -9,10 +9,9 @@ from torch import Tensor
 from ehar.arrays import FloatArray, IntArray
 from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
-from ehar.data.scenario import Scenarios
 from ehar.data.skeleton_tree import parents
 from ehar.data.stream_data import StreamData
-from ehar.data.stream_scenario import StreamScenarios
+from ehar.data.stream_scenario import draw_scenarios
 from ehar.errors import DataError
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensor, draw_noise
@@ -39,9 +38,7 @@ class Clips(NamedTuple):
 class ClipSource:
     """Draws clips from some sequences.
 
-    The probability of a sequence is proportional to the number of test windows that its length would yield. The first
-    frame of a clip is uniform (stride 1). So training clips have the distribution of test windows. Of streams, every
-    window is as likely as any other.
+    Clips are drawn by `ehar.data.stream_scenario.draw_scenarios`, so they have the distribution of test windows.
 
     Args:
         data: the motion, trimmed or in streams.
@@ -81,20 +78,11 @@ class ClipSource:
             )
         self._data, self._sequences, self._length = data, long_enough, length
         self._sensor, self._views, self._form, self._augment, self._world = sensor, views, form, augment, world
-        longer = data.lengths[long_enough] - length
-        weights = longer + 1 if isinstance(data, StreamData) else longer // length + 1
-        self._probabilities = weights / weights.sum()
         self._parents = torch.from_numpy(parents(data.skeleton))
 
     def draw(self, rng: np.random.Generator, clips: int) -> Clips:
         """Draw B clips from random viewpoints of the regime."""
-        sequence = rng.choice(self._sequences, size=clips, p=self._probabilities)
-        first = rng.integers(self._data.lengths[sequence] - self._length + 1)
-        scenarios: Scenarios | StreamScenarios
-        if isinstance(self._data, StreamData):
-            scenarios = StreamScenarios(self._data, self._length, sequence, first)
-        else:
-            scenarios = Scenarios(self._data, self._length, sequence, first)
+        scenarios = draw_scenarios(self._data, self._sequences, self._length, rng, clips)
         every = np.arange(clips)
         positions = scenarios.positions(every)
         if self._augment:
