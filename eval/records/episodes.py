@@ -192,14 +192,14 @@ _KINDS = {
     "first": _Kind((), True, 0),
     "start": _Kind((3,), False),
     "label": _Kind((), True, 0),
-    "labels": _Kind(("L",), True, NO_ACTIVITY),  # of a stream
     "subjects": _Kind(("P",), True, UNKNOWN_SUBJECT),
     "viewpoint": _Kind(("L", 3), False),
-    "predicted": _Kind(("L",), True, NO_ACTIVITY),
+    "predicted": _Kind(("L",), True, 0),
     "true_probability": _Kind(("L",), False, 0, 1),
     "top_probability": _Kind(("L",), False, 0, 1),
     **dict.fromkeys(KEYS, _Kind((), False, 0)),
 }
+_OF_STREAMS = _KINDS | dict.fromkeys(("label", "predicted"), _Kind(("L",), True, NO_ACTIVITY))
 
 
 def _parsed_line(line: str, where: str) -> dict[str, Any]:
@@ -235,7 +235,7 @@ def _episodes(rows: Sequence[_Row]) -> EpisodeRecords:
 
 def _column(name: str, rows: Sequence[_Row]) -> FloatArray:
     """Return one field of all episodes, (N, ...), or raise a DataError that names the first line that is off."""
-    kind = _KINDS["labels" if name == "label" and isinstance(rows[0].fields[name], list) else name]
+    kind = (_OF_STREAMS if isinstance(rows[0].fields["label"], list) else _KINDS)[name]
     sizes = {"L": len(rows[0].fields["predicted"]), "P": len(rows[0].fields["subjects"])}
     array = kind.array([row.fields[name] for row in rows], sizes)
     if array is None:
