@@ -93,10 +93,11 @@ def length_note(length: int, trained: Mapping[str, int | None]) -> str | None:
 
 
 def with_length(conditions: Conditions, data: Recordings, seconds: float) -> Conditions:
-    """Return conditions in which the usual length is so many seconds, if the data are streams."""
-    if not isinstance(data, StreamData) or conditions.length != Conditions.length:
+    """Return conditions with the frame rate of streams, and so many seconds in place of the usual length of a clip."""
+    if not isinstance(data, StreamData):
         return conditions
-    return replace(conditions, length=round(seconds * data.fps))
+    usual = conditions.length == Conditions.length
+    return replace(conditions, fps=data.fps, length=round(seconds * data.fps) if usual else conditions.length)
 
 
 def load_motion_of(conditions: Conditions) -> MotionData:

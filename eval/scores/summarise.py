@@ -87,7 +87,8 @@ def summarise(
     )
     return Summary(
         config=config,
-        episodes=len(reference),
+        episodes=len(next(iter(whole.values()))),
+        activities=len(reference) if whole is not records else None,
         sequences=len(set(reference.sequence)),
         no_intervals=resamples.why_none,
         basis=resamples.basis,
