@@ -5,8 +5,6 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt
-from filterpy.common import Q_discrete_white_noise
-from filterpy.kalman import KalmanFilter
 
 from ehar.arrays import FloatArray
 
@@ -60,6 +58,9 @@ def _gains(frame_time: float, frames: int, noise: float, agility: float) -> tupl
 
     Gains do not depend on what is measured, and are the same for the three axes. So filterpy runs once.
     """
+    from filterpy.common import Q_discrete_white_noise  # imported here: it brings scipy, too slow for `ehar --help`
+    from filterpy.kalman import KalmanFilter
+
     kalman = KalmanFilter(dim_x=2, dim_z=1)
     kalman.F = np.array([[1.0, frame_time], [0.0, 1.0]])
     kalman.H = np.array([[1.0, 0.0]])

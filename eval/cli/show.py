@@ -29,7 +29,7 @@ def show_run(run: "Run", *, report: bool = True) -> None:
 
     Args:
         run: the finished run.
-        report: write report.html too, as ehar report does; a run of streams has none.
+        report: write report.html too, as ehar report does.
     """
     from eval.scores.closing import closing_sentences  # imported here: it brings what `ehar --help` does not need
 
