@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args, get_type_hints
 
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import PARTS, TEST
+from ehar.data.stream_data import StreamData
 from ehar.errors import UsageError
 from ehar.flight.vehicle import Vehicle
 from ehar.motion import Motion
@@ -49,7 +50,7 @@ class Conditions:
         UsageError: a word is unknown, or a number is too small.
     """
 
-    data: str | Path | MotionData = "duo"
+    data: str | Path | MotionData | StreamData = "duo"
     models: str | Path | None = None
     sensor: str | Sensor = "perfect"
     track: str | Path | Vehicle | Motion = IDEAL

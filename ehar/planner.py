@@ -20,7 +20,7 @@ class Context:
     """The information that a planner gets before a batch of B episodes begins."""
 
     episodes: int  # B
-    length: int  # L, frames in an episode
+    length: int | None  # L, frames in an episode; None in a stream, whose end nobody knows
     frame_time: float  # [s]
     class_names: tuple[str, ...]
     skeleton: Skeleton
@@ -37,12 +37,18 @@ class Context:
 class Truth:
     """The information for privileged planners only: the label, the future, and a recogniser to imagine with."""
 
-    labels: IntArray  # (B,)
+    labels: IntArray  # (B,); in a stream those of the next frame
     recogniser: Recogniser
     state: Any  # the recogniser's state after the present frame
     sense: Callable[[int, FloatArray], Sensed]  # (frame, viewpoints (B, F, 3)) -> what would be sensed, (B, F, ...)
+    frame_labels: IntArray  # (B, L), those of every frame
 
     __repr__ = in_brief
+
+    @property
+    def length(self) -> int:
+        """L, the frames of the episode; in a stream too."""
+        return int(self.frame_labels.shape[1])
 
 
 @dataclass(frozen=True, repr=False)
@@ -50,7 +56,7 @@ class Observation:
     """The information that a planner gets in each frame. All arrays start with B."""
 
     frame: int  # 0 to L - 1
-    length: int  # L
+    length: int | None  # L; None in a stream
     joints_2d: FloatArray  # (B, P, J, 2) [px]
     confidence: FloatArray  # (B, P, J) in [0, 1]
     viewpoint: FloatArray  # (B, 3): distance [m], azimuth [rad], polar angle [rad]
@@ -59,13 +65,14 @@ class Observation:
     velocity: FloatArray  # (B, 3): rates of the viewpoint [m/s], [rad/s]; 0 on the ideal track
     acceleration: FloatArray  # (B, 3): derivatives of `velocity` [m/s^2], [rad/s^2]; 0 on the ideal track
     truth: Truth | None = field(default=None, repr=False)  # privileged planners only
+    time: float = 0.0  # [s] since the first frame
 
     __repr__ = in_brief
 
     @property
-    def ratio(self) -> float:
-        """The share of the episode that has been observed, in (0, 1]."""
-        return (self.frame + 1) / self.length
+    def ratio(self) -> float | None:
+        """The share of the episode that has been observed, in (0, 1]; None in a stream."""
+        return None if self.length is None else (self.frame + 1) / self.length
 
 
 class Planner(Protocol):

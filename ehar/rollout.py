@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray, in_brief, read_only
-from ehar.data.scenario import Scenarios
+from ehar.data.scenario import Scenarios, Windows
 from ehar.data.skeleton import Skeleton
+from ehar.data.stream_scenario import StreamScenarios
 from ehar.errors import EpisodeError
 from ehar.motion import Motion
 from ehar.planner import Context, Observation, Planner, Truth
@@ -28,7 +29,7 @@ class Batch:
 
     Args:
         positions: (B, L, P, J, 3) [m], relative to each scenario's centre.
-        labels: (B,) true classes.
+        labels: (B,) true classes; of streams (B, L), those of each frame.
         starts: (B, 3) start viewpoints.
         noise: (B, L, ...) random draws of the sensor.
         names: names of the episodes in error messages.
@@ -43,7 +44,7 @@ class Batch:
     __repr__ = in_brief
 
     @staticmethod
-    def of(scenarios: Scenarios, chosen: IntArray, starts: FloatArray, noise: SensorNoise) -> "Batch":
+    def of(scenarios: Scenarios | StreamScenarios, chosen: IntArray, starts: FloatArray, noise: SensorNoise) -> "Batch":
         """Return episodes of scenarios chosen by index (B,)."""
         sequences = (scenarios.data.sequence_names[sequence] for sequence in scenarios.sequence[chosen])
         begins = zip(sequences, scenarios.first[chosen], strict=True)
@@ -72,11 +73,17 @@ class Batch:
         """Return some of the episodes, cut to their first `frames` frames; None keeps all frames."""
         return Batch(
             positions=self.positions[rows, :frames],
-            labels=self.labels[rows],
+            labels=self.labels[rows] if self.labels.ndim == 1 else self.labels[rows, :frames],
             starts=self.starts[rows],
             noise=SensorNoise(*(draws[rows, :frames] for draws in self.noise)),
             names=tuple(np.array(self.names, dtype=object)[rows]),
         )
+
+    @property
+    def frame_labels(self) -> IntArray:
+        """The true classes in each frame, (B, L)."""
+        every = self.labels if self.labels.ndim == 2 else self.labels[:, None]
+        return np.broadcast_to(every, self.positions.shape[:2])
 
     def protected(self) -> "Batch":
         """Return a copy that nobody can write into."""
@@ -94,7 +101,7 @@ class Batch:
         )
 
 
-def noise_of(scenarios: Scenarios, episodes: int, rng: np.random.Generator) -> SensorNoise:
+def noise_of(scenarios: Windows, episodes: int, rng: np.random.Generator) -> SensorNoise:
     """Draw the sensor's noise for a number of episodes, (B, L, ...)."""
     data = scenarios.data
     return draw_noise(rng, (episodes, scenarios.length), data.persons, len(data.skeleton.joint_names))
@@ -112,7 +119,7 @@ class Record:
 def rollout(
     planner: Planner, batch: Batch, recogniser: Recogniser, sensor: Sensor, motion: Motion, context: Context
 ) -> Record:
-    """Run B episodes of L frames.
+    """Run B episodes of L frames, of clips or of streams; in a stream nobody is told how long it lasts.
 
     Frame 0 is seen from the start viewpoint; after each frame but the last the planner moves the camera.
 
@@ -128,7 +135,7 @@ def rollout(
     _check_starts(batch, context)
     world = batch.protected()
     episodes, length = world.positions.shape[:2]
-    viewpoint = world.starts
+    viewpoint, frame_labels = world.starts, read_only(world.frame_labels)
     viewpoints = np.empty((episodes, length, 3))
     log_probs = np.empty((episodes, length, len(context.class_names)), dtype=np.float32)
     plan_seconds = 0.0
@@ -160,7 +167,7 @@ def rollout(
             break
         observation = Observation(
             frame=frame,
-            length=length,
+            length=context.length,
             joints_2d=read_only(sensed.joints_2d),
             confidence=read_only(sensed.confidence),
             viewpoint=read_only(viewpoint),
@@ -168,7 +175,10 @@ def rollout(
             embedding=read_only(recognition.embedding),
             velocity=read_only(finite_rates(motion, "velocity", episodes, frame)),
             acceleration=read_only(finite_rates(motion, "acceleration", episodes, frame)),
-            truth=Truth(read_only(world.labels), recogniser, state, imagine) if privileged else None,
+            truth=Truth(read_only(frame_labels[:, frame + 1]), recogniser, state, imagine, frame_labels)
+            if privileged
+            else None,
+            time=frame * context.frame_time,
         )
         begin = time.perf_counter()
         with blamed(planner, f"{planning}, frame {frame}"):

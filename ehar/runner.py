@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.data.motion_data import MotionData
+from ehar.data.recordings import Recordings
 from ehar.data.scenario import Scenarios
+from ehar.data.stream_scenario import StreamScenarios
 from ehar.motion import Motion
 from ehar.planner import Context, Planner
 from ehar.recogniser import Recogniser
@@ -29,7 +30,7 @@ class Runner:
         world: where cameras may be, and where episodes begin.
     """
 
-    data: MotionData
+    data: Recordings
     recogniser: Recogniser
     sensor: Sensor
     track: Track = field(default_factory=Track)
@@ -44,7 +45,9 @@ class Runner:
         """Return a new motion of the track, in the world's workspace."""
         return self.track.new_motion(self.world.workspace)
 
-    def batch(self, scenarios: Scenarios, chosen: IntArray, starts: FloatArray, rng: np.random.Generator) -> Batch:
+    def batch(
+        self, scenarios: Scenarios | StreamScenarios, chosen: IntArray, starts: FloatArray, rng: np.random.Generator
+    ) -> Batch:
         """Return episodes that run together.
 
         Args:
@@ -56,13 +59,13 @@ class Runner:
         return Batch.of(scenarios, chosen, starts, noise_of(scenarios, len(chosen), rng))
 
     def context(
-        self, episodes: int, length: int, rng: np.random.Generator, workspace: Workspace | None = None
+        self, episodes: int, length: int | None, rng: np.random.Generator, workspace: Workspace | None = None
     ) -> Context:
         """Return what a planner is told before a batch begins.
 
         Args:
             episodes: B.
-            length: L, frames in an episode.
+            length: L, frames in an episode; None in a stream.
             rng: the planner's generator.
             workspace: where the camera may be; None means all of the world's.
         """
@@ -70,7 +73,7 @@ class Runner:
             episodes=episodes,
             length=length,
             frame_time=1 / self.data.fps,
-            class_names=self.data.class_names,
+            class_names=self.data.recognised_names,
             skeleton=self.data.skeleton,
             workspace=workspace or self.world.workspace,
             track=self.track.name,
@@ -92,6 +95,7 @@ class Runner:
             EpisodeError: see `ehar.rollout.rollout`.
         """
         body = self.new_motion() if motion is None else motion
-        episodes, length = batch.positions.shape[:2]
+        episodes, frames = batch.positions.shape[:2]
+        length = None if batch.labels.ndim > 1 else frames
         context = self.context(episodes, length, rng, body.workspace)
         return rollout(planner, batch, self.recogniser, self.sensor, body, context)

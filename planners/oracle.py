@@ -75,7 +75,7 @@ class OracleLookahead(Planner):
     def _plan(self, observation: Observation) -> FloatArray:
         """Return the best path of each episode, (B, H, 3)."""
         truth = truth_of(self, observation)
-        horizon = min(self.horizon, observation.length - 1 - observation.frame)
+        horizon = min(self.horizon, truth.length - 1 - observation.frame)
         straight, straight_worth = self._repeat_moves(truth, observation, horizon)
         greedy, greedy_worth = self._follow_greedy(truth, observation, horizon)
         paths = np.concatenate([straight, greedy[:, None]], axis=1)

@@ -37,16 +37,17 @@ def fit_temperature(logits: FloatArray, labels: IntArray) -> Temperature:
 
     Args:
         logits: (N, L, K), the logits of validation clips after every frame.
-        labels: (N,), the true classes.
+        labels: (N,), the true classes; of streams (N, L), for each frame its own.
     """
     length = logits.shape[1]
+    true = np.broadcast_to(labels.reshape(len(labels), -1, 1), (*logits.shape[:2], 1))
     ratio = np.arange(1, length + 1) / length
     wide = logits.astype(np.float64)
 
     def loss(log_temperatures: FloatArray) -> float:
         temperature = np.exp(np.interp(ratio, KNOTS, log_temperatures))
         log_probs = log_softmax(wide / temperature[:, None], axis=-1)
-        nll = -np.take_along_axis(log_probs, labels[:, None, None], axis=-1).mean()
+        nll = -np.take_along_axis(log_probs, true, axis=-1).mean()
         return float(nll + SMOOTHNESS * np.square(np.diff(log_temperatures)).sum())
 
     fitted = minimize(loss, np.zeros(len(KNOTS)), method="L-BFGS-B", bounds=[(-3.0, 4.0)] * len(KNOTS))

@@ -1,6 +1,6 @@
 """Your own recognisers: objects, or classes from a file or a module, made for the data that they will see."""
 
-from ehar.data.motion_data import MotionData
+from ehar.data.recordings import Recordings
 from ehar.errors import ModelError, UsageError
 from ehar.plugins.own_class import HANDED, Contract, Own, bring
 from ehar.recogniser import Recogniser
@@ -9,7 +9,7 @@ from ehar.world import World
 CONTRACT = Contract("recogniser", Recogniser, ("start", "step"), ("class_names", "embedding_size"))
 
 
-def resolve_recogniser(brought: str | Recogniser, data: MotionData, world: World) -> Own:
+def resolve_recogniser(brought: str | Recogniser, data: Recordings, world: World) -> Own:
     """Return your own recogniser, checked against the classes of the data.
 
     A constructor with arguments called `class_names`, `skeleton`, `persons` or `fps` is handed those of the data, one

@@ -7,12 +7,16 @@ from pathlib import Path
 from ehar.arrays import IntArray
 from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
+from ehar.data.recordings import Recordings
 from ehar.data.scenario import part_of
+from ehar.data.stream_data import StreamData
 from ehar.errors import ModelError, UsageError
 from ehar.runner import Runner
 from ehar.track import load_track
 from ehar.world import World, by_name, load_world
 from recognition.own_recogniser import resolve_recogniser
+
+EPISODE = 30.0  # [s], the usual length of an episode of a stream
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +55,28 @@ class Setting:
         return self.runner.track.sha256
 
     @property
+    def recordings(self) -> MotionData | StreamData:
+        """The motion, trimmed or in streams."""
+        data = self.runner.data
+        assert isinstance(data, MotionData | StreamData)
+        return data
+
+    @property
     def data(self) -> MotionData:
-        """The motion."""
-        return self.runner.data
+        """The motion.
+
+        Raises:
+            UsageError: it is in streams, so whoever asks cannot do with it.
+        """
+        data = self.recordings
+        if isinstance(data, StreamData):
+            raise UsageError(f"{data.name}: expected trimmed sequences, got streams")
+        return data
 
     @property
     def sequences(self) -> IntArray:
         """The sequences of the part that the conditions name."""
-        return part_of(self.data, self.conditions.part)
+        return part_of(self.recordings, self.conditions.part)
 
 
 def length_note(length: int, trained: Mapping[str, int | None]) -> str | None:
@@ -74,6 +92,14 @@ def length_note(length: int, trained: Mapping[str, int | None]) -> str | None:
     return f"episodes have {length} frames, but weights were trained at another length: {', '.join(other)}"
 
 
+def with_length(conditions: Conditions, data: Recordings, seconds: float) -> Conditions:
+    """Return conditions with the frame rate of streams, and so many seconds in place of the usual length of a clip."""
+    if not isinstance(data, StreamData):
+        return conditions
+    usual = conditions.length == Conditions.length
+    return replace(conditions, fps=data.fps, length=round(seconds * data.fps) if usual else conditions.length)
+
+
 def load_motion_of(conditions: Conditions) -> MotionData:
     """Load the motion that conditions name or hold, at their frame rate.
 
@@ -83,9 +109,25 @@ def load_motion_of(conditions: Conditions) -> MotionData:
     from ehar.data.source import load_data  # imported here: too slow for `ehar --help`
 
     given = conditions.data
+    if isinstance(given, StreamData):
+        raise UsageError(f"{given.name}: expected trimmed sequences, got streams")
     if isinstance(given, MotionData):
         return given if conditions.fps is None else given.resampled(conditions.fps)
     return load_data(given, fps=conditions.fps)
+
+
+def load_recordings_of(conditions: Conditions) -> MotionData | StreamData:
+    """Load the trimmed sequences or the streams that conditions name or hold, at their frame rate.
+
+    Raises:
+        EharError: the motion is unknown, missing or malformed.
+    """
+    from ehar.data.any_source import load_recordings  # imported here: too slow for `ehar --help`
+
+    given = conditions.data
+    if isinstance(given, MotionData | StreamData):
+        return given if conditions.fps is None else given.resampled(conditions.fps)
+    return load_recordings(given, fps=conditions.fps)
 
 
 def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
@@ -104,11 +146,12 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
 
     world = load_world(conditions.world)
     track = load_track(conditions.track, world.workspace)
-    data = load_motion_of(conditions)
+    data = load_recordings_of(conditions)
+    conditions = with_length(conditions, data, EPISODE)
     loaded = load_sensor(conditions.sensor, data, world)
     named = replace(
         conditions,
-        data=data.name if isinstance(conditions.data, MotionData) else str(conditions.data),
+        data=data.name if isinstance(conditions.data, MotionData | StreamData) else str(conditions.data),
         models=None if conditions.models is None else str(conditions.models),
         sensor=loaded.named,
         track=track.named,
@@ -120,7 +163,8 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
         return Setting(replace(named, recogniser=own.spec), runner, own.sha256, own.title, loaded.sha256)
     trained = load_recogniser(conditions, data, device=device)
     runner = Runner(data, trained, loaded.sensor, track, world)
-    return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256, trained.spec.length)
+    length = None if trained.spec.fading else trained.spec.length  # what fades is not meant for one length
+    return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256, length)
 
 
 def refuse_loss(path: Path, setting: Setting, load: Callable[[Conditions, MotionData, str], object]) -> None:

@@ -7,7 +7,7 @@ from shlex import quote
 from typing import Any
 
 from ehar.conditions import Conditions
-from ehar.data.motion_data import MotionData
+from ehar.data.recordings import Recordings
 from ehar.errors import ModelError
 from ehar.files import read_json
 from recognition.calibration import Temperature
@@ -74,7 +74,7 @@ def save_recogniser(
 
 
 def load_recogniser(
-    conditions: Conditions, data: MotionData, *, device: str = "cpu"
+    conditions: Conditions, data: Recordings, *, device: str = "cpu"
 ) -> StreamingRecogniser | PrefixRecogniser:
     """Load a trained recogniser and check that it fits the data.
 
@@ -98,7 +98,7 @@ def load_recogniser(
     made = f"ehar train recogniser {conditions.options} --out {folder}"
     check_files(path, f"a recogniser, as made by `{made}`" + ("" if directory else ", and --models DIR"))
     file, what = description_path(path), "a recogniser, as `ehar train recogniser` writes it"
-    description = read_json(file, RecogniserDescription, what, wrong=ModelError)
+    description = read_json(file, RecogniserDescription, what, wrong=ModelError, optional=("fading",))
     spec, temperature = description.spec, description.temperature
     if spec.form != form:
         raise ModelError(f"{file}: spec.form: expected {form!r}, got {spec.form!r}")
@@ -126,10 +126,10 @@ def load_weights(path: Path, network: Network) -> None:
     network.load_state_dict(load_tensors(path, network, "a recogniser"))
 
 
-def _check_fit(path: Path, spec: NetworkSpec, data: MotionData) -> None:
+def _check_fit(path: Path, spec: NetworkSpec, data: Recordings) -> None:
     """Raise a ModelError that names what differs, if weights and data disagree."""
     pairs = (
-        ("class_names", spec.class_names, data.class_names),
+        ("class_names", spec.class_names, data.recognised_names),
         ("joint_names", spec.skeleton.joint_names, data.skeleton.joint_names),
         ("bones", spec.skeleton.bones, data.skeleton.bones),
         ("persons", spec.persons, data.persons),

@@ -1,7 +1,6 @@
 """A labelled motion data set in memory: the content of an .npz of the schema."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 from ehar.arrays import IntArray
 from ehar.data.recordings import Recordings
@@ -22,10 +21,9 @@ class MotionData(Recordings):
     views: IntArray | None = None
     recorded_ms: IntArray | None = None
 
-    @cached_property
-    def sha256(self) -> str:
-        """A hash of everything that decides an episode; recorded beside every result."""
-        return self._hash(self.labels)
+    @property
+    def _activities(self) -> tuple[IntArray, ...]:
+        return (self.labels,)
 
     def resampled(self, fps: float) -> "MotionData":
         """Return the data at another frame rate: linear interpolation in time, each sequence by itself.

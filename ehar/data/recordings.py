@@ -3,6 +3,7 @@
 import hashlib
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -62,6 +63,11 @@ class Recordings:
         return int(self.positions.shape[1])
 
     @property
+    def recognised_names(self) -> tuple[str, ...]:
+        """Names of all that a recogniser tells apart."""
+        return self.class_names
+
+    @property
     def title(self) -> str:
         """The name for people to read; it marks synthetic motion."""
         return f"{self.name} (synthetic)" if self.synthetic else self.name
@@ -70,17 +76,23 @@ class Recordings:
         """Return the positions (T, P, J, 3) of one sequence."""
         return self.positions[self.offsets[index] : self.offsets[index + 1]]
 
-    def _hash(self, *activities: IntArray) -> str:
-        """Return a hash of everything that decides an episode, the activities among it."""
+    @cached_property
+    def sha256(self) -> str:
+        """A hash of everything that decides an episode; recorded beside every result."""
         digest = hashlib.sha256()
         digest.update(np.ascontiguousarray(self.positions, dtype=np.float32).tobytes())
-        for indices in (self.offsets, *activities, self.skeleton.bone_indices):
+        for indices in (self.offsets, *self._activities, self.skeleton.bone_indices):
             digest.update(np.ascontiguousarray(indices, dtype=np.int64).tobytes())
         if self.is_test is not None:
             digest.update(self.is_test.tobytes())
         words = (*self.class_names, *self.sequence_names, *self.skeleton.joint_names, repr(float(self.fps)))
         digest.update("\0".join(words).encode())
         return digest.hexdigest()
+
+    @property
+    def _activities(self) -> tuple[IntArray, ...]:
+        """What is known of the activities."""
+        return ()
 
     def _at_rate(self, fps: float) -> tuple[FloatArray, IntArray]:
         """Return positions and offsets at another frame rate.

@@ -6,7 +6,8 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief
 from ehar.data.motion_data import MotionData
-from ehar.data.recordings import UNKNOWN_SUBJECT
+from ehar.data.recordings import UNKNOWN_SUBJECT, Recordings
+from ehar.data.stream_data import StreamData
 from ehar.errors import DataError, UsageError
 
 VALIDATION_SHARE = 0.15  # Sec. 5.1: train : validation = 0.85 : 0.15
@@ -20,8 +21,8 @@ SPLIT_SEED = 0  # the parts are properties of the data, not of a run
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Scenarios:
-    """N windows of L frames.
+class Windows:
+    """N windows of L frames, of trimmed sequences or of streams.
 
     Args:
         data: the data that windows are cut from.
@@ -30,7 +31,7 @@ class Scenarios:
         first: (N,) the first frame of each window, counted within its sequence.
     """
 
-    data: MotionData
+    data: Recordings
     length: int
     sequence: IntArray
     first: IntArray
@@ -40,6 +41,31 @@ class Scenarios:
     def __len__(self) -> int:
         """The number of scenarios, N."""
         return len(self.sequence)
+
+    def _begin(self, indices: IntArray) -> IntArray:
+        """Return the first frame (n,) of scenarios, counted over all of the data."""
+        begin: IntArray = self.data.offsets[self.sequence[indices]] + self.first[indices]
+        return begin
+
+    def _frames(self, indices: IntArray) -> IntArray:
+        """Return the frames (n, L) of scenarios, counted over all of the data."""
+        return self._begin(indices)[:, None] + np.arange(self.length)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Scenarios(Windows):
+    """N windows of L frames of trimmed sequences: each shows one activity.
+
+    Args:
+        data: the data that windows are cut from.
+        length: L, frames.
+        sequence: (N,) the sequence of each window.
+        first: (N,) the first frame of each window, counted within its sequence.
+    """
+
+    data: MotionData
+
+    __repr__ = in_brief
 
     @property
     def labels(self) -> IntArray:
@@ -53,7 +79,7 @@ class Scenarios:
         paper takes it as known a priori (Sec. 3) and does not say where it lies. A mean over later frames would tell
         in the first frame where people are going to go.
         """
-        motion = self.data.positions[self._begin(indices)[:, None] + np.arange(self.length)]
+        motion = self.data.positions[self._frames(indices)]
         centred: FloatArray = motion - self.centres(indices)[:, None, None, None]
         return centred.astype(np.float32, copy=False)
 
@@ -61,11 +87,6 @@ class Scenarios:
         """Return each scenario's centre in the data's frame, (n, 3) [m]."""
         centre: FloatArray = self.data.positions[self._begin(indices)].mean(axis=(1, 2))
         return centre
-
-    def _begin(self, indices: IntArray) -> IntArray:
-        """Return the first frame (n,) of scenarios, counted over all of the data."""
-        begin: IntArray = self.data.offsets[self.sequence[indices]] + self.first[indices]
-        return begin
 
 
 @dataclass(frozen=True)
@@ -93,8 +114,10 @@ def windows(data: MotionData, sequences: IntArray, length: int, stride: int) -> 
     return Scenarios(data, length, sequence, first)
 
 
-def split_parts(data: MotionData) -> Parts:
+def split_parts(data: MotionData | StreamData) -> Parts:
     """Split the sequences into recogniser, policy, validation and test parts, class by class.
+
+    Streams show many classes each: they are split by `stream_parts`.
 
     The data's own split decides the test part. Without a split it is a third of the subjects, or a third of each
     class's sequences if subjects are unknown. The rest is divided as in Sec. 5.1, by whole sequences, so windows of one
@@ -104,6 +127,8 @@ def split_parts(data: MotionData) -> Parts:
     does not know. Every class with at least two sequences of other people than validation's has one in the recogniser
     part and one in the policy part.
     """
+    if isinstance(data, StreamData):
+        return stream_parts(data)
     rng = np.random.default_rng(SPLIT_SEED)
     is_test = data.is_test if data.is_test is not None else _hold_out(data, rng)
     unseen = _people_held_out(data, ~is_test, VALIDATION_SHARE)
@@ -132,7 +157,46 @@ def split_parts(data: MotionData) -> Parts:
     )
 
 
-def part_of(data: MotionData, part: str) -> IntArray:
+def stream_parts(data: StreamData) -> Parts:
+    """Split streams into the four parts, by frames.
+
+    The data's own split decides the test part; without one it is a third of the people. Of the rest, each part has
+    people of its own, if there are at least `LEAST_KNOWN`; or else streams of its own. The shares are those of clips,
+    as near as whole people or streams come to them.
+
+    Raises:
+        DataError: fewer than three people, or streams, are left for training.
+    """
+    rng = np.random.default_rng(SPLIT_SEED)
+    streams = np.arange(len(data.lengths))
+    _, people = np.unique(data.subjects, axis=0, return_inverse=True)
+    named = bool((data.subjects != UNKNOWN_SUBJECT).all())
+    unit = people if named else streams
+    is_test = data.is_test
+    if is_test is None:
+        is_test = np.isin(unit, _drawn(rng, data, unit, streams, TEST_SHARE))
+    rest = np.flatnonzero(~is_test)
+    if len(np.unique(unit[rest])) < LEAST_KNOWN:
+        unit = streams
+    if len(np.unique(unit[rest])) < LEAST_PEOPLE:
+        raise DataError(f"{data.name}: expected at least {LEAST_PEOPLE} streams to train on, got {len(rest)}")
+    unseen = np.isin(unit, _drawn(rng, data, unit, rest, VALIDATION_SHARE)) & ~is_test
+    rest = np.flatnonzero(~is_test & ~unseen)
+    policy = np.isin(unit, _drawn(rng, data, unit, rest, 1 - RECOGNISER_SHARE)) & ~is_test & ~unseen
+    known = np.flatnonzero(~is_test & ~unseen & ~policy)
+    return Parts(known, np.flatnonzero(policy), np.flatnonzero(unseen), np.flatnonzero(is_test))
+
+
+def _drawn(rng: np.random.Generator, data: StreamData, unit: IntArray, streams: IntArray, share: float) -> IntArray:
+    """Draw units, of people or of streams, until they have a share of the frames of some streams; never all of them."""
+    units = rng.permutation(np.unique(unit[streams]))
+    frames = np.array([data.lengths[streams[unit[streams] == one]].sum() for one in units])
+    upto = np.cumsum(frames)
+    count = 1 + int(np.abs(upto[:-1] - share * upto[-1]).argmin())
+    return units[:count]
+
+
+def part_of(data: MotionData | StreamData, part: str) -> IntArray:
     """Return the sequences of one of the `PARTS`.
 
     Raises:

@@ -1,14 +1,16 @@
 """Continuous recordings in memory, in which activities follow each other: the content of a stream file."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
-from ehar.arrays import BoolArray, IntArray
+from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.data.following import Localisation
 from ehar.data.recordings import Recordings
 
 NO_ACTIVITY = -1  # the label of frames that show none
+NO_ACTIVITY_NAME = "no activity"
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -24,10 +26,14 @@ class StreamData(Recordings):
     segments: IntArray
     missing: BoolArray
 
-    @cached_property
-    def sha256(self) -> str:
-        """A hash of everything that decides an episode; recorded beside every result."""
-        return self._hash(self.segments, self.missing.astype(np.int64))
+    @property
+    def _activities(self) -> tuple[IntArray, ...]:
+        return (self.segments, self.missing.astype(np.int64))
+
+    @property
+    def recognised_names(self) -> tuple[str, ...]:
+        """Names of all that a recogniser tells apart: the classes, and last no activity."""
+        return (*self.class_names, NO_ACTIVITY_NAME)
 
     @property
     def stream_of(self) -> IntArray:
@@ -43,6 +49,10 @@ class StreamData(Recordings):
         begins = np.repeat(self.segments[:, 0] - np.cumsum(lengths) + lengths, lengths)
         labels[begins + np.arange(lengths.sum())] = np.repeat(self.segments[:, 2], lengths)
         return labels
+
+    def followed(self, localisation: Localisation) -> FloatArray:
+        """Return where people are thought to be in each frame, (total_frames, 3) [m]; it is computed once."""
+        return _followed(self, localisation)
 
     def resampled(self, fps: float) -> "StreamData":
         """Return the streams at another frame rate: linear interpolation in time, each stream by itself.
@@ -68,3 +78,12 @@ class StreamData(Recordings):
         ]
         missing = self.missing[np.concatenate(before)]
         return replace(self, positions=positions, offsets=offsets, fps=float(fps), segments=segments, missing=missing)
+
+
+@lru_cache(maxsize=4)
+def _followed(data: StreamData, localisation: Localisation) -> FloatArray:
+    middles = data.positions.mean(axis=(1, 2), dtype=np.float64)
+    pieces = zip(data.offsets, data.offsets[1:], strict=False)
+    return np.concatenate(
+        [localisation.followed(middles[begin:end], data.fps, index) for index, (begin, end) in enumerate(pieces)]
+    )

@@ -57,7 +57,7 @@ def shown_to_agent(observation: Observation, context: Context) -> Observations:
         viewpoint=observation.viewpoint,
         log_probs=observation.log_probs,
         embedding=observation.embedding,
-        ratio=observation.ratio,
+        ratio=1.0 if observation.ratio is None else observation.ratio,  # a stream has no share that is left
         workspace=context.workspace,
         camera=context.world.camera,
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ehar.camera import Camera
-from ehar.data.motion_data import MotionData
+from ehar.data.recordings import Recordings
 from ehar.errors import UsageError
 from ehar.plugins.class_spec import FORMS, parse_spec
 from ehar.plugins.own_class import HANDED, Contract, bring
@@ -15,7 +15,7 @@ from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import Sensor
 from ehar.world import PAPER, World
 
-SENSORS: dict[str, Callable[[MotionData, Camera], Sensor]] = {
+SENSORS: dict[str, Callable[[Recordings, Camera], Sensor]] = {
     "perfect": lambda data, camera: PerfectSensor(camera=camera),
     "estimator": lambda data, camera: EstimatorSensor(skeleton=data.skeleton, camera=camera),
 }
@@ -37,12 +37,12 @@ class LoadedSensor:
     sha256: str | None = None
 
 
-def make_sensor(sensor: str | Sensor, data: MotionData, world: World = PAPER) -> Sensor:
+def make_sensor(sensor: str | Sensor, data: Recordings, world: World = PAPER) -> Sensor:
     """Return the sensor that a name or an object means; arguments and errors are as in `load_sensor`."""
     return load_sensor(sensor, data, world).sensor
 
 
-def load_sensor(sensor: str | Sensor, data: MotionData, world: World) -> LoadedSensor:
+def load_sensor(sensor: str | Sensor, data: Recordings, world: World) -> LoadedSensor:
     """Return the sensor that a name or an object means, with its name and hash for records.
 
     A constructor with arguments called `class_names`, `skeleton`, `persons` or `fps` is handed those of the data, one

@@ -72,7 +72,9 @@ def replay(planner: Planner, world: PlannerWorld, shown: list[Observation], batc
             here = replace(observation, **{name: getattr(observation, name)[rows] for name in array_names(observation)})
             if planner.privileged:
                 _, state = recogniser.step(state, Sensed(here.joints_2d, here.confidence), here.viewpoint)
-                here = replace(here, truth=Truth(some.labels, recogniser, state, _imagination(world, some)))
+                here = replace(
+                    here, truth=Truth(some.labels, recogniser, state, _imagination(world, some), some.frame_labels)
+                )
             target = np.array(planner.act(here), dtype=np.float64)
             if target.shape != (len(rows), 3):
                 raise EpisodeError(f"{where}, frame {here.frame}: targets of shape {target.shape}")

@@ -138,8 +138,8 @@ def run_config(
     trained = {"recogniser": setting.trained_length, **(lengths or {})}
     return RunConfig(
         conditions=setting.conditions,
-        data=setting.data.title,
-        data_sha256=setting.data.sha256,
+        data=setting.recordings.title,
+        data_sha256=setting.recordings.sha256,
         recogniser_sha256=setting.recogniser_sha256,
         form=setting.form,
         vehicle=setting.runner.track.vehicle,

@@ -11,6 +11,7 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief
 from ehar.data.recordings import UNKNOWN_SUBJECT
+from ehar.data.stream_data import NO_ACTIVITY
 from ehar.errors import DataError
 from ehar.rollout import Record
 from eval.records.flights import KEYS, FlightRecords, join_flights
@@ -26,10 +27,10 @@ class EpisodeRecords:
         sequence: N names.
         first: (N,) first frame, counted within the sequence.
         start: (N, 3) start viewpoints: distance [m], azimuth [rad], polar angle [rad].
-        label: (N,) true class.
+        label: (N,) true class; of streams (N, L), the class of each frame, or -1 for no activity.
         subjects: (N, P), who performs, as numbers of the data; -1 is unknown.
         viewpoint: (N, L, 3), where the camera was in each frame.
-        predicted: (N, L), the most probable class after each frame.
+        predicted: (N, L), the most probable class after each frame; -1 is no activity.
         true_probability: (N, L), the probability of the true class.
         top_probability: (N, L), the probability of the predicted class.
         flight: the demands of the flights on a vehicle; None on the ideal track. The file has them in the same lines.
@@ -53,9 +54,14 @@ class EpisodeRecords:
         return len(self.sequence)
 
     @property
+    def of_streams(self) -> bool:
+        """Whether one activity follows another in an episode."""
+        return self.label.ndim == 2
+
+    @property
     def correct(self) -> BoolArray:
         """Whether the predicted class is the true one, (N, L)."""
-        right: BoolArray = self.predicted == self.label[:, None]
+        right: BoolArray = self.predicted == (self.label if self.of_streams else self.label[:, None])
         return right
 
 
@@ -72,9 +78,26 @@ def record_episodes(
     subjects: IntArray,
     flight: FlightRecords | None = None,
 ) -> EpisodeRecords:
-    """Return the records of a rollout, rounded as in the file."""
+    """Return the records of a rollout, rounded as in the file.
+
+    Args:
+        record: the rollout.
+        sequence: N names.
+        first: (N,) first frames.
+        start: (N, 3) start viewpoints.
+        label: (N,) true classes; of streams (N, L), where the class after all others is no activity.
+        subjects: (N, P) who performs.
+        flight: the demands of the flights.
+    """
     probabilities = np.exp(record.log_probs.astype(np.float64))
-    true = np.take_along_axis(probabilities, label[:, None, None], axis=-1)[..., 0]
+    every = label if label.ndim == 2 else label[:, None]
+    true = np.take_along_axis(probabilities, np.broadcast_to(every, probabilities.shape[:2])[..., None], axis=-1)[
+        ..., 0
+    ]
+    predicted = record.log_probs.argmax(axis=-1)
+    if label.ndim == 2:
+        none = probabilities.shape[-1] - 1
+        label, predicted = (np.where(classes == none, NO_ACTIVITY, classes) for classes in (label, predicted))
     return EpisodeRecords(
         sequence=tuple(sequence),
         first=first,
@@ -82,7 +105,7 @@ def record_episodes(
         label=label,
         subjects=subjects,
         viewpoint=record.viewpoints.round(DIGITS),
-        predicted=record.log_probs.argmax(axis=-1),
+        predicted=predicted,
         true_probability=np.minimum(true, 1.0).round(DIGITS),
         top_probability=np.minimum(probabilities.max(axis=-1), 1.0).round(DIGITS),
         flight=flight,
@@ -176,6 +199,7 @@ _KINDS = {
     "top_probability": _Kind(("L",), False, 0, 1),
     **dict.fromkeys(KEYS, _Kind((), False, 0)),
 }
+_OF_STREAMS = _KINDS | dict.fromkeys(("label", "predicted"), _Kind(("L",), True, NO_ACTIVITY))
 
 
 def _parsed_line(line: str, where: str) -> dict[str, Any]:
@@ -211,7 +235,7 @@ def _episodes(rows: Sequence[_Row]) -> EpisodeRecords:
 
 def _column(name: str, rows: Sequence[_Row]) -> FloatArray:
     """Return one field of all episodes, (N, ...), or raise a DataError that names the first line that is off."""
-    kind = _KINDS[name]
+    kind = (_OF_STREAMS if isinstance(rows[0].fields["label"], list) else _KINDS)[name]
     sizes = {"L": len(rows[0].fields["predicted"]), "P": len(rows[0].fields["subjects"])}
     array = kind.array([row.fields[name] for row in rows], sizes)
     if array is None:

@@ -60,7 +60,8 @@ def benchmark(
     check_workers(workers)
     specs, directory = listed(planners), None if out is None else Path(out)
     setting = load_setting(conditions)
-    scenarios = cut_scenarios(setting.data, setting.sequences, conditions.length, reporter.note)
+    conditions = setting.conditions
+    scenarios = cut_scenarios(setting.recordings, setting.sequences, conditions.length, reporter.note)
     choice = choose_planners(specs, ModelPlace.of(setting), readout=readout, note=reporter.note)
     chosen, origins, model = choice
     config = run_config(
@@ -85,7 +86,7 @@ def benchmark(
         kept = _keep_finished(interrupted.runs, workload, config, directory, on_ideal)
         raise KeyboardInterrupt(kept) from None
     records = {name: run.records for name, run in runs.items()}
-    run = Run(config, records, setting.data.class_names, summarise_runs(runs, config, on_ideal), directory)
+    run = Run(config, records, setting.recordings.class_names, summarise_runs(runs, config, on_ideal), directory)
     if directory is not None:
         run.save(directory)
     return run

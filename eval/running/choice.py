@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ehar.conditions import Conditions
-from ehar.data.motion_data import MotionData
+from ehar.data.recordings import Recordings
 from ehar.errors import ModelError, UsageError
 from ehar.planner import Planner
 from eval.scores.resampling.training_seeds import group_planners, record_name, split_record_name
@@ -44,14 +44,14 @@ class ModelPlace:
     """
 
     conditions: Conditions
-    data: MotionData
+    data: Recordings
     form: str
     recogniser_sha256: str
 
     @staticmethod
     def of(setting: Setting) -> "ModelPlace":
         """Return the place of the models for a setting."""
-        return ModelPlace(setting.conditions, setting.data, setting.form, setting.recogniser_sha256)
+        return ModelPlace(setting.conditions, setting.recordings, setting.form, setting.recogniser_sha256)
 
     @property
     def models(self) -> Path | None:

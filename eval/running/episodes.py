@@ -10,6 +10,8 @@ from ehar.arrays import FloatArray, IntArray, in_brief
 from ehar.data.copies import copied
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios, windows
+from ehar.data.stream_data import StreamData
+from ehar.data.stream_scenario import StreamScenarios
 from ehar.errors import DataError
 from ehar.rollout import Batch, noise_of
 from ehar.world import World
@@ -33,7 +35,7 @@ class Episodes:
         seed: seed of the sensor's noise and of the planners' generators.
     """
 
-    scenarios: Scenarios
+    scenarios: Scenarios | StreamScenarios
     scenario: IntArray
     starts: FloatArray
     seed: int
@@ -67,7 +69,7 @@ class Episodes:
 
     @property
     def labels(self) -> IntArray:
-        """The true class of each episode, (N,)."""
+        """The true class of each episode, (N,); of streams (N, L), that of each frame."""
         return self.scenarios.labels[self.scenario]
 
     @property
@@ -92,12 +94,16 @@ class Episodes:
         return np.random.default_rng([self.seed, _PLANNER, word, index])
 
 
-def cut_scenarios(data: MotionData, sequences: IntArray, length: int, note: Callable[[str], None]) -> Scenarios:
+def cut_scenarios(
+    data: MotionData | StreamData, sequences: IntArray, length: int, note: Callable[[str], None]
+) -> Scenarios | StreamScenarios:
     """Cut sequences into windows that do not overlap (Sec. 5.1: stride L); note the sequences that are too short.
 
     Raises:
         DataError: a class has no sequence among them, or no sequence has `length` frames.
     """
+    if isinstance(data, StreamData):
+        return _cut_streams(data, sequences, length, note)
     for label, name in enumerate(data.class_names):
         if not (data.labels[sequences] == label).any():
             raise DataError(f"{data.name}: expected a test sequence of every class, class {name!r} has none")
@@ -121,7 +127,26 @@ def cut_scenarios(data: MotionData, sequences: IntArray, length: int, note: Call
     return scenarios
 
 
-def random_starts(scenarios: Scenarios, starts: int, seed: int, world: World) -> Episodes:
+def _cut_streams(data: StreamData, streams: IntArray, length: int, note: Callable[[str], None]) -> StreamScenarios:
+    """Cut streams into windows that do not overlap; note what is left out."""
+    counts = data.lengths[streams] // length
+    if not counts.any():
+        raise DataError(
+            f"{data.name}: expected test streams of at least {length} frames ({length / data.fps:g} s), "
+            f"the longest of {len(streams)} has {data.lengths[streams].max()}"
+        )
+    if (counts == 0).any():
+        note(f"{data.name}: {(counts == 0).sum()} of {len(streams)} test streams are shorter than {length} frames")
+    first = np.concatenate([np.arange(count) * length for count in counts])
+    scenarios = StreamScenarios(data, length, np.repeat(streams, counts), first)
+    shown = np.unique(scenarios.labels)
+    absent = [name for label, name in enumerate(data.class_names) if label not in shown]
+    if absent:
+        note(f"{data.name}: no test stream shows {', '.join(absent)}")
+    return scenarios
+
+
+def random_starts(scenarios: Scenarios | StreamScenarios, starts: int, seed: int, world: World) -> Episodes:
     """Return episodes from `starts` start viewpoints a scenario, uniform over those of the world."""
     count = len(scenarios)
     return Episodes(scenarios, np.tile(np.arange(count), starts), draw_starts(starts * count, seed, world), seed)

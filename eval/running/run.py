@@ -25,6 +25,8 @@ from eval.scores.summary import Summary, read_summary
 if TYPE_CHECKING:
     import pandas
 
+    from eval.render.tables import Table
+
 Held = TypeVar("Held")
 
 
@@ -75,6 +77,11 @@ class Run:
         return self.config.conditions
 
     @property
+    def of_streams(self) -> bool:
+        """Whether one activity follows another in an episode."""
+        return any(held.of_streams for held in self.records.values())
+
+    @property
     def flown(self) -> bool:
         """Whether a vehicle carried the cameras."""
         return self.config.vehicle is not None or self.conditions.track != IDEAL
@@ -95,6 +102,13 @@ class Run:
         """
         return self._of({**first_trainings(self.records), **{record: record for record in self.records}}, name)
 
+    def tables(self) -> "list[Table]":
+        """Return the summary's tables; of streams, also how soon activities are recognised."""
+        from eval.scores.streams import stream_table
+
+        tables, fps = self.summary.tables(), self.conditions.fps
+        return [*tables, stream_table(pool_seeds(self.records), fps)] if self.of_streams and fps else tables
+
     def save(self, folder: str | Path) -> Path:
         """Write config.json, episodes.jsonl, summary.json, table.md and the accuracy curve; return the folder.
 
@@ -107,7 +121,7 @@ class Run:
         out, classes = Path(folder), len(class_names(self, lambda _: None))
         check_out(out, self.config.to_json())
         write_records(out, self.config, self.records, self.summary)
-        write_text(out / "table.md", [markdown(*self.summary.tables())])
+        write_text(out / "table.md", [markdown(*self.tables())])
         privileged = {planner.name for planner in self.summary.planners if planner.privileged}
         draw_accuracy(curves(self.records), privileged, classes, self.config.title, out / "accuracy")
         return out
@@ -135,14 +149,16 @@ class Run:
         return f"Run({self.config.title}: {planners}, {episodes} episodes each)"
 
     def __str__(self) -> str:
-        """Return the summary's tables, and what was found and how sure it is."""
-        return f"{self.summary}\n{closing_sentences(self.summary)}\n"
+        """Return the tables, and what was found and how sure it is."""
+        from eval.render.tables import text
+
+        return f"{text(*self.tables())}\n{closing_sentences(self.summary)}\n"
 
     def _repr_html_(self) -> str:
         """Return the same for a notebook."""
         from eval.render.tables import html
 
-        return "".join(map(html, self.summary.tables())) + f"<p>{escape(closing_sentences(self.summary))}</p>"
+        return "".join(map(html, self.tables())) + f"<p>{escape(closing_sentences(self.summary))}</p>"
 
     def _of(self, named: Mapping[str, Held], name: str) -> Held:
         if name not in named:
@@ -187,7 +203,8 @@ def read_run(directory: str | Path) -> Run:
     """Read a run of `ehar benchmark`.
 
     Raises:
-        UsageError: the folder holds no such run, or one of another schema.
+        UsageError: the folder holds no such run, one of another schema, or one of streams, which only the benchmark
+            itself shows.
         DataError: the files cannot be read, the run is incomplete, for example because it was interrupted, or planners
             ran different episodes.
     """
@@ -203,6 +220,8 @@ def read_run(directory: str | Path) -> Run:
             raise DataError(
                 f"{directory}: expected the same episodes for every planner, those of {name} are not {names[0]}'s"
             )
+    if any(held.of_streams for held in records.values()):
+        raise UsageError(f"{directory}: expected a run of clips, got one of streams: {directory / 'table.md'} shows it")
     return Run(config, records, directory=directory)
 
 
@@ -240,14 +259,14 @@ def class_names(run: Run, note: Callable[[str], None], source: str | Path | None
     Raises:
         EharError: the data at `source` cannot be read.
     """
-    from ehar.data.source import load_data
+    from ehar.data.any_source import load_recordings
 
     if run.class_names is not None:
         return run.class_names
     conditions = run.conditions
     place = conditions.data if source is None else source
     try:
-        data = load_data(str(place), fps=conditions.fps)
+        data = load_recordings(str(place), fps=conditions.fps)
         reason = None if data.sha256 == run.config.data_sha256 else f"{place}: not the data of the run"
     except EharError as error:
         if source is not None:

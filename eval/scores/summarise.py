@@ -10,6 +10,7 @@ from eval.records.config import RunConfig
 from eval.records.episodes import EpisodeRecords
 from eval.records.flights import FlightSummary, join_flights, summarise_flights
 from eval.records.solves import Solves, join_solves
+from eval.scores.activities import activities
 from eval.scores.differences import differences
 from eval.scores.metrics import ACC_AT, acc_at, gap_closed, mean_acc
 from eval.scores.planner_accuracy import PlannerAccuracy, draw_resamples, planner_accuracy
@@ -46,6 +47,9 @@ def summarise(
     """
     if not records:
         raise DataError("expected the records of at least one planner, got none")
+    whole = records
+    if any(episodes.of_streams for episodes in records.values()):
+        records = {name: activities(episodes) for name, episodes in records.items()}
     reference = next(iter(records.values()))
     for name, episodes in records.items():
         _check_same_episodes(name, episodes, reference)
@@ -72,9 +76,9 @@ def summarise(
             acc_iqm_ci95=pair(100 * _iqm_interval(held, resamples)),
             gap_closed=float(gaps[row]) if np.isfinite(gaps[row]) else None,
             gap_closed_ci95=pair(gap_ends[row]) if np.isfinite(gaps[row]) else None,
-            metrics={metric.key: _mean(map(metric.of_records, trained)) for metric in METRICS},
+            metrics={metric.key: _mean(metric.of_records(whole[name]) for name in group.records) for metric in METRICS},
             step_ms=_mean(step_ms[name] for name in group.records),
-            flight=_flights(trained),
+            flight=_flights([whole[name] for name in group.records]),
             accuracy_kept=float(kept[row]) if np.isfinite(kept[row]) else None,
             accuracy_kept_ci95=pair(kept_ends[row]) if np.isfinite(kept[row]) else None,
             solves=None if solves is None else join_solves([solves[name] for name in group.records]),
@@ -83,7 +87,8 @@ def summarise(
     )
     return Summary(
         config=config,
-        episodes=len(reference),
+        episodes=len(next(iter(whole.values()))),
+        activities=len(reference) if whole is not records else None,
         sequences=len(set(reference.sequence)),
         no_intervals=resamples.why_none,
         basis=resamples.basis,

@@ -31,6 +31,7 @@ class Summary:
         basis: the people and sequences that intervals rest on.
         planners: results of each planner, in the order of the run.
         differences: paired differences between `differences.SUBJECTS` and every other planner that is not privileged.
+        activities: of streams, the number of activities that are scored; None for clips, each of which is one.
     """
 
     config: RunConfig
@@ -40,6 +41,7 @@ class Summary:
     basis: Basis
     planners: tuple[PlannerSummary, ...]
     differences: tuple[Difference, ...]
+    activities: int | None = None
 
     @property
     def length(self) -> int:
@@ -54,9 +56,14 @@ class Summary:
             f"{config.data}: sensor {told.sensor}, views {told.views}, track {told.track}{config.in_world}, "
             f"{'' if config.form == 'causal' else f'recogniser {config.form}, '}"
             f"{'' if config.readout == 'recogniser' else f'readout {config.readout}, '}"
-            f"{'' if told.part == TEST else f'{told.part} part, '}"
-            f"{self.episodes} episodes of {told.length} frames from {self.sequences} sequences"
+            f"{'' if told.part == TEST else f'{told.part} part, '}{self.extent}"
         )
+
+    @property
+    def extent(self) -> str:
+        """How much was watched."""
+        scored = "" if self.activities is None else f"{self.activities} activities in "
+        return f"{scored}{self.episodes} episodes of {self.length} frames from {self.sequences} sequences"
 
     @property
     def lead(self) -> str | None:
@@ -90,10 +97,7 @@ class Summary:
     def __repr__(self) -> str:
         """Return a line: who was compared, on what, over how many episodes."""
         count = f"{len(self.planners)} planner{'s' * (len(self.planners) != 1)}"
-        return (
-            f"Summary({self.config.title}: {count}, {self.episodes} episodes of {self.length} "
-            f"frames from {self.sequences} sequences)"
-        )
+        return f"Summary({self.config.title}: {count}, {self.extent})"
 
     def __str__(self) -> str:
         """Return the tables as text."""
@@ -117,6 +121,7 @@ class Summary:
             "track": told.track,
             "readout": self.config.readout,
             "episodes": self.episodes,
+            **({} if self.activities is None else {"activities": self.activities}),
             "no_intervals": self.no_intervals,
             "basis": asdict(self.basis),
             "planners": [planner.to_json() for planner in self.planners],
@@ -133,6 +138,7 @@ class _File:
     basis: Basis
     differences: tuple[Difference, ...] = ()
     no_intervals: str | None = None
+    activities: int | None = None
 
 
 def read_summary(path: Path, config: RunConfig, records: Mapping[str, EpisodeRecords]) -> Summary:
@@ -158,4 +164,13 @@ def read_summary(path: Path, config: RunConfig, records: Mapping[str, EpisodeRec
             f"got {', '.join(planner.name for planner in planners) or 'none'}"
         )
     sequences = len({name for episodes in records.values() for name in episodes.sequence})
-    return Summary(config, held.episodes, sequences, held.no_intervals, held.basis, planners, held.differences)
+    return Summary(
+        config,
+        held.episodes,
+        sequences,
+        held.no_intervals,
+        held.basis,
+        planners,
+        held.differences,
+        held.activities,
+    )

@@ -102,7 +102,7 @@ class Demonstrator(Planner):
                 truth, truth.state, observation.frame + 1, observation.viewpoint, self._context.workspace
             )
             values = true_log_probs(log_probs, truth)
-        elif observation.frame % EVERY == EVERY // 2 and observation.frame < observation.length - 2:
+        elif observation.frame % EVERY == EVERY // 2 and observation.frame < truth.length - 2:
             values = look_ahead(truth, observation, self._context)
             best = values.argmax(axis=1)
         else:
@@ -126,7 +126,7 @@ def look_ahead(truth: Truth, observation: Observation, context: Context) -> Floa
     viewpoint = np.repeat(observation.viewpoint[:, None], len(MOVES), axis=1)
     state = truth.state.fork(len(MOVES))
     values = np.zeros((episodes, len(MOVES)))
-    for step in range(min(HORIZON, observation.length - 1 - observation.frame)):
+    for step in range(min(HORIZON, truth.length - 1 - observation.frame)):
         viewpoint = apply_moves(viewpoint, moves, context.workspace)
         sensed = truth.sense(observation.frame + 1 + step, viewpoint)
         recognition, state = truth.recogniser.step(state, sensed, viewpoint)

@@ -8,7 +8,7 @@ from typing import Any
 import torch
 
 from ehar.conditions import Conditions
-from ehar.data.motion_data import MotionData
+from ehar.data.recordings import Recordings
 from ehar.errors import ModelError
 from ehar.files import read_json
 from ehar.world import PAPER, World
@@ -67,7 +67,7 @@ def agent_path(directory: Path, name: str, conditions: Conditions, seed: int) ->
     return directory / f"agent-{name}-{form}{conditions.seen}-seed{seed}.safetensors"
 
 
-def agent_seeds(conditions: Conditions, data: MotionData, name: str) -> tuple[int, ...]:
+def agent_seeds(conditions: Conditions, data: Recordings, name: str) -> tuple[int, ...]:
     """Return the training seeds for which there is an agent of that name, in order."""
     folder = conditions.directory or SHIPPED / data.name
     first = agent_path(folder, name, conditions, seed=0).stem
@@ -79,7 +79,7 @@ def agent_seeds(conditions: Conditions, data: MotionData, name: str) -> tuple[in
 def save_agent(
     path: Path,
     network: AgentNetwork,
-    data: MotionData,
+    data: Recordings,
     *,
     recogniser_sha256: str,
     history: dict[str, Any],
@@ -107,7 +107,7 @@ def save_agent(
     save_weights(path, network_bytes(network), description)
 
 
-def load_agent(conditions: Conditions, data: MotionData, name: str, *, recogniser_sha256: str, seed: int) -> Agent:
+def load_agent(conditions: Conditions, data: Recordings, name: str, *, recogniser_sha256: str, seed: int) -> Agent:
     """Load an agent and check that it belongs to the data and the recogniser.
 
     Args:
@@ -132,7 +132,7 @@ def load_agent(conditions: Conditions, data: MotionData, name: str, *, recognise
     return Agent(name=name, network=_load_network(path, held), sha256=files_sha256(path), length=held.length)
 
 
-def _check_fit(path: Path, held: AgentDescription, data: MotionData, recogniser_sha256: str) -> None:
+def _check_fit(path: Path, held: AgentDescription, data: Recordings, recogniser_sha256: str) -> None:
     """Raise a ModelError that names what differs; names come before hashes, as they say more."""
     for what, trained, given in (
         ("skeleton", held.skeleton, data.skeleton.joint_names),

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ehar.conditions import Conditions
-from ehar.data.motion_data import MotionData
+from ehar.data.recordings import Recordings
 from ehar.errors import ModelError
 from ehar.files import json_text, read_json, write_text
 from planners.place.go_to_place import GoToPlace, Place
@@ -65,7 +65,7 @@ def save_fixed_place(path: Path, place: Place, *, recogniser_sha256: str, histor
     write_text(path, [json_text(asdict(FixedPlaceDescription(recogniser_sha256, place, history)))])
 
 
-def load_fixed_place(conditions: Conditions, data: MotionData, recogniser_sha256: str) -> FixedPlace:
+def load_fixed_place(conditions: Conditions, data: Recordings, recogniser_sha256: str) -> FixedPlace:
     """Load the place, and check that it belongs to the recogniser.
 
     Args:

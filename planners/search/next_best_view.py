@@ -14,6 +14,7 @@ from planners.search.start import stoppable
 from planners.search.task import TrajectoryTask
 from planners.search.view_search import search_goals
 from planners.value.model import FULL, GainModel
+from planners.value.situation import frames_to_come
 from planners.value.view_value import ViewValue, node_gains
 
 GRID_LOOKAHEAD = 8  # frames: on the grid the target is a point of the plan this far ahead
@@ -80,7 +81,7 @@ class NextBestView(Planner):
         self._value.reset(context)
         self._plans: list[Solution | None] = [None] * context.episodes
         self._nodes = max(self.horizon, FEWEST_NODES)
-        frames = max(LEAST_NODE_FRAMES, math.ceil((context.length - 1) / DEFAULT_HORIZON))
+        frames = max(LEAST_NODE_FRAMES, math.ceil(frames_to_come(context) / DEFAULT_HORIZON))
         if context.vehicle is not None:
             frames = max(frames, math.ceil(FLIGHT_PLAN_TIME / context.frame_time / DEFAULT_HORIZON))
         self._node_frames = math.ceil(frames * self.horizon / self._nodes)
@@ -108,7 +109,7 @@ class NextBestView(Planner):
         context, frame_time = self._context, self._context.frame_time
         node_time = self._node_frames * frame_time
         weights = self._value.weights
-        gains = node_gains(observation.frame, observation.length, self._nodes, self._node_frames)
+        gains = node_gains(self._value.gains, self._nodes, self._node_frames)
         goals, collected = search_goals(self._value, observation, context)
         order = np.argsort(-collected, axis=1)[:, :SEEDS]
         targets = np.empty((len(weights), self.replan, 3))

@@ -123,9 +123,8 @@ def search_goals(value: ViewValue, observation: Observation, context: Context) -
     goals = np.concatenate([here[:, None], grid], axis=1)
     way = goals - here[:, None]
     way[..., AZIMUTH] = wrap_difference(way[..., AZIMUTH])
-    remaining = observation.length - 1 - observation.frame
-    node_frames = -(-remaining // WAY_POINTS)
-    gains = node_gains(observation.frame, observation.length, WAY_POINTS, node_frames)
+    node_frames = -(-len(value.gains) // WAY_POINTS)
+    gains = node_gains(value.gains, WAY_POINTS, node_frames)
     needed, ramp = _frames_needed(way, here, context)
     along = np.zeros((*goals.shape[:2], BASIS_SIZE))
     for node in np.flatnonzero(gains).tolist():

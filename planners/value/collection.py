@@ -8,7 +8,9 @@ import numpy as np
 import torch
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.data.scenario import Scenarios
+from ehar.data.motion_data import MotionData
+from ehar.data.stream_data import StreamData
+from ehar.data.stream_scenario import draw_scenarios
 from ehar.errors import DataError, EpisodeError
 from ehar.motion import move_towards
 from ehar.planner import Context, Observation, Planner, Truth
@@ -16,7 +18,7 @@ from ehar.processes import each_batch
 from ehar.runner import Runner
 from ehar.viewpoint import Workspace, apply_moves
 from planners.value.body_filter import BodyFilter
-from planners.value.situation import frame_gains
+from planners.value.situation import coming_gains
 from planners.value.view_basis import DistanceRange, basis_at
 
 EPISODES = 32  # episodes that run in lockstep
@@ -64,15 +66,16 @@ class Forker(Planner):
 
     Args:
         pairs: pairs of joints of the trunk, for the body filter.
+        length: frames of an episode; in a stream, of a window.
         lead: a planner that it follows instead of wandering, so that it forks where that planner gets to.
     """
 
     name = "forker"
     privileged = True
 
-    def __init__(self, *, pairs: IntArray, lead: Planner | None = None) -> None:
+    def __init__(self, *, pairs: IntArray, length: int, lead: Planner | None = None) -> None:
         """Create the planner."""
-        self.pairs, self.lead = pairs, lead
+        self.pairs, self.length, self.lead = pairs, length, lead
 
     def reset(self, context: Context) -> None:
         """Draw when to fork, and who wanders."""
@@ -80,7 +83,7 @@ class Forker(Planner):
         camera = context.world.camera
         self._body = BodyFilter(pairs=self.pairs, frame_time=context.frame_time, camera=camera)
         # There is no plan at the last frame, and a fork needs a frame after it.
-        spans = [sorted(int(share * (context.length - 2)) for share in span) for span in FORK_SPANS]
+        spans = [sorted(int(share * (self.length - 2)) for share in span) for span in FORK_SPANS]
         self._at = {int(context.rng.integers(low, high + 1)) for low, high in spans}
         self._wanders = context.rng.random(context.episodes) < WANDER
         self._goal = random_viewpoints(context.rng, (context.episodes,), context.workspace)
@@ -110,8 +113,9 @@ class Forker(Planner):
         workspace, here = self._context.workspace, observation.viewpoint
         goals = random_viewpoints(self._context.rng, (len(here), PATHS), workspace)
         goals[:, 0] = here
-        worth, visited = follow_paths(observation.truth, observation, goals, workspace)
-        gains = frame_gains(observation.frame, observation.length)
+        gains = coming_gains(observation, self._context)
+        gains = gains[: self.length - 1 - observation.frame]  # a window of a stream may end before a planner's horizon
+        worth, visited = follow_paths(observation.truth, observation, goals, workspace, frames=len(gains))
         span = DistanceRange.of(self._context.world.workspace)
         return {
             "episode": np.arange(len(here)),
@@ -126,26 +130,26 @@ class Forker(Planner):
 
 
 def follow_paths(
-    truth: Truth, observation: Observation, goals: FloatArray, workspace: Workspace
+    truth: Truth, observation: Observation, goals: FloatArray, workspace: Workspace, *, frames: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Fly to goals (B, M, 3) by grid moves and stay there, from each episode's present state to its end.
+    """Fly to goals (B, M, 3) by grid moves and stay there, for some frames from each episode's present state.
 
     Returns:
         the mean probability of the true class over the frames to come, (B, M), and the viewpoints (B, M, R, 3).
     """
     paths = goals.shape[1]
-    remaining = observation.length - 1 - observation.frame
     state = truth.state.fork(paths)
     viewpoint = np.repeat(observation.viewpoint[:, None], paths, axis=1)
-    visited = np.empty((*goals.shape[:2], remaining, 3))
+    visited = np.empty((*goals.shape[:2], frames, 3))
     worth = np.zeros(goals.shape[:2])
-    for step in range(remaining):
+    for step in range(frames):
         viewpoint = apply_moves(viewpoint, move_towards(viewpoint, goals, workspace), workspace)
         sensed = truth.sense(observation.frame + 1 + step, viewpoint)
         recognition, state = truth.recogniser.step(state, sensed, viewpoint)
         visited[:, :, step] = viewpoint
-        worth += np.exp(np.take_along_axis(recognition.log_probs, truth.labels[:, None, None], axis=2)[..., 0])
-    return worth / remaining, visited
+        labels = truth.frame_labels[:, observation.frame + 1 + step]
+        worth += np.exp(np.take_along_axis(recognition.log_probs, labels[:, None, None], axis=2)[..., 0])
+    return worth / frames, visited
 
 
 def random_viewpoints(rng: np.random.Generator, leading: tuple[int, ...], workspace: Workspace) -> FloatArray:
@@ -194,17 +198,18 @@ def collect_batch(task: CollectionTask, index: int) -> Collection:
     torch.set_num_threads(1)
     rng = np.random.default_rng([task.seed, index])
     data = task.runner.data
-    # As in tests, the probability of a sequence is proportional to the number of its windows.
-    weights = data.lengths[task.sequences] // task.length
-    sequence = rng.choice(task.sequences, size=EPISODES, p=weights / weights.sum())
-    first = rng.integers(data.lengths[sequence] - task.length + 1)
-    scenarios = Scenarios(data, task.length, sequence, first)
+    assert isinstance(data, MotionData | StreamData)
+    scenarios = draw_scenarios(data, task.sequences, task.length, rng, EPISODES)
     batch = task.runner.batch(scenarios, np.arange(EPISODES), task.runner.world.sample_starts(rng, EPISODES), rng)
-    forker = Forker(pairs=task.pairs, lead=task.lead)
+    forker = Forker(pairs=task.pairs, length=task.length, lead=task.lead)
     record = task.runner.roll(forker, batch, rng)
     forks = {name: np.concatenate([fork[name] for fork in forker.forks]) for name in forker.forks[0]}
     return Collection(
-        log_probs=record.log_probs, viewpoints=record.viewpoints, labels=batch.labels, sequences=sequence, **forks
+        log_probs=record.log_probs,
+        viewpoints=record.viewpoints,
+        labels=batch.labels,
+        sequences=scenarios.sequence,
+        **forks,
     )
 
 

@@ -10,7 +10,7 @@ from safetensors.numpy import load_file, save
 
 from ehar.arrays import IntArray, in_brief
 from ehar.conditions import Conditions
-from ehar.data.motion_data import MotionData
+from ehar.data.recordings import Recordings
 from ehar.errors import ModelError
 from ehar.files import read_json
 from ehar.world import PAPER, World
@@ -111,7 +111,7 @@ def save_gain_model(
     save_weights(path, save(tensors), description)
 
 
-def load_gain_model(conditions: Conditions, data: MotionData, recogniser_sha256: str) -> GainModel:
+def load_gain_model(conditions: Conditions, data: Recordings, recogniser_sha256: str) -> GainModel:
     """Load a gain model and check that it belongs to the recogniser.
 
     Args:

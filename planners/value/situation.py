@@ -11,6 +11,8 @@ from planners.value.body_filter import BodyFilter
 from planners.value.view_basis import BASIS_SIZE, DistanceRange, basis_at, turned
 
 PARTS = ("ratio", "history", "belief", "embedding", "facing")  # parts of a situation that a gain field may use
+STREAM_MEMORY = 1.0  # [s] that a view counts for in a stream, where evidence fades
+STREAM_LOOKAHEAD = 2.0  # [s] that planners look ahead in a stream, whose end nobody knows
 _HISTORY = (1, 2, 3, 4, 5, 6, 7, 8, 16)  # places in the basis: harmonics of degree 1 and 2, and the distance
 
 
@@ -19,13 +21,13 @@ class Situation:
     """What is known of B episodes after a frame.
 
     Args:
-        ratio: (B,) observation ratio.
-        belief: (B, K) probabilities.
+        ratio: (B,) observation ratio; 1 in a stream.
+        belief: (B, K) probabilities; in a stream the recogniser's.
         embedding: (B, D), the recogniser's embedding.
         facing: (B, P) [rad], the azimuths that people face.
         facing_std: (B, P) [rad], their standard deviations.
         position: (B, P, 3) [m], the positions of people relative to the centre.
-        seen: (B, 21), the mean of the view basis over the frames so far.
+        seen: (B, 21), the mean of the view basis over the frames so far; in a stream late frames count more.
     """
 
     ratio: FloatArray
@@ -88,33 +90,37 @@ class Tracker:
 
     def reset(self, context: Context) -> None:
         """Forget everything."""
+        self.context = context
         camera = context.world.camera
         self._body = BodyFilter(pairs=self._pairs, frame_time=context.frame_time, camera=camera)
         self._span = DistanceRange.of(context.world.workspace)
         self._belief.start(context.episodes, len(context.class_names))
         self._seen = np.zeros((context.episodes, BASIS_SIZE))
+        self._keep = 1.0 if context.length is not None else float(np.exp(-context.frame_time / STREAM_MEMORY))
 
     def update(self, observation: Observation) -> None:
         """Take in one more frame."""
         if observation.frame == 0:
             self._body.start(*observation.joints_2d.shape[:2])
         self._body.update(observation.joints_2d, observation.confidence, observation.viewpoint)
-        self._belief.update(observation.log_probs, observation.viewpoint, observation.ratio, observation.frame)
-        self._seen += basis_at(observation.viewpoint, self._span)
-        self._observation = observation
+        if observation.ratio is not None:
+            self._belief.update(observation.log_probs, observation.viewpoint, observation.ratio, observation.frame)
+        self._seen = self._keep * self._seen + basis_at(observation.viewpoint, self._span)
+        self.observation = observation
 
     @property
     def situation(self) -> Situation:
         """The situation after the last frame."""
-        observation = self._observation
+        observation = self.observation
+        in_stream = observation.ratio is None
         return Situation(
-            ratio=np.full(len(observation.viewpoint), observation.ratio),
-            belief=np.exp(self._belief.log_probs),
+            ratio=np.full(len(observation.viewpoint), 1.0 if in_stream else observation.ratio),
+            belief=np.exp(observation.log_probs if in_stream else self._belief.log_probs),
             embedding=observation.embedding,
             facing=self._body.facing,
             facing_std=self._body.facing_std,
             position=self._body.position,
-            seen=self._seen / (observation.frame + 1),
+            seen=self._seen / (self._keep ** np.arange(observation.frame + 1)).sum(),
         )
 
 
@@ -128,3 +134,31 @@ def frame_gains(frame: int, length: int) -> FloatArray:
     gains = np.cumsum(1 / after[::-1])[::-1]
     share: FloatArray = gains / gains.sum()
     return share
+
+
+def fading_gains(frames: int, memory: float) -> FloatArray:
+    r"""Return the weight of the view in each of the frames to come in a stream, (frames,); the weights sum to 1.
+
+    Evidence fades: in the recognition after frame s, frame f counts as :math:`a^{s - f}`, with :math:`a = e^{-1/m}`. So
+    over the frames to come :math:`\gamma_f \propto \sum_{s \ge f} a^{s - f} \propto 1 - a^{n - f}`: all count nearly
+    alike, but the last ones.
+
+    Args:
+        frames: number n of frames to come.
+        memory: frames m that a view counts for.
+    """
+    gains = -np.expm1(-np.arange(frames, 0, -1) / memory)
+    share: FloatArray = gains / gains.sum()
+    return share
+
+
+def frames_to_come(context: Context) -> int:
+    """Return the most frames that a planner looks ahead: to the end of an episode; of a stream, some seconds."""
+    return round(STREAM_LOOKAHEAD / context.frame_time) if context.length is None else context.length - 1
+
+
+def coming_gains(observation: Observation, context: Context) -> FloatArray:
+    """Return the weight of the view in each frame to come, (R,); the weights sum to 1."""
+    if observation.length is not None:
+        return frame_gains(observation.frame, observation.length)
+    return fading_gains(frames_to_come(context), STREAM_MEMORY / context.frame_time)

@@ -6,7 +6,7 @@ from ehar.arrays import FloatArray
 from ehar.errors import UsageError
 from ehar.planner import Context, Observation
 from planners.value.model import FULL, GainModel
-from planners.value.situation import Situation, Tracker, frame_gains
+from planners.value.situation import Situation, Tracker, coming_gains
 from planners.value.view_basis import DistanceRange
 
 
@@ -42,6 +42,11 @@ class ViewValue:
         self._tracker.update(observation)
 
     @property
+    def gains(self) -> FloatArray:
+        """The weight of the view in each frame to come, (R,); the weights sum to 1."""
+        return coming_gains(self._tracker.observation, self._tracker.context)
+
+    @property
     def situation(self) -> Situation:
         """The situation after the last frame."""
         return self._tracker.situation
@@ -52,13 +57,12 @@ class ViewValue:
         return self.field.weights(self.situation)
 
 
-def node_gains(frame: int, length: int, nodes: int, node_frames: int) -> FloatArray:
-    """Return the weight of the view at each node, (nodes,): the sum of `frame_gains` over the node's frames.
+def node_gains(gains: FloatArray, nodes: int, node_frames: int) -> FloatArray:
+    """Return the weight of the view at each node, (nodes,): the sum of the frames' weights (R,) over the node's frames.
 
     The weights sum to 1. Node h stands for the `node_frames` frames up to its own. The last node also stands for all
     frames after it. Nodes after the end of the episode have weight 0, so the horizon may outlast the episode.
     """
-    gains = frame_gains(frame, length)
     node = np.minimum(np.arange(len(gains)) // node_frames, nodes - 1)
     weights: FloatArray = np.zeros(nodes)
     np.add.at(weights, node, gains)

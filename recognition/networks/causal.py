@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor, nn
 
+from recognition.networks.fading import Fading, spread_memories
 from recognition.networks.layers import (
     CausalGraphConvolution,
     CausalTemporalConvolution,
@@ -16,6 +17,7 @@ from recognition.networks.layers import (
 
 WEIGHING = 16  # hidden units of what weighs frames
 LEAST_WEIGHT = 1e-6  # of a frame: the sum of weights, by which is divided, is never zero
+FADING_POOL = (4.0, 120.0)  # frames, the first memories of pooled features where evidence fades
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,8 @@ class StreamingState:
         forks: number F of alternatives of each episode. A tensor that they still share has a fork axis of size 1.
         count: (B,) number of frames seen.
         blocks: the state of each block, over B * P bodies.
-        pooled: (B, D + 1, F') the weighted sum of pooled features over the frames seen, and last the sum of weights.
+        pooled: (B, D + 1, F') the weighted sum of pooled features over the frames seen, and last the sum of weights;
+            where evidence fades, (B, 2 D, F'): each feature forgets at its own rate, and so do its weights.
     """
 
     forks: int
@@ -90,10 +93,10 @@ class StreamingState:
 class CausalBlock(nn.Module):
     """A graph convolution, a temporal one, and a residual around both."""
 
-    def __init__(self, *, inputs: int, outputs: int, partition: Tensor, residual: bool) -> None:
+    def __init__(self, *, inputs: int, outputs: int, partition: Tensor, residual: bool, fading: bool) -> None:
         """Create the block; the first one of the published network has no residual."""
         super().__init__()
-        self.graph = CausalGraphConvolution(inputs=inputs, outputs=outputs, partition=partition)
+        self.graph = CausalGraphConvolution(inputs=inputs, outputs=outputs, partition=partition, fading=fading)
         self.temporal = CausalTemporalConvolution(channels=outputs)
         self.residual: nn.Module | None = None
         if residual:
@@ -129,16 +132,27 @@ class CausalCTRGCN(nn.Module):
     frame has a weight, which it learns from the frame's own features: where a camera sees little, its frames count
     less, and a good view found late is not outvoted by the bad ones before it.
 
+    In a stream one activity follows another. There evidence fades: the sums over frames forget at learned rates, some
+    features soon and some late, so the network lets go of an activity that is over.
+
     Args:
         classes: number K of classes.
         channels: number C of features of a joint.
         partition: (3, J, J) the spatial partition of the skeleton.
         widths: output channels of each block, multiples of 4.
         dropout: rate of dropout on the pooled features.
+        fading: whether evidence fades.
     """
 
     def __init__(
-        self, *, classes: int, channels: int, partition: Tensor, widths: tuple[int, ...], dropout: float = 0.0
+        self,
+        *,
+        classes: int,
+        channels: int,
+        partition: Tensor,
+        widths: tuple[int, ...],
+        dropout: float = 0.0,
+        fading: bool = False,
     ) -> None:
         """Create the network."""
         super().__init__()
@@ -147,10 +161,12 @@ class CausalCTRGCN(nn.Module):
         self.input_norm = nn.BatchNorm1d(joints * channels)
         inputs = (channels, *widths[:-1])
         self.blocks = nn.ModuleList(
-            CausalBlock(inputs=before, outputs=after, partition=partition, residual=i > 0)
+            CausalBlock(inputs=before, outputs=after, partition=partition, residual=i > 0, fading=fading)
             for i, (before, after) in enumerate(zip(inputs, widths, strict=True))
         )
         self.weigh = nn.Sequential(nn.Linear(widths[-1] + channels, WEIGHING), nn.ReLU(), nn.Linear(WEIGHING, 1))
+        # A feature and its weights fade alike.
+        self.fading = Fading(spread_memories(widths[-1], *FADING_POOL)) if fading else None
         self.dropout = nn.Dropout(dropout)
         self.classify = nn.Linear(widths[-1], classes)
 
@@ -162,7 +178,7 @@ class CausalCTRGCN(nn.Module):
         return normed.view(batch * persons, joints, channels, frames).permute(0, 2, 3, 1)
 
     def _weighted(self, x: Tensor, bodies: Tensor) -> Tensor:
-        """Return the features of frames times their weights, and the weights last: (B, T, D + 1).
+        """Return the features of frames times their weights, and the weights last: (B, T, D + 1), fading (B, T, 2 D).
 
         A weight is between 0 and 1, but never 0. It depends on the pooled features, and on the mean of the frame's
         input: how sure the sensor is of its joints, and where the camera stands.
@@ -174,25 +190,37 @@ class CausalCTRGCN(nn.Module):
         batch, frames, persons = x.shape[:3]
         pooled = bodies.view(batch, persons, -1, frames).mean(dim=1).transpose(1, 2)
         weight = torch.sigmoid(self.weigh(torch.cat([pooled, x.mean(dim=(2, 3))], dim=2))) + LEAST_WEIGHT
-        return torch.cat([weight * pooled, weight], dim=2)
+        return torch.cat([weight * pooled, weight if self.fading is None else weight.expand_as(pooled)], dim=2)
+
+    def _sums(self, weighted: Tensor) -> Tensor:
+        """Return the sums over time of what `_weighted` returns."""
+        if self.fading is None:
+            return weighted.cumsum(dim=1, dtype=torch.float32)
+        return torch.cat([self.fading.sums(half) for half in weighted.float().chunk(2, dim=2)], dim=2)
+
+    def _embedding(self, sums: Tensor) -> Tensor:
+        """Return the weighted means (..., D) that sums stand for."""
+        features, weights = sums.tensor_split([self.embedding_size], dim=-1)
+        return features / weights
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the logits (B, T, K) after every frame, from features (B, T, P, J, C)."""
         bodies = self._bodies(x).transpose(2, 3).contiguous()
         for block in self.blocks:
             bodies = block(bodies)
-        total = self._weighted(x, bodies.mean(dim=2)).cumsum(dim=1, dtype=torch.float32)
-        logits: Tensor = self.classify(self.dropout(total[..., :-1] / total[..., -1:]))
+        embedding = self._embedding(self._sums(self._weighted(x, bodies.mean(dim=2))))
+        logits: Tensor = self.classify(self.dropout(embedding))
         return logits
 
     def start(self, episodes: int, persons: int) -> StreamingState:
         """Return the state of B episodes that have seen nothing."""
         weight = self.classify.weight
+        weights = 1 if self.fading is None else self.embedding_size
         return StreamingState(
             forks=1,
             count=torch.zeros(episodes, dtype=torch.int64, device=weight.device),
             blocks=tuple(block.start(episodes * persons) for block in self._typed_blocks()),
-            pooled=weight.new_zeros(episodes, self.embedding_size + 1, 1),
+            pooled=weight.new_zeros(episodes, self.embedding_size + weights, 1),
         )
 
     def step(self, x: Tensor, state: StreamingState) -> tuple[Tensor, Tensor, StreamingState]:
@@ -203,17 +231,22 @@ class CausalCTRGCN(nn.Module):
         """
         persons = x.shape[2]
         count = state.count + 1
-        due = torch.tensor([refreshes(int(c)) for c in count.tolist()], device=x.device)
+        fading = self.fading is not None
+        due = torch.tensor([refreshes(int(c), fading=fading) for c in count.tolist()], device=x.device)
         body_count, body_due = count.repeat_interleave(persons), due.repeat_interleave(persons)
         bodies = self._bodies(x)
         blocks = []
         for block, before in zip(self._typed_blocks(), state.blocks, strict=True):
             bodies, after = block.step(bodies, before, body_count, body_due)
             blocks.append(after)
-        pooled = state.pooled + self._weighted(x, bodies.mean(dim=3)).transpose(1, 2)
-        embedding = (pooled[:, :-1] / pooled[:, -1:]).transpose(1, 2)
+        pooled = self._kept(state.pooled) + self._weighted(x, bodies.mean(dim=3)).transpose(1, 2)
+        embedding = self._embedding(pooled.transpose(1, 2))
         after_frame = StreamingState(state.forks, count, tuple(blocks), pooled)
         return self.classify(embedding), embedding, after_frame
+
+    def _kept(self, pooled: Tensor) -> Tensor:
+        """Return what is left of the pooled sums (B, ..., F) a frame later."""
+        return pooled if self.fading is None else pooled * self.fading.keep.repeat(2)[:, None]
 
     def _typed_blocks(self) -> list[CausalBlock]:
         return [block for block in self.blocks if isinstance(block, CausalBlock)]

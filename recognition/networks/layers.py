@@ -12,26 +12,33 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from recognition.networks.fading import Fading
+
 KERNEL = 5  # Chen et al. 2021, Sec. 3.4: temporal kernels of 5 frames ...
 DILATIONS = (1, 2)  # ... at two dilations,
 POOL = 3  # ... and a max-pool over 3 frames
 PIECE = 16  # topologies that are computed at once
+FADING_TOPOLOGY = 60.0  # frames, the first memory of a topology whose evidence fades
+FADING_REFRESH = 32  # frames from one refresh to the next, once the first are over, where evidence fades
 HISTORY = (KERNEL - 1) * max(DILATIONS)  # frames that the temporal convolution looks back
 
 
 class GraphState(NamedTuple):
     """What the graph convolution remembers."""
 
-    total: Tensor  # (N, C_in, F', J), the sum of the input over the frames seen
+    total: Tensor  # (N, C_in, F', J), the sum of the input over the frames seen; where evidence fades, of what is left
     topology: Tensor  # (N, C_out, F', 3 J, J), held since the last refresh
 
 
-def refreshes(count: int) -> bool:
+def refreshes(count: int, *, fading: bool = False) -> bool:
     """Return whether the topology is refreshed at the `count`-th frame (from 1): at 1, 4, 16, 64, ...
 
     A mean over t frames moves by 1/t a frame. So the intervals can grow: a held topology drifts as little late in an
-    episode as early in it. An episode of 60 frames costs 3 topologies instead of 60.
+    episode as early in it. An episode of 60 frames costs 3 topologies instead of 60. A mean that fades keeps moving. So
+    from frame 16 on it is refreshed at equal intervals, and late frames cost as much as early ones.
     """
+    if fading and count > 16:
+        return count % FADING_REFRESH == 16
     return count & (count - 1) == 0 and count.bit_length() % 2 == 1
 
 
@@ -75,11 +82,13 @@ class CausalGraphConvolution(nn.Module):
         inputs: number C_in of input channels.
         outputs: number C_out of output channels.
         partition: (3, J, J) initial topologies, normalised; entry [s, i, j] carries joint j to joint i.
+        fading: whether the mean forgets.
     """
 
-    def __init__(self, *, inputs: int, outputs: int, partition: Tensor) -> None:
+    def __init__(self, *, inputs: int, outputs: int, partition: Tensor, fading: bool = False) -> None:
         """Create the layer with the published initialisation: the refinement starts at zero strength."""
         super().__init__()
+        self.fading = Fading(torch.tensor([FADING_TOPOLOGY])) if fading else None
         self.outputs = outputs
         self.joints = partition.shape[-1]
         self.relations = max(8, inputs // 8)
@@ -125,14 +134,15 @@ class CausalGraphConvolution(nn.Module):
         # Frames that share a topology are cut out of the input, not of the values, which are three times as large.
         weight = self.value.weight.view(3, self.outputs, inputs).transpose(0, 1).reshape(-1, inputs)
         bias = _bias(self.value).view(3, self.outputs).t().reshape(-1)
-        begins = [count - 1 for count in range(1, frames + 1) if refreshes(count)]
+        begins = [count - 1 for count in range(1, frames + 1) if refreshes(count, fading=self.fading is not None)]
         total = x.new_zeros((n, inputs, j), dtype=torch.float32)
         summed, pieces = 0, []
         for begin, end in zip(begins, [*begins[1:], frames], strict=True):
             # Sums over frames are in full precision: in bfloat16 they would lose the late frames.
-            total = total + x[..., summed : begin + 1].sum(dim=3, dtype=torch.float32)
+            fresh = x[..., summed : begin + 1]
+            total = self._kept(total, fresh.shape[3]) + self._sum(fresh)
             summed = begin + 1
-            topology = self.refined(total / summed).transpose(-1, -2)
+            topology = self.refined(total / self._weight(torch.tensor(summed, device=x.device))).transpose(-1, -2)
             values = _product(weight, bias, x[..., begin:end]).view(n, self.outputs, 3 * j, end - begin)
             pieces.append(topology @ values)
         return self.finish(torch.cat(pieces, dim=3), x)
@@ -154,7 +164,7 @@ class CausalGraphConvolution(nn.Module):
             count: (N,) number of frames seen, this one included.
             due: (N,) bool, true for bodies whose topology is refreshed.
         """
-        total = state.total + x
+        total = self._kept(state.total, 1) + x
         topology = state.topology
         if bool(due.all()):
             topology = self._fresh(total, count)
@@ -168,6 +178,18 @@ class CausalGraphConvolution(nn.Module):
             product = (values[:, :, :, None] @ topology)[:, :, :, 0]
         return self.finish(product, x), GraphState(total, topology)
 
+    def _kept(self, total: Tensor, frames: int) -> Tensor:
+        """Return what is left of a sum so many frames later."""
+        return total if self.fading is None else total * self.fading.keep**frames
+
+    def _sum(self, x: Tensor) -> Tensor:
+        """Return the sum of frames (..., T), or what is left of it at the last of them."""
+        return x.sum(dim=-1, dtype=torch.float32) if self.fading is None else self.fading.over(x)
+
+    def _weight(self, count: Tensor) -> Tensor:
+        """Return the number of frames that a sum stands for after `count` frames, as the counts are shaped."""
+        return count if self.fading is None else self.fading.weight(count)
+
     def _values(self, x: Tensor) -> Tensor:
         """Return the values (N, C_out, T, 3 J) of x (N, C_in, T, J), the subsets side by side."""
         n, _, frames, j = x.shape
@@ -178,14 +200,15 @@ class CausalGraphConvolution(nn.Module):
     def _fresh(self, total: Tensor, count: Tensor) -> Tensor:
         """Return topologies (n, C_out, F, 3 J, J) from sums (n, C_in, F, J) over `count` (n,) frames."""
         n, inputs, forks, j = total.shape
+        weight = self._weight(count)
         if forks == 1:
-            return self.refined(total[:, :, 0] / count[:, None, None])[:, :, None]
+            return self.refined(total[:, :, 0] / weight[:, None, None])[:, :, None]
         fresh = total.new_empty(n, self.outputs, forks, 3 * j, j)
         # Forks stand behind channels, as in the whole state. We go piece by piece, so the data that the copy below
         # reads is still in the cache. This takes half the time, and no second gigabyte.
         size = max(1, PIECE // forks)
-        for sums, counts, piece in zip(*(torch.split(t, size) for t in (total, count, fresh)), strict=True):
-            mean = (sums / counts[:, None, None, None]).transpose(1, 2).reshape(-1, inputs, j)
+        for sums, weights, piece in zip(*(torch.split(t, size) for t in (total, weight, fresh)), strict=True):
+            mean = (sums / weights[:, None, None, None]).transpose(1, 2).reshape(-1, inputs, j)
             refined = self.refined(mean)
             piece.copy_(refined.view(-1, forks, *refined.shape[1:]).transpose(1, 2))
         return fresh

@@ -7,8 +7,10 @@ import torch
 from annotated_types import Ge
 
 from ehar.conditions import Form
-from ehar.data.motion_data import MotionData
+from ehar.data.recordings import Recordings
 from ehar.data.skeleton import Skeleton
+from ehar.data.stream_data import StreamData
+from ehar.errors import UsageError
 from ehar.world import PAPER, World
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.ctrgcn import CTRGCN
@@ -34,6 +36,7 @@ class NetworkSpec:
         fps: frame rate of the training motion.
         length: number L of frames of a training clip.
         world: the world of the training.
+        fading: whether evidence fades, as it does for streams; their last class is no activity.
     """
 
     form: Form
@@ -44,11 +47,19 @@ class NetworkSpec:
     fps: float
     length: Annotated[int, Ge(1)]
     world: World = PAPER
+    fading: bool = False
 
     @classmethod
-    def of(cls, data: MotionData, *, form: Form, size: Size, length: int, world: World = PAPER) -> "NetworkSpec":
-        """Return the spec that fits some data."""
-        return cls(form, size, data.class_names, data.skeleton, data.persons, data.fps, length, world)
+    def of(cls, data: Recordings, *, form: Form, size: Size, length: int, world: World = PAPER) -> "NetworkSpec":
+        """Return the spec that fits some data.
+
+        Raises:
+            UsageError: the data are streams, and the form is the published one.
+        """
+        fading = isinstance(data, StreamData)
+        if fading and form != "causal":
+            raise UsageError(f"form: expected causal for {data.name}, which holds streams, got {form}")
+        return cls(form, size, data.recognised_names, data.skeleton, data.persons, data.fps, length, world, fading)
 
     @property
     def widths(self) -> tuple[int, ...]:
@@ -66,6 +77,7 @@ class NetworkSpec:
             persons=self.persons,
             dropout=DROPOUT,
             seed=seed,
+            fading=self.fading,
         )
 
 
@@ -79,6 +91,7 @@ def build_network(
     persons: int,
     dropout: float,
     seed: int,
+    fading: bool = False,
 ) -> Network:
     """Return a freshly initialised network; torch's global generator is left as it was.
 
@@ -91,6 +104,7 @@ def build_network(
         persons: number P of persons.
         dropout: rate of dropout in the causal form; the published one has none.
         seed: decides the first weights.
+        fading: whether evidence fades in the causal form.
     """
     topology = partition(skeleton)
     with torch.random.fork_rng(devices=[]):
@@ -102,6 +116,7 @@ def build_network(
                 partition=torch.from_numpy(topology),
                 widths=WIDTHS[size],
                 dropout=dropout,
+                fading=fading,
             )
         return CTRGCN(
             classes=classes,

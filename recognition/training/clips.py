@@ -9,8 +9,9 @@ from torch import Tensor
 from ehar.arrays import FloatArray, IntArray
 from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
-from ehar.data.scenario import Scenarios
 from ehar.data.skeleton_tree import parents
+from ehar.data.stream_data import StreamData
+from ehar.data.stream_scenario import draw_scenarios
 from ehar.errors import DataError
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensor, draw_noise
@@ -26,17 +27,21 @@ class Clips(NamedTuple):
     """A batch for training or validation."""
 
     features: Tensor  # (B, L, P, J, C)
-    labels: Tensor  # (B,)
+    labels: Tensor  # (B,); of streams (B, L), for each frame its own
+
+    @property
+    def frame_labels(self) -> Tensor:
+        """The label of every frame, (B, L)."""
+        return self.labels if self.labels.dim() == 2 else self.labels[:, None].expand(self.features.shape[:2])
 
 
 class ClipSource:
     """Draws clips from some sequences.
 
-    The probability of a sequence is proportional to the number of test windows that its length would yield. The first
-    frame of a clip is uniform (stride 1). So training clips have the distribution of test windows.
+    Clips are drawn by `ehar.data.stream_scenario.draw_scenarios`, so they have the distribution of test windows.
 
     Args:
-        data: the motion.
+        data: the motion, trimmed or in streams.
         sequences: the sequences of one part.
         length: number L of frames of a clip.
         sensor: the sensor that sees the clips.
@@ -49,7 +54,7 @@ class ClipSource:
     def __init__(
         self,
         *,
-        data: MotionData,
+        data: MotionData | StreamData,
         sequences: IntArray,
         length: int,
         sensor: Sensor,
@@ -63,7 +68,7 @@ class ClipSource:
         Raises:
             DataError: no sequence is long enough, or no camera recorded the data and `views` are the recorded ones.
         """
-        if views == RECORDED and data.views is None:
+        if views == RECORDED and (isinstance(data, StreamData) or data.views is None):
             raise DataError(f"{data.name}: expected `views`, the cameras that recorded each sequence; it has none")
         long_enough = sequences[data.lengths[sequences] >= length]
         if len(long_enough) == 0:
@@ -73,15 +78,11 @@ class ClipSource:
             )
         self._data, self._sequences, self._length = data, long_enough, length
         self._sensor, self._views, self._form, self._augment, self._world = sensor, views, form, augment, world
-        weights = data.lengths[long_enough] // length
-        self._probabilities = weights / weights.sum()
         self._parents = torch.from_numpy(parents(data.skeleton))
 
     def draw(self, rng: np.random.Generator, clips: int) -> Clips:
         """Draw B clips from random viewpoints of the regime."""
-        sequence = rng.choice(self._sequences, size=clips, p=self._probabilities)
-        first = rng.integers(self._data.lengths[sequence] - self._length + 1)
-        scenarios = Scenarios(self._data, self._length, sequence, first)
+        scenarios = draw_scenarios(self._data, self._sequences, self._length, rng, clips)
         every = np.arange(clips)
         positions = scenarios.positions(every)
         if self._augment:

@@ -5,7 +5,7 @@ import hashlib
 import json
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from ehar.world import PAPER, load_world
 from recognition.calibration import fit_temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network, NetworkSpec
-from recognition.setting import load_motion_of
+from recognition.setting import load_recordings_of, with_length
 from recognition.storage import load_weights, recogniser_path, save_recogniser
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.training.clips import Clips, ClipSource
@@ -44,6 +44,7 @@ from recognition.weight_files import description_path, recorded_run
 WARM_UP = 150  # steps in which the learning rate rises; then it stays
 AVERAGING = 8.0  # how much late weights count in the average: about the last ninth of the steps
 GRADIENT_NORM = 1.0  # gradients are clipped to this norm
+WINDOW = 4.0  # [s], the usual length of a training clip of streams
 VALIDATION_CLIPS = 768
 VALIDATION_SEED = 1_000_003  # draws the same clips for every run on the same data
 PREFIXES = 10  # observation ratios at which the published form is validated: its prefixes are not cheap
@@ -100,8 +101,9 @@ class _Run:
     """One training run: its data, network, optimiser and evaluations."""
 
     def __init__(self, config: TrainingConfig) -> None:
+        data = load_recordings_of(config.conditions)
+        config = replace(config, conditions=with_length(config.conditions, data, WINDOW))
         self.config = config
-        data = load_motion_of(config.conditions)
         parts = split_parts(data)
         world = load_world(config.conditions.world)
         loaded = load_sensor(config.conditions.sensor, data, world)
@@ -216,7 +218,7 @@ class _Run:
         with torch.autocast(self.device.type, torch.bfloat16, enabled=_has_bfloat16(self.device)):
             if isinstance(self.network, CausalCTRGCN):
                 logits = self.network(seen).flatten(0, 1)
-                labels = labels.repeat_interleave(seen.shape[1])
+                labels = clips.frame_labels.flatten().to(self.device)
             else:
                 prefix = int(rng.integers(1, self.config.conditions.length + 1))
                 logits = self.network(seen[:, :prefix].permute(0, 4, 1, 3, 2))
@@ -242,7 +244,7 @@ class _Run:
         """Evaluate the averaged weights on the validation clips, and remember the best."""
         network = self._averaged()
         logits = torch.from_numpy(self._logits(network, self.validation))
-        labels = self.validation.labels[:, None].expand(logits.shape[:2])
+        labels = self.validation.frame_labels
         nll = float(functional.cross_entropy(logits.flatten(0, 1), labels.flatten()))
         accuracy = float((logits.argmax(dim=-1) == labels).float().mean())
         if not np.isfinite(nll):

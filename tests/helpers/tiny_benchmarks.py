@@ -26,7 +26,7 @@ TOLD = {field.name for field in fields(Conditions)}
 
 class HashedRecogniser(FakeRecogniser):
     sha256 = "fake"
-    spec = SimpleNamespace(length=None)  # trained at any length
+    spec = SimpleNamespace(length=None, fading=False)  # trained at any length
 
 
 @dataclass

@@ -27,7 +27,7 @@ def seen_from_the_side(viewpoint: FloatArray) -> FloatArray:
 
 class SidedRecogniser(FakeRecogniser):
     sha256 = "fake"
-    spec = SimpleNamespace(length=None)  # trained at any length
+    spec = SimpleNamespace(length=None, fading=False)  # trained at any length
 
     def __init__(self) -> None:
         super().__init__(quality=seen_from_the_side)

@@ -37,7 +37,7 @@ def wants_level(viewpoint: FloatArray) -> FloatArray:
 
 class LevelRecogniser(FakeRecogniser):
     sha256 = "level"
-    spec = SimpleNamespace(length=LENGTH)
+    spec = SimpleNamespace(length=LENGTH, fading=False)
 
     def __init__(self) -> None:
         super().__init__(quality=wants_level)

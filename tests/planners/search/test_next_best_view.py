@@ -244,7 +244,7 @@ class Told:
     def act(self, observation: Observation) -> np.ndarray:
         truth = observation.truth
         assert truth is not None
-        lie = Truth((truth.labels + 1) % 3, truth.recogniser, truth.state, truth.sense)
+        lie = Truth((truth.labels + 1) % 3, truth.recogniser, truth.state, truth.sense, truth.frame_labels)
         return self.planner.act(replace(observation, truth=lie if self.lie else None))
 
 

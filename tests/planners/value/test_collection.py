@@ -78,7 +78,9 @@ class Brancher(Planner):
         if observation.frame == self.at:
             truth = observation.truth
             assert isinstance(truth, Truth)
-            self.worth, self.visited = follow_paths(truth, observation, self.goals, self.workspace)
+            self.worth, self.visited = follow_paths(
+                truth, observation, self.goals, self.workspace, frames=LENGTH - 1 - self.at
+            )
         return self.goals[:, self.path]
 
 
@@ -104,9 +106,9 @@ def test_forks_hold_what_their_paths_gave(monkeypatch: pytest.MonkeyPatch) -> No
     calls: list[tuple[Observation, FloatArray, FloatArray, FloatArray]] = []
 
     def watched(
-        truth: Truth, observation: Observation, goals: FloatArray, workspace: Workspace
+        truth: Truth, observation: Observation, goals: FloatArray, workspace: Workspace, *, frames: int
     ) -> tuple[FloatArray, FloatArray]:
-        worth, visited = follow_paths(truth, observation, goals, workspace)
+        worth, visited = follow_paths(truth, observation, goals, workspace, frames=frames)
         calls.append((observation, goals, worth, visited))
         return worth, visited
 

@@ -24,7 +24,8 @@ from tests.helpers.gain_models import PAIRS, model_of
 @given(st.integers(1, 90), st.integers(0, 60), st.integers(1, 40), st.integers(1, 20))
 def test_nodes_share_what_the_frames_weigh(remaining: int, frame: int, nodes: int, node_frames: int) -> None:
     length = frame + 1 + remaining
-    weights, gains = node_gains(frame, length, nodes, node_frames), frame_gains(frame, length)
+    gains = frame_gains(frame, length)
+    weights = node_gains(gains, nodes, node_frames)
     assert weights.shape == (nodes,)
     assert weights.sum() == pytest.approx(1)
     for node in range(nodes - 1):
@@ -34,10 +35,10 @@ def test_nodes_share_what_the_frames_weigh(remaining: int, frame: int, nodes: in
 
 
 def test_a_horizon_beyond_the_end_weighs_nothing_there() -> None:
-    np.testing.assert_allclose(node_gains(8, 10, 5, 4), [1, 0, 0, 0, 0])
-    np.testing.assert_allclose(node_gains(0, 61, 1, 4), [1])
+    np.testing.assert_allclose(node_gains(frame_gains(8, 10), 5, 4), [1, 0, 0, 0, 0])
+    np.testing.assert_allclose(node_gains(frame_gains(0, 61), 1, 4), [1])
     # Frames 2 and 3 of 3, one each: 1/2 + 1/3 and 1/3.
-    np.testing.assert_allclose(node_gains(0, 3, 3, 1), [5 / 7, 2 / 7, 0])
+    np.testing.assert_allclose(node_gains(frame_gains(0, 3), 3, 1), [5 / 7, 2 / 7, 0])
 
 
 class Valuer(Planner):

@@ -22,15 +22,16 @@ JOINTS, CHANNELS, CLASSES = 5, 3, 4
 TOLERANCE = 1e-5
 
 
-@pytest.fixture(scope="module")
-def network() -> CausalCTRGCN:
-    """Blocks with and without a change of width, and without the outer residual."""
+@pytest.fixture(scope="module", params=[False, True], ids=["lasting", "fading"])
+def network(request: pytest.FixtureRequest) -> CausalCTRGCN:
+    """Blocks with and without a change of width, and without the outer residual; evidence lasts, or fades."""
     fresh = CausalCTRGCN(
         classes=CLASSES,
         channels=CHANNELS,
         partition=torch.from_numpy(partition(SKELETON)),
         widths=(8, 8, 12),
         dropout=0.3,
+        fading=request.param,
     )
     randomised(fresh)
     return fresh.requires_grad_(False)
@@ -80,6 +81,10 @@ def test_the_topology_is_refreshed_at_powers_of_four() -> None:
     assert [count for count in range(1, 300) if refreshes(count)] == [1, 4, 16, 64, 256]
 
 
+def test_a_topology_that_fades_is_refreshed_at_equal_intervals() -> None:
+    assert [count for count in range(1, 150) if refreshes(count, fading=True)] == [1, 4, 16, 48, 80, 112, 144]
+
+
 @pytest.mark.parametrize("persons", [1, 2])
 @pytest.mark.parametrize("length", [20, 70])
 def test_every_step_is_the_forward_pass_of_its_prefix(network: CausalCTRGCN, persons: int, length: int) -> None:
@@ -93,7 +98,7 @@ def test_every_step_is_the_forward_pass_of_its_prefix(network: CausalCTRGCN, per
 def test_every_prefix_comes_out_of_one_pass(network: CausalCTRGCN) -> None:
     x = clips(frames=70, persons=2)
     whole = network(x)
-    for end in (1, 3, 4, 15, 16, 17, 63, 64, 65):
+    for end in (1, 3, 4, 15, 16, 17, 47, 48, 49, 63, 64, 65):
         assert_close(whole[:, :end], network(x[:, :end]))
 
 
@@ -117,8 +122,30 @@ def test_the_embedding_is_the_mean_of_frames_weighed_by_what_they_show(network: 
     hook.remove()
     pooled, weight = (torch.cat(parts, dim=1) for parts in seen.values())
     assert weight.min() > 0 and weight.max() < 1 and weight.std() > 0.01  # not all alike
+    if network.fading is not None:
+        weight = weight * network.fading.keep ** torch.arange(8, -1, -1)[:, None]
     assert_close(embedding, (weight * pooled).sum(dim=1, keepdim=True) / weight.sum(dim=1, keepdim=True))
     assert_close(network(x)[:, -1:], network.classify(embedding))
+
+
+def test_evidence_that_fades_lets_go_of_what_was_seen_long_ago() -> None:
+    # Whatever came first, and however long: after enough other frames nothing is left of it, but for the convolutions.
+    fresh = CausalCTRGCN(
+        classes=CLASSES,
+        channels=CHANNELS,
+        partition=torch.from_numpy(partition(SKELETON)),
+        widths=(8, 12),
+        fading=True,
+    )
+    randomised(fresh).requires_grad_(False)
+    assert fresh.fading is not None
+    fresh.fading.log_memory.fill_(2.0)  # e^2 frames
+    last = clips(frames=160, seed=1)
+    short, other = (torch.cat([clips(frames=16, seed=seed), last], dim=1) for seed in (2, 3))
+    long = torch.cat([clips(frames=208, seed=4), last], dim=1)
+    assert (fresh(short)[:, 20] - fresh(other)[:, 20]).abs().max() > 100 * TOLERANCE
+    assert_close(fresh(short)[:, -1], fresh(other)[:, -1])
+    assert_close(fresh(short)[:, -1], fresh(long)[:, -1])  # both begin where the refreshes fall on the same frames
 
 
 def test_frames_that_all_count_as_nothing_still_have_a_mean(network: CausalCTRGCN) -> None:
@@ -173,7 +200,7 @@ def test_a_topology_is_held_between_refreshes(network: CausalCTRGCN) -> None:
         run.take(frame)
         after = [block.graph.topology for block in run.state.blocks]
         for old, new in zip(before, after, strict=True):
-            assert (old is new) is not refreshes(count)
+            assert (old is new) is not refreshes(count, fading=network.fading is not None)
 
 
 def test_the_graph_convolution_by_hand() -> None:

@@ -1,0 +1,65 @@
+"""Scenarios of streams: windows in which one activity follows another, with a label for every frame."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray, in_brief
+from ehar.data.following import Localisation
+from ehar.data.motion_data import MotionData
+from ehar.data.scenario import Scenarios, Windows
+from ehar.data.stream_data import NO_ACTIVITY, StreamData
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StreamScenarios(Windows):
+    """N windows of L frames of streams.
+
+    Args:
+        data: the streams that windows are cut from.
+        length: L, frames.
+        sequence: (N,) the stream of each window.
+        first: (N,) the first frame of each window, counted within its stream.
+        localisation: how well it is known where people are.
+    """
+
+    data: StreamData
+    localisation: Localisation = field(default_factory=Localisation)
+
+    __repr__ = in_brief
+
+    @property
+    def labels(self) -> IntArray:
+        """The class of each frame, (N, L); K, the class after all of the data's, is no activity."""
+        labels = self.data.labels[self._frames(np.arange(len(self)))]
+        return np.where(labels == NO_ACTIVITY, len(self.data.class_names), labels)
+
+    def centres(self, indices: IntArray) -> FloatArray:
+        """Return where people are thought to be, in each frame of some scenarios, (n, L, 3) [m] in the data's frame."""
+        centres: FloatArray = self.data.followed(self.localisation)[self._frames(indices)]
+        return centres
+
+    def positions(self, indices: IntArray) -> FloatArray:
+        """Return joints (n, L, P, J, 3) float32 [m] relative to the centre, which follows people.
+
+        The centre of a frame rests on that frame and those before it, never on later ones.
+        """
+        centred: FloatArray = self.data.positions[self._frames(indices)] - self.centres(indices)[:, :, None, None]
+        return centred.astype(np.float32)
+
+
+def draw_scenarios(
+    data: MotionData | StreamData, sequences: IntArray, length: int, rng: np.random.Generator, count: int
+) -> Scenarios | StreamScenarios:
+    """Draw windows of `length` frames from sequences or streams that are at least so long; they may overlap.
+
+    The probability of a sequence is proportional to the number of test windows that its length yields, and its first
+    frame is uniform. Of streams every window is as likely as any other.
+    """
+    longer = data.lengths[sequences] - length
+    weights = longer + 1 if isinstance(data, StreamData) else longer // length + 1
+    sequence = rng.choice(sequences, size=count, p=weights / weights.sum())
+    first = rng.integers(data.lengths[sequence] - length + 1)
+    if isinstance(data, StreamData):
+        return StreamScenarios(data, length, sequence, first)
+    return Scenarios(data, length, sequence, first)

@@ -1,0 +1,63 @@
+"""The centre that follows people: filterpy's filter, late by its delay, and without a look ahead."""
+
+import numpy as np
+import pytest
+from filterpy.common import Q_discrete_white_noise
+from filterpy.kalman import KalmanFilter
+
+from ehar.arrays import FloatArray
+from ehar.data.following import Localisation
+
+FPS = 30.0
+
+
+def walk(frames: int = 240, seed: int = 0) -> FloatArray:
+    """Return somebody's way (T, 3) at 1 m/s, with turns."""
+    rng = np.random.default_rng(seed)
+    heading = np.cumsum(0.1 * rng.standard_normal(frames))
+    step = np.stack([np.cos(heading), np.sin(heading), np.zeros(frames)], axis=1) / FPS
+    return np.cumsum(step, axis=0) + np.array([0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_without_delay_it_is_filterpy_s_filter_of_constant_velocity(axis: int) -> None:
+    told, way = Localisation(noise=0.05, delay=0.0), walk()
+    measured = way + 0.05 * np.random.default_rng((0, 3)).standard_normal(way.shape)
+    kalman = KalmanFilter(dim_x=2, dim_z=1)
+    kalman.x = np.array([[way[0, axis]], [0.0]])
+    kalman.F, kalman.H = np.array([[1, 1 / FPS], [0, 1]]), np.array([[1.0, 0.0]])
+    kalman.R, kalman.P = np.array([[0.05**2]]), np.diag([0.05**2, 1.0])
+    kalman.Q = Q_discrete_white_noise(dim=2, dt=1 / FPS, var=told.agility**2)
+    expected = [way[0, axis]]
+    for position in measured[1:, axis]:
+        kalman.predict()
+        kalman.update(position)
+        expected.append(float(kalman.x[0, 0]))
+    np.testing.assert_allclose(told.followed(way, FPS, 3)[:, axis], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1, 0.5])
+def test_what_it_says_rests_on_what_has_arrived(delay: float) -> None:
+    told, way = Localisation(delay=delay), walk()
+    late = round(delay * FPS)
+    changed = way.copy()
+    changed[120:] += 5.0
+    before, after = told.followed(way, FPS, 0), told.followed(changed, FPS, 0)
+    np.testing.assert_array_equal(before[: 120 + late], after[: 120 + late])
+    assert np.abs(before[120 + late] - after[120 + late]).max() > 0.1
+
+
+def test_it_stays_near_a_person_who_walks_and_a_worse_localisation_is_farther_off() -> None:
+    way = walk(900)
+    off = [
+        np.linalg.norm(Localisation(noise=noise, delay=delay).followed(way, FPS, 0) - way, axis=1)[60:].mean()
+        for noise, delay in ((0.0, 0.0), (0.05, 0.1), (0.2, 0.5))
+    ]
+    assert off[0] < 0.01 < off[1] < 0.15 < off[2] < 0.6
+
+
+def test_streams_have_errors_of_their_own() -> None:
+    way = walk()
+    one, again, other = (Localisation().followed(way, FPS, stream) for stream in (0, 0, 1))
+    np.testing.assert_array_equal(one, again)
+    assert np.abs(one - other).max() > 0.01
