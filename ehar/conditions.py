@@ -117,10 +117,12 @@ class Conditions:
     @property
     def data_option(self) -> str:
         """The data as an option of a command; for an object, the option names a file `X.npz` that has to be written."""
-        from ehar.data.source import BUILT_IN  # imported here: too slow for `ehar --help`
+        from ehar.data.any_source import BUILT_IN_STREAMS  # imported here: too slow for `ehar --help`
+        from ehar.data.source import BUILT_IN
 
-        text = "" if isinstance(self.data, MotionData) else str(self.data)
-        return f"--data {quote(text)}" if text in BUILT_IN or Path(text).is_file() else "--data X.npz"
+        text = "" if isinstance(self.data, MotionData | StreamData) else str(self.data)
+        known = text in BUILT_IN or text in BUILT_IN_STREAMS or Path(text).is_file()
+        return f"--data {quote(text)}" if known else "--data X.npz"
 
     @property
     def options(self) -> str:

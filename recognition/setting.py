@@ -147,7 +147,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     world = load_world(conditions.world)
     track = load_track(conditions.track, world.workspace)
     data = load_recordings_of(conditions)
-    conditions = with_length(conditions, data, EPISODE)
+    told, conditions = conditions, with_length(conditions, data, EPISODE)
     loaded = load_sensor(conditions.sensor, data, world)
     named = replace(
         conditions,
@@ -161,7 +161,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
         own = resolve_recogniser(conditions.recogniser, data, world)
         runner = Runner(data, own.made, loaded.sensor, track, world)
         return Setting(replace(named, recogniser=own.spec), runner, own.sha256, own.title, loaded.sha256)
-    trained = load_recogniser(conditions, data, device=device)
+    trained = load_recogniser(told, data, device=device)  # whose errors suggest what was told
     runner = Runner(data, trained, loaded.sensor, track, world)
     length = None if trained.spec.fading else trained.spec.length  # what fades is not meant for one length
     return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256, length)

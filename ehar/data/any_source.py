@@ -1,6 +1,5 @@
 """The sources of recorded motion of either kind: trimmed sequences, or streams."""
 
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,7 +7,7 @@ from ehar.data.motion_data import MotionData
 from ehar.data.source import load_data
 from ehar.data.stitching import stitch
 from ehar.data.stream_data import StreamData
-from ehar.data.stream_file import load_streams
+from ehar.data.stream_file import holds_streams, load_streams
 from ehar.data.synthetic.sets import duo, solo
 
 BUILT_IN_STREAMS: dict[str, Callable[[], StreamData]] = {
@@ -29,15 +28,7 @@ def load_recordings(source: str | Path, *, fps: float | None = None) -> MotionDa
         DataError: the file does not hold what the schema asks for.
     """
     built_in = BUILT_IN_STREAMS.get(str(source))
-    if built_in is None and not _holds_streams(Path(source)):
+    if built_in is None and not holds_streams(Path(source)):
         return load_data(source, fps=fps)
     streams = load_streams(source) if built_in is None else built_in()
     return streams if fps is None else streams.resampled(fps)
-
-
-def _holds_streams(path: Path) -> bool:
-    """Return whether a file is an archive with `segments`."""
-    if not path.is_file() or not zipfile.is_zipfile(path):
-        return False
-    with zipfile.ZipFile(path) as archive:
-        return "segments.npy" in archive.namelist()

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import load_motion
+from ehar.data.stream_file import holds_streams
 from ehar.data.synthetic.sets import duo, solo
 from ehar.errors import DataError, UsageError
 
@@ -30,7 +31,11 @@ def _load(source: str | Path) -> MotionData:
     built_in = BUILT_IN.get(str(source))
     if built_in is not None:
         return built_in()
+    if str(source).removesuffix("-stream") in BUILT_IN:
+        raise UsageError(f"{source}: expected trimmed sequences, got streams")
     path = Path(source)
+    if holds_streams(path):
+        raise DataError(f"{path}: expected trimmed sequences, got streams: `segments` in place of `labels`")
     if path.is_file():
         return load_motion(path)
     if path.suffix == ".npz":

@@ -1,5 +1,6 @@
 """Streams on disk: an .npz with `segments` in place of `labels`, checked when it is read and written atomically."""
 
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +38,14 @@ def load_streams(path: str | Path) -> StreamData:
     """
     path = Path(path)
     return _parse(Fields(str(path), read_arrays(path, _SCHEMA)), name=path.stem)
+
+
+def holds_streams(path: Path) -> bool:
+    """Return whether a file is an archive with `segments`."""
+    if not path.is_file() or not zipfile.is_zipfile(path):
+        return False
+    with zipfile.ZipFile(path) as archive:
+        return "segments.npy" in archive.namelist()
 
 
 def save_streams(path: str | Path, data: StreamData) -> None:

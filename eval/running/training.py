@@ -200,6 +200,7 @@ def train_all(config: TrainAllConfig) -> Trained:
         EharError: a training raised it, or an option of the agents is wrong, which is checked before anything begins.
     """
     config.agents.check()
+    load_motion_of(config.told)  # streams are refused before anything begins: only a recogniser learns on them
     agents = " and ".join(", ".join(config.agents.stage_names).rsplit(", ", 1))
     stages: list[tuple[str, Callable[[TrainAllConfig], bool], Callable[[], Trained]]] = [
         ("the recogniser", has_recogniser, lambda: train_recogniser(config.recogniser)),

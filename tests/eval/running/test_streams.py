@@ -9,6 +9,7 @@ import pytest
 
 from ehar.arrays import FloatArray
 from ehar.conditions import Conditions
+from ehar.data.source import load_data
 from ehar.data.stream_data import NO_ACTIVITY
 from ehar.data.stream_file import save_streams
 from ehar.errors import DataError, EharError, UsageError
@@ -120,9 +121,20 @@ def test_what_knows_clips_only_refuses_streams(folder: Path, tmp_path: Path) -> 
     with pytest.raises(UsageError, match="form: expected causal for raising, which holds streams, got ctrgcn"):
         published = Conditions(data=str(folder / "raising.npz"), length=40, form="ctrgcn")
         train_recogniser(TrainingConfig(conditions=published, out=tmp_path))
+    with pytest.raises(DataError, match=r"raising\.npz: expected trimmed sequences, got streams: `segments` in place"):
+        load_data(folder / "raising.npz")
+    with pytest.raises(UsageError, match="solo-stream: expected trimmed sequences, got streams"):
+        load_data("solo-stream")
     watched(folder, ("no-act",), out=tmp_path / "run")
     with pytest.raises(EharError, match="expected a run of clips, got one of streams"):
         make_report(tmp_path / "run")
+
+
+def test_what_is_missing_is_suggested_as_it_was_told(folder: Path, tmp_path: Path) -> None:
+    told = Conditions(data=str(folder / "raising.npz"), models=tmp_path)
+    with pytest.raises(EharError, match=r"--views moving --out") as error:  # without the length of an episode
+        load_setting(told)
+    assert "--length" not in str(error.value)
 
 
 def test_weights_of_clips_do_not_watch_streams(folder: Path) -> None:
