@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from multiprocessing.connection import wait
 from multiprocessing.synchronize import Event
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 from typing import Any, TypeVar
 
 from ehar.errors import ModelError, UsageError
@@ -59,16 +59,20 @@ def worker_pool(
         sent: its other arguments, of any size; they are pickled to a file.
 
     Raises:
-        UsageError: no process could start, for example because a script lacks `if __name__ == "__main__":`.
+        UsageError: no process could start, for example because a script lacks `if __name__ == "__main__":`; or there
+            is no room for what is sent.
         ModelError: a process has ended by itself.
     """
     leave_if_imported_again()
     others = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
     started = context.Event()
-    folder = TemporaryDirectory(prefix="ehar-")
-    file = Path(folder.name) / "sent"
-    file.write_bytes(pickle.dumps(sent))
+    try:
+        folder = TemporaryDirectory(prefix="ehar-")
+        file = Path(folder.name) / "sent"
+        file.write_bytes(pickle.dumps(sent))
+    except OSError as error:
+        raise UsageError(f"{gettempdir()}: cannot be written: {error.strerror}") from error
     pool = ProcessPoolExecutor(
         count, mp_context=context, initializer=_start_worker, initargs=(started, initializer, initargs, file)
     )

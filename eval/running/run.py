@@ -153,7 +153,7 @@ class Run:
 
 
 def write_records(out: Path, config: RunConfig, records: Mapping[str, EpisodeRecords], summary: Summary | None) -> None:
-    """Write a run; after an interruption, `records` may hold more than `summary` covers."""
+    """Write a run; without a summary, it counts as incomplete."""
     write_text(out / CONFIG, [json_text(config.to_json())])
     write_text(out / EPISODES, episode_lines(records))
     if summary is None:
@@ -187,9 +187,8 @@ def read_run(directory: str | Path) -> Run:
     """Read a run of `ehar benchmark`.
 
     Raises:
-        UsageError: the folder holds no such run, or one of another schema.
-        DataError: the files cannot be read, the run is incomplete, for example because it was interrupted, or planners
-            ran different episodes.
+        UsageError: the folder holds no such run, one of another schema, or one that was stopped.
+        DataError: the files cannot be read, the run is incomplete, or planners ran different episodes.
     """
     directory = Path(directory)
     config = read_config(directory)
@@ -207,7 +206,7 @@ def read_run(directory: str | Path) -> Run:
 
 
 def why_incomplete(directory: Path, config: RunConfig, records: Mapping[str, EpisodeRecords]) -> str | None:
-    """Return what an interrupted run lacks; None for a finished run."""
+    """Return what an incomplete run lacks; None for a finished run."""
     absent = [planner.name for planner in config.planners if planner.name not in records]
     if absent or not records:
         return f"no episodes of {', '.join(absent) or 'any planner'}"
