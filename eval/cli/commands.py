@@ -469,7 +469,9 @@ STUDY = CommandGroup(
             flags={
                 "data": Flag(positional=True, metavar="FILE.npz"),
                 "size": Flag("widths: small, half or published."),
-                "seeds": Flag("trainings of each form and stream."),
+                "seeds": Flag(
+                    "seeds of the trainings of each form and stream.", kind=tuple[int, ...], metavar="SEED ..."
+                ),
                 "epochs": Flag("epochs of each training."),
                 "device": Flag("torch device."),
                 "threads": Flag("CPU threads of torch.", hint="torch decides"),
