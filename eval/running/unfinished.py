@@ -70,7 +70,7 @@ class UnfinishedRun:
             KeyboardInterrupt: Ctrl-C; it says what is kept.
         """
         with self._locked():
-            if anew:
+            if anew or not (self.folder / CONFIG).exists():  # nobody knows whose jobs those without one are
                 for path in self.folder.glob("*-*.json*"):
                     path.unlink()
             write_text(self.folder / CONFIG, [json_text(self.config.to_json())])

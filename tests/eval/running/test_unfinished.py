@@ -30,7 +30,7 @@ from eval.running.unfinished import UnfinishedRun
 from planners.heuristic import NoAct
 from tests.helpers.fakes import tiny_data
 from tests.helpers.made_records import CONFIG_OF_RUN
-from tests.helpers.tiny_benchmarks import Log, run
+from tests.helpers.tiny_benchmarks import Log, but_times, bytes_of, run
 
 pytestmark = pytest.mark.usefixtures("fake_weights", "same_times")
 PLANNERS = ["no-act", "towards", "random", "oracle"]
@@ -63,18 +63,6 @@ def same_times(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def draw(curves: Mapping[str, FloatArray], privileged: set[str], classes: int, title: str, stem: Path) -> None:
     write_text(stem.with_suffix(".svg"), [f"{title}: {name} {curve.tolist()}\n" for name, curve in curves.items()])
-
-
-def bytes_of(out: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted(out.iterdir())}
-
-
-def but_times(files: dict[str, bytes]) -> dict[str, Any]:
-    """Return files without the times of plans, which workers measure."""
-    summary = json.loads(files[SUMMARY])
-    for planner in summary["planners"]:
-        del planner["step_ms"]
-    return files | {SUMMARY: summary, "table.md": None}
 
 
 @pytest.fixture
@@ -201,6 +189,15 @@ def test_objects_in_place_of_names_begin_anew(tmp_path: Path) -> None:
         with pytest.raises(KeyboardInterrupt, match=r"^2 of 10 jobs"):
             run(["no-act", Mine()], out=tmp_path / "run", reporter=log)
         assert (log.jobs, log.notes) == (10, [])
+
+
+def test_jobs_without_a_configuration_are_run_again(tmp_path: Path, never_stopped: dict[str, bytes]) -> None:
+    stop(tmp_path / "run", after=3)
+    (tmp_path / "run" / UNFINISHED / CONFIG).unlink()
+    log = Log()
+    run(PLANNERS, out=tmp_path / "run", reporter=log)
+    assert log.jobs == JOBS
+    assert bytes_of(tmp_path / "run") == never_stopped
 
 
 @pytest.mark.parametrize("written", [1, 12, 30, 2 * JOBS + 2, 2 * JOBS + 5, 2 * JOBS + 7])
