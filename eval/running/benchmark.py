@@ -13,6 +13,7 @@ from eval.records.episodes import EpisodeRecords
 from eval.records.run_files import check_out
 from eval.running.accuracy_kept import read_ideal_run
 from eval.running.choice import READOUTS, ModelPlace, choose_planners, listed
+from eval.running.cluster import Engine, cluster_of
 from eval.running.episodes import cut_scenarios, random_starts
 from eval.running.jobs import FinishedJobs, PlannerRun, Workload, jobs_of, run_planners
 from eval.running.progress import ConsoleReporter, Reporter
@@ -31,6 +32,8 @@ def benchmark(
     ideal: str | Path | None = None,
     out: str | Path | None = None,
     workers: int = 1,
+    engine: Engine = "processes",
+    address: str | None = None,
     reporter: Reporter | None = None,
 ) -> Run:
     """Run planners on test episodes, and say how well each did.
@@ -49,6 +52,8 @@ def benchmark(
             stopped, even by kill -9, the same call goes on from there, and ends in the same bytes. A run of objects in
             place of names begins anew, as nobody can tell whether they are the same.
         workers: processes; numbers do not depend on it.
+        engine: processes of this machine, or ray: those of a cluster. Numbers do not depend on it either.
+        address: address of a running Ray cluster, or auto; None starts one here.
         reporter: is told of progress; None reports on standard error.
 
     Returns:
@@ -62,6 +67,7 @@ def benchmark(
     if readout not in READOUTS:
         raise UsageError(f"unknown readout {readout!r}; expected {' or '.join(READOUTS)}")
     check_workers(workers)
+    cluster = cluster_of(engine, address, workers)
     specs, directory = listed(planners), None if out is None else Path(out)
     setting = load_setting(conditions)
     scenarios = cut_scenarios(setting.data, setting.sequences, conditions.length, reporter.note)
@@ -85,7 +91,7 @@ def benchmark(
     workload = Workload(setting.runner, episodes, belief)
 
     def measured(finished: FinishedJobs | None) -> Run:
-        runs = run_planners(workload, chosen, workers=workers, reporter=reporter, finished=finished)
+        runs = run_planners(workload, chosen, workers=workers, reporter=reporter, finished=finished, cluster=cluster)
         records = {name: run.records for name, run in runs.items()}
         return Run(config, records, setting.data.class_names, summarise_runs(runs, config, on_ideal), directory)
 

@@ -1,11 +1,11 @@
-"""Runs planners over episodes in jobs of one planner and one chunk, here or in worker processes.
+"""Runs planners over episodes in jobs of one planner and one chunk: here, in worker processes, or on a cluster.
 
 A job computes the same numbers for any number of workers: its chunk, its seeds and its single torch thread do not
 depend on where it runs.
 """
 
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, as_completed
+from collections.abc import Generator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -13,12 +13,13 @@ import cloudpickle
 
 from ehar.motion import Motion
 from ehar.planner import Planner
-from ehar.processes import payload, worker_pool
+from ehar.processes import each_batch, payload
 from ehar.rollout import Batch, Record
 from ehar.runner import Runner
 from eval.records.episodes import EpisodeRecords, join_records, record_episodes
 from eval.records.flights import flights_of
 from eval.records.solves import Solves, join_solves, solves_of
+from eval.running.cluster import Cluster
 from eval.running.episodes import Episodes
 from eval.running.progress import Reporter
 
@@ -117,6 +118,7 @@ def run_planners(
     workers: int,
     reporter: Reporter,
     finished: FinishedJobs | None = None,
+    cluster: Cluster | None = None,
 ) -> dict[str, PlannerRun]:
     """Run every planner over all episodes.
 
@@ -126,6 +128,7 @@ def run_planners(
         workers: number of processes.
         reporter: is told of progress.
         finished: keeps results; the jobs that it has are not run again. None keeps them in memory.
+        cluster: runs the jobs in place of processes of this machine.
 
     Raises:
         EpisodeError: a planner broke its contract.
@@ -136,14 +139,19 @@ def run_planners(
     missing = [job for job in jobs if job not in finished]
     reporter.begin(len(missing))
     try:
-        run = (
-            _run_here(workload, planners, missing)
-            if workers == 1
-            else _run_in_workers(workload, planners, missing, workers)
-        )
-        for job, result in run:
-            finished[job] = result
-            reporter.advance(planners[job.planner].name)
+        if workers == 1 and cluster is None:
+            run = _run_here(workload, planners, missing)
+        else:
+            sent = workload, [payload(planner, f"planner {planner.name!r}") for planner in planners]
+            run = (
+                each_batch(_run_sent, sent, missing, workers)
+                if cluster is None
+                else cluster.each_batch(_run_sent, sent, missing)
+            )
+        with closing(run):  # processes end before an error is passed on
+            for job, result in run:
+                finished[job] = result
+                reporter.advance(planners[job.planner].name)
     finally:
         reporter.end()
     return {
@@ -178,40 +186,15 @@ def _run_chunk(workload: Workload, planner: Planner, chunk: int) -> Done:
     return Done(records, record.plan_seconds, solves_of(planner))
 
 
-def _run_here(workload: Workload, planners: Sequence[Planner], jobs: Sequence[Job]) -> Iterator[tuple[Job, Done]]:
+def _run_here(
+    workload: Workload, planners: Sequence[Planner], jobs: Sequence[Job]
+) -> Generator[tuple[Job, Done], None, None]:
     """Run the jobs in this process."""
     for job in jobs:
         yield job, _run_chunk(workload, planners[job.planner], job.chunk)
 
 
-def _run_in_workers(
-    workload: Workload, planners: Sequence[Planner], jobs: Sequence[Job], workers: int
-) -> Iterator[tuple[Job, Done]]:
-    """Run the jobs in worker processes; each process receives the workload once."""
-    if not jobs:
-        return
-    payloads = [payload(planner, f"planner {planner.name!r}") for planner in planners]
-    everything = payload(workload, "the recogniser, the sensor or the motion")
-    futures: dict[Future[Done], Job] = {}
-    with worker_pool(min(workers, len(jobs)), _start_worker, sent=(everything,)) as pool:
-        for job in jobs:
-            futures[pool.submit(_run_in_worker, payloads[job.planner], job.chunk)] = job
-        for future in as_completed(futures):
-            yield futures.pop(future), future.result()  # a future that stays would keep its records in memory
-
-
-_worker_workload: Workload
-
-
-def _start_worker(sent: bytes) -> None:
-    """Receive the workload, once in each process."""
-    import torch
-
-    global _worker_workload
-    torch.set_num_threads(1)
-    _worker_workload = cloudpickle.loads(sent)
-
-
-def _run_in_worker(sent: bytes, chunk: int) -> Done:
-    """Unpickle a planner, and run it over one chunk."""
-    return _run_chunk(_worker_workload, cloudpickle.loads(sent), chunk)
+def _run_sent(sent: tuple[Workload, Sequence[bytes]], job: Job) -> Done:
+    """Run a job in another process, with a fresh copy of its planner."""
+    workload, planners = sent
+    return _run_chunk(workload, cloudpickle.loads(planners[job.planner]), job.chunk)
