@@ -5,19 +5,20 @@ import os
 import pickle
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing.connection import wait
 from multiprocessing.synchronize import Event
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 from typing import Any, TypeVar
 
 from ehar.errors import ModelError, UsageError
 
 Task = TypeVar("Task")
+Batch = TypeVar("Batch")
 Result = TypeVar("Result")
 
 
@@ -59,16 +60,20 @@ def worker_pool(
         sent: its other arguments, of any size; they are pickled to a file.
 
     Raises:
-        UsageError: no process could start, for example because a script lacks `if __name__ == "__main__":`.
+        UsageError: no process could start, for example because a script lacks `if __name__ == "__main__":`; or there
+            is no room for what is sent.
         ModelError: a process has ended by itself.
     """
     leave_if_imported_again()
     others = set(multiprocessing.active_children())
     context = multiprocessing.get_context("spawn")
     started = context.Event()
-    folder = TemporaryDirectory(prefix="ehar-")
-    file = Path(folder.name) / "sent"
-    file.write_bytes(pickle.dumps(sent))
+    try:
+        folder = TemporaryDirectory(prefix="ehar-")
+        file = Path(folder.name) / "sent"
+        file.write_bytes(pickle.dumps(sent))
+    except OSError as error:
+        raise UsageError(f"{gettempdir()}: cannot be written: {error.strerror}") from error
     pool = ProcessPoolExecutor(
         count, mp_context=context, initializer=_start_worker, initargs=(started, initializer, initargs, file)
     )
@@ -120,9 +125,11 @@ def call(sent: bytes, *arguments: Any) -> Any:
 
 
 def each_batch(
-    function: Callable[[Task, int], Result], task: Task, batches: Sequence[int], workers: int
-) -> Iterator[tuple[int, Result]]:
+    function: Callable[[Task, Batch], Result], task: Task, batches: Sequence[Batch], workers: int
+) -> Generator[tuple[Batch, Result], None, None]:
     """Call `function(task, batch)` for each batch, and yield (batch, result) when it is done, in any order.
+
+    Each process receives the task once.
 
     Raises:
         UsageError: the task cannot be sent to workers, or none could start.
@@ -132,11 +139,27 @@ def each_batch(
         for batch in batches:
             yield batch, function(task, batch)
         return
-    sent = payload((function, task), "the recogniser or the sensor")
-    with worker_pool(min(workers, len(batches))) as pool:
-        futures = {pool.submit(call, sent, batch): batch for batch in batches}
+    sent = payload((function, task), "the recogniser, the sensor or the motion")
+    with worker_pool(min(workers, len(batches)), _receive, sent=(sent,)) as pool:
+        futures = {pool.submit(_call_received, batch): batch for batch in batches}
         for future in as_completed(futures):
-            yield futures[future], future.result()
+            yield futures.pop(future), future.result()  # a future that stays would keep its result in memory
+
+
+_received: tuple[Callable[[Any, Any], Any], Any]
+
+
+def _receive(sent: bytes) -> None:
+    """Receive a function and its task, once in each process."""
+    import cloudpickle  # here, as `ehar --help` does not wait for it
+
+    global _received
+    _received = cloudpickle.loads(sent)
+
+
+def _call_received(batch: Any) -> Any:
+    function, task = _received
+    return function(task, batch)
 
 
 def _start_worker(

@@ -79,8 +79,14 @@ BENCHMARK = Command(
             metavar="[PLANNER ...]",
             hint="all of ours",
         ),
-        "out": Flag("folder for records, tables and report.", hint="none"),
-        "ideal": Flag(hint="none"),
+        "out": Flag("folder for records, tables, report.", hint="none"),
+        "part": Flag("test, validation, policy or recogniser part."),
+        "seed": Flag("seed of starts, noise and random."),
+        "world": Flag("paper, indoor, or a world's .json."),
+        "readout": Flag("what is scored: recogniser or belief."),
+        "ideal": Flag("ideal run to compare flights with.", hint="none"),
+        "engine": Flag("processes, or ray: a cluster.", kind=str),
+        "address": Flag("of a Ray cluster, or auto.", hint="started here"),
     },
 )
 PREPARED = {
@@ -469,7 +475,9 @@ STUDY = CommandGroup(
             flags={
                 "data": Flag(positional=True, metavar="FILE.npz"),
                 "size": Flag("widths: small, half or published."),
-                "seeds": Flag("trainings of each form and stream."),
+                "seeds": Flag(
+                    "seeds of the trainings of each form and stream.", kind=tuple[int, ...], metavar="SEED ..."
+                ),
                 "epochs": Flag("epochs of each training."),
                 "device": Flag("torch device."),
                 "threads": Flag("CPU threads of torch.", hint="torch decides"),

@@ -1,6 +1,7 @@
 """The command line, `ehar`: it finds the command that the words name, and runs it."""
 
 import operator
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -50,8 +51,12 @@ def _end_at(group: CommandGroup, prog: str, words: list[str]) -> NoReturn:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command that the arguments name; errors that a user can mend exit with code 2, Ctrl-C with 130."""
+    """Run the command that the arguments name; errors that a user can mend exit with code 2, Ctrl-C with 130.
+
+    SIGTERM counts as Ctrl-C: schedulers send it before they kill.
+    """
     arguments = sys.argv[1:] if arguments is None else list(arguments)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         if arguments == ["--version"]:
             from ehar.version import __version__  # imported here: too slow for `ehar --help`

@@ -19,6 +19,7 @@ from planners.own_planner import Origin, planner_source_sha256
 from recognition.setting import Setting, length_note
 
 CONFIG = "config.json"
+UNFINISHED = "unfinished"  # folder in that of a run: what is done while the run is not finished
 SCHEMA = 2  # of the files of a run; raised when their form or meaning changes
 PACKAGES = ("ehar", "numpy", "torch", "casadi", "filterpy", "ruckig")  # their versions decide numbers
 
@@ -179,10 +180,14 @@ def read_config(directory: Path) -> RunConfig:
     """Read the configuration of a run of `ehar benchmark`.
 
     Raises:
-        UsageError: the folder holds no such run, or one of another schema.
+        UsageError: the folder holds no such run, one of another schema, or one that was stopped.
         DataError: config.json is not the JSON of an object, or a field is not of its type or too small.
     """
     path, expected = directory / CONFIG, "a run of ehar benchmark"
+    if not path.exists() and (directory / UNFINISHED).is_dir():
+        raise UsageError(
+            f"{directory}: expected a finished run, this one was stopped; the command that began it goes on with it"
+        )
     held = read_json(path, dict[str, Any], expected)
     missing, found = [name for name in KEYS if name not in held and name not in LATER], held.get("schema")
     if missing or found != SCHEMA:

@@ -17,6 +17,7 @@ from ehar.rollout import Record
 from eval.records.flights import KEYS, FlightRecords, join_flights
 
 DIGITS = 6  # decimals of recorded viewpoints and probabilities; metrics are computed from the rounded numbers
+LISTED = 256  # episodes that become Python lists at once, which take many times the memory of arrays
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,10 +132,12 @@ def episode_lines(records: Mapping[str, EpisodeRecords]) -> Iterable[str]:
         columns = {name: getattr(episodes, name) for name in COLUMNS}
         if episodes.flight is not None:
             columns |= {key: getattr(episodes.flight, key) for key in KEYS}
-        listed = {name: values if name == "sequence" else values.tolist() for name, values in columns.items()}
-        for row in zip(*listed.values(), strict=True):
-            line = {"planner": planner, **dict(zip(listed, row, strict=True))}
-            yield json.dumps(line, ensure_ascii=False, separators=(",", ":")) + "\n"
+        for first in range(0, len(episodes), LISTED):
+            some = {name: values[first : first + LISTED] for name, values in columns.items()}
+            listed = {name: values if name == "sequence" else values.tolist() for name, values in some.items()}
+            for row in zip(*listed.values(), strict=True):
+                line = {"planner": planner, **dict(zip(listed, row, strict=True))}
+                yield json.dumps(line, ensure_ascii=False, separators=(",", ":")) + "\n"
 
 
 def read_episodes(path: Path) -> dict[str, EpisodeRecords]:

@@ -9,13 +9,13 @@ from typing import Any
 
 from ehar.errors import UsageError
 from ehar.world import PAPER
-from eval.records.config import CONFIG, SCHEMA
+from eval.records.config import CONFIG, SCHEMA, UNFINISHED
 
 EPISODES, SUMMARY = "episodes.jsonl", "summary.json"
 
 
 def check_out(out: Path, config: Mapping[str, Any]) -> None:
-    """Check that a folder can be written to, and that it holds no run with another configuration.
+    """Check that a folder can be written to, and that it holds no run with another configuration, finished or not.
 
     Raises:
         UsageError: the folder is not usable; the message says what differs.
@@ -23,30 +23,50 @@ def check_out(out: Path, config: Mapping[str, Any]) -> None:
     parent = next(path for path in (out, *out.absolute().parents) if path.exists())
     if not parent.is_dir() or not os.access(parent, os.W_OK):
         raise UsageError(f"{out}: expected a folder that can be written to, {parent} is not one")
-    if not (out / CONFIG).exists():
-        found = [name for name in (EPISODES, SUMMARY) if (out / name).exists()]
-        if found:
-            raise UsageError(f"{out}: expected a new folder, or this run's; it holds {found[0]} without {CONFIG}")
+    if (out / UNFINISHED / CONFIG).exists():
+        _check_same(out / UNFINISHED, config, f"remove {out / UNFINISHED}, or choose another --out")
+    if (out / CONFIG).exists():
+        _check_same(out, config, "choose another --out")
         return
+    found = [name for name in (EPISODES, SUMMARY) if (out / name).exists()]
+    if found:
+        raise UsageError(f"{out}: expected a new folder, or this run's; it holds {found[0]} without {CONFIG}")
+
+
+def _check_same(folder: Path, config: Mapping[str, Any], remedy: str) -> None:
+    """Raise a UsageError if the config.json of a folder is not this configuration."""
     try:
-        held = json.loads((out / CONFIG).read_text(encoding="utf-8"))
+        held = json.loads((folder / CONFIG).read_text(encoding="utf-8"))
     except ValueError as error:
-        raise UsageError(f"{out / CONFIG}: expected the JSON of a run, got {error}") from error
+        raise UsageError(f"{folder / CONFIG}: expected the JSON of a run, got {error}") from error
     wanted = json.loads(json.dumps(config))
     held = held if isinstance(held, dict) else {}
     if "schema" in wanted:
         found = held.get("schema", SCHEMA)  # a run without a schema number may be overwritten
         if found != SCHEMA:
-            raise UsageError(f"{out}: holds a run of schema {found!r}, expected {SCHEMA}; choose another --out")
+            raise UsageError(f"{folder}: holds a run of schema {found!r}, expected {SCHEMA}; {remedy}")
         later = {"world": json.loads(json.dumps(asdict(PAPER))), "trained_lengths": wanted.get("trained_lengths")}
         held = {**later, **held, "schema": SCHEMA, "planners": _with_later_fields(held.get("planners"))}
     differing = [name for name in {**wanted, **held} if held.get(name) != wanted.get(name)]
     if differing:
-        name = differing[0]
+        place, was, now = _first_difference(differing[0], held.get(differing[0]), wanted.get(differing[0]))
         raise UsageError(
-            f"{out}: holds another run, which differs in {', '.join(differing)} "
-            f"({name} was {held.get(name)!r}, now {wanted.get(name)!r}); choose another --out"
+            f"{folder}: holds another run, which differs in {', '.join(differing)} ({place} was {was!r}, now {now!r}); "
+            f"{remedy}"
         )
+
+
+def _first_difference(place: str, was: Any, now: Any) -> tuple[str, Any, Any]:
+    """Return the place inside two values where they first differ, and both values there."""
+    if isinstance(was, dict) and isinstance(now, dict) and was.keys() == now.keys():
+        inner = [(f"{place}.{key}", was[key], now[key]) for key in was if was[key] != now[key]]
+    elif isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
+        inner = [
+            (f"{place}[{i}]", one, other) for i, (one, other) in enumerate(zip(was, now, strict=True)) if one != other
+        ]
+    else:
+        return place, was, now
+    return _first_difference(*inner[0])
 
 
 def _with_later_fields(planners: Any) -> Any:

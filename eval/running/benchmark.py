@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ehar.conditions import Conditions
 from ehar.errors import UsageError
+from ehar.flight.vehicle import Vehicle
 from ehar.planner import Planner
 from ehar.processes import check_workers
 from eval.records.config import RunConfig, planner_config, run_config
@@ -12,10 +13,12 @@ from eval.records.episodes import EpisodeRecords
 from eval.records.run_files import check_out
 from eval.running.accuracy_kept import read_ideal_run
 from eval.running.choice import READOUTS, ModelPlace, choose_planners, listed
+from eval.running.cluster import Engine, cluster_of
 from eval.running.episodes import cut_scenarios, random_starts
-from eval.running.jobs import Interrupted, PlannerRun, Workload, run_planners
+from eval.running.jobs import FinishedJobs, PlannerRun, Workload, jobs_of, run_planners
 from eval.running.progress import ConsoleReporter, Reporter
-from eval.running.run import Run, write_records
+from eval.running.run import Run
+from eval.running.unfinished import UnfinishedRun
 from eval.scores.summarise import summarise
 from eval.scores.summary import Summary
 from recognition.setting import load_setting
@@ -29,6 +32,8 @@ def benchmark(
     ideal: str | Path | None = None,
     out: str | Path | None = None,
     workers: int = 1,
+    engine: Engine = "processes",
+    address: str | None = None,
     reporter: Reporter | None = None,
 ) -> Run:
     """Run planners on test episodes, and say how well each did.
@@ -43,8 +48,12 @@ def benchmark(
         conditions: conditions of the run; None means the usual ones.
         readout: source of the scored probabilities: recogniser or belief.
         ideal: finished run on the ideal track to compare flights with.
-        out: folder for records, tables and the accuracy curve.
+        out: folder for records, tables and the accuracy curve. Each job is kept there when it is done. If the run is
+            stopped, even by kill -9, the same call goes on from there, and ends in the same bytes. A run of objects in
+            place of names begins anew, as nobody can tell whether they are the same.
         workers: processes; numbers do not depend on it.
+        engine: processes of this machine, or ray: those of a cluster. Numbers do not depend on it either.
+        address: address of a running Ray cluster, or auto; None starts one here.
         reporter: is told of progress; None reports on standard error.
 
     Returns:
@@ -52,12 +61,13 @@ def benchmark(
 
     Raises:
         EharError: one line that says what was got and what was expected.
-        KeyboardInterrupt: Ctrl-C; finished episodes are first written to `out`.
+        KeyboardInterrupt: Ctrl-C, or SIGTERM on the command line; finished jobs are in `out`.
     """
     conditions, reporter = conditions or Conditions(), reporter or ConsoleReporter()
     if readout not in READOUTS:
         raise UsageError(f"unknown readout {readout!r}; expected {' or '.join(READOUTS)}")
     check_workers(workers)
+    cluster = cluster_of(engine, address, workers)
     specs, directory = listed(planners), None if out is None else Path(out)
     setting = load_setting(conditions)
     conditions = setting.conditions
@@ -80,15 +90,18 @@ def benchmark(
     belief = model.belief if model is not None and readout == "belief" else None
     episodes = random_starts(scenarios, conditions.starts, conditions.seed, setting.world)
     workload = Workload(setting.runner, episodes, belief)
-    try:
-        runs = run_planners(workload, chosen, workers=workers, reporter=reporter)
-    except Interrupted as interrupted:
-        kept = _keep_finished(interrupted.runs, workload, config, directory, on_ideal)
-        raise KeyboardInterrupt(kept) from None
-    records = {name: run.records for name, run in runs.items()}
-    run = Run(config, records, setting.recordings.class_names, summarise_runs(runs, config, on_ideal), directory)
-    if directory is not None:
-        run.save(directory)
+
+    def measured(finished: FinishedJobs | None) -> Run:
+        runs = run_planners(workload, chosen, workers=workers, reporter=reporter, finished=finished, cluster=cluster)
+        records = {name: run.records for name, run in runs.items()}
+        return Run(config, records, setting.recordings.class_names, summarise_runs(runs, config, on_ideal), directory)
+
+    if directory is None:
+        return measured(None)
+    unfinished, jobs = UnfinishedRun(directory, config), jobs_of(len(chosen), episodes)
+    with unfinished.opened(jobs, anew=not _are_named(specs, conditions), note=reporter.note):
+        run = measured(unfinished)
+        unfinished.finish(run)
     return run
 
 
@@ -106,23 +119,7 @@ def summarise_runs(
     )
 
 
-def _keep_finished(
-    runs: dict[str, PlannerRun],
-    workload: Workload,
-    config: RunConfig,
-    out: Path | None,
-    on_ideal: Mapping[str, EpisodeRecords] | None,
-) -> str:
-    """Write the finished episodes of a run that the user stopped, and return a line that says what was kept."""
-    finished = {name: run for name, run in runs.items() if run.chunks == workload.episodes.chunks}
-    if out is None or not runs:
-        return "nothing was written"
-    summary = summarise_runs(finished, config, on_ideal) if finished else None
-    write_records(out, config, {name: run.records for name, run in runs.items()}, summary)
-    episodes = sum(len(run.records) for run in runs.values())
-    covered = (
-        f"its summary covers the {len(finished)} of {len(config.planners)} planners that ran all of theirs"
-        if finished
-        else "without a summary, as no planner ran all of its own"
-    )
-    return f"{episodes} finished episodes are in {out}; {covered}"
+def _are_named(specs: Sequence[str | Planner] | None, conditions: Conditions) -> bool:
+    """Return whether names and hashes tell what runs; nobody can tell whether an object is the one of before."""
+    told = (*(specs or ()), conditions.recogniser, conditions.sensor, conditions.track)
+    return all(isinstance(one, str | Path | Vehicle | None) for one in told)

@@ -1,24 +1,25 @@
-"""Runs planners over episodes in jobs of one planner and one chunk, here or in worker processes.
+"""Runs planners over episodes in jobs of one planner and one chunk: here, in worker processes, or on a cluster.
 
 A job computes the same numbers for any number of workers: its chunk, its seeds and its single torch thread do not
 depend on where it runs.
 """
 
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, as_completed
+from collections.abc import Generator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import cloudpickle
 
 from ehar.motion import Motion
 from ehar.planner import Planner
-from ehar.processes import payload, worker_pool
+from ehar.processes import each_batch, payload
 from ehar.rollout import Batch, Record
 from ehar.runner import Runner
 from eval.records.episodes import EpisodeRecords, join_records, record_episodes
 from eval.records.flights import flights_of
 from eval.records.solves import Solves, join_solves, solves_of
+from eval.running.cluster import Cluster
 from eval.running.episodes import Episodes
 from eval.running.progress import Reporter
 
@@ -61,11 +62,10 @@ class Workload:
 
 
 class PlannerRun(NamedTuple):
-    """The records of one planner in all chunks, or in those that were finished when the run was interrupted."""
+    """The records of one planner in all chunks."""
 
     records: EpisodeRecords
     plan_seconds: float
-    chunks: int
     solves: Solves | None = None  # only of a planner that counts its plans
 
     @property
@@ -75,68 +75,101 @@ class PlannerRun(NamedTuple):
         return float(1000 * self.plan_seconds / steps)
 
 
-class _Job(NamedTuple):
+class Job(NamedTuple):
+    """One planner on one chunk, by their numbers."""
+
     planner: int
     chunk: int
 
 
-class _Done(NamedTuple):
+class Done(NamedTuple):
+    """The result of a job."""
+
     records: EpisodeRecords
     plan_seconds: float
     solves: Solves | None
 
 
-class Interrupted(KeyboardInterrupt):
-    """The user stopped the run; `runs` holds the chunks that each planner had finished."""
+class FinishedJobs(Protocol):
+    """Keeps the results of jobs, as a dict does; on disk they outlive the process."""
 
-    def __init__(self, runs: dict[str, PlannerRun]) -> None:
-        """Keep what was finished."""
-        super().__init__("nothing was written")
-        self.runs = runs
+    def __contains__(self, job: object, /) -> bool:
+        """Return whether a job is done."""
+        ...
+
+    def __setitem__(self, job: Job, done: Done, /) -> None:
+        """Keep the result of a job."""
+        ...
+
+    def __getitem__(self, job: Job, /) -> Done:
+        """Return the result of a job that is done."""
+        ...
+
+
+def jobs_of(planners: int, episodes: Episodes) -> list[Job]:
+    """Return the jobs of so many planners on all episodes, in the order of the records."""
+    return [Job(planner, chunk) for planner in range(planners) for chunk in range(episodes.chunks)]
 
 
 def run_planners(
-    workload: Workload, planners: Sequence[Planner], *, workers: int, reporter: Reporter
+    workload: Workload,
+    planners: Sequence[Planner],
+    *,
+    workers: int,
+    reporter: Reporter,
+    finished: FinishedJobs | None = None,
+    cluster: Cluster | None = None,
 ) -> dict[str, PlannerRun]:
     """Run every planner over all episodes.
 
+    Args:
+        workload: what all jobs share.
+        planners: the planners, with different names.
+        workers: number of processes.
+        reporter: is told of progress.
+        finished: keeps results; the jobs that it has are not run again. None keeps them in memory.
+        cluster: runs the jobs in place of processes of this machine.
+
     Raises:
         EpisodeError: a planner broke its contract.
-        Interrupted: Ctrl-C; it carries what was finished.
+        UsageError: a result cannot be kept.
     """
-    jobs = [_Job(planner, chunk) for planner in range(len(planners)) for chunk in range(workload.episodes.chunks)]
-    done: dict[_Job, _Done] = {}
-    reporter.begin(len(jobs))
+    finished = {} if finished is None else finished
+    jobs = jobs_of(len(planners), workload.episodes)
+    missing = [job for job in jobs if job not in finished]
+    reporter.begin(len(missing))
     try:
-        run = (
-            _run_here(workload, planners, jobs) if workers == 1 else _run_in_workers(workload, planners, jobs, workers)
-        )
-        for job, result in run:
-            done[job] = result
-            reporter.advance(planners[job.planner].name)
-    except KeyboardInterrupt:
-        raise Interrupted(_join(planners, done)) from None
+        if workers == 1 and cluster is None:
+            run = _run_here(workload, planners, missing)
+        else:
+            sent = workload, [payload(planner, f"planner {planner.name!r}") for planner in planners]
+            run = (
+                each_batch(_run_sent, sent, missing, workers)
+                if cluster is None
+                else cluster.each_batch(_run_sent, sent, missing)
+            )
+        with closing(run):  # processes end before an error is passed on
+            for job, result in run:
+                finished[job] = result
+                reporter.advance(planners[job.planner].name)
     finally:
         reporter.end()
-    return _join(planners, done)
+    return {
+        planner.name: _joined([finished[job] for job in jobs if job.planner == index])
+        for index, planner in enumerate(planners)
+    }
 
 
-def _join(planners: Sequence[Planner], done: dict[_Job, _Done]) -> dict[str, PlannerRun]:
-    """Return the finished chunks of each planner that has any, in order."""
-    runs = {}
-    for index, planner in enumerate(planners):
-        pieces = [done[job] for job in sorted(done) if job.planner == index]
-        if pieces:
-            records = join_records([piece.records for piece in pieces])
-            seconds, solves = (
-                sum(piece.plan_seconds for piece in pieces),
-                join_solves([piece.solves for piece in pieces]),
-            )
-            runs[planner.name] = PlannerRun(records, seconds, len(pieces), solves)
-    return runs
+def _joined(pieces: Sequence[Done]) -> PlannerRun:
+    """Return the results of one planner in all chunks."""
+    return PlannerRun(
+        join_records([piece.records for piece in pieces]),
+        sum(piece.plan_seconds for piece in pieces),
+        join_solves([piece.solves for piece in pieces]),
+    )
 
 
-def _run_chunk(workload: Workload, planner: Planner, chunk: int) -> _Done:
+def _run_chunk(workload: Workload, planner: Planner, chunk: int) -> Done:
     """Run one planner over one chunk, and return its records."""
     episodes = workload.episodes.chunk(chunk)
     motion = workload.runner.new_motion()
@@ -150,41 +183,18 @@ def _run_chunk(workload: Workload, planner: Planner, chunk: int) -> _Done:
         subjects=episodes.subjects,
         flight=flights_of(motion),
     )
-    return _Done(records, record.plan_seconds, solves_of(planner))
+    return Done(records, record.plan_seconds, solves_of(planner))
 
 
-def _run_here(workload: Workload, planners: Sequence[Planner], jobs: Sequence[_Job]) -> Iterator[tuple[_Job, _Done]]:
+def _run_here(
+    workload: Workload, planners: Sequence[Planner], jobs: Sequence[Job]
+) -> Generator[tuple[Job, Done], None, None]:
     """Run the jobs in this process."""
     for job in jobs:
         yield job, _run_chunk(workload, planners[job.planner], job.chunk)
 
 
-def _run_in_workers(
-    workload: Workload, planners: Sequence[Planner], jobs: Sequence[_Job], workers: int
-) -> Iterator[tuple[_Job, _Done]]:
-    """Run the jobs in worker processes; each process receives the workload once."""
-    payloads = [payload(planner, f"planner {planner.name!r}") for planner in planners]
-    everything = payload(workload, "the recogniser, the sensor or the motion")
-    futures: dict[Future[_Done], _Job] = {}
-    with worker_pool(min(workers, len(jobs)), _start_worker, sent=(everything,)) as pool:
-        for job in jobs:
-            futures[pool.submit(_run_in_worker, payloads[job.planner], job.chunk)] = job
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-
-
-_worker_workload: Workload
-
-
-def _start_worker(sent: bytes) -> None:
-    """Receive the workload, once in each process."""
-    import torch
-
-    global _worker_workload
-    torch.set_num_threads(1)
-    _worker_workload = cloudpickle.loads(sent)
-
-
-def _run_in_worker(sent: bytes, chunk: int) -> _Done:
-    """Unpickle a planner, and run it over one chunk."""
-    return _run_chunk(_worker_workload, cloudpickle.loads(sent), chunk)
+def _run_sent(sent: tuple[Workload, Sequence[bytes]], job: Job) -> Done:
+    """Run a job in another process, with a fresh copy of its planner."""
+    workload, planners = sent
+    return _run_chunk(workload, cloudpickle.loads(planners[job.planner]), job.chunk)

@@ -130,8 +130,10 @@ class Run:
         """Return one row per episode and planner: names, accuracy over the frames, and numbers that are recorded once.
 
         Raises:
-            UsageError: pandas is not installed.
+            UsageError: the run is of streams, or pandas is not installed.
         """
+        if self.of_streams:
+            raise UsageError("a data frame has a row for each clip, this run is of streams: expected its `records`")
         try:
             import pandas
         except ImportError as error:
@@ -169,7 +171,7 @@ class Run:
 
 
 def write_records(out: Path, config: RunConfig, records: Mapping[str, EpisodeRecords], summary: Summary | None) -> None:
-    """Write a run; after an interruption, `records` may hold more than `summary` covers."""
+    """Write a run; without a summary, it counts as incomplete."""
     write_text(out / CONFIG, [json_text(config.to_json())])
     write_text(out / EPISODES, episode_lines(records))
     if summary is None:
@@ -203,10 +205,9 @@ def read_run(directory: str | Path) -> Run:
     """Read a run of `ehar benchmark`.
 
     Raises:
-        UsageError: the folder holds no such run, one of another schema, or one of streams, which only the benchmark
-            itself shows.
-        DataError: the files cannot be read, the run is incomplete, for example because it was interrupted, or planners
-            ran different episodes.
+        UsageError: the folder holds no such run, one of another schema, one that was stopped, or one of streams, which
+            only the benchmark itself shows.
+        DataError: the files cannot be read, the run is incomplete, or planners ran different episodes.
     """
     directory = Path(directory)
     config = read_config(directory)
@@ -226,7 +227,7 @@ def read_run(directory: str | Path) -> Run:
 
 
 def why_incomplete(directory: Path, config: RunConfig, records: Mapping[str, EpisodeRecords]) -> str | None:
-    """Return what an interrupted run lacks; None for a finished run."""
+    """Return what an incomplete run lacks; None for a finished run."""
     absent = [planner.name for planner in config.planners if planner.name not in records]
     if absent or not records:
         return f"no episodes of {', '.join(absent) or 'any planner'}"

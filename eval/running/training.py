@@ -61,7 +61,7 @@ class TrainAllConfig:
     Args:
         conditions: conditions of all trainings.
         out: folder to write to.
-        seeds: number of training seeds; each trains separate agents.
+        seeds: the agents' training seeds, by name: 7 8 9.
         setting: quick, for 2 CPU cores; paper, as published, for a GPU: it takes --views paper, and trains no field.
         workers: number of processes; results do not depend on it.
         device: device of the recogniser's and of PPO's network: cpu or cuda.
@@ -69,7 +69,7 @@ class TrainAllConfig:
 
     conditions: Conditions
     out: Path
-    seeds: int = 1
+    seeds: tuple[int, ...] = (0,)
     setting: Scale = "quick"
     workers: int = field(default_factory=cores)
     device: str = "cpu"

@@ -15,6 +15,7 @@ from ehar.data.source import load_data
 from ehar.errors import UsageError
 from ehar.files import json_text, write_text
 from eval.render.tables import Table, html, markdown, text
+from planners.agents.config import check_seeds
 from recognition.networks.sizes import Size
 from recognition.published.clips import STREAMS
 from recognition.published.training import RATIOS, PublishedRun, accuracies, train_published
@@ -56,7 +57,7 @@ class PublishedReport:
         data: title of the data.
         size: widths of the networks.
         epochs: epochs of each training.
-        seeds: trainings of each form and stream.
+        seeds: seeds of the trainings of each form and stream.
         rows: the results.
         tests: number of test sequences.
         copies: the class of each of them that is a copy of a training sequence.
@@ -65,7 +66,7 @@ class PublishedReport:
     data: str
     size: Size
     epochs: int
-    seeds: int
+    seeds: tuple[int, ...]
     rows: tuple[PublishedRow, ...]
     tests: int
     copies: tuple[str, ...]
@@ -91,7 +92,7 @@ class PublishedReport:
                     *((name, "", *[""] * (len(SHOWN) - 1), f"{figure:.1f}", "", "") for name, figure in PUBLISHED),
                 ),
                 footnotes=(
-                    f"{self.seeds} trainings of each; behind ± stands the standard deviation over them. "
+                    f"{len(self.seeds)} trainings of each; behind ± stands the standard deviation over them. "
                     f"{self.epochs} epochs, as published {PUBLISHED_EPOCHS}.",
                     "acc@x: the network sees the first x % of the frames, scaled and cut to a clip by themselves. "
                     "area: the mean over 10, 20, ..., 100 %. Published figures are those of all frames.",
@@ -104,7 +105,7 @@ class PublishedReport:
 
     def __repr__(self) -> str:
         """Return one line: the data and the number of trainings."""
-        return f"PublishedReport({self.data}: {len(self.rows)} rows of {self.seeds} trainings)"
+        return f"PublishedReport({self.data}: {len(self.rows)} rows of {len(self.seeds)} trainings)"
 
     def __str__(self) -> str:
         """Return the table."""
@@ -120,7 +121,7 @@ def published(
     *,
     out: str | Path,
     size: Size = "small",
-    seeds: int = 1,
+    seeds: Sequence[int] = (0,),
     epochs: int = PUBLISHED_EPOCHS,
     device: str = "cpu",
     threads: int = 0,
@@ -131,21 +132,21 @@ def published(
         data: an .npz with 3D joints and a split, such as Northwestern-UCLA by camera.
         out: folder of the results; what is done there is kept, and a training goes on from its last epoch.
         size: widths of the networks.
-        seeds: trainings of each form and stream.
+        seeds: seeds of the trainings of each form and stream.
         epochs: epochs of each training.
         device: torch device.
         threads: CPU threads of torch; with 0, torch decides.
 
     Raises:
-        UsageError: a number is below 1, or `out` holds results of other data.
+        UsageError: the number of epochs is below 1, a seed is no seed, or `out` holds results of other data.
         DataError: the data is malformed, or has no split.
         ModelError: a loss is not finite, or a checkpoint is damaged.
     """
     import torch  # imported here: too slow for `ehar --help`
 
-    for name, value in (("seeds", seeds), ("epochs", epochs)):
-        if value < 1:
-            raise UsageError(f"--{name}: got {value}, expected at least 1")
+    check_seeds(seeds)
+    if epochs < 1:
+        raise UsageError(f"--epochs: got {epochs}, expected at least 1")
     if threads:
         torch.set_num_threads(threads)
     motion, folder = load_data(data), Path(out)
@@ -153,7 +154,7 @@ def published(
     held: dict[Form, list[list[FloatArray]]] = {}
     for form in FORMS:
         held[form] = []
-        for seed in range(seeds):
+        for seed in seeds:
             runs = [PublishedRun(form, stream, size, seed, epochs) for stream in STREAMS]
             held[form].append(
                 [train_published(run, motion, folder, device=device, report=partial(_epoch_done, run)) for run in runs]
@@ -172,7 +173,7 @@ def published(
             whole = np.array([accuracies(of[part], labels) for of in trained])
             without = np.array([accuracies([stream[new] for stream in of[part]], labels[new]) for of in trained])
             rows.append(PublishedRow(form, streams, whole, without))
-    found = PublishedReport(motion.title, size, epochs, seeds, tuple(rows), len(new), copies)
+    found = PublishedReport(motion.title, size, epochs, tuple(seeds), tuple(rows), len(new), copies)
     kept = {**asdict(found), "rows": [{**asdict(row), **_lists(row)} for row in rows]}
     write_text(folder / "summary.json", [json_text(kept)])
     write_text(folder / "table.md", [markdown(*found.tables())])

@@ -1,6 +1,7 @@
 """The settings of agents' training; there is no torch in this module, so the command line can show them at once."""
 
 import importlib.util
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
@@ -124,6 +125,14 @@ PAPER_VIEWS = "paper"  # Sec. 4.2: 32 static positions
 PAPER_FORM: Form = "ctrgcn"  # Sec. 4.1
 
 
+def check_seeds(seeds: Sequence[int]) -> None:
+    """Raise a UsageError unless these are the names of training seeds, each once."""
+    named = isinstance(seeds, Sequence) and all(type(seed) is int and seed >= 0 for seed in seeds)
+    if not named or not seeds or len(set(seeds)) < len(seeds):
+        got = " ".join(map(str, seeds)) if isinstance(seeds, Sequence) else repr(seeds)
+        raise UsageError(f"--seeds: got {got or 'none'}, expected whole numbers of at least 0, each once")
+
+
 @dataclass(frozen=True, kw_only=True)
 class AgentTrainingConfig:
     """The settings of agents' training.
@@ -138,7 +147,7 @@ class AgentTrainingConfig:
         conditions: conditions of the episodes, and the recogniser.
         out: folder to write to.
         stages: agents to train, with commas between them; None is all four, or the paper's three in paper.
-        seeds: training seeds; each gives one agent.
+        seeds: the training seeds, by name: 7 8 9; each gives one agent.
         without: what is left out (Table 3): il-no-vision.
         setting: quick, for 2 CPU cores; paper, as published, for a GPU; it takes --views paper --form ctrgcn.
         teacher: the teacher that il clones.
@@ -155,7 +164,7 @@ class AgentTrainingConfig:
     conditions: Conditions
     out: Path | None = None
     stages: str | None = None
-    seeds: int = 1
+    seeds: tuple[int, ...] = (0,)
     without: Left = "none"
     setting: Scale = "quick"
     teacher: Teacher = ImitationSetting.teacher
@@ -206,7 +215,8 @@ class AgentTrainingConfig:
             )
         _ = self.directory
         stages = self.stage_names
-        least = {"seeds": 1, "workers": 1, "episodes": 1, "rounds": 1, "frames": 1, "variations": 0}
+        check_seeds(self.seeds)
+        least = {"workers": 1, "episodes": 1, "rounds": 1, "frames": 1, "variations": 0}
         looks_ahead = any(stage != "ppo" and self.imitation(stage).teacher == "oracle-lookahead" for stage in stages)
         held = vars(self) | {"length": self.conditions.length}
         least["length"] = LEAST_LOOKAHEAD if looks_ahead else LEAST_LENGTH

@@ -53,7 +53,7 @@ def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> lis
         note(f"warning: not the paper's recogniser: {departure}")
     paths: list[Path] = []
     for stage in config.stage_names:
-        runs = [StageRun.of(config, world, stage, seed) for seed in range(config.seeds)]
+        runs = [StageRun.of(config, world, stage, seed) for seed in config.seeds]
         paths += [run.path for run in runs]
         missing = [run for run in runs if not run.finished()]
         if len(missing) < len(runs):

@@ -1,6 +1,7 @@
 """Benchmarks on the tiny data, and what listens to them."""
 
 import hashlib
+import json
 import os
 import signal
 from dataclasses import dataclass, field, fields, replace
@@ -12,6 +13,7 @@ import numpy as np
 
 from ehar.conditions import Conditions
 from eval import benchmark
+from eval.records.run_files import SUMMARY
 from eval.running.run import Run
 from eval.scores.summary import Summary
 from planners.value.belief import BeliefModel
@@ -62,6 +64,18 @@ def run(planners: Any = ("no-act", "random", "oracle"), **options: Any) -> Run:
 
 def file_hash(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def bytes_of(out: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(out.iterdir())}
+
+
+def but_times(files: dict[str, bytes]) -> dict[str, Any]:
+    """Return files without the times of plans, which workers measure."""
+    summary = json.loads(files[SUMMARY])
+    for planner in summary["planners"]:
+        del planner["step_ms"]
+    return files | {SUMMARY: summary, "table.md": None}
 
 
 SLOW_TO_BELIEVE = BeliefModel(noise_weights=(3.0, 0.0, 0.0, 0.0, 0.0), process_noise=0.1)

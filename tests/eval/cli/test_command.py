@@ -14,7 +14,10 @@ from ehar.processes import cores
 from ehar.recogniser import Recogniser
 from eval.cli.command import REQUIRED, Command, Flag
 from eval.cli.commands import COMMANDS, RUN, CommandGroup
+from eval.cli.main import parse
 from eval.running.progress import Reporter
+from eval.running.training import Trained
+from planners.agents.config import AgentTrainingConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -320,3 +323,19 @@ def _recorded(command: Command, made: list[Any]) -> Command:
 def test_a_finished_run_is_named_without_a_flag(name: str) -> None:
     assert EVERY[name].flags["run"] == RUN
     refused(EVERY[name])
+
+
+def test_seeds_are_named_one_by_one(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    told: list[AgentTrainingConfig] = []
+
+    def train(config: AgentTrainingConfig) -> Trained:
+        """Train."""
+        told.append(config)
+        return Trained((), ())
+
+    monkeypatch.setattr("eval.running.training.train_agents", train)
+    words = ["train", "agent", "--data", "duo", "--models", str(tmp_path)]
+    for seeds in ([], ["--seeds", "7"], ["--seeds", "7", "8", "9", "--stages", "il"]):
+        parse([*words, *seeds])()
+    assert [config.seeds for config in told] == [(0,), (7,), (7, 8, 9)]
+    assert told[2].stages == "il"

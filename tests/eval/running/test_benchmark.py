@@ -1,7 +1,6 @@
 """A benchmark: the same episodes for all, the same bytes each time, and a user's own planners."""
 
 import json
-import signal
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +14,8 @@ from ehar.viewpoint import cartesian
 from eval.records.config import SCHEMA
 from eval.records.episodes import read_episodes
 from eval.records.run_files import EPISODES, SUMMARY
-from eval.running.episodes import CHUNK
 from tests.helpers.fakes import tiny_data
-from tests.helpers.tiny_benchmarks import Log, file_hash, run
+from tests.helpers.tiny_benchmarks import file_hash, run
 
 pytestmark = pytest.mark.usefixtures("fake_weights")
 
@@ -152,23 +150,3 @@ def test_a_planner_that_breaks_its_contract_is_named(tmp_path: Path, workers: in
     with pytest.raises(EpisodeError, match=r"'flat'.*frame 0: expected target viewpoints of shape \(\d+, 3\)"):
         run([Flat()], out=tmp_path / "run", workers=workers)
     assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_ctrl_c_leaves_the_finished_part_readable(tmp_path: Path, workers: int) -> None:
-    out = tmp_path / "run"
-    log = Log(stop_after=12)
-    # What a shell starts in the background ignores Ctrl-C, these tests perhaps too.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    with pytest.raises(KeyboardInterrupt, match=r"finished episodes are in .*; its summary covers") as interrupt:
-        run(["no-act", "towards", "random", "oracle"], out=out, reporter=log, workers=workers)
-    assert (log.jobs, len(log.done)) == (4 * 160 / CHUNK, 12)
-    records = read_episodes(out / EPISODES)
-    whole = [name for name, episodes in records.items() if len(episodes) == 160]
-    assert sum(len(episodes) for episodes in records.values()) == 12 * CHUNK
-    assert [planner["name"] for planner in json.loads((out / SUMMARY).read_text())["planners"]] == whole
-    assert f"the {len(whole)} of 4 planners" in str(interrupt.value)
-    assert not [path for path in out.iterdir() if path.name.startswith(".")]
-    # The same command may then be run again, to its end.
-    run(["no-act", "towards", "random", "oracle"], out=out)
-    assert len(read_episodes(out / EPISODES)) == 4

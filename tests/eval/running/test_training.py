@@ -172,7 +172,7 @@ def test_a_recogniser_of_other_recordings_of_the_same_classes_is_named(tmp_path:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"seeds": 0}, "--seeds: got 0, expected at least 1"),
+        ({"seeds": ()}, "--seeds: got none, expected whole numbers of at least 0, each once"),
         ({"workers": 0}, "--workers: got 0, expected at least 1"),
         ({"length": 4}, "--length: got 4, expected at least 5"),
         ({"device": "tpu"}, "--device tpu: expected cpu or cuda"),
@@ -201,7 +201,7 @@ def test_weights_without_their_description_are_no_recogniser(tmp_path: Path) -> 
 
 def test_the_same_data_and_conditions_go_into_every_training(tmp_path: Path) -> None:
     told = Conditions(data="x.npz", sensor="estimator", views="paper", length=30, fps=30.0)
-    config = TrainAllConfig(conditions=told, out=tmp_path, seeds=3, setting="paper")
+    config = TrainAllConfig(conditions=told, out=tmp_path, seeds=(7, 8, 9), setting="paper")
     for part in (config.recogniser, config.agents):
         assert replace(part.conditions, models=None) == replace(told, form="ctrgcn")
     quick = replace(config, setting="quick")
@@ -212,7 +212,7 @@ def test_the_same_data_and_conditions_go_into_every_training(tmp_path: Path) -> 
         "published",
         64,
     )
-    assert config.agents.seeds == 3 and config.agents.imitation("il").episodes == 10_000
+    assert config.agents.seeds == (7, 8, 9) and config.agents.imitation("il").episodes == 10_000
     assert config.agents.directory == config.gain_field.conditions.models == config.recogniser.out == tmp_path
 
 

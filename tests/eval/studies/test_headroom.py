@@ -13,7 +13,6 @@ from ehar.errors import UsageError
 from ehar.viewpoint import AZIMUTH, POLAR
 from ehar.world import PAPER
 from eval import headroom
-from eval.running.jobs import Interrupted
 from eval.studies.headroom import Headroom, best_per_class, headroom_tables, viewpoint_map
 from tests.helpers.fakes import FakeRecogniser, tiny_data
 from tests.helpers.tiny_benchmarks import Log
@@ -88,15 +87,3 @@ def test_it_writes_numbers_tables_and_a_figure(result: Headroom, tmp_path: Path)
     assert names == {"config.json", "headroom.json", "table.md", "headroom.png", "headroom.svg"}
     assert "tiny (synthetic)" in headroom_tables(result)[0].title
     assert "upper bound" in (tmp_path / "out" / "table.md").read_text()
-
-
-def test_who_keeps_nothing_when_interrupted_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(*_: object, **__: object) -> None:
-        raise Interrupted({})
-
-    module = types.ModuleType("recognition.storage")
-    module.load_recogniser = lambda *_, **__: SidedRecogniser()  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "recognition.storage", module)
-    monkeypatch.setattr("eval.studies.headroom.run_planners", interrupted)
-    with pytest.raises(KeyboardInterrupt, match="nothing was written"):
-        headroom(Conditions(data=tiny_data(sequences=42), length=10), reporter=Log())

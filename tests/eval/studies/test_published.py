@@ -24,7 +24,22 @@ def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_command_trains_tests_and_prints_both_forms(
     motion: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    main(["study", "published", str(motion), "--out", str(tmp_path), "--epochs", "1", "--seeds", "2", "--threads", "1"])
+    main(
+        [
+            "study",
+            "published",
+            str(motion),
+            "--out",
+            str(tmp_path),
+            "--epochs",
+            "1",
+            "--seeds",
+            "0",
+            "1",
+            "--threads",
+            "1",
+        ]
+    )
     printed = capsys.readouterr()
     assert "CTR-GCN, four streams, as published" in printed.out and "1 epochs, as published 65" in printed.out
     assert "causal-bone-small-seed1-1-epochs: 1 of 1 epochs, loss" in printed.err
@@ -33,15 +48,17 @@ def test_the_command_trains_tests_and_prints_both_forms(
         (form, streams) for form in ("ctrgcn", "causal") for streams in ("joint", "bone", "joint + bone")
     ]
     assert np.shape(held["rows"][0]["accuracy"]) == (2, 10)
-    found = published(str(motion), out=tmp_path, epochs=1, seeds=2)  # from what is done
+    found = published(str(motion), out=tmp_path, epochs=1, seeds=(0, 1))  # from what is done
     assert not capsys.readouterr().err
     assert found.rows[5].accuracy.tolist() == held["rows"][5]["accuracy"]
     assert (tmp_path / "table.md").read_text().count("±") > 10
 
 
 def test_numbers_below_one_are_refused(motion: Path, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="--seeds: got 0, expected at least 1"):
-        published(str(motion), out=tmp_path, seeds=0)
+    with pytest.raises(UsageError, match="--seeds: got none, expected whole numbers of at least 0, each once"):
+        published(str(motion), out=tmp_path, seeds=())
+    with pytest.raises(UsageError, match="--epochs: got 0, expected at least 1"):
+        published(str(motion), out=tmp_path, epochs=0)
 
 
 def test_copies_of_training_sequences_are_counted_and_left_out(tmp_path: Path) -> None:

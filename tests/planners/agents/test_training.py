@@ -103,7 +103,7 @@ def paper(config: AgentTrainingConfig, **changes: Any) -> AgentTrainingConfig:
 
 
 def test_the_paper_s_agents_work_with_the_published_network(config: AgentTrainingConfig) -> None:
-    chosen, notes = paper(config, stages=None, rounds=1, seeds=2), list[str]()
+    chosen, notes = paper(config, stages=None, rounds=1, seeds=(0, 1)), list[str]()
     paths = train_agents(chosen, silent, notes.append)
     names = [f"agent-{stage}-ctrgcn-perfect-paper-seed{seed}" for stage in PAPER_STAGES for seed in range(2)]
     assert [path.stem for path in paths] == names
@@ -157,13 +157,13 @@ def test_fine_tuning_without_a_clone(config: AgentTrainingConfig) -> None:
 def test_seeds_differ_and_share_the_demonstrations(
     config: AgentTrainingConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    written = train(replace(config, stages="il,ppo", seeds=3))
+    written = train(replace(config, stages="il,ppo", seeds=(0, 7, 2)))
     for stage in ("il", "ppo"):
-        assert len({written[agent_file(config, stage, seed).name] for seed in range(3)}) == 3
+        assert len({written[agent_file(config, stage, seed).name] for seed in (0, 7, 2)}) == 3
     assert len(list(config.directory.glob("demonstrations-*-round*"))) == IMITATION.rounds
     monkeypatch.setattr(agent_training, "collect", None)
     with pytest.raises(TypeError):
-        train(replace(config, stages="il", seeds=4))  # the fourth needs them again, from their files
+        train(replace(config, stages="il", seeds=(0, 3)))  # the new one needs them again, from their files
 
 
 def test_dagger_has_a_setting_of_its_own(config: AgentTrainingConfig) -> None:
@@ -180,7 +180,7 @@ def test_dagger_has_a_setting_of_its_own(config: AgentTrainingConfig) -> None:
 @pytest.mark.parametrize(("seeds", "stages"), [(1, "ppo"), (2, "il,ppo")])
 def test_workers_decide_nothing(config: AgentTrainingConfig, tmp_path: Path, seeds: int, stages: str) -> None:
     """One seed's environments run in a process of their own, clones and PPO of two seeds in one each."""
-    alone = replace(config, seeds=seeds, stages=stages, episodes=32, rounds=1)
+    alone = replace(config, seeds=tuple(range(seeds)), stages=stages, episodes=32, rounds=1)
     together = replace(alone, workers=2, out=tmp_path / "together")
     reports: list[tuple[str, int, int]] = []
     notes: list[str] = []
@@ -210,7 +210,7 @@ def test_a_loss_that_is_not_finite_is_said_with_whose_it_is(
 
 @pytest.mark.slow
 def test_an_error_in_a_process_arrives(config: AgentTrainingConfig) -> None:
-    chosen = replace(config, seeds=2, stages="ppo", workers=2)
+    chosen = replace(config, seeds=(0, 1), stages="ppo", workers=2)
     checkpoint = agent_file(config, "ppo", 1).with_suffix(".checkpoint")
     checkpoint.parent.mkdir()
     checkpoint.write_bytes(b"nonsense")
@@ -221,7 +221,10 @@ def test_an_error_in_a_process_arrives(config: AgentTrainingConfig) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"seeds": 0}, "--seeds: got 0, expected at least 1"),
+        ({"seeds": ()}, "--seeds: got none, expected whole numbers of at least 0, each once"),
+        ({"seeds": (7, 8, 7)}, "--seeds: got 7 8 7, expected whole numbers of at least 0, each once"),
+        ({"seeds": (-1,)}, "--seeds: got -1, expected whole numbers of at least 0, each once"),
+        ({"seeds": 5}, "--seeds: got 5, expected whole numbers of at least 0, each once"),
         ({"workers": 0}, "--workers: got 0, expected at least 1"),
         ({"episodes": 0}, "--episodes: got 0, expected at least 1"),
         ({"rounds": 0}, "--rounds: got 0, expected at least 1"),

@@ -1,0 +1,168 @@
+"""A cluster of machines that run jobs, by Ray (https://docs.ray.io): an engine in place of worker processes."""
+
+import logging
+import os
+import pickle
+import signal
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
+
+from ehar.errors import EharError, ModelError, UsageError
+from ehar.processes import payload
+from eval.records.config import installed_versions
+
+if TYPE_CHECKING:
+    from ray import ObjectRef
+
+Task = TypeVar("Task")
+Batch = TypeVar("Batch")
+Result = TypeVar("Result")
+
+Engine = Literal["processes", "ray"]
+LOST = 10  # times that a job begins anew because its machine or its process has ended, before the run ends
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Machines that Ray knows.
+
+    Args:
+        address: address of a running cluster, or auto for the one that this machine belongs to; None starts Ray here.
+        workers: processes, if Ray is started here; a running cluster gives all of its cores.
+
+    Raises:
+        UsageError: Ray is not installed.
+    """
+
+    address: str | None = None
+    workers: int = 1
+
+    def __post_init__(self) -> None:
+        """Check that there is a Ray."""
+        try:
+            import ray  # noqa: F401  # imported where it is needed: it is large, and optional
+        except ImportError as error:
+            raise UsageError("engine ray: Ray is not installed: pip install ehar[cluster]") from error
+
+    def each_batch(
+        self, function: Callable[[Task, Batch], Result], task: Task, batches: Sequence[Batch]
+    ) -> Generator[tuple[Batch, Result], None, None]:
+        """Call `function(task, batch)` for each batch, and yield (batch, result) when it is done, in any order.
+
+        The task goes to each machine once. A batch whose machine or process ends begins anew elsewhere.
+
+        Raises:
+            UsageError: the task cannot be sent, no cluster answers, or a machine has other versions of packages.
+            ModelError: a batch began anew too often.
+        """
+        if not batches:
+            return
+        import ray
+
+        sent, versions = payload((function, task), "the recogniser, the sensor or the motion"), installed_versions()
+        with self._connected():
+            shared = ray.put(sent)
+            run = ray.remote(num_cpus=1, max_retries=LOST)(_call_shared)
+            pending = {run.remote([shared], versions, batch): batch for batch in batches}
+            while pending:
+                for done in ray.wait(list(pending))[0]:
+                    yield pending.pop(done), _result_of(done)
+
+    @contextmanager
+    def _connected(self) -> Iterator[None]:
+        """Be connected to the cluster; a connection that is there is used, and stays."""
+        import ray
+
+        if ray.is_initialized():
+            yield
+            return
+        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # Ray would tell its makers about its use
+        terminate = signal.getsignal(signal.SIGTERM)
+        try:
+            ray.init(
+                self.address or "local",
+                num_cpus=None if self.address else self.workers,
+                include_dashboard=None if self.address else False,
+                log_to_driver=False,
+                logging_level=logging.ERROR,
+            )
+        except (ConnectionError, ValueError, RuntimeError) as error:
+            reason = " ".join(str(error).split())
+            raise UsageError(f"address {self.address}: expected a Ray cluster that answers: {reason}") from error
+        signal.signal(signal.SIGTERM, terminate)  # Ray puts its own in place of ours
+        try:
+            yield
+        finally:
+            ray.shutdown()
+
+
+def cluster_of(engine: str, address: str | None, workers: int) -> Cluster | None:
+    """Return the cluster that an engine is; None for worker processes.
+
+    Raises:
+        UsageError: the engine is unknown, has no address, or is not installed.
+    """
+    if engine not in get_args(Engine):
+        raise UsageError(f"unknown engine {engine!r}; expected {' or '.join(get_args(Engine))}")
+    if engine == "ray":
+        return Cluster(address, workers)
+    if address is not None:
+        raise UsageError(f"address {address}: expected none with engine {engine}; engine ray has one")
+    return None
+
+
+def _result_of(done: "ObjectRef[Any]") -> Any:
+    """Return what a batch returned, or raise the error that it raised."""
+    import ray
+    from ray.exceptions import RayError, RayTaskError
+
+    try:
+        return pickle.loads(ray.get(done))
+    except RayTaskError as error:
+        if isinstance(error.cause, EharError):
+            raise error.cause from None
+        raise
+    except RayError as error:
+        raise ModelError(
+            f"a job's process or machine has ended {LOST + 1} times: expected it to finish; was there too little "
+            f"memory? ({type(error).__name__})"
+        ) from error
+
+
+_received: dict[str, tuple[Callable[[Any, Any], Any], Any]] = {}
+
+
+def _call_shared(shared: "list[ObjectRef[bytes]]", versions: Mapping[str, str], batch: Any) -> bytes:
+    """Call the shared function on a machine of the cluster; each process unpickles it once.
+
+    Returns:
+        the result, pickled: what Ray itself unpickles are arrays that cannot be written to.
+
+    Raises:
+        UsageError: this machine has other versions of packages, so results could differ.
+    """
+    import cloudpickle
+    import ray
+
+    name = shared[0].hex()
+    if name not in _received:
+        _check_versions(versions)
+        _received.clear()
+        _received[name] = cloudpickle.loads(ray.get(shared[0]))
+    function, task = _received[name]
+    return pickle.dumps(function(task, batch))
+
+
+def _check_versions(wanted: Mapping[str, str]) -> None:
+    """Raise a UsageError if this machine has other versions of packages that decide numbers."""
+    import socket
+
+    found = installed_versions()
+    for name, version in wanted.items():
+        if found.get(name) != version:
+            raise UsageError(
+                f"engine ray: machine {socket.gethostname()} has {name} {found.get(name)}, expected {version}, as on "
+                "the machine that began the run"
+            )
