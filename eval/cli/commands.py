@@ -435,14 +435,14 @@ STUDY = CommandGroup(
             },
         ),
         "decide": Command(
-            "eval.studies.decide:decide",
+            "eval.studies.deciding.decide:decide",
             show_result,
-            text="""Say when to answer, if each activity is answered once and waiting costs.
+            text="""Say when to answer, if waiting costs.
 
-            Accuracy against time over prices of waiting, for four rules.
+            Each activity is answered once. Accuracy against time, for four rules.
 
             For example:
-                ehar study decide runs/mine --fitted-on runs/mine-validation --out runs/mine-decided
+                ehar study decide runs/mine --fitted-on runs/mine-validation
             """,
             flags={
                 "run": RUN,

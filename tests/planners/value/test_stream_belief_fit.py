@@ -7,9 +7,11 @@ import pytest
 from scipy.special import log_softmax
 
 from ehar.data.stream_data import NO_ACTIVITY
+from ehar.data.stream_file import load_streams
 from ehar.errors import DataError
 from planners.value.stream_belief import StreamBeliefModel, begin, classes_of_states, read_streams, transition_matrix
 from planners.value.stream_belief_fit import fit_evidence, learn_chain, likeliest_phases, spans_of
+from tests.helpers.places import SHARED
 from tests.helpers.streams import tiny_streams
 
 FPS = 10.0
@@ -68,6 +70,16 @@ def test_a_chain_is_counted_and_smoothed_by_one_activity() -> None:
     assert learned.gap_share[1] == pytest.approx((1 + 3.5 / 4) / 2)
     assert 1 / learned.gap_rate == pytest.approx((1.6 + 1) / 4)
     assert learned.share[3] == pytest.approx((1.6 + pooled / 4) / (6.4 + 1.6 + pooled))
+
+
+@pytest.mark.skipif(not (SHARED / "utkinect.npz").is_file(), reason="needs ../shared/data/utkinect.npz")
+def test_the_order_of_real_recordings_is_learned() -> None:
+    """Everybody in UTKinect performs the ten activities in the same order, with pauses between them."""
+    streams = load_streams(SHARED / "utkinect.npz")
+    learned = learn_chain(streams, np.flatnonzero(~streams.is_test))
+    assert np.argmax(learned.follows[:6], axis=1).tolist() == [1, 2, 3, 4, 5, 6]
+    assert min(learned.gap_share) > 0.7
+    assert learned.phases > 1  # durations are no geometric ones
 
 
 def test_a_class_that_never_comes_is_refused() -> None:

@@ -9,7 +9,7 @@ import pytest
 from ehar.errors import DataError, EharError, UsageError
 from eval.cli.main import main
 from eval.records.episodes import EpisodeRecords
-from eval.studies.decide import decide
+from eval.studies.deciding.decide import decide
 from tests.helpers.made_records import make_records, write_finished
 
 FPS = 10.0
