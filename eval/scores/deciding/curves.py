@@ -7,10 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
-from eval.records.episodes import EpisodeRecords, join_records
 from eval.scores.deciding.fit import Seen, fit_fixed_time, fit_induction, fit_sprt, fit_threshold
-from eval.scores.deciding.rules import Rule, decide, waited, words_of_records, worth
-from eval.scores.planner_accuracy import draw_resamples
+from eval.scores.deciding.rules import Rule, decide, waited, worth
 from eval.scores.resampling.resamples import Basis, Resamples
 from eval.scores.resampling.statistics import Interval, pair
 from eval.scores.resampling.training_seeds import PlannerGroup, group_planners, resample_seeds
@@ -98,31 +96,22 @@ class DecidingOnce:
     no_intervals: str | None
 
 
-def fit_rules(
-    records: Sequence[EpisodeRecords], seconds: float, prices: Sequence[float] = PRICES, *, second: bool
-) -> dict[str, tuple[Rule, ...]]:
-    """Return the rules by name, each fitted to every price on the episodes of several planners together.
+def fit_rules(seen: Seen, prices: Sequence[float] = PRICES) -> dict[str, tuple[Rule, ...]]:
+    """Return the rules by name, each fitted to every price.
 
     Args:
-        records: records of the planners; every planner is then judged by the same rule.
-        seconds: duration of a frame [s].
+        seen: activities of all planners together, so that every planner is judged by the same rule. If the second most
+            probable class is not known, there is no `sprt`.
         prices: of waiting [points/s].
-        second: whether rules may use the second most probable class. Without it there is no `sprt`.
     """
-    joined = join_records(records)
-    seen = Seen(words_of_records(joined if second else without_second(joined)), joined.label, seconds)
-    return {name: tuple(fit(seen, price) for price in prices) for name, fit in RULES.items() if second or name != SPRT}
-
-
-def without_second(records: EpisodeRecords) -> EpisodeRecords:
-    """Return records that do not tell the probability of the second most probable class."""
-    return replace(records, second_probability=None)
+    known = seen.words.second is not None
+    return {name: tuple(fit(seen, price) for price in prices) for name, fit in RULES.items() if known or name != SPRT}
 
 
 def deciding_once(
-    records: Mapping[str, EpisodeRecords],
+    seen: Mapping[str, Seen],
     rules: Mapping[str, Sequence[Rule]],
-    seconds: float,
+    resamples: Resamples,
     prices: Sequence[float] = PRICES,
     *,
     against: str,
@@ -131,19 +120,18 @@ def deciding_once(
     """Return what the answers of rules are worth.
 
     Args:
-        records: records of planners that ran the same episodes, by record name.
+        seen: what each planner saw of the same activities, by record name.
         rules: rules by name, one for each price.
-        seconds: duration of a frame [s].
+        resamples: resamples of the people and sequences of these activities.
         prices: of waiting [points/s].
         against: name of the planner that others are compared with.
         tested: names of the planners that are compared with it.
     """
-    resamples = draw_resamples(list(records.values()))
     curves, worths = [], {}
-    for group in group_planners(records):
-        trainings = [records[name] for name in group.records]
+    for group in group_planners(seen):
+        trainings = [seen[name] for name in group.records]
         for rule, fitted in rules.items():
-            answers = _answers(trainings, fitted, seconds)
+            answers = _answers(trainings, fitted)
             value = _over_people(worth(answers.right, answers.time, np.array(prices)[:, None, None]), group, resamples)
             curves.append(_curve(group, rule, prices, answers, value, resamples))
             worths[group.name, rule] = value
@@ -180,13 +168,12 @@ class _Statistic(NamedTuple):
     resampled: FloatArray  # (prices, rows), the same in every row of the resamples
 
 
-def _answers(trainings: Sequence[EpisodeRecords], rules: Sequence[Rule], seconds: float) -> _Answers:
+def _answers(trainings: Sequence[Seen], rules: Sequence[Rule]) -> _Answers:
     """Return what the rules, one for each price, answer."""
-    words = [words_of_records(records) for records in trainings]
-    decided = [[decide(rule, said) for said in words] for rule in rules]
+    decided = [[(decide(rule, seen.words), seen) for seen in trainings] for rule in rules]
     return _Answers(
-        np.array([[one.answer == trainings[0].label for one in of_price] for of_price in decided]),
-        np.array([[waited(one, seconds) for one in of_price] for of_price in decided]),
+        np.array([[one.answer == seen.label for one, seen in of_price] for of_price in decided]),
+        np.array([[waited(one, seen.seconds) for one, seen in of_price] for of_price in decided]),
     )
 
 

@@ -1,14 +1,15 @@
 """Fits the rules to a price of waiting, on activities that they are not scored on; among them a backward induction."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.errors import DataError
-from eval.scores.deciding.rules import FixedTime, Rule, Sprt, Threshold, Words, decide, waited, worth
+from eval.records.episodes import EpisodeRecords
+from eval.scores.deciding.rules import FixedTime, Rule, Sprt, Threshold, Words, decide, waited, words_of_records, worth
 
 BOUNDS = 200  # candidates of a threshold: quantiles of what was seen
 LONGEST_LOOK = 0.2  # share of the frames, from a frame on, that say together what waiting in that frame is worth
@@ -47,6 +48,18 @@ class Seen:
         """Whether an answer after each frame would be right, (B, T)."""
         right: BoolArray = self.words.answer == self.label[:, None]
         return right
+
+
+def seen_in(records: EpisodeRecords, seconds: float, *, second: bool = True) -> Seen:
+    """Return the episodes of a planner; each is one activity.
+
+    Args:
+        records: its records.
+        seconds: duration of a frame [s].
+        second: whether the probability of the second most probable class may be used, if it is recorded.
+    """
+    words = words_of_records(records)
+    return Seen(words if second else replace(words, second=None), records.label, seconds)
 
 
 def worth_of(rule: Rule, seen: Seen, price: float) -> FloatArray:

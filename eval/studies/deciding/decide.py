@@ -6,11 +6,13 @@ from pathlib import Path
 from ehar.data.source import load_data
 from ehar.errors import DataError, UsageError
 from ehar.files import write_text
-from eval.records.episodes import EpisodeRecords
+from eval.records.episodes import EpisodeRecords, join_records
 from eval.render.tables import markdown
 from eval.running.run import Run, read_run
-from eval.scores.deciding.curves import deciding_once, fit_rules, without_second
+from eval.scores.deciding.curves import deciding_once, fit_rules
+from eval.scores.deciding.fit import seen_in
 from eval.scores.differences import NBV
+from eval.scores.planner_accuracy import draw_resamples
 from eval.scores.planner_summary import NO_ACT, ORACLE
 from eval.scores.resampling.training_seeds import curves as accuracy_curves
 from eval.scores.resampling.training_seeds import group_planners
@@ -59,21 +61,23 @@ def decide(
         raise UsageError(
             f"{fitted.folder}: expected a planner without the truth to fit rules on, got {', '.join(told)}"
         )
-    shown_records = _records_of(scored, chosen)
-    fitting = [fitted.episodes(name) for name in learners]
-    second = all(held.second_probability is not None for held in (*shown_records.values(), *fitting))
-    if not second:
-        shown_records = {name: without_second(held) for name, held in shown_records.items()}
+    records = _records_of(scored, chosen)
+    fitting = join_records([fitted.episodes(name) for name in learners])
+    second = all(held.second_probability is not None for held in (*records.values(), fitting))
     tested = [name for name in chosen if name != NO_ACT and not privileged[name]] if NO_ACT in chosen else []
     found = Deciding(
         run=scored,
         fitted_on=fitted,
         fitted_with=learners,
         planners={name: privileged[name] for name in chosen},
-        accuracy=accuracy_curves(shown_records),
+        accuracy=accuracy_curves(records),
         seconds=seconds,
         found=deciding_once(
-            shown_records, fit_rules(fitting, seconds, second=second), seconds, against=NO_ACT, tested=tested
+            {name: seen_in(held, seconds, second=second) for name, held in records.items()},
+            fit_rules(seen_in(fitting, seconds, second=second)),
+            draw_resamples(list(records.values())),
+            against=NO_ACT,
+            tested=tested,
         ),
     )
     if out is not None:

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eval.records.episodes import EpisodeRecords
-from eval.scores.deciding.curves import RULES, SPRT, deciding_once, fit_rules
-from eval.scores.deciding.rules import FixedTime, decide, waited, words_of_records
+from eval.records.episodes import EpisodeRecords, join_records
+from eval.scores.deciding.curves import RULES, SPRT, DecidingOnce, deciding_once, fit_rules
+from eval.scores.deciding.fit import seen_in
+from eval.scores.deciding.rules import FixedTime, Rule, decide, waited, words_of_records
+from eval.scores.planner_accuracy import draw_resamples
 from tests.helpers.made_records import make_records
 
-PRICES = (1.0, 50.0)
+TWO_PRICES = (1.0, 50.0)
 SECONDS = 0.5
 
 
@@ -21,10 +23,22 @@ def of_planners() -> dict[str, EpisodeRecords]:
     }
 
 
+def fitted(*records: EpisodeRecords, prices: tuple[float, ...] = TWO_PRICES) -> dict[str, tuple[Rule, ...]]:
+    return fit_rules(seen_in(join_records(records), SECONDS), prices)
+
+
+def found_in(
+    records: dict[str, EpisodeRecords], rules: dict[str, tuple[Rule, ...]], *, tested: tuple[str, ...] = ()
+) -> DecidingOnce:
+    seen = {name: seen_in(held, SECONDS) for name, held in records.items()}
+    resamples = draw_resamples(list(records.values()))
+    return deciding_once(seen, rules, resamples, TWO_PRICES, against="no-act", tested=tested)
+
+
 def test_a_curve_is_the_mean_over_episodes_and_trainings() -> None:
     records = of_planners()
     rules = {"fixed time": (FixedTime(3), FixedTime(0))}
-    found = deciding_once(records, rules, SECONDS, PRICES, against="no-act", tested=("nbv",))
+    found = found_in(records, rules, tested=("nbv",))
     assert [(curve.planner, curve.rule) for curve in found.curves] == [
         ("no-act", "fixed time"),
         ("nbv", "fixed time"),
@@ -41,10 +55,10 @@ def test_a_curve_is_the_mean_over_episodes_and_trainings() -> None:
 
 def test_differences_are_paired_and_corrected_together() -> None:
     records = of_planners()
-    rules = fit_rules([make_records(9, skill=1.0, episodes=60)], SECONDS, PRICES, second=True)
-    found = deciding_once(records, rules, SECONDS, PRICES, against="no-act", tested=("nbv",))
+    rules = fitted(make_records(9, skill=1.0, episodes=60))
+    found = found_in(records, rules, tested=("nbv",))
     worth = {(curve.planner, curve.rule, point.price): point.worth for curve in found.curves for point in curve.points}
-    assert [of.price for of in found.rules["nbv"]] == list(PRICES) * 4
+    assert [of.price for of in found.rules["nbv"]] == list(TWO_PRICES) * 4
     for of in (*found.rules["nbv"], *found.planners["nbv"]):
         assert of.points == pytest.approx(worth[*of.one, of.price] - worth[*of.other, of.price])
         assert of.ci95_corrected is not None and of.ci95_corrected[0] <= of.points <= of.ci95_corrected[1]
@@ -54,14 +68,14 @@ def test_differences_are_paired_and_corrected_together() -> None:
 def test_a_planner_that_knows_more_is_worth_more_by_the_same_rule() -> None:
     records = {"no-act": make_records(1, episodes=200, people=20)}
     records["nbv"] = make_records(2, skill=3.0, episodes=200, people=20)
-    rules = fit_rules([make_records(5, skill=1.0, episodes=200)], SECONDS, PRICES, second=True)
-    for of in deciding_once(records, rules, SECONDS, PRICES, against="no-act", tested=("nbv",)).planners["nbv"]:
+    rules = fitted(make_records(5, skill=1.0, episodes=200))
+    for of in found_in(records, rules, tested=("nbv",)).planners["nbv"]:
         assert of.ci95_corrected is not None and of.ci95_corrected[0] > 0
 
 
 def test_rules_are_fitted_on_all_planners_together() -> None:
     one, other = make_records(1, skill=0.5), make_records(2, skill=2.0)
-    rules = fit_rules([one, other], SECONDS, (30.0,), second=True)
+    rules = fitted(one, other, prices=(30.0,))
     (fixed,) = rules["fixed time"]
     assert isinstance(fixed, FixedTime)
     worths = [
@@ -73,9 +87,9 @@ def test_rules_are_fitted_on_all_planners_together() -> None:
 
 def test_without_the_second_class_there_is_no_sprt() -> None:
     old = replace(make_records(0), second_probability=None)
-    rules = fit_rules([old], SECONDS, PRICES, second=False)
+    rules = fitted(old)
     assert set(rules) == set(RULES) - {SPRT}
-    found = deciding_once({"nbv": old}, rules, SECONDS, PRICES, against="no-act", tested=())
+    found = found_in({"nbv": old}, rules)
     assert {of.one[1] for of in found.rules["nbv"]} == {"induction"}
     assert found.planners == {}
 
@@ -83,7 +97,7 @@ def test_without_the_second_class_there_is_no_sprt() -> None:
 def test_one_sequence_has_no_intervals() -> None:
     records = make_records(0, episodes=2)
     rules = {"fixed time": (FixedTime(0), FixedTime(1)), "induction": (FixedTime(1), FixedTime(1))}
-    found = deciding_once({"nbv": records}, rules, SECONDS, PRICES, against="no-act", tested=())
+    found = found_in({"nbv": records}, rules)
     assert found.no_intervals is not None
     assert found.curves[0].points[0].accuracy_ci95 is None
     assert found.rules["nbv"][0].ci95_corrected is None
