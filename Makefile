@@ -162,6 +162,11 @@ runs/trainings-duo/summary.json runs/trainings-solo/summary.json: runs/trainings
 $(SETS:%=runs/belief-%/summary.json): runs/belief-%/summary.json: models/%/planners-estimator-moving
 	$(EHAR) study belief $(call data_of,$*) --sensor estimator --models models/$* --out $(@D)
 
+# Episodes of validation people, on which rules of when to answer are fitted.
+$(SETS:%=runs/fitting-%/summary.json): runs/fitting-%/summary.json: models/%/planners-estimator-moving
+	$(EHAR) benchmark no-act nbv $(call data_of,$*) --sensor estimator --models models/$* --part validation --starts $(STARTS) \
+	  --no-report --out $(@D)
+
 $(SETS:%=runs/headroom-%/summary.json): runs/headroom-%/summary.json: models/%/causal-estimator-moving.safetensors
 	$(EHAR) study headroom $(call data_of,$*) --sensor estimator --models models/$* --azimuths 6 --polars 3 --out $(@D)
 
@@ -257,6 +262,13 @@ docs/results/ablation-sbu.md: runs/ablation-sbu/summary.json
 docs/results/belief.md: $(SETS:%=runs/belief-%/summary.json)
 	$(call page,$@,The belief against the recogniser,ehar study belief --data duo --sensor estimator,$(^:summary.json=table.md))
 
+docs/results/deciding.md: $(foreach set,hdm05 sbu solo,runs/rules-$(set)-estimator/summary.json runs/fitting-$(set)/summary.json)
+	for set in hdm05 sbu solo; do $(RUN)ehar study decide runs/rules-$$set-estimator --fitted-on runs/fitting-$$set \
+	  --planners no-act nbv --out runs/deciding-$$set && \
+	  cp runs/deciding-$$set/deciding.png docs/results/deciding-$$set.png || exit 1; done
+	$(call page,$@,When to answer,ehar study decide runs/rules-hdm05-estimator --fitted-on runs/fitting-hdm05,\
+	  $(foreach set,hdm05 sbu solo,runs/deciding-$(set)/table.md))
+
 docs/results/headroom.md: $(SETS:%=runs/headroom-%/summary.json)
 	$(call page,$@,What there is to win,ehar study headroom $(sbu) --sensor estimator --models models/sbu,$(^:summary.json=table.md))
 
@@ -288,7 +300,7 @@ docs/results/behaviour.md: runs/agents-hdm05-estimator/summary.json
 docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/summary.json runs/rules-$(set)-perfect/summary.json)
 	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$(^:summary.json=table.md))
 
-PAGES := planners nbv indoor exact-joints conditions flown trainings learning flight-solo ablation-sbu belief headroom forms \
+PAGES := planners nbv indoor exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding headroom forms \
   published real-views paper agents behaviour benchmarks
 results: $(PAGES:%=docs/results/%.md)
 

@@ -440,6 +440,32 @@ STUDY = CommandGroup(
                 "out": Flag("folder for table.md and summary.json.", hint="none"),
             },
         ),
+        "decide": Command(
+            "eval.studies.deciding.decide:decide",
+            show_result,
+            text="""Say when to answer, if waiting costs.
+
+            Each activity is answered once. Accuracy against time, for four rules.
+
+            For example:
+                ehar study decide runs/mine --fitted-on runs/mine-validation
+            """,
+            flags={
+                "run": RUN,
+                "fitted_on": Flag(
+                    "run on another part (--part validation or policy), to fit the rules on.", metavar="RUN"
+                ),
+                "planners": Flag(
+                    "planners to show.",
+                    kind=tuple[str, ...],
+                    default=(),
+                    metavar="PLANNER ...",
+                    hint="no-act, nbv and oracle, as far as they ran",
+                ),
+                "data": AS_RECORDED["data"],
+                "out": Flag("folder for table.md and the picture.", hint="none"),
+            },
+        ),
         "learning": Command(
             "eval.studies.learning:learning",
             show_result,

@@ -35,6 +35,8 @@ class EpisodeRecords:
         true_probability: (N, L), the probability of the true class.
         top_probability: (N, L), the probability of the predicted class.
         flight: the demands of the flights on a vehicle; None on the ideal track. The file has them in the same lines.
+        second_probability: (N, L), the probability of the second most probable class; None in a run from before it was
+            recorded.
     """
 
     sequence: tuple[str, ...]
@@ -47,6 +49,7 @@ class EpisodeRecords:
     true_probability: FloatArray
     top_probability: FloatArray
     flight: FlightRecords | None = None
+    second_probability: FloatArray | None = None
 
     __repr__ = in_brief
 
@@ -66,7 +69,8 @@ class EpisodeRecords:
         return right
 
 
-COLUMNS = tuple(field.name for field in fields(EpisodeRecords) if field.name != "flight")
+SECOND = "second_probability"
+COLUMNS = tuple(field.name for field in fields(EpisodeRecords) if field.name not in ("flight", SECOND))  # of every run
 
 
 def record_episodes(
@@ -91,10 +95,9 @@ def record_episodes(
         flight: the demands of the flights.
     """
     probabilities = np.exp(record.log_probs.astype(np.float64))
-    every = label if label.ndim == 2 else label[:, None]
-    true = np.take_along_axis(probabilities, np.broadcast_to(every, probabilities.shape[:2])[..., None], axis=-1)[
-        ..., 0
-    ]
+    every = np.broadcast_to(label if label.ndim == 2 else label[:, None], probabilities.shape[:2])
+    true = np.take_along_axis(probabilities, every[..., None], axis=-1)[..., 0]
+    second = np.sort(probabilities, axis=-1)[..., -2:-1].sum(axis=-1)  # nothing where there is one class
     predicted = record.log_probs.argmax(axis=-1)
     if label.ndim == 2:
         none = probabilities.shape[-1] - 1
@@ -110,6 +113,7 @@ def record_episodes(
         true_probability=np.minimum(true, 1.0).round(DIGITS),
         top_probability=np.minimum(probabilities.max(axis=-1), 1.0).round(DIGITS),
         flight=flight,
+        second_probability=second.round(DIGITS),
     )
 
 
@@ -119,9 +123,11 @@ def join_records(pieces: Sequence[EpisodeRecords]) -> EpisodeRecords:
         name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in COLUMNS if name != "sequence"
     }
     flights = [piece.flight for piece in pieces if piece.flight is not None]
+    seconds = [piece.second_probability for piece in pieces if piece.second_probability is not None]
     return EpisodeRecords(
         sequence=tuple(name for piece in pieces for name in piece.sequence),
         flight=join_flights(flights) if flights else None,
+        second_probability=np.concatenate(seconds) if len(seconds) == len(pieces) else None,
         **joined,
     )
 
@@ -130,6 +136,8 @@ def episode_lines(records: Mapping[str, EpisodeRecords]) -> Iterable[str]:
     """Yield the lines of episodes.jsonl: planner by planner, in the order given; keys are the fields' names."""
     for planner, episodes in records.items():
         columns = {name: getattr(episodes, name) for name in COLUMNS}
+        if episodes.second_probability is not None:
+            columns[SECOND] = episodes.second_probability
         if episodes.flight is not None:
             columns |= {key: getattr(episodes.flight, key) for key in KEYS}
         for first in range(0, len(episodes), LISTED):
@@ -200,6 +208,7 @@ _KINDS = {
     "predicted": _Kind(("L",), True, 0),
     "true_probability": _Kind(("L",), False, 0, 1),
     "top_probability": _Kind(("L",), False, 0, 1),
+    SECOND: _Kind(("L",), False, 0, 1),
     **dict.fromkeys(KEYS, _Kind((), False, 0)),
 }
 _OF_STREAMS = _KINDS | dict.fromkeys(("label", "predicted"), _Kind(("L",), True, NO_ACTIVITY))
@@ -227,13 +236,20 @@ def _parsed_line(line: str, where: str) -> dict[str, Any]:
 
 def _episodes(rows: Sequence[_Row]) -> EpisodeRecords:
     """Return the records of one planner from its lines, or raise a DataError if they do not fit together."""
-    flown = KEYS[0] in rows[0].fields
+    flown, second = KEYS[0] in rows[0].fields, SECOND in rows[0].fields
     for row in rows:
         if (KEYS[0] in row.fields) != flown:
             raise DataError(f"{row.where}: some episodes were flown, and others were not")
+        if (SECOND in row.fields) != second:
+            raise DataError(f"{row.where}: some episodes have a {SECOND}, and others have none")
     columns: dict[str, Any] = {name: _column(name, rows) for name in COLUMNS if name != "sequence"}
     flight = FlightRecords(**{key: _column(key, rows) for key in KEYS}) if flown else None
-    return EpisodeRecords(sequence=tuple(row.fields["sequence"] for row in rows), flight=flight, **columns)
+    return EpisodeRecords(
+        sequence=tuple(row.fields["sequence"] for row in rows),
+        flight=flight,
+        second_probability=_column(SECOND, rows) if second else None,
+        **columns,
+    )
 
 
 def _column(name: str, rows: Sequence[_Row]) -> FloatArray:

@@ -6,9 +6,10 @@ import numpy as np
 
 from ehar.arrays import IntArray
 from ehar.data.stream_data import NO_ACTIVITY
-from eval.records.episodes import EpisodeRecords
+from eval.records.episodes import SECOND, EpisodeRecords
 from eval.scores.metrics import frame_at
 
+PROBABILITIES = ("true_probability", "top_probability", SECOND)
 RATIOS = tuple(range(5, 101, 5))  # [%] at which an activity is scored; the accuracies that tables show are among them
 
 
@@ -28,7 +29,7 @@ def activities(records: EpisodeRecords) -> EpisodeRecords:
             for first, last in zip(begin, end, strict=True)
         ]
     )
-    rows = episode[:, None]
+    frames = {name: getattr(records, name) for name in ("viewpoint", "predicted", *PROBABILITIES)}
     return replace(
         records,
         sequence=tuple(records.sequence[index] for index in episode),
@@ -36,10 +37,7 @@ def activities(records: EpisodeRecords) -> EpisodeRecords:
         start=records.start[episode],
         label=records.label[episode, begin],
         subjects=records.subjects[episode],
-        **{
-            name: getattr(records, name)[rows, at]
-            for name in ("viewpoint", "predicted", "true_probability", "top_probability")
-        },
+        **{name: held[episode[:, None], at] for name, held in frames.items() if held is not None},
         flight=None,
     )
 

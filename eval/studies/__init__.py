@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from eval.studies.behaviour.analysis import Analysis as Analysis
     from eval.studies.belief import BeliefReport as BeliefReport
     from eval.studies.compare_table import Comparison as Comparison
+    from eval.studies.deciding.deciding import Deciding as Deciding
     from eval.studies.explanation import Explanation as Explanation
     from eval.studies.headroom import Headroom as Headroom
     from eval.studies.learning import LearningCurve as LearningCurve
@@ -21,6 +22,7 @@ else:
         {
             "Headroom": "eval.studies.headroom",
             "BeliefReport": "eval.studies.belief",
+            "Deciding": "eval.studies.deciding.deciding",
             "Explanation": "eval.studies.explanation",
             "Analysis": "eval.studies.behaviour.analysis",
             "Comparison": "eval.studies.compare_table",

@@ -8,7 +8,7 @@ import numpy as np
 from ehar.arrays import BoolArray
 from ehar.viewpoint import Workspace
 from eval.records.config import CONFIG, RunConfig
-from eval.records.episodes import DIGITS, EpisodeRecords
+from eval.records.episodes import DIGITS, SECOND, EpisodeRecords
 from eval.records.run_files import EPISODES
 from eval.running.episodes import Episodes, draw_starts
 
@@ -90,6 +90,11 @@ def _frames(held: EpisodeRecords, workspace: Workspace, classes: int | None) -> 
         "the top_probability, as the class predicted is the true one",
     )
     yield _Problem(held.true_probability > held.top_probability, "true_probability", "at most the top_probability")
+    second = held.second_probability
+    if second is not None:
+        yield _Problem(second > held.top_probability, SECOND, "at most the top_probability")
+        expected = "at least the true_probability, as the class predicted is another one"
+        yield _Problem(~held.correct & (held.true_probability > second), SECOND, expected)
 
 
 def place(name: str, records: EpisodeRecords, episode: int, frame: int | None = None) -> str:

@@ -22,7 +22,7 @@ from ehar.plugins.loading import source_sha256
 from ehar.rollout import Record
 from ehar.track import IDEAL
 from eval.records.config import PlannerConfig, RunConfig, planner_config
-from eval.records.episodes import DIGITS, EpisodeRecords
+from eval.records.episodes import DIGITS, SECOND, EpisodeRecords
 from eval.records.flights import KEYS, FlightRecords, flights_of
 from eval.records.run_files import EPISODES
 from eval.running.choice import ModelPlace
@@ -286,6 +286,9 @@ def _compared(recorded: EpisodeRecords, rows: IntArray, record: Record) -> Itera
     )
     # If two classes are nearly as probable, either may be the predicted one.
     yield _Compared("predicted", predicted, probabilities.argmax(axis=-1), of_predicted >= top - PROBABILITY)
-    for field, expected in (("true_probability", true), ("top_probability", top)):
+    compared = [("true_probability", true), ("top_probability", top)]
+    if recorded.second_probability is not None:
+        compared.append((SECOND, np.sort(probabilities, axis=-1)[..., -2:-1].sum(axis=-1)))
+    for field, expected in compared:
         got = getattr(recorded, field)[rows]
         yield _Compared(field, got, expected, np.abs(got - expected) <= PROBABILITY)

@@ -1,6 +1,7 @@
 """What is kept of each frame of each episode, and read back."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 from ehar.errors import DataError
 from ehar.files import write_text
 from ehar.rollout import Record
-from eval.records.episodes import COLUMNS, DIGITS, episode_lines, join_records, read_episodes, record_episodes
+from eval.records.episodes import COLUMNS, DIGITS, SECOND, episode_lines, join_records, read_episodes, record_episodes
 from eval.records.run_files import EPISODES
 from tests.helpers.made_records import flown, make_records, three_planners
 
@@ -25,6 +26,7 @@ def test_records_keep_what_metrics_need() -> None:
     assert kept.correct.tolist() == [[False, True]]
     assert kept.true_probability.tolist() == [[0.2, 0.5]]
     assert kept.top_probability.tolist() == [[0.7, 0.5]]
+    assert kept.second_probability is not None and kept.second_probability.tolist() == [[0.2, 0.3]]
     assert kept.viewpoint[0, 0, 0] == round(1.23456789, DIGITS)
 
 
@@ -35,7 +37,7 @@ def test_records_read_back_are_the_records_written(tmp_path: Path) -> None:
     assert list(back) == list(records)
     for name, episodes in records.items():
         assert back[name].sequence == episodes.sequence
-        for field in (field for field in COLUMNS if field != "sequence"):
+        for field in (field for field in (*COLUMNS, SECOND) if field != "sequence"):
             np.testing.assert_array_equal(getattr(back[name], field), getattr(episodes, field))
 
 
@@ -97,6 +99,18 @@ def test_batches_of_flights_join_in_order() -> None:
     whole = join_records([flown(make_records(1)), flown(make_records(2), seed=5)])
     assert whole.flight is not None
     np.testing.assert_array_equal(whole.flight.effort[9:], np.random.default_rng(5).random((5, 9)).round(DIGITS)[3])
+
+
+def test_a_run_from_before_second_probabilities_is_read(tmp_path: Path) -> None:
+    records = make_records(0)
+    old = replace(records, second_probability=None)
+    (tmp_path / EPISODES).write_text("".join(episode_lines({"mine": old})))
+    assert read_episodes(tmp_path / EPISODES)["mine"].second_probability is None
+    assert join_records([old, records]).second_probability is None
+    both = [*list(episode_lines({"mine": old}))[:1], *list(episode_lines({"mine": records}))[1:]]
+    (tmp_path / EPISODES).write_text("".join(both))
+    with pytest.raises(DataError, match="line 2: some episodes have a second_probability, and others have none"):
+        read_episodes(tmp_path / EPISODES)
 
 
 def test_half_of_a_flight_is_no_flight(tmp_path: Path) -> None:

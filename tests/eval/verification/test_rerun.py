@@ -119,6 +119,7 @@ def test_noise_is_no_difference() -> None:
         ({"predicted": np.array([[0, 2]])}, "frame 1: predicted: got 2, expected 0"),
         ({"true_probability": np.array([[0.3, 0.4]])}, "frame 1: true_probability: got 0.4, expected 0.4495"),
         ({"top_probability": np.array([[0.7, 0.7]])}, "frame 0: top_probability: got 0.7, expected 0.6"),
+        ({"second_probability": np.array([[0.3, 0.2]])}, "frame 1: second_probability: got 0.2, expected 0.4495"),
     ],
 )
 def test_the_first_frame_that_was_seen_otherwise_is_named(changes: dict[str, np.ndarray], message: str) -> None:

@@ -234,6 +234,12 @@ EDITS: list[tuple[str, str, Callable[[Any], object], str]] = [
     (
         EPISODES,
         "records",
+        lambda rows: rows[3]["second_probability"].__setitem__(9, 0.9999999),
+        "second_probability: got 0.9999999, expected at most the top_probability",
+    ),
+    (
+        EPISODES,
+        "records",
         lambda rows: rows.__setitem__(slice(0, 2), rows[1::-1]),
         "episode 0 ('sequence-15' from frame ",
     ),

@@ -1,0 +1,153 @@
+"""Fits the rules to a price of waiting, on activities that they are not scored on; among them a backward induction."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.errors import DataError
+from eval.records.episodes import EpisodeRecords
+from eval.scores.deciding.rules import FixedTime, Rule, Sprt, Threshold, Words, decide, waited, words_of_records, worth
+
+BOUNDS = 200  # candidates of a threshold: quantiles of what was seen
+LONGEST_LOOK = 0.2  # share of the frames, from a frame on, that say together what waiting in that frame is worth
+RIDGE = (
+    0.003  # how strongly the slopes of what waiting is worth are drawn to zero; chosen on policy and validation parts
+)
+MOST_LEAD = 8.0  # log-odds against the second class that count as certain
+
+FittedRule = TypeVar("FittedRule", bound=Rule)
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Activities that rules are fitted on.
+
+    Args:
+        words: what was said of B activities.
+        label: (B,), their true classes.
+        seconds: duration of a frame [s].
+    """
+
+    words: Words
+    label: IntArray
+    seconds: float
+
+    def __post_init__(self) -> None:
+        """Raise DataError unless there is an activity, and a label for each."""
+        if not len(self.label) or len(self.label) != len(self.words.answer):
+            raise DataError(
+                f"deciding: expected a label for each activity, at least 1, got {len(self.label)} labels for "
+                f"{len(self.words.answer)} activities"
+            )
+
+    @property
+    def right(self) -> BoolArray:
+        """Whether an answer after each frame would be right, (B, T)."""
+        right: BoolArray = self.words.answer == self.label[:, None]
+        return right
+
+
+def seen_in(records: EpisodeRecords, seconds: float, *, second: bool = True) -> Seen:
+    """Return the episodes of a planner; each is one activity.
+
+    Args:
+        records: its records.
+        seconds: duration of a frame [s].
+        second: whether the probability of the second most probable class may be used, if it is recorded.
+    """
+    words = words_of_records(records)
+    return Seen(words if second else replace(words, second=None), records.label, seconds)
+
+
+def worth_of(rule: Rule, seen: Seen, price: float) -> FloatArray:
+    """Return what a rule's answers are worth at a price [points], (B,)."""
+    decisions = decide(rule, seen.words)
+    return worth(decisions.answer == seen.label, waited(decisions, seen.seconds), price)
+
+
+def fit_fixed_time(seen: Seen, price: float) -> FixedTime:
+    """Return the time that is worth most."""
+    return _best([FixedTime(frame) for frame in range(seen.words.shown.shape[1])], seen, price)
+
+
+def fit_threshold(seen: Seen, price: float) -> Threshold:
+    """Return the threshold that is worth most."""
+    return _best([Threshold(odds) for odds in _bounds(seen.words.odds, seen)], seen, price)
+
+
+def fit_sprt(seen: Seen, price: float) -> Sprt:
+    """Return the bound of the test that is worth most."""
+    return _best([Sprt(lead) for lead in _bounds(seen.words.lead, seen)], seen, price)
+
+
+def _best(rules: Sequence[FittedRule], seen: Seen, price: float) -> FittedRule:
+    """Return the rule that is worth most; of equals, the first."""
+    return max(rules, key=lambda rule: float(worth_of(rule, seen, price).mean()))
+
+
+def _bounds(values: FloatArray, seen: Seen) -> list[float]:
+    """Return candidates of a threshold on values (B, T), among them one that all reach, and one that nothing does."""
+    return [-np.inf, *np.quantile(values[seen.words.shown], np.linspace(0, 1, BOUNDS)).tolist(), np.inf]
+
+
+@dataclass(frozen=True, eq=False)
+class Induction:
+    """Answers once waiting is expected to cost more than it gains.
+
+    Args:
+        weights: (T, 5 or 3), what waiting is worth after each frame [points], for each of `_terms`; later frames count
+            as the last of these.
+    """
+
+    weights: FloatArray
+
+    def stops(self, words: Words) -> BoolArray:
+        """Return in which frames the rule would answer, (B, T)."""
+        frames = np.minimum(np.arange(words.shown.shape[1]), len(self.weights) - 1)
+        gain = np.einsum("btf,tf->bt", _terms(words), self.weights[frames])
+        no_gain: BoolArray = gain <= 0
+        return no_gain
+
+
+def fit_induction(seen: Seen, price: float) -> Induction:
+    """Return the rule that backward induction finds: from the last frame to the first, is it worth waiting?
+
+    The least-squares method of Longstaff & Schwartz, Valuing American Options by Simulation, Review of Financial
+    Studies 2001. In each frame the regression explains what waiting gains: what the answer is worth that the rule goes
+    on to give, less what the present answer is worth. The frames after it, up to `LONGEST_LOOK`, help to estimate it.
+    """
+    words = seen.words
+    terms, last = _terms(words), words.last
+    length = int(last.max()) + 1
+    count = terms.shape[-1]
+    now = worth(seen.right[:, :length], (np.arange(length) + 1) * seen.seconds, price)
+    value = np.take_along_axis(now, last[:, None], axis=1)[:, 0]  # of what the rule does from a frame on
+    gain = np.zeros_like(now)
+    weights = np.zeros((max(length - 1, 1), count))
+    window = max(1, round(LONGEST_LOOK * length))
+    penalty = RIDGE * np.diag([0.0] + [1.0] * (count - 1))
+    for frame in range(length - 2, -1, -1):
+        goes_on = last > frame
+        gain[:, frame] = value - now[:, frame]
+        near = slice(frame, min(frame + window, length - 1))
+        open_there = np.arange(near.start, near.stop) < last[:, None]
+        here, there = terms[:, near][open_there], gain[:, near][open_there]
+        weights[frame] = np.linalg.solve(here.T @ here / len(here) + penalty, here.T @ there / len(here))
+        value = np.where(goes_on & (terms[:, frame] @ weights[frame] <= 0), now[:, frame], value)
+    return Induction(weights)
+
+
+def _terms(words: Words) -> FloatArray:
+    """Return what the worth of waiting depends on, (B, T, 5): 1, and two polynomials of the second degree.
+
+    The one is of the probability that the answer is wrong, the other of its lead, 0 to 1, if that is known.
+    """
+    wrong = 1 - words.top
+    terms = [np.ones_like(wrong), wrong, wrong**2]
+    if words.second is not None:
+        lead = np.minimum(words.lead, MOST_LEAD) / MOST_LEAD
+        terms += [lead, lead**2]
+    return np.stack(terms, axis=-1)

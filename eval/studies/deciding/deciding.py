@@ -1,0 +1,159 @@
+"""What deciding once is worth in a run, as tables."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from ehar.arrays import FloatArray
+from ehar.data.recordings import UNKNOWN_SUBJECT
+from eval.render.tables import PRIVILEGED, Table, html, interval_text, text
+from eval.running.run import Run
+from eval.scores.deciding.curves import SPRT, DecidingOnce, WorthDifference
+from eval.scores.differences import excludes_zero
+from eval.scores.planner_summary import NO_ACT
+from eval.scores.summary_table import TOGETHER, BasisLines, basis_lines
+
+
+@dataclass(frozen=True, repr=False)
+class Deciding:
+    """What deciding once is worth in a run; it prints as tables, in a notebook as HTML.
+
+    Args:
+        run: the run.
+        fitted_on: the run that the rules were fitted on.
+        fitted_with: names of the planners whose episodes they were fitted on.
+        planners: whether each planner that is shown was handed the truth, by name.
+        accuracy: accuracy of each after every frame (L,), 0 to 1.
+        seconds: duration of a frame [s].
+        found: what was found.
+    """
+
+    run: Run
+    fitted_on: Run
+    fitted_with: tuple[str, ...]
+    planners: dict[str, bool]
+    accuracy: dict[str, FloatArray]
+    seconds: float
+    found: DecidingOnce
+
+    def tables(self) -> list[Table]:
+        """Return the tables: for each planner its answers and how rules differ, and then how planners differ."""
+        basis = basis_lines(self.found.basis, self.found.no_intervals)
+        tables = []
+        for planner in self.planners:
+            tables += [self._answers(planner, basis), self._rules(planner, basis)]
+        return [*tables, *self._planners(basis)]
+
+    def _named(self, planner: str) -> str:
+        return planner + PRIVILEGED * self.planners[planner]
+
+    def _answers(self, planner: str, basis: BasisLines) -> Table:
+        """Return accuracy and time of a planner at every price."""
+        of_rule = {curve.rule: curve for curve in self.found.curves if curve.planner == planner}
+        rows = zip(*(curve.points for curve in of_rule.values()), strict=True)
+        return Table(
+            title=f"{self.run.config.title}: {self._named(planner)} decides once, accuracy in percent [95 %] and time",
+            header=("points/s", *of_rule),
+            rows=tuple(
+                (
+                    f"{points[0].price:g}",
+                    *(
+                        f"{point.accuracy:.1f} {interval_text(point.accuracy_ci95)} in {point.seconds:.2f} s"
+                        for point in points
+                    ),
+                )
+                for points in rows
+            ),
+            footnotes=(
+                *basis.footnotes,
+                "A row is a price of waiting, for which each rule is fitted. The time is the mean over episodes.",
+                *self._footnotes(),
+            ),
+            notice=basis.notice,
+        )
+
+    def _rules(self, planner: str, basis: BasisLines) -> Table:
+        """Return how much more the last rules are worth than the first ones."""
+        found = self.found.rules[planner]
+        pairs = list(dict.fromkeys((of.one[1], of.other[1]) for of in found))
+        return _differences_table(
+            f"{self._named(planner)}: what answers of one rule are worth more than those of another, in points [95 %]",
+            tuple(f"{one} - {other}" for one, other in pairs),
+            found,
+            basis,
+        )
+
+    def _planners(self, basis: BasisLines) -> Iterator[Table]:
+        """Yield how much more each planner is worth than no-act."""
+        for planner, found in self.found.planners.items():
+            yield _differences_table(
+                f"What answers of {planner} are worth more than those of {NO_ACT}, by the same rule, in points [95 %]",
+                tuple(dict.fromkeys(of.one[1] for of in found)),
+                found,
+                basis,
+            )
+
+    def _footnotes(self) -> Iterator[str]:
+        """Yield on whom the rules were fitted."""
+        episodes = sum(len(self.fitted_on.episodes(name)) for name in self.fitted_with)
+        yield (
+            f"Rules were fitted on {episodes} episodes of {' and '.join(self.fitted_with)} on the "
+            f"{self.fitted_on.conditions.part} part, and are the same for every planner."
+        )
+        people, known = (_people(run) for run in (self.run, self.fitted_on))
+        if people is None or known is None:
+            yield "The data do not say whether other people performed there."
+        elif people & known:
+            yield f"{len(people & known)} of the {len(people)} people performed there too."
+        if SPRT not in {curve.rule for curve in self.found.curves}:
+            yield f"Without {SPRT}: a run is from before the second most probable class was recorded."
+        if any(self.planners.values()):
+            yield f"{PRIVILEGED} privileged: is handed the label and the future."
+
+    def __repr__(self) -> str:
+        """Return one line: the planners, and the run that rules were fitted on."""
+        return f"Deciding({self.run.config.title}: {', '.join(self.planners)}; fitted on {self.fitted_on.directory})"
+
+    def __str__(self) -> str:
+        """Return the tables."""
+        return text(*self.tables())
+
+    def _repr_html_(self) -> str:
+        """Return the tables for a notebook."""
+        return "".join(map(html, self.tables()))
+
+
+def _people(run: Run) -> set[int] | None:
+    """Return who performs in a run; None if the data do not name everybody."""
+    people = set(next(iter(run.records.values())).subjects.ravel().tolist())
+    return None if UNKNOWN_SUBJECT in people else people
+
+
+def _differences_table(
+    title: str, header: tuple[str, ...], found: Sequence[WorthDifference], basis: BasisLines
+) -> Table:
+    """Return a table of differences: a row for each price, a column for each kind, in the order of the differences."""
+    prices = list(dict.fromkeys(of.price for of in found))
+    columns = [found[start : start + len(prices)] for start in range(0, len(found), len(prices) or 1)]
+    return Table(
+        title=title,
+        header=("points/s", *header),
+        rows=tuple(
+            (
+                f"{price:g}",
+                *(f"{column[at].points:+.1f} {interval_text(column[at].ci95_corrected)}" for column in columns),
+            )
+            for at, price in enumerate(prices)
+        ),
+        footnotes=(
+            "Worth: accuracy in percent, less the price of the mean time. Bold: the interval excludes zero. "
+            f"{TOGETHER}",
+            *basis.footnotes,
+        ),
+        bold=frozenset(
+            (at, number)
+            for number, column in enumerate(columns, 1)
+            for at, of in enumerate(column)
+            if of.ci95_corrected is not None and excludes_zero(of.ci95_corrected)
+        ),
+        notice=basis.notice,
+    )

@@ -1,0 +1,173 @@
+"""Learns the belief in streams: how long activities last and what follows what, and what a frame tells."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.special import expit, gammaln
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.data.stream_data import NO_ACTIVITY, StreamData
+from ehar.errors import DataError
+from planners.value.stream_belief import VIEW_TERMS, StreamBeliefModel, read_streams
+from planners.value.view_basis import PAPER_RANGE, DistanceRange
+
+MOST_PHASES = 8  # the standard deviation of a duration is then a third of its mean
+GAP_SECONDS = 1.0  # the prior mean of a gap: joins of stitched streams last 0.5 to 1.5 s
+STEPS = 40  # most steps of L-BFGS
+
+# Means and standard deviations of a normal prior on the parameters of the evidence. The prior weighs as much as one
+# stream. It is centred on the recogniser's increments as they are, so scarce data changes little.
+WEIGHT_PRIOR = (0.0, 0.5)  # the constant of view_weights
+SLOPE_PRIOR = (0.0, 0.5)  # the others
+KEPT_PRIOR = (3.0, 2.0)  # the logit of kept
+
+
+class Spans(NamedTuple):
+    """The activities and gaps of some streams."""
+
+    classes: IntArray  # (N,)
+    seconds: FloatArray  # (N,)
+    gaps: FloatArray  # (G,), the durations of gaps [s], also at the beginning and end of a stream
+    followed: IntArray  # (n, 2), each activity and the next one of its stream
+    gap_after: IntArray  # (n,), 1 if there is a gap between these two, or else 0
+
+
+def learn_chain(streams: StreamData, part: IntArray) -> StreamBeliefModel:
+    """Return the belief with the durations and transitions of some streams; it takes increments as they are.
+
+    Counts are smoothed by one activity each: a duration by the mean over all activities, a transition by how often each
+    activity comes. The number of phases is the likeliest one, the same for all activities. Activities that the end of a
+    stream cuts off count as if they had ended there.
+
+    Args:
+        streams: streams with their segments.
+        part: indices of the streams to learn from, of the policy part.
+
+    Raises:
+        DataError: there are no streams, or one of the classes has no segment in them.
+    """
+    spans = spans_of(streams, part)
+    count = len(streams.class_names)
+    times = np.bincount(spans.classes, minlength=count)
+    if not times.all():
+        absent = ", ".join(repr(streams.class_names[label]) for label in np.flatnonzero(times == 0))
+        raise DataError(
+            f"{streams.name}: expected segments of every class in the {len(part)} streams that the belief learns from, "
+            f"got none of {absent}"
+        )
+    pooled = spans.seconds.mean()
+    mean = (np.bincount(spans.classes, weights=spans.seconds, minlength=count) + pooled) / (times + 1)
+    gap_mean = (spans.gaps.sum() + GAP_SECONDS) / (len(spans.gaps) + 1)
+    pairs = np.zeros((count, count))
+    np.add.at(pairs, tuple(spans.followed.T), 1)
+    gaps = np.bincount(spans.followed[:, 0], weights=spans.gap_after, minlength=count)
+    usual = (spans.gap_after.sum() + 0.5) / (len(spans.gap_after) + 1)
+    share = np.append(np.bincount(spans.classes, weights=spans.seconds, minlength=count), spans.gaps.sum())
+    share = share + pooled / (count + 1)
+    follows = pairs + times / times.sum()
+    return StreamBeliefModel(
+        follows=tuple(map(tuple, (follows / follows.sum(axis=1, keepdims=True)).tolist())),
+        rates=tuple((1 / mean).tolist()),
+        gap_share=tuple(((gaps + usual) / (pairs.sum(axis=1) + 1)).tolist()),
+        gap_rate=float(1 / gap_mean),
+        share=tuple((share / share.sum()).tolist()),
+        phases=likeliest_phases(spans.seconds, mean[spans.classes]),
+        gap_phases=likeliest_phases(spans.gaps, np.full(len(spans.gaps), gap_mean)),
+    )
+
+
+def spans_of(streams: StreamData, part: IntArray) -> Spans:
+    """Return the activities and gaps of the streams with these indices."""
+    kept = streams.segments[np.isin(streams.stream_of, part)]
+    stream = np.searchsorted(streams.offsets, kept[:, 0], side="right") - 1
+    same = stream[1:] == stream[:-1]
+    between = kept[1:, 0] - kept[:-1, 1]
+    gaps = [*between[same & (between > 0)].tolist()]
+    for index in part:
+        inside = kept[stream == index]
+        first, end = streams.offsets[index], streams.offsets[index + 1]
+        ends = (inside[0, 0] - first, end - inside[-1, 1]) if len(inside) else (end - first,)
+        gaps += [int(frames) for frames in ends if frames > 0]
+    return Spans(
+        classes=kept[:, 2],
+        seconds=(kept[:, 1] - kept[:, 0]) / streams.fps,
+        gaps=np.array(gaps, dtype=np.float64) / streams.fps,
+        followed=np.stack([kept[:-1, 2], kept[1:, 2]], axis=1)[same],
+        gap_after=(between > 0)[same].astype(np.int64),
+    )
+
+
+def likeliest_phases(seconds: FloatArray, means: FloatArray) -> int:
+    """Return the number of phases, up to `MOST_PHASES`, under which durations with these means are likeliest.
+
+    The sum of n phases of the rate n / mean has the Erlang distribution, the gamma distribution of shape n.
+
+    Args:
+        seconds: (N,), the durations [s]; if there are none, the answer is 1.
+        means: (N,), what each is expected to be [s].
+    """
+    shape = np.arange(1, MOST_PHASES + 1)[:, None]
+    scale = means / shape
+    log_likelihood = (shape - 1) * np.log(seconds) - seconds / scale - shape * np.log(scale) - gammaln(shape)
+    return int(log_likelihood.sum(axis=1).argmax()) + 1
+
+
+def fit_evidence(
+    model: StreamBeliefModel,
+    log_probs: FloatArray,
+    viewpoints: FloatArray,
+    labels: IntArray,
+    *,
+    fps: float,
+    viewpoint: bool = True,
+    span: DistanceRange = PAPER_RANGE,
+) -> StreamBeliefModel:
+    """Return the belief with the weights of evidence that minimise the mean NLL of recorded streams, with a weak prior.
+
+    The five parameters are few enough for finite differences. The same streams always give the same belief.
+
+    Args:
+        model: the belief with its transitions, which stay.
+        log_probs: (N, T, K + 1), the recogniser's log-probabilities after every frame of the policy part's streams.
+        viewpoints: (N, T, 3).
+        labels: (N, T), the true class of each frame; `NO_ACTIVITY` where there is none.
+        fps: frames per second.
+        viewpoint: whether a frame may tell more from some places than from others.
+        span: the range of distances of the world.
+
+    Raises:
+        DataError: there are no streams, or shapes disagree.
+    """
+    expected = (*labels.shape, model.classes + 1)
+    if not labels.size or log_probs.shape != expected or viewpoints.shape != (*labels.shape, 3):
+        raise DataError(
+            f"stream belief: expected at least one stream, log_probs {expected} and viewpoints {(*labels.shape, 3)}, "
+            f"got {log_probs.shape} and {viewpoints.shape}"
+        )
+    prior_weight = 0.5 / len(labels)
+    true = np.where(labels == NO_ACTIVITY, model.classes, labels)[..., None]
+
+    def loss(deviations: FloatArray) -> float:
+        candidate = _with_evidence(model, deviations, viewpoint, span)
+        believed = read_streams(candidate, log_probs, viewpoints, fps=fps)
+        of_true = np.take_along_axis(believed, true, axis=-1)
+        return float(-np.log(np.maximum(of_true, 1e-12)).mean() + prior_weight * np.square(deviations).sum())
+
+    found = minimize(loss, np.zeros(VIEW_TERMS + 1), method="L-BFGS-B", options={"maxiter": STEPS})
+    return _with_evidence(model, found.x, viewpoint, span)
+
+
+def _with_evidence(
+    model: StreamBeliefModel, deviations: FloatArray, viewpoint: bool, span: DistanceRange
+) -> StreamBeliefModel:
+    """Return the belief whose evidence lies `deviations` standard deviations from the prior means."""
+    (weight, weight_sd), (slope, slope_sd), (kept, kept_sd) = WEIGHT_PRIOR, SLOPE_PRIOR, KEPT_PRIOR
+    slopes = (slope + slope_sd * deviations[1:VIEW_TERMS]) * viewpoint
+    return replace(
+        model,
+        view_weights=(float(weight + weight_sd * deviations[0]), *slopes.tolist()),
+        kept=float(expit(kept + kept_sd * deviations[VIEW_TERMS])),
+        distances=(span.middle, span.half),
+    )

@@ -1,0 +1,95 @@
+"""A run is decided once by rules that another part's run was asked about."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from ehar.errors import DataError, EharError, UsageError
+from eval.cli.main import main
+from eval.records.episodes import EpisodeRecords
+from eval.studies.deciding.decide import decide
+from tests.helpers.made_records import make_records, write_finished
+
+FPS = 10.0
+SKILLS = {"no-act": 0.5, "random": 0.6, "nbv": 1.5, "oracle": 3.0}
+
+
+def episodes(part: str, row: int, skill: float, *, second: bool = True) -> EpisodeRecords:
+    held = make_records(row, skill=skill, episodes=40, people=4)
+    told = replace(held, sequence=tuple(f"{part} {name}" for name in held.sequence))
+    told = replace(told, subjects=held.subjects + (0 if part == "test" else 2))
+    return told if second else replace(told, second_probability=None)
+
+
+def run(folder: Path, part: str, *, second: bool = True, planners: tuple[str, ...] = tuple(SKILLS), **options) -> Path:
+    records = {
+        name: episodes(part, row + 10 * (part != "test"), SKILLS[name], second=second)
+        for row, name in enumerate(planners)
+    }
+    return write_finished(folder / part, records, part=part, **{"fps": FPS, **options})
+
+
+def test_the_command_prints_tables_and_draws_curves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scored, fitted = run(tmp_path, "test"), run(tmp_path, "policy", planners=("no-act", "nbv", "oracle"))
+    main(["study", "decide", str(scored), "--fitted-on", str(fitted), "--out", str(tmp_path / "out")])
+    assert "decides once" in capsys.readouterr().out
+    assert (tmp_path / "out" / "table.md").is_file()
+    assert (tmp_path / "out" / "deciding.png").is_file() and (tmp_path / "out" / "deciding.svg").is_file()
+    found = decide(scored, fitted_on=fitted)
+    assert tuple(found.planners) == ("no-act", "nbv", "oracle")
+    assert found.fitted_with == ("no-act", "nbv")  # the oracle is told, so it says nothing about when to answer
+    tables = found.tables()
+    assert len(tables) == 7
+    answers, rules = tables[2:4]
+    assert answers.header == ("points/s", "fixed time", "threshold", "sprt", "induction")
+    assert len(answers.rows) == len(rules.rows) == 12
+    point = next(curve for curve in found.found.curves if (curve.planner, curve.rule) == ("nbv", "sprt")).points[0]
+    assert str(answers.rows[0][3]).startswith(f"{point.accuracy:.1f} [")
+    assert str(answers.rows[0][3]).endswith(f"in {point.seconds:.2f} s")
+    assert any("80 episodes of no-act and nbv on the policy part" in note for note in answers.footnotes)
+    assert any("2 of the 4 people performed there too" in note for note in answers.footnotes)
+    assert tables[-1].title.startswith("What answers of nbv are worth more than those of no-act")
+    assert repr(found).startswith("Deciding(tiny (synthetic)")
+    assert "decides once" in str(found) and "<table" in found._repr_html_()
+
+
+def test_planners_can_be_named(tmp_path: Path) -> None:
+    scored, fitted = run(tmp_path, "test"), run(tmp_path, "policy")
+    found = decide(scored, fitted_on=fitted, planners=("random",))
+    assert tuple(found.planners) == ("random",) and len(found.tables()) == 2
+    with pytest.raises(UsageError, match="no planner 'dagger'; expected one of: no-act"):
+        decide(scored, fitted_on=fitted, planners=("dagger",))
+
+
+def test_older_runs_are_decided_without_the_matrix_test(tmp_path: Path) -> None:
+    found = decide(run(tmp_path, "test", second=False), fitted_on=run(tmp_path, "policy"))
+    answers = found.tables()[0]
+    assert answers.header == ("points/s", "fixed time", "threshold", "induction")
+    assert any(note.startswith("Without sprt: a run is from before") for note in answers.footnotes)
+
+
+def test_what_cannot_be_decided_is_refused(tmp_path: Path) -> None:
+    def refused(scored: Path, fitted: Path, kind: type[EharError], message: str) -> None:
+        with pytest.raises(kind, match=message):
+            decide(scored, fitted_on=fitted)
+
+    test = run(tmp_path, "test")
+    refused(
+        test, test, UsageError, "expected rules to be fitted on another part than they are scored on, got test twice"
+    )
+    refused(test, run(tmp_path / "a", "policy", sensor="estimator"), UsageError, "they differ in sensor")
+    refused(test, run(tmp_path / "b", "policy", recogniser_sha256="2"), UsageError, "they differ in recogniser")
+    refused(test, run(tmp_path / "c", "policy", planners=("oracle",)), UsageError, "a planner without the truth to fit")
+    same = run(tmp_path / "d", "policy")
+    config = json.loads((test / "config.json").read_text())
+    (test / "config.json").write_text(json.dumps({**config, "part": "validation"}))
+    (same / "episodes.jsonl").write_text((test / "episodes.jsonl").read_text())
+    refused(test, same, DataError, "expected parts that share no sequence")
+
+
+def test_the_frame_rate_of_the_data_is_asked_for(tmp_path: Path) -> None:
+    scored, fitted = (run(tmp_path, part, fps=None, source="solo") for part in ("test", "policy"))
+    with pytest.raises(DataError, match=r"solo: expected the data of .*test, got others"):
+        decide(scored, fitted_on=fitted)
