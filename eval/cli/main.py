@@ -70,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(f"ehar: error: {error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt as interrupt:
-        print(f"ehar: interrupted: {interrupt or 'nothing was written'}", file=sys.stderr)
+        print(": ".join(("ehar: interrupted", *map(str, interrupt.args))), file=sys.stderr)
         sys.exit(130)
 
 

@@ -133,6 +133,7 @@ def run_planners(
     Raises:
         EpisodeError: a planner broke its contract.
         UsageError: a result cannot be kept.
+        KeyboardInterrupt: Ctrl-C.
     """
     finished = {} if finished is None else finished
     jobs = jobs_of(len(planners), workload.episodes)
@@ -152,6 +153,8 @@ def run_planners(
             for job, result in run:
                 finished[job] = result
                 reporter.advance(planners[job.planner].name)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("nothing was written") from None  # who keeps finished jobs says so instead
     finally:
         reporter.end()
     return {

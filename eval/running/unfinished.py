@@ -84,7 +84,7 @@ class UnfinishedRun:
                 if not done:
                     self._remove()
                 kept = f"{done} of {len(jobs)} jobs are in {self.folder}; the same command goes on"
-                raise KeyboardInterrupt(kept if done else "") from None
+                raise KeyboardInterrupt(kept if done else "nothing was written") from None
             except EpisodeError:
                 self._remove()
                 raise

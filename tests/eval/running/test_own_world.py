@@ -121,7 +121,7 @@ def test_what_is_wrong_ends_in_one_line(
 def test_what_cannot_be_sent_to_a_worker_is_said(lab: Path) -> None:
     recogniser = FakeRecogniser(quality=(value for value in ()))  # type: ignore[arg-type]
     with pytest.raises(UsageError, match=r"^the recogniser, the sensor or the motion cannot be sent to a worker"):
-        benchmark(["no-act"], told(recogniser=recogniser), workers=2, reporter=Log())
+        benchmark(["no-act", "random"], told(recogniser=recogniser), workers=2, reporter=Log())
 
 
 @pytest.mark.slow

@@ -128,7 +128,7 @@ def test_a_run_that_is_stopped_before_a_job_is_done_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Log, "begin", lambda *_: os.kill(os.getpid(), signal.SIGINT))
-    assert str(stop(tmp_path / "run", after=1)) == ""
+    assert str(stop(tmp_path / "run", after=1)) == "nothing was written"
     assert not (tmp_path / "run").exists()
 
 

@@ -87,3 +87,15 @@ def test_it_writes_numbers_tables_and_a_figure(result: Headroom, tmp_path: Path)
     assert names == {"config.json", "headroom.json", "table.md", "headroom.png", "headroom.svg"}
     assert "tiny (synthetic)" in headroom_tables(result)[0].title
     assert "upper bound" in (tmp_path / "out" / "table.md").read_text()
+
+
+def test_who_keeps_nothing_when_interrupted_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    module = types.ModuleType("recognition.storage")
+    module.load_recogniser = lambda *_, **__: SidedRecogniser()  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "recognition.storage", module)
+    monkeypatch.setattr("eval.running.jobs._run_chunk", interrupted)
+    with pytest.raises(KeyboardInterrupt, match="nothing was written"):
+        headroom(Conditions(data=tiny_data(sequences=42), length=10), reporter=Log())
