@@ -12,6 +12,7 @@ from ehar.errors import ModelError, UsageError
 from ehar.runner import Runner
 from ehar.track import load_track
 from ehar.world import World, by_name, load_world
+from recognition.devices import check_device
 from recognition.own_recogniser import resolve_recogniser
 
 
@@ -26,6 +27,7 @@ class Setting:
         form: form of the recogniser; for your own, its name in tables.
         sensor_sha256: hash of the file and arguments of your own sensor; None for a sensor of ehar.
         trained_length: number of frames of the clips that the recogniser was trained on; None for your own.
+        device: torch device of our recogniser.
     """
 
     conditions: Conditions
@@ -34,6 +36,7 @@ class Setting:
     form: str
     sensor_sha256: str | None = None
     trained_length: int | None = None
+    device: str = "cpu"
 
     @property
     def world(self) -> World:
@@ -102,6 +105,9 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     from ehar.sensors.registry import load_sensor
     from recognition.storage import load_recogniser
 
+    check_device(device)
+    if conditions.recogniser is not None and device != "cpu":
+        raise UsageError(f"--device {device}: expected none beside your own recogniser, which decides it itself")
     world = load_world(conditions.world)
     track = load_track(conditions.track, world.workspace)
     data = load_motion_of(conditions)
@@ -120,7 +126,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
         return Setting(replace(named, recogniser=own.spec), runner, own.sha256, own.title, loaded.sha256)
     trained = load_recogniser(conditions, data, device=device)
     runner = Runner(data, trained, loaded.sensor, track, world)
-    return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256, trained.spec.length)
+    return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256, trained.spec.length, device)
 
 
 def refuse_loss(path: Path, setting: Setting, load: Callable[[Conditions, MotionData, str], object]) -> None:

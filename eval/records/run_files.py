@@ -38,7 +38,8 @@ def check_out(out: Path, config: Mapping[str, Any]) -> None:
         found = held.get("schema", SCHEMA)  # a run without a schema number may be overwritten
         if found != SCHEMA:
             raise UsageError(f"{out}: holds a run of schema {found!r}, expected {SCHEMA}; choose another --out")
-        later = {"world": json.loads(json.dumps(asdict(PAPER))), "trained_lengths": wanted.get("trained_lengths")}
+        later = {"world": json.loads(json.dumps(asdict(PAPER))), "device": "cpu"}
+        later["trained_lengths"] = wanted.get("trained_lengths")
         held = {**later, **held, "schema": SCHEMA, "planners": _with_later_fields(held.get("planners"))}
     differing = [name for name in {**wanted, **held} if held.get(name) != wanted.get(name)]
     if differing:

@@ -12,7 +12,7 @@ from eval.records.episodes import EpisodeRecords
 from eval.records.run_files import check_out
 from eval.running.accuracy_kept import read_ideal_run
 from eval.running.choice import READOUTS, ModelPlace, choose_planners, listed
-from eval.running.episodes import cut_scenarios, random_starts
+from eval.running.episodes import CHUNKS_ON_DEVICE, cut_scenarios, random_starts
 from eval.running.jobs import Interrupted, PlannerRun, Workload, run_planners
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.running.run import Run, write_records
@@ -29,6 +29,7 @@ def benchmark(
     ideal: str | Path | None = None,
     out: str | Path | None = None,
     workers: int = 1,
+    device: str = "cpu",
     reporter: Reporter | None = None,
 ) -> Run:
     """Run planners on test episodes, and say how well each did.
@@ -45,6 +46,7 @@ def benchmark(
         ideal: finished run on the ideal track to compare flights with.
         out: folder for records, tables and the accuracy curve.
         workers: processes; numbers do not depend on it.
+        device: device of our recogniser: cpu or cuda; a GPU takes 512 episodes at once, and rounds otherwise.
         reporter: is told of progress; None reports on standard error.
 
     Returns:
@@ -59,7 +61,7 @@ def benchmark(
         raise UsageError(f"unknown readout {readout!r}; expected {' or '.join(READOUTS)}")
     check_workers(workers)
     specs, directory = listed(planners), None if out is None else Path(out)
-    setting = load_setting(conditions)
+    setting = load_setting(conditions, device=device)
     scenarios = cut_scenarios(setting.data, setting.sequences, conditions.length, reporter.note)
     choice = choose_planners(specs, ModelPlace.of(setting), readout=readout, note=reporter.note)
     chosen, origins, model = choice
@@ -78,7 +80,7 @@ def benchmark(
     on_ideal = None if ideal is None else read_ideal_run(Path(ideal), config)
     belief = model.belief if model is not None and readout == "belief" else None
     episodes = random_starts(scenarios, conditions.starts, conditions.seed, setting.world)
-    workload = Workload(setting.runner, episodes, belief)
+    workload = Workload(setting.runner, episodes, belief, 1 if device == "cpu" else CHUNKS_ON_DEVICE)
     try:
         runs = run_planners(workload, chosen, workers=workers, reporter=reporter)
     except Interrupted as interrupted:

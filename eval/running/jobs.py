@@ -1,7 +1,8 @@
 """Runs planners over episodes in jobs of one planner and one chunk, here or in worker processes.
 
 A job computes the same numbers for any number of workers: its chunk, its seeds and its single torch thread do not
-depend on where it runs.
+depend on where it runs. On a GPU a job has several chunks in lockstep; each keeps its noise and its planner's random
+numbers, so that only rounding differs.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,6 +22,7 @@ from eval.records.flights import flights_of
 from eval.records.solves import Solves, join_solves, solves_of
 from eval.running.episodes import Episodes
 from eval.running.progress import Reporter
+from eval.running.side_by_side import SideBySide
 
 if TYPE_CHECKING:
     from planners.value.belief import BeliefModel
@@ -28,17 +30,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Workload:
-    """All that jobs share: a job adds its planner and the index of its chunk.
+    """All that jobs share: a job adds its planner and the index of its first chunk.
 
     Args:
         runner: runs all planners.
         episodes: the episodes that all planners run.
         belief: gives the scored probabilities in place of the recogniser; planners act the same with it.
+        together: number of chunks that run in lockstep.
     """
 
     runner: Runner
     episodes: Episodes
     belief: "BeliefModel | None" = None
+    together: int = 1
 
     def roll(self, planner: Planner, batch: Batch, chunk: int, motion: Motion) -> Record:
         """Run one planner over a batch; the record has the scored probabilities.
@@ -77,13 +81,14 @@ class PlannerRun(NamedTuple):
 
 class _Job(NamedTuple):
     planner: int
-    chunk: int
+    chunk: int  # the first one
 
 
 class _Done(NamedTuple):
     records: EpisodeRecords
     plan_seconds: float
     solves: Solves | None
+    chunks: int
 
 
 class Interrupted(KeyboardInterrupt):
@@ -104,7 +109,11 @@ def run_planners(
         EpisodeError: a planner broke its contract.
         Interrupted: Ctrl-C; it carries what was finished.
     """
-    jobs = [_Job(planner, chunk) for planner in range(len(planners)) for chunk in range(workload.episodes.chunks)]
+    jobs = [
+        _Job(planner, chunk)
+        for planner in range(len(planners))
+        for chunk in range(0, workload.episodes.chunks, workload.together)
+    ]
     done: dict[_Job, _Done] = {}
     reporter.begin(len(jobs))
     try:
@@ -132,15 +141,23 @@ def _join(planners: Sequence[Planner], done: dict[_Job, _Done]) -> dict[str, Pla
                 sum(piece.plan_seconds for piece in pieces),
                 join_solves([piece.solves for piece in pieces]),
             )
-            runs[planner.name] = PlannerRun(records, seconds, len(pieces), solves)
+            runs[planner.name] = PlannerRun(records, seconds, sum(piece.chunks for piece in pieces), solves)
     return runs
 
 
-def _run_chunk(workload: Workload, planner: Planner, chunk: int) -> _Done:
-    """Run one planner over one chunk, and return its records."""
-    episodes = workload.episodes.chunk(chunk)
+def _run_chunks(workload: Workload, planner: Planner, first: int) -> _Done:
+    """Run one planner over the chunks of a job, and return its records."""
+    together = range(first, min(first + workload.together, workload.episodes.chunks))
+    parts = [workload.episodes.chunk(chunk) for chunk in together]
+    planners, rolled = (planner,), planner
+    if len(parts) > 1 and not planner.privileged:  # the truth is that of a whole batch, so its planner is one
+        sent = payload(planner, f"planner {planner.name!r}")
+        planners = tuple(cloudpickle.loads(sent) for _ in parts)
+        generators = [workload.episodes.planner_rng(planner.name, chunk) for chunk in together]
+        rolled = SideBySide(planners, [len(part) for part in parts], generators)
     motion = workload.runner.new_motion()
-    record = workload.roll(planner, workload.episodes.batch(chunk), chunk, motion)
+    record = workload.roll(rolled, workload.episodes.batches(together), first, motion)
+    episodes = workload.episodes.chunk(first, len(parts))
     records = record_episodes(
         record,
         sequence=episodes.sequence_names,
@@ -150,13 +167,13 @@ def _run_chunk(workload: Workload, planner: Planner, chunk: int) -> _Done:
         subjects=episodes.subjects,
         flight=flights_of(motion),
     )
-    return _Done(records, record.plan_seconds, solves_of(planner))
+    return _Done(records, record.plan_seconds, join_solves([solves_of(one) for one in planners]), len(parts))
 
 
 def _run_here(workload: Workload, planners: Sequence[Planner], jobs: Sequence[_Job]) -> Iterator[tuple[_Job, _Done]]:
     """Run the jobs in this process."""
     for job in jobs:
-        yield job, _run_chunk(workload, planners[job.planner], job.chunk)
+        yield job, _run_chunks(workload, planners[job.planner], job.chunk)
 
 
 def _run_in_workers(
@@ -187,4 +204,4 @@ def _start_worker(sent: bytes) -> None:
 
 def _run_in_worker(sent: bytes, chunk: int) -> _Done:
     """Unpickle a planner, and run it over one chunk."""
-    return _run_chunk(_worker_workload, cloudpickle.loads(sent), chunk)
+    return _run_chunks(_worker_workload, cloudpickle.loads(sent), chunk)

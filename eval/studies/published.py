@@ -15,6 +15,7 @@ from ehar.data.source import load_data
 from ehar.errors import UsageError
 from ehar.files import json_text, write_text
 from eval.render.tables import Table, html, markdown, text
+from recognition.devices import check_device
 from recognition.networks.sizes import Size
 from recognition.published.clips import STREAMS
 from recognition.published.training import RATIOS, PublishedRun, accuracies, train_published
@@ -146,6 +147,7 @@ def published(
     for name, value in (("seeds", seeds), ("epochs", epochs)):
         if value < 1:
             raise UsageError(f"--{name}: got {value}, expected at least 1")
+    check_device(device)
     if threads:
         torch.set_num_threads(threads)
     motion, folder = load_data(data), Path(out)
