@@ -14,6 +14,7 @@ from ehar.errors import ModelError, UsageError
 from ehar.runner import Runner
 from ehar.track import load_track
 from ehar.world import World, by_name, load_world
+from recognition.devices import check_device
 from recognition.own_recogniser import resolve_recogniser
 
 EPISODE = 30.0  # [s], the usual length of an episode of a stream
@@ -30,6 +31,7 @@ class Setting:
         form: form of the recogniser; for your own, its name in tables.
         sensor_sha256: hash of the file and arguments of your own sensor; None for a sensor of ehar.
         trained_length: number of frames of the clips that the recogniser was trained on; None for your own.
+        device: torch device of our recogniser.
     """
 
     conditions: Conditions
@@ -38,6 +40,7 @@ class Setting:
     form: str
     sensor_sha256: str | None = None
     trained_length: int | None = None
+    device: str = "cpu"
 
     @property
     def world(self) -> World:
@@ -144,6 +147,9 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     from ehar.sensors.registry import load_sensor
     from recognition.storage import load_recogniser
 
+    check_device(device)
+    if conditions.recogniser is not None and device != "cpu":
+        raise UsageError(f"--device {device}: expected none beside your own recogniser, which decides it itself")
     world = load_world(conditions.world)
     track = load_track(conditions.track, world.workspace)
     data = load_recordings_of(conditions)
@@ -164,7 +170,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     trained = load_recogniser(told, data, device=device)  # whose errors suggest what was told
     runner = Runner(data, trained, loaded.sensor, track, world)
     length = None if trained.spec.fading else trained.spec.length  # what fades is not meant for one length
-    return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256, length)
+    return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256, length, device)
 
 
 def refuse_loss(path: Path, setting: Setting, load: Callable[[Conditions, MotionData, str], object]) -> None:

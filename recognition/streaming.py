@@ -13,10 +13,12 @@ from ehar.data.skeleton_tree import parents
 from ehar.recogniser import Recognition
 from ehar.sensors.sensor import Sensed
 from recognition.calibration import Temperature
+from recognition.freed_memory import keep_freed_memory
 from recognition.networks.causal import CausalCTRGCN, StreamingState
 from recognition.networks.ctrgcn import CTRGCN
 from recognition.networks.features import features, with_view
 from recognition.networks.spec import NetworkSpec
+from recognition.networks.stepper import CausalStepper
 
 FRAMES_AT_ONCE = 256  # frames that the published network takes in one call on a CPU: 2 MB fit into its cache
 
@@ -73,7 +75,7 @@ class StreamingRecogniserState:
 
     def reset(self, mask: BoolArray) -> "StreamingRecogniserState":
         """Return a state in which the episodes of `mask` (B,) have seen nothing yet."""
-        rows = torch.from_numpy(np.asarray(mask, dtype=bool)).to(self.network.count.device)
+        rows = torch.from_numpy(np.asarray(mask, dtype=bool))
         return StreamingRecogniserState(self.network.reset(rows))
 
 
@@ -92,14 +94,15 @@ class StreamingRecogniser(_Recogniser):
         self, *, network: CausalCTRGCN, spec: NetworkSpec, temperature: Temperature, sha256: str, device: str = "cpu"
     ) -> None:
         """Put the network in evaluation mode on the device."""
-        super().__init__(network, spec, temperature, sha256, device)
-        self._network = network
+        self._stepper = CausalStepper(network.eval())
+        super().__init__(self._stepper, spec, temperature, sha256, device)
         self.embedding_size = network.embedding_size
 
     def start(self, episodes: int) -> StreamingRecogniserState:
         """Return the state of B episodes that have seen nothing."""
+        keep_freed_memory()  # here, as it counts for a process: a recogniser is made in one and runs in others
         with torch.inference_mode():
-            return StreamingRecogniserState(self._network.start(episodes, self.spec.persons))
+            return StreamingRecogniserState(self._stepper.start(episodes, self.spec.persons))
 
     def step(
         self, state: StreamingRecogniserState, sensed: Sensed, viewpoint: FloatArray
@@ -108,8 +111,8 @@ class StreamingRecogniser(_Recogniser):
         with torch.inference_mode():
             forked = state.network.forks > 1
             seen = with_view(self._features(sensed, viewpoint), self._to_device(viewpoint))
-            logits, embedding, after = self._network.step(seen if forked else seen[:, None], state.network)
-            recognition = self._recognition(logits, embedding, after.count.cpu().numpy())
+            logits, embedding, after = self._stepper.step(seen if forked else seen[:, None], state.network)
+            recognition = self._recognition(logits, embedding, after.count)
         if not forked:
             recognition = Recognition(*(array[:, 0] for array in recognition))
         return recognition, StreamingRecogniserState(after)

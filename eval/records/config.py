@@ -57,6 +57,7 @@ class RunConfig:
         track_sha256: hash of the file and arguments of your own motion; None for a track of ehar.
         trained_lengths: number of frames of an episode in the training of the recogniser, the gain field and each
             agent, as far as they are known; None in runs from before it was recorded.
+        device: torch device of the recogniser; another one rounds otherwise.
     """
 
     conditions: Conditions
@@ -74,6 +75,7 @@ class RunConfig:
     sensor_sha256: str | None = None
     track_sha256: str | None = None
     trained_lengths: dict[str, int] | None = None
+    device: str = "cpu"
 
     @property
     def world(self) -> World:
@@ -110,7 +112,7 @@ _TOLD = {key: name for name, key in _KEY_OF.items()}
 KEYS = (  # of config.json, in the order of the file
     *("schema", "source", "data", "data_sha256", "models", "recogniser_sha256", "sensor", "views", "form", "track"),
     *("vehicle", "readout", "part", "gain_model_sha256", "starts", "seed", "length", "fps", "ideal", "planners"),
-    *("versions", "recogniser", "sensor_sha256", "track_sha256", "world", "trained_lengths"),
+    *("versions", "recogniser", "sensor_sha256", "track_sha256", "world", "trained_lengths", "device"),
 )
 LATER: dict[str, Any] = {  # a file without one of these means its default
     "schema": SCHEMA,
@@ -120,6 +122,7 @@ LATER: dict[str, Any] = {  # a file without one of these means its default
     "track_sha256": None,
     "world": PAPER,
     "trained_lengths": None,
+    "device": "cpu",
 }
 
 
@@ -152,6 +155,7 @@ def run_config(
         sensor_sha256=setting.sensor_sha256,
         track_sha256=setting.track_sha256,
         trained_lengths={name: frames for name, frames in trained.items() if frames is not None},
+        device=setting.device,
     )
 
 

@@ -14,7 +14,7 @@ from eval.records.run_files import check_out
 from eval.running.accuracy_kept import read_ideal_run
 from eval.running.choice import READOUTS, ModelPlace, choose_planners, listed
 from eval.running.cluster import Engine, cluster_of
-from eval.running.episodes import cut_scenarios, random_starts
+from eval.running.episodes import CHUNKS_ON_DEVICE, cut_scenarios, random_starts
 from eval.running.jobs import FinishedJobs, PlannerRun, Workload, jobs_of, run_planners
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.running.run import Run
@@ -34,6 +34,7 @@ def benchmark(
     workers: int = 1,
     engine: Engine = "processes",
     address: str | None = None,
+    device: str = "cpu",
     reporter: Reporter | None = None,
 ) -> Run:
     """Run planners on test episodes, and say how well each did.
@@ -54,6 +55,7 @@ def benchmark(
         workers: processes; numbers do not depend on it.
         engine: processes of this machine, or ray: those of a cluster. Numbers do not depend on it either.
         address: address of a running Ray cluster, or auto; None starts one here.
+        device: device of our recogniser: cpu or cuda; a GPU takes 512 episodes at once, and rounds otherwise.
         reporter: is told of progress; None reports on standard error.
 
     Returns:
@@ -69,7 +71,7 @@ def benchmark(
     check_workers(workers)
     cluster = cluster_of(engine, address, workers)
     specs, directory = listed(planners), None if out is None else Path(out)
-    setting = load_setting(conditions)
+    setting = load_setting(conditions, device=device)
     conditions = setting.conditions
     scenarios = cut_scenarios(setting.recordings, setting.sequences, conditions.length, reporter.note)
     choice = choose_planners(specs, ModelPlace.of(setting), readout=readout, note=reporter.note)
@@ -89,7 +91,7 @@ def benchmark(
     on_ideal = None if ideal is None else read_ideal_run(Path(ideal), config)
     belief = model.belief if model is not None and readout == "belief" else None
     episodes = random_starts(scenarios, conditions.starts, conditions.seed, setting.world)
-    workload = Workload(setting.runner, episodes, belief)
+    workload = Workload(setting.runner, episodes, belief, 1 if device == "cpu" else CHUNKS_ON_DEVICE)
 
     def measured(finished: FinishedJobs | None) -> Run:
         runs = run_planners(workload, chosen, workers=workers, reporter=reporter, finished=finished, cluster=cluster)
@@ -98,7 +100,7 @@ def benchmark(
 
     if directory is None:
         return measured(None)
-    unfinished, jobs = UnfinishedRun(directory, config), jobs_of(len(chosen), episodes)
+    unfinished, jobs = UnfinishedRun(directory, config), jobs_of(len(chosen), workload)
     with unfinished.opened(jobs, anew=not _are_named(specs, conditions), note=reporter.note):
         run = measured(unfinished)
         unfinished.finish(run)

@@ -1,7 +1,8 @@
 """Runs planners over episodes in jobs of one planner and one chunk: here, in worker processes, or on a cluster.
 
 A job computes the same numbers for any number of workers: its chunk, its seeds and its single torch thread do not
-depend on where it runs.
+depend on where it runs. On a GPU a job has several chunks in lockstep; each keeps its noise and its planner's random
+numbers, so that only rounding differs.
 """
 
 from collections.abc import Generator, Sequence
@@ -22,6 +23,7 @@ from eval.records.solves import Solves, join_solves, solves_of
 from eval.running.cluster import Cluster
 from eval.running.episodes import Episodes
 from eval.running.progress import Reporter
+from eval.running.side_by_side import SideBySide
 
 if TYPE_CHECKING:
     from planners.value.belief import BeliefModel
@@ -29,17 +31,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Workload:
-    """All that jobs share: a job adds its planner and the index of its chunk.
+    """All that jobs share: a job adds its planner and the index of its first chunk.
 
     Args:
         runner: runs all planners.
         episodes: the episodes that all planners run.
         belief: gives the scored probabilities in place of the recogniser; planners act the same with it.
+        together: number of chunks that run in lockstep.
     """
 
     runner: Runner
     episodes: Episodes
     belief: "BeliefModel | None" = None
+    together: int = 1
 
     def roll(self, planner: Planner, batch: Batch, chunk: int, motion: Motion) -> Record:
         """Run one planner over a batch; the record has the scored probabilities.
@@ -79,7 +83,7 @@ class Job(NamedTuple):
     """One planner on one chunk, by their numbers."""
 
     planner: int
-    chunk: int
+    chunk: int  # the first one
 
 
 class Done(NamedTuple):
@@ -106,9 +110,10 @@ class FinishedJobs(Protocol):
         ...
 
 
-def jobs_of(planners: int, episodes: Episodes) -> list[Job]:
+def jobs_of(planners: int, workload: Workload) -> list[Job]:
     """Return the jobs of so many planners on all episodes, in the order of the records."""
-    return [Job(planner, chunk) for planner in range(planners) for chunk in range(episodes.chunks)]
+    firsts = range(0, workload.episodes.chunks, workload.together)
+    return [Job(planner, first) for planner in range(planners) for first in firsts]
 
 
 def run_planners(
@@ -136,7 +141,7 @@ def run_planners(
         KeyboardInterrupt: Ctrl-C.
     """
     finished = {} if finished is None else finished
-    jobs = jobs_of(len(planners), workload.episodes)
+    jobs = jobs_of(len(planners), workload)
     missing = [job for job in jobs if job not in finished]
     reporter.begin(len(missing))
     try:
@@ -172,11 +177,19 @@ def _joined(pieces: Sequence[Done]) -> PlannerRun:
     )
 
 
-def _run_chunk(workload: Workload, planner: Planner, chunk: int) -> Done:
-    """Run one planner over one chunk, and return its records."""
-    episodes = workload.episodes.chunk(chunk)
+def _run_chunks(workload: Workload, planner: Planner, first: int) -> Done:
+    """Run one planner over the chunks of a job, and return its records."""
+    together = range(first, min(first + workload.together, workload.episodes.chunks))
+    parts = [workload.episodes.chunk(chunk) for chunk in together]
+    planners, rolled = (planner,), planner
+    if len(parts) > 1 and not planner.privileged:  # the truth is that of a whole batch, so its planner is one
+        sent = payload(planner, f"planner {planner.name!r}")
+        planners = tuple(cloudpickle.loads(sent) for _ in parts)
+        generators = [workload.episodes.planner_rng(planner.name, chunk) for chunk in together]
+        rolled = SideBySide(planners, [len(part) for part in parts], generators)
     motion = workload.runner.new_motion()
-    record = workload.roll(planner, workload.episodes.batch(chunk), chunk, motion)
+    record = workload.roll(rolled, workload.episodes.batches(together), first, motion)
+    episodes = workload.episodes.chunk(first, len(parts))
     records = record_episodes(
         record,
         sequence=episodes.sequence_names,
@@ -186,7 +199,7 @@ def _run_chunk(workload: Workload, planner: Planner, chunk: int) -> Done:
         subjects=episodes.subjects,
         flight=flights_of(motion),
     )
-    return Done(records, record.plan_seconds, solves_of(planner))
+    return Done(records, record.plan_seconds, join_solves([solves_of(one) for one in planners]))
 
 
 def _run_here(
@@ -194,10 +207,10 @@ def _run_here(
 ) -> Generator[tuple[Job, Done], None, None]:
     """Run the jobs in this process."""
     for job in jobs:
-        yield job, _run_chunk(workload, planners[job.planner], job.chunk)
+        yield job, _run_chunks(workload, planners[job.planner], job.chunk)
 
 
 def _run_sent(sent: tuple[Workload, Sequence[bytes]], job: Job) -> Done:
     """Run a job in another process, with a fresh copy of its planner."""
     workload, planners = sent
-    return _run_chunk(workload, cloudpickle.loads(planners[job.planner]), job.chunk)
+    return _run_chunks(workload, cloudpickle.loads(planners[job.planner]), job.chunk)

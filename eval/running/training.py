@@ -109,12 +109,12 @@ class TrainAllConfig:
     @property
     def gain_field(self) -> GainTrainingConfig:
         """The configuration of the gain field's training."""
-        return GainTrainingConfig(conditions=self.with_models, workers=self.workers)
+        return GainTrainingConfig(conditions=self.with_models, workers=self.workers, device=self.device)
 
     @property
     def fixed_best(self) -> FixedBestConfig:
         """The configuration of the fit of `fixed-best`."""
-        return FixedBestConfig(conditions=self.with_models, workers=self.workers)
+        return FixedBestConfig(conditions=self.with_models, workers=self.workers, device=self.device)
 
     @property
     def agents(self) -> AgentTrainingConfig:

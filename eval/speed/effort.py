@@ -20,6 +20,7 @@ class Effort:
         flights: flights that Ruckig plans at once.
         plans: plans on each track, 15 in a row, each from the one before it.
         clips: clips that a recogniser is trained on.
+        matrix: rows and columns of the matrices whose product shows the machine's peak.
         rollouts: rollouts of PPO that are timed, after one that is not timed.
     """
 
@@ -32,4 +33,5 @@ class Effort:
     flights: int = 5000
     plans: int = 600
     clips: int = 640
+    matrix: int = 2048
     rollouts: int = 4

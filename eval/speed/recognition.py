@@ -1,6 +1,7 @@
 """The speed of recognition and the world: both forms of the network, the streaming recogniser, cameras alone."""
 
 import time
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,7 +17,7 @@ from ehar.errors import ModelError
 from ehar.motion import GridMotion
 from ehar.recogniser import Recogniser
 from ehar.sensors.perfect import PerfectSensor
-from ehar.sensors.sensor import Sensed, SensorNoise, draw_noise
+from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise
 from ehar.world import PAPER
 from eval.speed.effort import WORKERS, Effort
 from eval.speed.flops import count_flops
@@ -119,6 +120,13 @@ def frame_ratios(seconds: FloatArray) -> dict[str, float]:
         "late_over_early_frame": float(seconds[-1] / seconds[EARLY - 1]),
         "refresh_over_plain_frame": float(refreshing.mean() / np.median(plain)),
     }
+
+
+def first_frames(data: MotionData, length: int, sensor: Sensor) -> Iterator[tuple[Sensed, FloatArray]]:
+    """Yield what a camera that stays senses in each frame of one episode, and its viewpoint (1, 3)."""
+    positions, viewpoint, noise = _episodes(data, 1, length)
+    for frame in range(length):
+        yield sensor.sense(positions[:, frame], viewpoint, noise.frame(frame)), viewpoint
 
 
 def _untrained(data: MotionData, form: Form, size: Size, length: int) -> StreamingRecogniser | PrefixRecogniser:

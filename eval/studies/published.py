@@ -16,6 +16,7 @@ from ehar.errors import UsageError
 from ehar.files import json_text, write_text
 from eval.render.tables import Table, html, markdown, text
 from planners.agents.config import check_seeds
+from recognition.devices import check_device
 from recognition.networks.sizes import Size
 from recognition.published.clips import STREAMS
 from recognition.published.training import RATIOS, PublishedRun, accuracies, train_published
@@ -147,6 +148,7 @@ def published(
     check_seeds(seeds)
     if epochs < 1:
         raise UsageError(f"--epochs: got {epochs}, expected at least 1")
+    check_device(device)
     if threads:
         torch.set_num_threads(threads)
     motion, folder = load_data(data), Path(out)

@@ -9,6 +9,7 @@ from typing import Literal, get_args
 from ehar.conditions import Conditions, Form
 from ehar.errors import UsageError
 from ehar.processes import cores
+from recognition.devices import check_device
 
 Stage = Literal["il", "ppo", "il-ppo", "dagger"]
 Teacher = Literal["oracle", "oracle-lookahead"]
@@ -224,14 +225,7 @@ class AgentTrainingConfig:
             value = held[name]
             if value is not None and value < bound:
                 raise UsageError(f"--{name}: got {value}, expected at least {bound}")
-        kind = self.device.partition(":")[0]
-        if kind not in ("cpu", "cuda"):
-            raise UsageError(f"--device {self.device}: expected cpu or cuda")
-        if kind == "cuda":
-            import torch  # here, as the command line waits for this file
-
-            if not torch.cuda.is_available():
-                raise UsageError(f"--device {self.device}: expected a GPU that torch can use, got none")
+        check_device(self.device)
         if self.tensorboard is not None and importlib.util.find_spec("tensorboard") is None:
             raise UsageError(f"--tensorboard {self.tensorboard}: expected TensorBoard to be installed, it is not")
 

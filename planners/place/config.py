@@ -15,8 +15,10 @@ class FixedBestConfig:
         conditions: conditions of the episodes, and the recogniser; the seed is for start viewpoints and noise.
         out: folder to write to.
         workers: number of processes; results do not depend on it.
+        device: cpu or cuda, for our recogniser.
     """
 
     conditions: Conditions
     out: Path | None = None
     workers: int = field(default_factory=cores)
+    device: str = "cpu"

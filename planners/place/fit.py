@@ -108,7 +108,7 @@ def fit_fixed_best(config: FixedBestConfig, report: Callable[[str, int, int], No
     directory = config.out or conditions.directory
     if directory is None:
         raise UsageError("train fixed-best: expected --models DIR, or --out DIR where the shipped recogniser is used")
-    setting = load_setting(conditions)
+    setting = load_setting(conditions, device=config.device)
     path = fixed_place_path(directory, conditions)
     refuse_loss(path, setting, load_fixed_place)
     part, scenarios = validation_windows(setting)

@@ -17,9 +17,11 @@ class GainTrainingConfig:
         batches: the most batches, each of 32 episodes with 3 forks of 8 paths. Rollouts stop before, when twice as
             many gain nothing.
         workers: number of processes; results do not depend on it.
+        device: cpu or cuda, for our recogniser.
     """
 
     conditions: Conditions
     out: Path | None = None
     batches: int = 192
     workers: int = field(default_factory=cores)
+    device: str = "cpu"

@@ -97,7 +97,7 @@ def train_gain_field(
     directory = config.out or conditions.directory
     if directory is None:
         raise UsageError("train gain-field: expected --models DIR, or --out DIR where the shipped recogniser is used")
-    setting = load_setting(conditions)
+    setting = load_setting(conditions, device=config.device)
     if setting.length_note is not None:
         note(f"warning: {setting.length_note}")
     data, policy = setting.data, split_parts(setting.data).policy

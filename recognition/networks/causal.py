@@ -3,16 +3,17 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
+from ehar.arrays import IntArray
 from recognition.networks.fading import Fading, spread_memories
 from recognition.networks.layers import (
     CausalGraphConvolution,
     CausalTemporalConvolution,
     GraphState,
     Pointwise,
-    refreshes,
 )
 
 WEIGHING = 16  # hidden units of what weighs frames
@@ -34,14 +35,14 @@ class StreamingState:
 
     Args:
         forks: number F of alternatives of each episode. A tensor that they still share has a fork axis of size 1.
-        count: (B,) number of frames seen.
+        count: (B,) number of frames seen; an array, as it decides here what a device does.
         blocks: the state of each block, over B * P bodies.
         pooled: (B, D + 1, F') the weighted sum of pooled features over the frames seen, and last the sum of weights;
             where evidence fades, (B, 2 D, F'): each feature forgets at its own rate, and so do its weights.
     """
 
     forks: int
-    count: Tensor
+    count: IntArray
     blocks: tuple[BlockState, ...]
     pooled: Tensor
 
@@ -56,7 +57,7 @@ class StreamingState:
         return replace(self, forks=forks)
 
     def select(self, choice: Tensor) -> "StreamingState":
-        """Return the unforked state of alternative `choice` (B,) of each episode."""
+        """Return the unforked state of alternative `choice` (B,), on the CPU, of each episode."""
         bodies = len(self.blocks[0].graph.total) // len(choice)
         body_choice = choice.repeat_interleave(bodies)
 
@@ -64,20 +65,21 @@ class StreamingState:
             if tensor.shape[2] == 1:
                 return tensor
             index = choice if len(tensor) == len(choice) and tensor is self.pooled else body_choice
-            return tensor[torch.arange(len(tensor)), :, index].unsqueeze(2)
+            rows = torch.arange(len(tensor), device=tensor.device)
+            return tensor[rows, :, index.to(tensor.device)].unsqueeze(2)
 
         return self._map(pick, forks=1)
 
     def reset(self, mask: Tensor) -> "StreamingState":
-        """Return a state in which the episodes of `mask` (B,) bool have seen nothing."""
+        """Return a state in which the episodes of `mask` (B,) bool, on the CPU, have seen nothing."""
         bodies = len(self.blocks[0].graph.total) // len(mask)
         body_mask = mask.repeat_interleave(bodies)
 
         def clear(tensor: Tensor) -> Tensor:
-            rows = mask if tensor is self.pooled else body_mask
+            rows = (mask if tensor is self.pooled else body_mask).to(tensor.device)
             return tensor.masked_fill(rows.view(-1, *[1] * (tensor.dim() - 1)), 0.0)
 
-        return replace(self._map(clear, forks=self.forks), count=self.count.masked_fill(mask, 0))
+        return replace(self._map(clear, forks=self.forks), count=np.where(mask.numpy(), 0, self.count))
 
     def _map(self, change: Callable[[Tensor], Tensor], forks: int) -> "StreamingState":
         blocks = tuple(
@@ -112,16 +114,6 @@ class CausalBlock(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """Return (N, C_out, J, T) for whole clips (N, C_in, J, T)."""
         return self._join(self.temporal(self.graph(x)), x)
-
-    def start(self, bodies: int) -> BlockState:
-        """Return the state of N bodies that have seen nothing."""
-        return BlockState(self.graph.start(bodies), self.temporal.start(bodies, self.graph.joints))
-
-    def step(self, x: Tensor, state: BlockState, count: Tensor, due: Tensor) -> tuple[Tensor, BlockState]:
-        """Take one frame (N, C_in, F, J)."""
-        spatial, graph = self.graph.step(x, state.graph, count, due)
-        temporal, history = self.temporal.step(spatial, state.history)
-        return self._join(temporal, x), BlockState(graph, history)
 
 
 class CausalCTRGCN(nn.Module):
@@ -170,83 +162,52 @@ class CausalCTRGCN(nn.Module):
         self.dropout = nn.Dropout(dropout)
         self.classify = nn.Linear(widths[-1], classes)
 
-    def _bodies(self, x: Tensor) -> Tensor:
-        """Turn features (B, T, P, J, C) into normalised bodies (B * P, C, T, J); T may be the fork axis."""
-        batch, frames, persons, joints, channels = x.shape
-        flat = x.transpose(1, 2).reshape(batch * persons, frames, joints * channels)
-        normed: Tensor = self.input_norm(flat.transpose(1, 2))
-        return normed.view(batch * persons, joints, channels, frames).permute(0, 2, 3, 1)
-
-    def _weighted(self, x: Tensor, bodies: Tensor) -> Tensor:
-        """Return the features of frames times their weights, and the weights last: (B, T, D + 1), fading (B, T, 2 D).
-
-        A weight is between 0 and 1, but never 0. It depends on the pooled features, and on the mean of the frame's
-        input: how sure the sensor is of its joints, and where the camera stands.
-
-        Args:
-            x: (B, T, P, J, C), the input; T may be the fork axis.
-            bodies: (B * P, D, T), the last block's features, pooled over joints.
-        """
-        batch, frames, persons = x.shape[:3]
-        pooled = bodies.view(batch, persons, -1, frames).mean(dim=1).transpose(1, 2)
-        weight = torch.sigmoid(self.weigh(torch.cat([pooled, x.mean(dim=(2, 3))], dim=2))) + LEAST_WEIGHT
-        return torch.cat([weight * pooled, weight if self.fading is None else weight.expand_as(pooled)], dim=2)
-
-    def _sums(self, weighted: Tensor) -> Tensor:
-        """Return the sums over time of what `_weighted` returns."""
+    def _sums(self, frames: Tensor) -> Tensor:
+        """Return the sums over time of what `weighted` returns."""
         if self.fading is None:
-            return weighted.cumsum(dim=1, dtype=torch.float32)
-        return torch.cat([self.fading.sums(half) for half in weighted.float().chunk(2, dim=2)], dim=2)
-
-    def _embedding(self, sums: Tensor) -> Tensor:
-        """Return the weighted means (..., D) that sums stand for."""
-        features, weights = sums.tensor_split([self.embedding_size], dim=-1)
-        return features / weights
+            return frames.cumsum(dim=1, dtype=torch.float32)
+        return torch.cat([self.fading.sums(half) for half in frames.float().chunk(2, dim=2)], dim=2)
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the logits (B, T, K) after every frame, from features (B, T, P, J, C)."""
-        bodies = self._bodies(x).transpose(2, 3).contiguous()
+        bodies = as_bodies(self.input_norm, x).transpose(2, 3).contiguous()
         for block in self.blocks:
             bodies = block(bodies)
-        embedding = self._embedding(self._sums(self._weighted(x, bodies.mean(dim=2))))
-        logits: Tensor = self.classify(self.dropout(embedding))
+        sums = self._sums(weighted(self.weigh, x, bodies.mean(dim=2), fading=self.fading is not None))
+        logits: Tensor = self.classify(self.dropout(mean_of(sums, self.embedding_size)))
         return logits
 
-    def start(self, episodes: int, persons: int) -> StreamingState:
-        """Return the state of B episodes that have seen nothing."""
-        weight = self.classify.weight
-        weights = 1 if self.fading is None else self.embedding_size
-        return StreamingState(
-            forks=1,
-            count=torch.zeros(episodes, dtype=torch.int64, device=weight.device),
-            blocks=tuple(block.start(episodes * persons) for block in self._typed_blocks()),
-            pooled=weight.new_zeros(episodes, self.embedding_size + weights, 1),
-        )
-
-    def step(self, x: Tensor, state: StreamingState) -> tuple[Tensor, Tensor, StreamingState]:
-        """Take one frame: features (B, F, P, J, C), with F = 1 for an unforked state.
-
-        Returns:
-            logits (B, F, K), embedding (B, F, D), and the state after the frame.
-        """
-        persons = x.shape[2]
-        count = state.count + 1
-        fading = self.fading is not None
-        due = torch.tensor([refreshes(int(c), fading=fading) for c in count.tolist()], device=x.device)
-        body_count, body_due = count.repeat_interleave(persons), due.repeat_interleave(persons)
-        bodies = self._bodies(x)
-        blocks = []
-        for block, before in zip(self._typed_blocks(), state.blocks, strict=True):
-            bodies, after = block.step(bodies, before, body_count, body_due)
-            blocks.append(after)
-        pooled = self._kept(state.pooled) + self._weighted(x, bodies.mean(dim=3)).transpose(1, 2)
-        embedding = self._embedding(pooled.transpose(1, 2))
-        after_frame = StreamingState(state.forks, count, tuple(blocks), pooled)
-        return self.classify(embedding), embedding, after_frame
-
-    def _kept(self, pooled: Tensor) -> Tensor:
-        """Return what is left of the pooled sums (B, ..., F) a frame later."""
-        return pooled if self.fading is None else pooled * self.fading.keep.repeat(2)[:, None]
-
-    def _typed_blocks(self) -> list[CausalBlock]:
+    def typed_blocks(self) -> list[CausalBlock]:
+        """Return the blocks."""
         return [block for block in self.blocks if isinstance(block, CausalBlock)]
+
+
+def as_bodies(norm: nn.Module, x: Tensor) -> Tensor:
+    """Turn features (B, T, P, J, C) into bodies (B * P, C, T, J), normalised by `norm`; T may be the fork axis."""
+    batch, frames, persons, joints, channels = x.shape
+    flat = x.transpose(1, 2).reshape(batch * persons, frames, joints * channels)
+    normed: Tensor = norm(flat.transpose(1, 2))
+    return normed.view(batch * persons, joints, channels, frames).permute(0, 2, 3, 1)
+
+
+def weighted(weigh: nn.Module, x: Tensor, bodies: Tensor, *, fading: bool) -> Tensor:
+    """Return the features of frames times their weights, and the weights last: (B, T, D + 1), fading (B, T, 2 D).
+
+    A weight is between 0 and 1, but never 0. It depends on the pooled features, and on the mean of the frame's
+    input: how sure the sensor is of its joints, and where the camera stands.
+
+    Args:
+        weigh: gives the logit of a frame's weight.
+        x: (B, T, P, J, C), the input; T may be the fork axis.
+        bodies: (B * P, D, T), the last block's features, pooled over joints.
+        fading: whether each feature has weights of its own, as it forgets at its own rate.
+    """
+    batch, frames, persons = x.shape[:3]
+    pooled = bodies.view(batch, persons, -1, frames).mean(dim=1).transpose(1, 2)
+    weight = torch.sigmoid(weigh(torch.cat([pooled, x.mean(dim=(2, 3))], dim=2))) + LEAST_WEIGHT
+    return torch.cat([weight * pooled, weight.expand_as(pooled) if fading else weight], dim=2)
+
+
+def mean_of(sums: Tensor, size: int) -> Tensor:
+    """Return the weighted means (..., D) of sums of features, with the sums of their weights behind them."""
+    return sums[..., :size] / sums[..., size:]

@@ -56,17 +56,18 @@ class Pointwise(nn.Conv2d):
 
     def forward(self, x: Tensor) -> Tensor:
         """Return (N, C_out, T, J) for x (N, C_in, T, J)."""
-        return _product(self.weight.flatten(1), _bias(self), x)
+        return product_of(self.weight.flatten(1), bias_of(self), x)
 
 
-def _product(weight: Tensor, bias: Tensor, x: Tensor) -> Tensor:
+def product_of(weight: Tensor, bias: Tensor, x: Tensor) -> Tensor:
     """Apply a weight (C_out, C_in) and a bias (C_out,) to the channels of x (N, C_in, T, J)."""
     # Shapes instead of len(): a call of len() on a tensor costs as much as a small product.
     product = torch.baddbmm(bias[:, None], weight.expand(x.shape[0], -1, -1), x.flatten(2))
     return product.view(x.shape[0], weight.shape[0], *x.shape[2:])
 
 
-def _bias(convolution: nn.Module) -> Tensor:
+def bias_of(convolution: nn.Module) -> Tensor:
+    """Return the bias of a convolution that has one."""
     bias = convolution.bias
     assert isinstance(bias, Tensor)
     return bias
@@ -110,18 +111,31 @@ class CausalGraphConvolution(nn.Module):
         The three subsets stand side by side as sources, so one product with the values sums over the subsets.
         """
         n, j, relations = len(mean), self.joints, 3 * self.relations
-        target = _product(self.relate_target.weight[:, :, 0], _bias(self.relate_target), mean)
-        source = _product(self.relate_source.weight[:, :, 0], _bias(self.relate_source), mean)
+        target = product_of(self.relate_target.weight[:, :, 0], bias_of(self.relate_target), mean)
+        source = product_of(self.relate_source.weight[:, :, 0], bias_of(self.relate_source), mean)
         relation = torch.tanh(target[:, :, None] - source[..., None]).view(n, relations, j * j)
+        weight, shared = self.refinement()
+        refined = torch.baddbmm(shared.expand(n, -1, -1), weight.expand(n, -1, -1), relation)
+        return refined.view(n, self.outputs, 3 * j, j)
+
+    def refinement(self) -> tuple[Tensor, Tensor]:
+        """Return what `refined` multiplies the relations with, (3 C_out, 3 R), and what it adds, (3 C_out, J J)."""
         # We scale the small weight instead of the large refinement, and add within the product. Each saves a pass over
         # the refinement. Each subset refines its own relations, as in a grouped convolution; a weight with zeros
         # between the groups makes it one product.
         grouped = (self.refine.weight * self.strength).view(3, self.outputs, self.relations)
-        weight = torch.diag_embed(grouped.permute(1, 2, 0)).permute(0, 2, 3, 1).reshape(-1, relations)
-        bias = (_bias(self.refine) * self.strength).view(3, self.outputs, 1, 1)
-        shared = (self.topology.transpose(-1, -2)[:, None] + bias).transpose(0, 1).reshape(-1, j * j)
-        refined = torch.baddbmm(shared.expand(n, -1, -1), weight.expand(n, -1, -1), relation)
-        return refined.view(n, self.outputs, 3 * j, j)
+        weight = torch.diag_embed(grouped.permute(1, 2, 0)).permute(0, 2, 3, 1).reshape(-1, 3 * self.relations)
+        bias = (bias_of(self.refine) * self.strength).view(3, self.outputs, 1, 1)
+        shared = (self.topology.transpose(-1, -2)[:, None] + bias).transpose(0, 1).reshape(-1, self.joints**2)
+        return weight, shared
+
+    def beside(self) -> tuple[Tensor, Tensor]:
+        """Return the weight (3 C_out, C_in) and the bias (3 C_out,) of the values, by channel and then by subset.
+
+        So the subsets stand side by side already in what they give.
+        """
+        weight = self.value.weight.view(3, self.outputs, -1).transpose(0, 1).reshape(3 * self.outputs, -1)
+        return weight, bias_of(self.value).view(3, self.outputs).t().reshape(-1)
 
     def finish(self, product: Tensor, x: Tensor) -> Tensor:
         """Normalise the graph product, add the residual, and activate."""
@@ -130,10 +144,8 @@ class CausalGraphConvolution(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """Return the layer's output (N, C_out, J, T) for whole clips (N, C_in, J, T)."""
         n, inputs, j, frames = x.shape
-        # The weight's rows are sorted by channel, then by subset. So the product has the subsets side by side already.
         # Frames that share a topology are cut out of the input, not of the values, which are three times as large.
-        weight = self.value.weight.view(3, self.outputs, inputs).transpose(0, 1).reshape(-1, inputs)
-        bias = _bias(self.value).view(3, self.outputs).t().reshape(-1)
+        weight, bias = self.beside()
         begins = [count - 1 for count in range(1, frames + 1) if refreshes(count, fading=self.fading is not None)]
         total = x.new_zeros((n, inputs, j), dtype=torch.float32)
         summed, pieces = 0, []
@@ -143,40 +155,9 @@ class CausalGraphConvolution(nn.Module):
             total = self._kept(total, fresh.shape[3]) + self._sum(fresh)
             summed = begin + 1
             topology = self.refined(total / self._weight(torch.tensor(summed, device=x.device))).transpose(-1, -2)
-            values = _product(weight, bias, x[..., begin:end]).view(n, self.outputs, 3 * j, end - begin)
+            values = product_of(weight, bias, x[..., begin:end]).view(n, self.outputs, 3 * j, end - begin)
             pieces.append(topology @ values)
         return self.finish(torch.cat(pieces, dim=3), x)
-
-    def start(self, bodies: int) -> GraphState:
-        """Return the state of N bodies that have seen nothing."""
-        empty = self.topology.new_zeros
-        return GraphState(
-            empty(bodies, self.value.in_channels, 1, self.joints),
-            empty(bodies, self.outputs, 1, 3 * self.joints, self.joints),
-        )
-
-    def step(self, x: Tensor, state: GraphState, count: Tensor, due: Tensor) -> tuple[Tensor, GraphState]:
-        """Take one frame.
-
-        Args:
-            x: (N, C_in, F, J), the frame.
-            state: the state before the frame.
-            count: (N,) number of frames seen, this one included.
-            due: (N,) bool, true for bodies whose topology is refreshed.
-        """
-        total = self._kept(state.total, 1) + x
-        topology = state.topology
-        if bool(due.all()):
-            topology = self._fresh(total, count)
-        elif bool(due.any()):
-            topology = topology.expand(-1, -1, total.shape[2], -1, -1).clone()
-            topology[due] = self._fresh(total[due], count[due])
-        values = self._values(x)
-        if topology.shape[2] == 1:
-            product = values @ topology[:, :, 0]
-        else:
-            product = (values[:, :, :, None] @ topology)[:, :, :, 0]
-        return self.finish(product, x), GraphState(total, topology)
 
     def _kept(self, total: Tensor, frames: int) -> Tensor:
         """Return what is left of a sum so many frames later."""
@@ -189,29 +170,6 @@ class CausalGraphConvolution(nn.Module):
     def _weight(self, count: Tensor) -> Tensor:
         """Return the number of frames that a sum stands for after `count` frames, as the counts are shaped."""
         return count if self.fading is None else self.fading.weight(count)
-
-    def _values(self, x: Tensor) -> Tensor:
-        """Return the values (N, C_out, T, 3 J) of x (N, C_in, T, J), the subsets side by side."""
-        n, _, frames, j = x.shape
-        subsets = self.value(x).view(n, 3, self.outputs, frames, j)
-        beside: Tensor = subsets.permute(0, 2, 3, 1, 4).reshape(n, self.outputs, frames, 3 * j)
-        return beside
-
-    def _fresh(self, total: Tensor, count: Tensor) -> Tensor:
-        """Return topologies (n, C_out, F, 3 J, J) from sums (n, C_in, F, J) over `count` (n,) frames."""
-        n, inputs, forks, j = total.shape
-        weight = self._weight(count)
-        if forks == 1:
-            return self.refined(total[:, :, 0] / weight[:, None, None])[:, :, None]
-        fresh = total.new_empty(n, self.outputs, forks, 3 * j, j)
-        # Forks stand behind channels, as in the whole state. We go piece by piece, so the data that the copy below
-        # reads is still in the cache. This takes half the time, and no second gigabyte.
-        size = max(1, PIECE // forks)
-        for sums, weights, piece in zip(*(torch.split(t, size) for t in (total, weight, fresh)), strict=True):
-            mean = (sums / weights[:, None, None, None]).transpose(1, 2).reshape(-1, inputs, j)
-            refined = self.refined(mean)
-            piece.copy_(refined.view(-1, forks, *refined.shape[1:]).transpose(1, 2))
-        return fresh
 
 
 class CausalTemporalConvolution(nn.Module):
@@ -250,7 +208,9 @@ class CausalTemporalConvolution(nn.Module):
             assert isinstance(weight, Tensor)
             skip = HISTORY - (KERNEL - 1) * dilation
             seen = padded[:, i * self.branch : (i + 1) * self.branch, :, skip:]
-            outputs.append(functional.conv2d(seen, weight.transpose(2, 3), _bias(convolution), dilation=(1, dilation)))
+            outputs.append(
+                functional.conv2d(seen, weight.transpose(2, 3), bias_of(convolution), dilation=(1, dilation))
+            )
         outputs.append(
             functional.max_pool2d(padded[:, 2 * self.branch :, :, HISTORY - POOL + 1 :], (1, POOL), stride=1)
         )
@@ -259,35 +219,3 @@ class CausalTemporalConvolution(nn.Module):
             # The gradient is a slice of that of all branches, and batch norm is slow to go back from a slice.
             normed.register_hook(torch.Tensor.contiguous)
         return torch.cat([normed, present], dim=1)
-
-    def start(self, bodies: int, joints: int) -> tuple[Tensor, ...]:
-        """Return the last HISTORY frames of bodies that have seen nothing, each (N, 3 C / 4, 1, J)."""
-        return (self.reduce.weight.new_zeros(bodies, 3 * self.branch, 1, joints),) * HISTORY
-
-    def step(self, x: Tensor, history: tuple[Tensor, ...]) -> tuple[Tensor, tuple[Tensor, ...]]:
-        """Take one frame (N, C, F, J); return the output and the history after it."""
-        back, present = self._reduced(x)
-        outputs = []
-        for i, (convolution, dilation) in enumerate(zip(self.convolutions, DILATIONS, strict=True)):
-            channels = slice(i * self.branch, (i + 1) * self.branch)
-            past = [frame[:, channels] for frame in history[HISTORY - (KERNEL - 1) * dilation :: dilation]]
-            outputs.append(_tap(convolution, past, back[:, channels]))
-        pooled = back[:, 2 * self.branch :]
-        for frame in history[HISTORY - POOL + 1 :]:
-            pooled = torch.maximum(pooled, frame[:, 2 * self.branch :])
-        outputs.append(pooled)
-        return torch.cat([self.norm(torch.cat(outputs, dim=1)), present], dim=1), (*history[1:], back)
-
-
-def _tap(convolution: nn.Module, past: list[Tensor], present: Tensor) -> Tensor:
-    """Return one output frame of a temporal convolution; the past that forks share is convolved once."""
-    weight, bias = convolution.weight, _bias(convolution)
-    assert isinstance(weight, Tensor)
-    forks = max(frame.shape[2] for frame in past)
-    taps = weight[:, :, :, 0]
-    if forks == present.shape[2]:  # all have the same size: a single product
-        same = [frame.expand(-1, -1, forks, -1) for frame in past] if forks > 1 else past
-        return _product(taps.transpose(1, 2).flatten(1), bias, torch.cat([*same, present], dim=1))
-    joined = torch.cat([frame.expand(-1, -1, forks, -1) for frame in past], dim=1)
-    before = _product(taps[:, :, :-1].transpose(1, 2).flatten(1), bias, joined)
-    return before + _product(taps[:, :, -1].contiguous(), torch.zeros_like(bias), present)

@@ -1,9 +1,7 @@
 """Trains a recogniser on all observation ratios at once, until more clips bring no more; resumes from checkpoints."""
 
-import ctypes
 import hashlib
 import json
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -23,6 +21,8 @@ from ehar.files import as_json, parse_json
 from ehar.sensors.registry import load_sensor
 from ehar.world import PAPER, load_world
 from recognition.calibration import fit_temperature
+from recognition.devices import check_device
+from recognition.freed_memory import keep_freed_memory
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network, NetworkSpec
 from recognition.setting import load_recordings_of, with_length
@@ -86,12 +86,10 @@ def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Ou
     for field in ("clips", "batch", "interval"):
         if getattr(config, field) < 1:
             raise UsageError(f"--{field}: got {getattr(config, field)}, expected at least 1")
-    device_type = config.device.partition(":")[0]
-    if device_type not in ("cpu", "cuda") or (device_type == "cuda" and not torch.cuda.is_available()):
-        raise UsageError(f"--device {config.device}: expected cpu, or cuda where there is such a device")
+    check_device(config.device)
     if config.threads:
         torch.set_num_threads(config.threads)
-    _keep_freed_memory()
+    keep_freed_memory()
     run = _Run(config)
     _refuse_finished(run.path, run.identity)
     return run.train(report or (lambda clips, expected, evaluations: None))
@@ -215,7 +213,7 @@ class _Run:
     def _loss(self, clips: Clips, rng: np.random.Generator) -> Tensor:
         """Return the mean cross-entropy over clips and frames; for the published form, over clips at one prefix."""
         seen, labels = clips.features.to(self.device), clips.labels.to(self.device)
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=_has_bfloat16(self.device)):
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=has_bfloat16(self.device)):
             if isinstance(self.network, CausalCTRGCN):
                 logits = self.network(seen).flatten(0, 1)
                 labels = clips.frame_labels.flatten().to(self.device)
@@ -274,7 +272,7 @@ class _Run:
             "validated_on": self.validated_on,
             "stopped": outcome.reason,
             "cut_short": outcome.cut_short,
-            "arithmetic": "bfloat16" if _has_bfloat16(self.device) else "float32",
+            "arithmetic": "bfloat16" if has_bfloat16(self.device) else "float32",
             "evaluations": [asdict(evaluation) for evaluation in self.evaluations],
         }
         save_recogniser(self.path, self.network, self.spec, temperature, history)
@@ -343,19 +341,9 @@ def _towards_late(average: Tensor, present: Tensor, averaged: Tensor | int) -> T
     return average + share * (present - average)
 
 
-def _has_bfloat16(device: torch.device) -> bool:
+def has_bfloat16(device: torch.device) -> bool:
     """Return whether products of bfloat16 are fast on a device; on such a processor training takes two thirds."""
     if device.type == "cuda":
         return bool(torch.cuda.is_bf16_supported())
     able = torch.cpu.get_capabilities()
     return bool(able.get("avx512_bf16") or able.get("amx_bf16"))
-
-
-def _keep_freed_memory() -> None:
-    """Make glibc keep large freed blocks: new mappings for every layer took half of the time."""
-    if sys.platform == "linux":
-        trim_threshold, mmap_threshold, gigabyte = -1, -3, 1 << 30
-        libc = ctypes.CDLL(None)
-        if hasattr(libc, "mallopt"):
-            libc.mallopt(mmap_threshold, gigabyte)
-            libc.mallopt(trim_threshold, -1)  # never

@@ -107,7 +107,7 @@ def test_probabilities_and_embeddings_at_every_frame(recogniser: TrainedRecognis
 
 def test_every_step_is_the_calibrated_network_on_the_prefix(recogniser: TrainedRecogniser, frames: Any) -> None:
     state = recogniser.start(EPISODES)
-    network = recogniser._network
+    network = randomised(recogniser.spec.build())
     for count in range(1, LENGTH + 1):
         recognition, state = recogniser.step(state, *frames[count - 1])
         prefix = seen(frames[:count])
