@@ -81,6 +81,7 @@ BENCHMARK = Command(
         ),
         "out": Flag("folder for records, tables and report.", hint="none"),
         "ideal": Flag(hint="none"),
+        "device": Flag("cpu or cuda, for our recogniser."),
     },
 )
 PREPARED = {
