@@ -81,7 +81,8 @@ BENCHMARK = Command(
         ),
         "out": Flag("folder for records, tables and report.", hint="none"),
         "ideal": Flag(hint="none"),
-        "device": Flag("cpu or cuda, for our recogniser."),
+        "device": Flag("cpu or cuda."),
+        "readout": Flag("what is scored: recogniser or belief."),
     },
 )
 PREPARED = {
