@@ -80,7 +80,7 @@ BENCHMARK = Command(
             hint="all of ours",
         ),
         "out": Flag("folder for records, tables and report.", hint="none"),
-        "ideal": Flag(hint="none"),
+        "ideal": Flag("ideal run to compare flights with.", hint="none"),
         "device": Flag("cpu or cuda."),
         "readout": Flag("what is scored: recogniser or belief."),
     },
