@@ -87,6 +87,7 @@ BENCHMARK = Command(
         "ideal": Flag("ideal run to compare flights with.", hint="none"),
         "engine": Flag("processes, or ray: a cluster.", kind=str),
         "address": Flag("of a Ray cluster, or auto.", hint="started here"),
+        "device": Flag("cpu or cuda."),
     },
 )
 PREPARED = {
