@@ -5,6 +5,7 @@ import os
 import pickle
 import signal
 import socket
+import threading
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -92,9 +93,10 @@ class Cluster:
                 logging_level=logging.ERROR,
             )
         except (ConnectionError, ValueError, RuntimeError) as error:
-            reason = " ".join(str(error).split())
-            raise UsageError(f"address {self.address}: expected a Ray cluster that answers, got: {reason}") from error
-        signal.signal(signal.SIGTERM, terminate)  # Ray puts its own in place of ours
+            reason, where = " ".join(str(error).split()), f"address {self.address}" if self.address else "engine ray"
+            raise UsageError(f"{where}: expected a Ray cluster that answers, got: {reason}") from error
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGTERM, terminate)  # Ray puts its own in place of ours
         try:
             yield
         finally:
