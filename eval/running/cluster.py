@@ -4,6 +4,8 @@ import logging
 import os
 import pickle
 import signal
+import socket
+import threading
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -78,6 +80,8 @@ class Cluster:
         if ray.is_initialized():
             yield
             return
+        if self.address is not None:
+            _check_answers(self.address)
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # Ray would tell its makers about its use
         terminate = signal.getsignal(signal.SIGTERM)
         try:
@@ -89,9 +93,10 @@ class Cluster:
                 logging_level=logging.ERROR,
             )
         except (ConnectionError, ValueError, RuntimeError) as error:
-            reason = " ".join(str(error).split())
-            raise UsageError(f"address {self.address}: expected a Ray cluster that answers: {reason}") from error
-        signal.signal(signal.SIGTERM, terminate)  # Ray puts its own in place of ours
+            reason, where = " ".join(str(error).split()), f"address {self.address}" if self.address else "engine ray"
+            raise UsageError(f"{where}: expected a Ray cluster that answers, got: {reason}") from error
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGTERM, terminate)  # Ray puts its own in place of ours
         try:
             yield
         finally:
@@ -111,6 +116,18 @@ def cluster_of(engine: str, address: str | None, workers: int) -> Cluster | None
     if address is not None:
         raise UsageError(f"address {address}: expected none with engine {engine}; engine ray has one")
     return None
+
+
+def _check_answers(address: str) -> None:
+    """Raise a UsageError if nothing listens at an address HOST:PORT, as Ray itself waits there for minutes."""
+    host, _, port = address.rpartition(":")
+    if not port.isdigit():
+        return  # auto, or what Ray refuses at once
+    try:
+        socket.create_connection((host, int(port)), timeout=10).close()
+    except OSError as error:
+        reason = error.strerror or error
+        raise UsageError(f"address {address}: expected a Ray cluster that answers, got: {reason}") from error
 
 
 def _result_of(done: "ObjectRef[Any]") -> Any:
@@ -157,8 +174,6 @@ def _call_shared(shared: "list[ObjectRef[bytes]]", versions: Mapping[str, str], 
 
 def _check_versions(wanted: Mapping[str, str]) -> None:
     """Raise a UsageError if this machine has other versions of packages that decide numbers."""
-    import socket
-
     found = installed_versions()
     for name, version in wanted.items():
         if found.get(name) != version:

@@ -87,6 +87,14 @@ def test_a_job_that_ends_its_process_each_time_ends_the_run(machines: Any, monke
         list(Cluster(machines.address).each_batch(lambda status, _: os._exit(status), 3, [0]))
 
 
+def test_an_address_where_nobody_answers_is_refused_at_once() -> None:
+    pytest.importorskip("ray", reason="ray is not installed")
+    with pytest.raises(
+        UsageError, match=r"^address 127\.0\.0\.1:1: expected a Ray cluster that answers, got: Connection"
+    ):
+        list(Cluster("127.0.0.1:1").each_batch(max, 3, [4]))
+
+
 def test_engines_that_there_are_not_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     assert cluster_of("processes", None, 2) is None
     with pytest.raises(UsageError, match=r"^unknown engine 'steam'; expected processes or ray$"):
