@@ -1,0 +1,68 @@
+"""The unit and the axis up of files, and how their numbers become metres with z up."""
+
+import math
+from typing import Literal, get_args
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.errors import UsageError
+
+Up = Literal["z", "y", "-y", "-z"]
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+
+_ROTATIONS: dict[Up, FloatArray] = {  # rows: x, y and z of ours from those of the file; determinant 1, nothing mirrored
+    "z": np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]]),
+    "y": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
+    "-y": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
+    "-z": np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]]),
+}
+
+
+def metres(unit: str | float) -> float:
+    """Return a unit of length in metres: m, cm, mm, or a number of metres.
+
+    Raises:
+        UsageError: it is no unit.
+    """
+    try:
+        length = UNITS[unit] if isinstance(unit, str) and unit in UNITS else float(unit)
+    except ValueError:
+        length = math.nan
+    if not (math.isfinite(length) and length > 0):
+        raise UsageError(f"unit: got {unit!r}, expected {', '.join(UNITS)}, or a number of metres above 0")
+    return length
+
+
+def up_rotation(up: Up) -> FloatArray:
+    """Return the rotation (3, 3) from a file's axes to ours.
+
+    Raises:
+        UsageError: the axis is unknown.
+    """
+    if up not in _ROTATIONS:
+        raise UsageError(f"up: got {up!r}, expected one of {', '.join(get_args(Up))}")
+    return _ROTATIONS[up]
+
+
+def upright(positions: FloatArray, *, unit: str | float, up: Up) -> FloatArray:
+    """Return positions (..., 3) of a file in metres with z up, as float32; they are turned, never mirrored.
+
+    Args:
+        positions: as they stand in the file.
+        unit: its unit of length: m, cm, mm, or a number of metres.
+        up: its axis that points up: z, y, -y or -z.
+
+    Raises:
+        UsageError: `unit` or `up` is unknown.
+    """
+    turned: FloatArray = (positions @ up_rotation(up).T) * metres(unit)
+    return turned.astype(np.float32)
+
+
+def from_kinect(positions: FloatArray, *, unit: str | float, up: Up) -> FloatArray:
+    """Return positions (..., 3) of a Kinect in its own frame as `views` has it: x to its right, y away from it, z up.
+
+    The Kinect's x points to its left and its z away from it. Arguments are those of `upright`.
+    """
+    return upright(positions, unit=unit, up=up) * np.array([-1, -1, 1], dtype=np.float32)
