@@ -145,7 +145,7 @@ class Command:
                 if is_dataclass(kind):
                     add(self._fields(kind), _texts(kind))
                 else:
-                    found[name] = Leaf(parameter, texts.get(name, ""))
+                    found.setdefault(name, Leaf(parameter, texts.get(name, "")))  # the function's, if `show` has it too
 
         add(_parameters_of(self.function), _texts(self.function))
         add(self._shown(), _texts(self.show))

@@ -86,6 +86,10 @@ BENCHMARK = Command(
 PREPARED = {
     "source": Flag(kind=Path, positional=True, metavar="SOURCE"),
     "out": Flag(positional=True, metavar="OUT.npz"),
+    "fps": Flag(hint="the reader's"),
+    "skeleton": Flag(hint="the data's"),
+    "joints": Flag(hint="the data's names"),
+    "persons": Flag(hint="all"),
 }
 PREPARE = CommandGroup(
     """Read motion files, and write a prepared .npz.
@@ -104,6 +108,18 @@ DATA = CommandGroup(
     """,
     {
         "prepare": PREPARE,
+        "check": Command(
+            "eval.conformance.data:check_data",
+            show_conformance,
+            text="""Check units, axes, sides, rate and gaps of a prepared .npz.
+
+            Exit code 0: all passed; 1: a check failed, and how to mend it; 2: it can't run.
+
+            For example:
+                ehar data check mine.npz
+            """,
+            flags={"data": Flag(kind=str, positional=True, metavar="DATA")},
+        ),
         "describe": Command(
             "eval.studies.describe:describe",
             show_table,
