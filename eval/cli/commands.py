@@ -88,8 +88,12 @@ PREPARED = {
     "out": Flag(positional=True, metavar="OUT.npz"),
     "fps": Flag(hint="the reader's"),
     "skeleton": Flag(hint="the data's"),
-    "joints": Flag(hint="the data's names"),
-    "persons": Flag(hint="all"),
+}
+OF_READERS = {  # flags of some readers
+    "own": {"reader": Flag(kind=str, positional=True, metavar="READER")},
+    "npz": {"joints": Flag(hint="the data's names"), "persons": Flag(hint="all")},
+    "pyskl": {"split": Flag(hint="none"), "classes": Flag(hint="numbers")},
+    "humanml3d": {"labels": Flag(hint="captions")},
 }
 PREPARE = CommandGroup(
     """Read motion files, and write a prepared .npz.
@@ -97,7 +101,7 @@ PREPARE = CommandGroup(
     For example:
         ehar data prepare aistpp AIST++ aistpp.npz
     """,
-    {name: Command(place, save_data, flags=PREPARED) for name, place in READERS.items()},
+    {name: Command(place, save_data, flags=PREPARED | OF_READERS.get(name, {})) for name, place in READERS.items()},
 )
 DATA = CommandGroup(
     """Prepare motion data of your own, and describe it.

@@ -38,7 +38,7 @@ _NAME = re.compile(r"a(?P<action>\d+)_s(?P<person>\d+)_e\d+_v(?P<view>\d+)")
 def prepare_nwucla(source: str | Path, *, unit: str = "m", up: Up = "y") -> MotionData:
     """Read the .json files of Northwestern-UCLA.
 
-    Views 1 and 2 are for training, 3 is for tests. The rate is assumed: 12 frames/s.
+    Views 1 and 2 are for training, 3 is for tests. 12 frames/s are assumed.
 
     For example:
         ehar data prepare nwucla nw-ucla nwucla.npz
