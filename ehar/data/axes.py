@@ -34,35 +34,35 @@ def metres(unit: str | float) -> float:
     return length
 
 
-def up_rotation(up: Up) -> FloatArray:
+def up_rotation(up: Up, *, of_camera: bool = False) -> FloatArray:
     """Return the rotation (3, 3) from a file's axes to ours.
+
+    Args:
+        up: the axis of the file that points up.
+        of_camera: whether joints are in the frame of the camera that recorded them, as `views` tells. Ours has x to the
+            camera's right and y away from it. A Kinect's has y up, x to its left and z away. A file with z up is taken
+            as ours.
 
     Raises:
         UsageError: the axis is unknown.
     """
     if up not in _ROTATIONS:
         raise UsageError(f"up: got {up!r}, expected one of {', '.join(get_args(Up))}")
-    return _ROTATIONS[up]
+    half_turn: FloatArray = np.diag([-1.0, -1.0, 1.0])
+    return half_turn @ _ROTATIONS[up] if of_camera and up != "z" else _ROTATIONS[up]
 
 
-def upright(positions: FloatArray, *, unit: str | float, up: Up) -> FloatArray:
+def upright(positions: FloatArray, *, unit: str | float, up: Up, of_camera: bool = False) -> FloatArray:
     """Return positions (..., 3) of a file in metres with z up, as float32; they are turned, never mirrored.
 
     Args:
         positions: as they stand in the file.
         unit: its unit of length: m, cm, mm, or a number of metres.
         up: its axis that points up: z, y, -y or -z.
+        of_camera: as in `up_rotation`.
 
     Raises:
         UsageError: `unit` or `up` is unknown.
     """
-    turned: FloatArray = (positions @ up_rotation(up).T) * metres(unit)
+    turned: FloatArray = (positions @ up_rotation(up, of_camera=of_camera).T) * metres(unit)
     return turned.astype(np.float32)
-
-
-def from_kinect(positions: FloatArray, *, unit: str | float, up: Up) -> FloatArray:
-    """Return positions (..., 3) of a Kinect in its own frame as `views` has it: x to its right, y away from it, z up.
-
-    The Kinect's x points to its left and its z away from it. Arguments are those of `upright`.
-    """
-    return upright(positions, unit=unit, up=up) * np.array([-1, -1, 1], dtype=np.float32)

@@ -7,6 +7,7 @@ capture, for trackers of depth cameras with their noise, and for children.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import get_args
 
 import numpy as np
@@ -67,7 +68,7 @@ def check_data(data: str | Path | MotionData | StreamData) -> Conformance:
     """
     if not isinstance(data, str | Path):
         return check_bodies(data, ReadWith())
-    command = f"ehar data prepare npz {data} mended.npz"
+    command = f"ehar data prepare npz {quote(str(data))} mended.npz"
     try:
         return check_bodies(_loaded(data), ReadWith(command=command))
     except DataError as error:
@@ -257,7 +258,8 @@ def _upright(data: Recordings, given: ReadWith) -> ContractCheck:
     if mean[2] == np.abs(mean).max() and mean[2] > 0:
         return ContractCheck(_RIGHT_SIDE_UP, True)
     axis = int(np.abs(mean).argmax())
-    in_file = up_rotation(given.up).T @ (np.eye(3)[axis] * np.sign(mean[axis]))
+    of_camera = isinstance(data, MotionData) and data.views is not None
+    in_file = up_rotation(given.up, of_camera=of_camera).T @ (np.eye(3)[axis] * np.sign(mean[axis]))
     found = ("-" if in_file.sum() < 0 else "") + "xyz"[int(np.abs(in_file).argmax())]
     option = f"--up {found}" if not found.startswith("-") else f"--up={found}"
     mend = given.mend(option) if found in get_args(Up) else "turn positions so that z points up"

@@ -46,8 +46,8 @@ def prepare_npz(
     path = Path(source)
     arrays = read_arrays(path, SCHEMA)
     fields = Fields(str(path), arrays)
-    positions = upright(fields.get("positions", FLOAT, "total_frames", "persons", "joints", 3), unit=unit, up=up)
-    positions = without_empty_bodies(positions)
+    held = fields.get("positions", FLOAT, "total_frames", "persons", "joints", 3)
+    positions = without_empty_bodies(upright(held, unit=unit, up=up, of_camera="views" in arrays))
     arrays["positions"] = positions
     notes: tuple[str, ...] = ()
     if joints is not None:

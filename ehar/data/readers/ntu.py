@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.data.axes import Up, from_kinect
+from ehar.data.axes import Up, upright
 from ehar.data.layouts import NTU25
 from ehar.data.motion_data import MotionData
 from ehar.data.readers.assembly import Clip, assemble, matching_files
@@ -104,7 +104,7 @@ def prepare_ntu(
                 file=file,
                 name=file.stem,
                 label=ACTIONS[int(match["action"]) - 1],
-                motion=from_kinect(read_skeleton(file), unit=unit, up=up),
+                motion=upright(read_skeleton(file), unit=unit, up=up, of_camera=True),
                 is_test=tests[split],
                 subject=person,
                 view=camera,

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.data.axes import Up, from_kinect
+from ehar.data.axes import Up, upright
 from ehar.data.layouts import KINECT20
 from ehar.data.motion_data import MotionData
 from ehar.data.readers.assembly import Clip, assemble, matching_files
@@ -63,7 +63,7 @@ def prepare_nwucla(source: str | Path, *, unit: str = "m", up: Up = "y") -> Moti
                 file=file,
                 name=file.stem,
                 label=ACTIONS[int(match["action"])],
-                motion=from_kinect(read_skeletons(file), unit=unit, up=up)[:, None],
+                motion=upright(read_skeletons(file), unit=unit, up=up, of_camera=True)[:, None],
                 is_test=int(match["view"]) == TEST_VIEW,
                 subject=int(match["person"]),
                 view=int(match["view"]),

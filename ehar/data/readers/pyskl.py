@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.data.axes import Up, from_kinect
+from ehar.data.axes import Up, upright
 from ehar.data.gaps import without_empty_bodies
 from ehar.data.layouts import LAYOUTS, Layout
 from ehar.data.motion_data import MotionData
@@ -75,7 +75,7 @@ def prepare_pyskl(
                 raise DataError(f"{where}, {name}: label: got {label!r}, expected {expected}")
             if tests is not None and name not in tests:
                 continue
-            motion = from_kinect(_keypoint(f"{where}, {name}", annotation, len(layout.joint_names)), unit=unit, up=up)
+            motion = upright(_keypoint(f"{where}, {name}", annotation, len(layout.joint_names)), unit=unit, up=up)
             yield Clip(
                 file=file,
                 name=name,

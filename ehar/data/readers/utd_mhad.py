@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.data.axes import Up, from_kinect
+from ehar.data.axes import Up, upright
 from ehar.data.layouts import KINECT20
 from ehar.data.motion_data import MotionData
 from ehar.data.readers.assembly import Clip, assemble, matching_files
@@ -57,7 +57,7 @@ def prepare_utd_mhad(source: str | Path, *, unit: str = "m", up: Up = "y") -> Mo
                 file=file,
                 name=file.stem.removesuffix("_skeleton"),
                 label=ACTIONS[int(match["action"]) - 1],
-                motion=from_kinect(read_skeletons(file), unit=unit, up=up)[:, None],
+                motion=upright(read_skeletons(file), unit=unit, up=up)[:, None],
                 is_test=int(match["person"]) % 2 == 0,
                 subject=int(match["person"]),
             )

@@ -5,7 +5,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from ehar.data.axes import Up, from_kinect, metres, up_rotation, upright
+from ehar.data.axes import Up, metres, up_rotation, upright
 from ehar.errors import UsageError
 
 
@@ -35,4 +35,6 @@ def test_what_is_no_axis() -> None:
 
 def test_a_kinects_frame() -> None:
     left_up_ahead = np.eye(3)  # of the camera
-    np.testing.assert_array_equal(from_kinect(left_up_ahead, unit="m", up="y"), [[-1, 0, 0], [0, 0, 1], [0, 1, 0]])
+    ours = upright(left_up_ahead, unit="m", up="y", of_camera=True)
+    np.testing.assert_array_equal(ours, [[-1, 0, 0], [0, 0, 1], [0, 1, 0]])
+    np.testing.assert_array_equal(upright(ours, unit="m", up="z", of_camera=True), ours)

@@ -82,7 +82,7 @@ def test_what_breaks_a_file_is_named_and_its_advice_mends_it(
     name: str, of: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     change, check, option = BROKEN[name]
-    path = tmp_path / "broken.npz"
+    path = tmp_path / "broken one.npz"
     whole = few(of)
     save_motion(path, changed(whole, change))
     with pytest.raises(SystemExit) as ended:
@@ -98,6 +98,22 @@ def test_what_breaks_a_file_is_named_and_its_advice_mends_it(
     mended = load_data(tmp_path / "mended.npz")
     np.testing.assert_allclose(mended.positions, whole.positions, atol=1e-5)
     assert check_data(tmp_path / "mended.npz").passed
+
+
+def test_advice_is_right_for_joints_in_the_frame_of_a_camera(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ours = replace(few(), views=np.ones(24, dtype=int))  # x to the camera's right, y away from it
+    left_up_ahead = changed(ours, lambda p: p[..., [0, 2, 1]] * [-1, 1, 1])
+    path = tmp_path / "kinect.npz"
+    save_motion(path, left_up_ahead)
+    failed = only_failure(check_data(path))
+    assert failed.mend.endswith("--up y")
+    main(["data", "prepare", "npz", str(path), str(tmp_path / "mended.npz"), "--up", "y"])
+    np.testing.assert_allclose(load_data(tmp_path / "mended.npz").positions, ours.positions, atol=1e-5)
+    with pytest.raises(SystemExit):
+        main(["data", "prepare", "npz", str(tmp_path / "mended.npz"), str(tmp_path / "wrong.npz"), "--up", "y"])
+    assert "z of the file points up" in capsys.readouterr().out  # told in the axes of the file, not of the result
 
 
 @pytest.mark.parametrize("factor", [0.1, 10, 0.01])

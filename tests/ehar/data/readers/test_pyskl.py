@@ -42,7 +42,7 @@ def test_joints_split_and_classes(protocol: int, tmp_path: Path) -> None:
     assert data.class_names == ("wave", "walk") and data.labels.tolist() == [0, 1, 0, 1]
     assert data.is_test is not None and data.is_test.tolist() == [False, False, True, True]
     x, y, z = whole()["annotations"][1]["keypoint"][0, 2, 7].astype(float)
-    np.testing.assert_allclose(data.sequence(1)[2, 0, 7], [-x, z, y], atol=1e-6)
+    np.testing.assert_allclose(data.sequence(1)[2, 0, 7], [x, -z, y], atol=1e-6)
 
 
 def test_two_people_and_no_split(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ def test_the_real_sample() -> None:
     file = loadmat(SAMPLE / "a27_s8_t3_skeleton.mat")["d_skel"]
     squat = data.sequence(3)[:, 0]
     x, y, z = file[0].T.T  # the head, frame by frame
-    np.testing.assert_allclose(squat[:, KINECT20.joint_names.index("head")], np.stack([-x, z, y], axis=1), atol=1e-6)
+    np.testing.assert_allclose(squat[:, KINECT20.joint_names.index("head")], np.stack([x, -z, y], axis=1), atol=1e-6)
     pelvis = squat[:, KINECT20.joint_names.index("hip_center"), 2]
     assert pelvis.max() - pelvis.min() > 0.2  # people go down
 
