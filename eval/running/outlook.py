@@ -7,7 +7,7 @@ from ehar.data.motion_data import MotionData
 from ehar.data.scenario import advised_length, split_parts
 from ehar.errors import DataError
 
-LEAST_POLICY = 2  # sequences: a gain field is judged on others than it is fitted on
+LEAST_POLICY = 2  # sequences: what planners learn is judged on others than it is fitted on
 
 
 def outlook(data: MotionData, length: int) -> tuple[str, ...]:
@@ -36,11 +36,11 @@ def outlook(data: MotionData, length: int) -> tuple[str, ...]:
     validation, test = long_enough(parts.validation), long_enough(parts.test)
     for stage, part, held, least in (
         ("recogniser", "training", recogniser, 1),
-        ("gain field", "policy", policy, LEAST_POLICY),
+        ("planners", "policy", policy, LEAST_POLICY),
     ):
         if len(held) < least:
             wanted = f"expected {least} {part} sequence{'s' * (least > 1)} of at least {length} frames"
-            alone = "" if stage == "recogniser" else "; `ehar train recogniser` trains without it"
+            alone = "" if stage == "recogniser" else "; `ehar train recogniser` needs none"
             raise DataError(f"{data.name}: the {stage} could not be trained: {wanted}, got {len(held)}{advice}{alone}")
     lines = []
     for held, part, result in (

@@ -43,7 +43,7 @@ def test_what_would_stop_a_training_is_an_error_at_once() -> None:
     with pytest.raises(DataError, match=r"tiny: the recogniser could not be trained: expected 1 training seq"):
         outlook(DATA, 21)
     stopped = shortened(DATA, PARTS.policy[1:], 10)
-    with pytest.raises(DataError, match=r"the gain field could not be trained: .* 2 policy .*, got 1; --length 10 is"):
+    with pytest.raises(DataError, match=r"the planners could not be trained: .* 2 policy .*, got 1; --length 10 is"):
         outlook(stopped, 20)
 
 
