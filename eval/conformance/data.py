@@ -70,7 +70,10 @@ def check_data(data: str | Path | MotionData | StreamData) -> Conformance:
         return check_bodies(data, ReadWith())
     command = f"ehar data prepare npz {quote(str(data))} mended.npz"
     try:
-        return check_bodies(_loaded(data), ReadWith(command=command))
+        held = _loaded(data)
+        if isinstance(held, StreamData):
+            command = f"write {data} again, as ehar data prepare reads sequences with"
+        return check_bodies(held, ReadWith(command=command))
     except DataError as error:
         failed = ContractCheck(
             _FORMAT, False, str(error), "arrays as docs/data.md lists them", _mend_file(error, command)

@@ -13,11 +13,13 @@ from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import save_motion
 from ehar.data.skeleton import Skeleton
 from ehar.data.source import load_data
+from ehar.data.stream_file import save_streams
 from ehar.errors import EharError
 from eval.cli.main import main
 from eval.conformance.checks import Conformance, ContractCheck
 from eval.conformance.data import check_data
 from tests.helpers.places import SHARED
+from tests.helpers.streams import tiny_streams
 
 
 @cache
@@ -198,6 +200,17 @@ def test_many_interpolated_frames_are_a_warning() -> None:
     assert found.passed and [check.name for check in found.checks if check.doubtful] == [
         f"{100 * missing.mean():.1f} % of frames are interpolated, where the tracker lost something"
     ]
+
+
+def test_streams_are_checked_as_sequences_are(tmp_path: Path) -> None:
+    path = tmp_path / "streams.npz"
+    save_streams(path, tiny_streams())
+    found = check_data(path)
+    assert found.passed and "2.5 % of frames are interpolated" in str(found)
+    below = tiny_streams()
+    save_streams(path, replace(below, positions=below.positions * np.float32([1, -1, -1])))
+    failed = only_failure(check_data(path))
+    assert failed.mend == f"write {path} again, as ehar data prepare reads sequences with --up=-z"
 
 
 def test_a_file_that_is_not_there() -> None:
