@@ -19,8 +19,8 @@ from ehar.data.file_fields import (
     read_arrays,
     shared_arrays,
 )
-from ehar.data.gaps import fill_gaps
 from ehar.data.motion_data import MotionData
+from ehar.data.preparing.gaps import fill_gaps
 from ehar.files import replacing
 
 _NOTES = ("views", "recorded_ms")  # what is known of each sequence, if it is

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from ehar.data.axes import Up
-from ehar.data.mapping import Target
+from ehar.data.preparing.axes import Up
+from ehar.data.preparing.mapping import Target
 from eval.render.console import output_console, print_tables
 
 if TYPE_CHECKING:
@@ -97,8 +97,8 @@ def save_data(
         mirror: change the sign of x, for bodies whose left is right.
         skeleton: map joints to those of a pose estimator, by their names.
     """
-    from ehar.data.mending import mended
     from ehar.data.motion_file import save_motion
+    from ehar.data.preparing.mending import mended
     from eval.conformance.data import (
         ReadWith,
         check_bodies,

@@ -14,9 +14,9 @@ import numpy as np
 from scipy.sparse.csgraph import shortest_path
 
 from ehar.arrays import BoolArray, FloatArray
-from ehar.data.axes import UNITS, Up, metres, up_rotation
-from ehar.data.body_parts import body_parts
 from ehar.data.motion_data import MotionData
+from ehar.data.preparing.axes import UNITS, Up, metres, up_rotation
+from ehar.data.preparing.body_parts import body_parts
 from ehar.data.recordings import Recordings
 from ehar.data.skeleton import Skeleton
 from ehar.data.source import BUILT_IN

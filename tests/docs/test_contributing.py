@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ehar.data.mapping import mapped
+from ehar.data.preparing.mapping import mapped
 from ehar.data.source import load_data
 from tests.helpers.own_recogniser import OWN
 from tests.helpers.places import ROOT

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
-from ehar.data.axes import Up, upright
-from ehar.data.layouts import COCO17
 from ehar.data.motion_data import MotionData
+from ehar.data.preparing.axes import Up, upright
+from ehar.data.preparing.layouts import COCO17
 from ehar.data.readers.pickles import load_arrays
 from ehar.errors import DataError
 

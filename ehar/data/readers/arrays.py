@@ -10,10 +10,10 @@ import numpy as np
 from annotated_types import Ge, Gt
 
 from ehar.arrays import FloatArray
-from ehar.data.axes import Up, metres, up_rotation, upright
-from ehar.data.gaps import without_empty_bodies
-from ehar.data.layouts import LAYOUTS
 from ehar.data.motion_data import MotionData
+from ehar.data.preparing.axes import Up, metres, up_rotation, upright
+from ehar.data.preparing.gaps import without_empty_bodies
+from ehar.data.preparing.layouts import LAYOUTS
 from ehar.data.readers.assembly import Clip, assemble, matching_files
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.skeleton import Skeleton

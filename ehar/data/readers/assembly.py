@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.data.gaps import fill_gaps
 from ehar.data.motion_data import MotionData
+from ehar.data.preparing.gaps import fill_gaps
 from ehar.data.readers.bodies import most_moving
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.skeleton import Skeleton

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ehar.arrays import FloatArray
-from ehar.data.axes import Up, metres, up_rotation, upright
 from ehar.data.motion_data import MotionData
+from ehar.data.preparing.axes import Up, metres, up_rotation, upright
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError, UsageError

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.data.axes import Up, upright
 from ehar.data.motion_data import MotionData
+from ehar.data.preparing.axes import Up, upright
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError
 

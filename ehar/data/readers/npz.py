@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.data.axes import Up, upright
 from ehar.data.file_fields import FLOAT, INTEGER, Array, Fields, read_arrays
-from ehar.data.gaps import without_empty_bodies
-from ehar.data.layouts import LAYOUTS, Layout
 from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import SCHEMA, parse_motion
+from ehar.data.preparing.axes import Up, upright
+from ehar.data.preparing.gaps import without_empty_bodies
+from ehar.data.preparing.layouts import LAYOUTS, Layout
 from ehar.data.readers.bodies import most_moving
 from ehar.errors import DataError, UsageError
 

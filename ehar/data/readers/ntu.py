@@ -12,9 +12,9 @@ from typing import Literal
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.data.axes import Up, upright
-from ehar.data.layouts import NTU25
 from ehar.data.motion_data import MotionData
+from ehar.data.preparing.axes import Up, upright
+from ehar.data.preparing.layouts import NTU25
 from ehar.data.readers.assembly import Clip, assemble, matching_files
 from ehar.errors import DataError, UsageError
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
-from ehar.data.axes import Up, upright
 from ehar.data.motion_data import MotionData
+from ehar.data.preparing.axes import Up, upright
 from ehar.errors import DataError, EharError
 from ehar.plugins.loading import failure
 from ehar.plugins.own_class import Contract, bring

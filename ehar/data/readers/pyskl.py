@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.data.axes import Up, upright
-from ehar.data.gaps import without_empty_bodies
-from ehar.data.layouts import LAYOUTS, Layout
 from ehar.data.motion_data import MotionData
+from ehar.data.preparing.axes import Up, upright
+from ehar.data.preparing.gaps import without_empty_bodies
+from ehar.data.preparing.layouts import LAYOUTS, Layout
 from ehar.data.readers.assembly import Clip, assemble
 from ehar.data.readers.pickles import load_arrays
 from ehar.errors import DataError

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ehar.data.layouts import BODY12
-from ehar.data.mapping import mapped
+from ehar.data.preparing.layouts import BODY12
+from ehar.data.preparing.mapping import mapped
 from ehar.data.readers.arrays import prepare_arrays
 from ehar.data.source import load_data
 from ehar.errors import EharError

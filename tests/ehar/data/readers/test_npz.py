@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ehar.data.layouts import BODY12
 from ehar.data.motion_file import save_motion
+from ehar.data.preparing.layouts import BODY12
 from ehar.data.readers.npz import prepare_npz
 from ehar.errors import EharError
 from tests.helpers.fakes import tiny_data

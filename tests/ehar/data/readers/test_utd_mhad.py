@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat, savemat
 
-from ehar.data.layouts import KINECT20
+from ehar.data.preparing.layouts import KINECT20
 from ehar.data.readers.utd_mhad import prepare_utd_mhad
 from ehar.errors import DataError
 from eval.conformance.data import check_data

@@ -5,7 +5,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from ehar.data.axes import Up, metres, up_rotation, upright
+from ehar.data.preparing.axes import Up, metres, up_rotation, upright
 from ehar.errors import UsageError
 
 

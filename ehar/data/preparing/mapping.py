@@ -5,9 +5,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from ehar.data.body_parts import body_parts
-from ehar.data.layouts import LAYOUTS
 from ehar.data.motion_data import MotionData
+from ehar.data.preparing.body_parts import body_parts
+from ehar.data.preparing.layouts import LAYOUTS
 from ehar.errors import DataError, UsageError
 
 Target = Literal["coco17", "kinect20", "body12"]

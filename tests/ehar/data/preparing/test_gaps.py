@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ehar.data.gaps import fill_gaps, without_empty_bodies
 from ehar.data.motion_file import load_motion, save_motion
+from ehar.data.preparing.gaps import fill_gaps, without_empty_bodies
 from ehar.data.variations import with_variations
 from ehar.errors import DataError
 from tests.helpers.fakes import SKELETON, tiny_data

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ehar.data.mapping import Target, mapped
 from ehar.data.motion_data import MotionData
+from ehar.data.preparing.mapping import Target, mapped
 from ehar.errors import UsageError
 
 

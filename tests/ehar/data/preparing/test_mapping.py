@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ehar.data.body_parts import body_parts
-from ehar.data.layouts import COCO17, KINECT20, LAYOUTS
-from ehar.data.mapping import mapped
 from ehar.data.motion_data import MotionData
+from ehar.data.preparing.body_parts import body_parts
+from ehar.data.preparing.layouts import COCO17, KINECT20, LAYOUTS
+from ehar.data.preparing.mapping import mapped
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError
 from tests.helpers.fakes import tiny_data
