@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from ehar.data.motion_file import load_motion
+from ehar.data.preparing.mapping import mapped
 from ehar.data.readers.own import prepare_own
 from ehar.data.source import load_data
 from ehar.errors import EharError
 from eval.cli.main import main
+from tests.helpers.pages import DOCS, python_blocks
 
 SOURCE = """
 from dataclasses import replace
@@ -52,6 +54,22 @@ def test_a_reader_on_the_command_line(mine: Path, capsys: pytest.CaptureFixture[
         main(["data", "prepare", "own", f"{mine}:Mine", "--scale", "1000", source, str(out)])
     assert ended.value.code == 1
     assert "--unit mm" in capsys.readouterr().out
+
+
+def test_the_page_about_it_shows_a_reader_that_works(
+    tmp_path: Path, own_modules: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mine.py").write_text(python_blocks(DOCS / "own-reader.md")[0])
+    body, recordings = mapped(load_data("solo"), "body12"), tmp_path / "recordings"
+    recordings.mkdir()
+    for index, name in enumerate(("walk_1", "walk_2", "jump_1")):
+        np.savetxt(recordings / f"{name}.txt", body.sequence(index).reshape(body.lengths[index], -1))
+    out = tmp_path / "mine.npz"
+    main(["data", "prepare", "own", f"{tmp_path}/mine.py:Rows", "--fps", "25", str(recordings), str(out)])
+    assert "9 passed" in capsys.readouterr().out
+    data = load_motion(out)
+    assert data.class_names == ("jump", "walk") and data.labels.tolist() == [0, 1, 1]
+    assert data.fps == 25
 
 
 @pytest.mark.parametrize(
