@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from ehar.lazy import lazy_exports
 
 if TYPE_CHECKING:
+    from eval.conformance.data import check_data as check_data
     from eval.conformance.motion import check_motion as check_motion
     from eval.conformance.planner import check_planner as check_planner
     from eval.conformance.recogniser import check_recogniser as check_recogniser
@@ -20,6 +21,7 @@ else:
         __name__,
         {
             "benchmark": "eval.running.benchmark",
+            "check_data": "eval.conformance.data",
             "check_motion": "eval.conformance.motion",
             "check_planner": "eval.conformance.planner",
             "check_recogniser": "eval.conformance.recogniser",

@@ -182,7 +182,7 @@ def _parse_positions(
         kind = "NaN" if np.isnan(positions[frame]).any() else "infinite"
         where = f"sequence {sequence_names[sequence]!r}, frame {frame - offsets[sequence]}"
         more = f", and {wrong.size - 1} more frames" if wrong.size > 1 else ""
-        raise fields.error("positions", f"got {kind} in {where}{more}; expected finite metres")
+        raise fields.error("positions", f"got {kind} in {where}{more}; expected finite metres, or `missing` there")
     return positions
 
 

@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass, replace
 
-from ehar.arrays import IntArray
+import numpy as np
+
+from ehar.arrays import BoolArray, IntArray
 from ehar.data.recordings import Recordings
 
 
@@ -15,11 +17,16 @@ class MotionData(Recordings):
         views: (sequences,) ints, the camera that recorded each sequence, in whose frame its joints are: x to its right,
             y away from it, z up; None if joints are in the room's frame.
         recorded_ms: (sequences,) ints, when each recording began [ms]; None if the order is not known.
+        missing: (total_frames,) bool, true where the tracker lost a joint or a person, and positions are interpolated;
+            None if it lost none.
+        notes: what a reader left out or had to assume. They are told when data is prepared, and are not in its file.
     """
 
     labels: IntArray
     views: IntArray | None = None
     recorded_ms: IntArray | None = None
+    missing: BoolArray | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def _activities(self) -> tuple[IntArray, ...]:
@@ -36,4 +43,9 @@ class MotionData(Recordings):
         if fps == self.fps:
             return self
         positions, offsets = self._at_rate(fps)
-        return replace(self, positions=positions, offsets=offsets, fps=float(fps))
+        missing = self.missing
+        if missing is not None:  # a frame is interpolated if the nearest one before it was
+            counts = np.diff(offsets)
+            within = np.arange(len(positions)) - np.repeat(offsets[:-1], counts)
+            missing = missing[np.repeat(self.offsets[:-1], counts) + (within * (self.fps / fps)).astype(np.int64)]
+        return replace(self, positions=positions, offsets=offsets, fps=float(fps), missing=missing)

@@ -1,11 +1,14 @@
 """Motion data on disk: the .npz of the schema, checked when it is read and written atomically."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ehar.arrays import BoolArray, FloatArray
 from ehar.data.file_fields import (
+    BOOL,
     INTEGER,
     SHARED,
     Array,
@@ -17,14 +20,17 @@ from ehar.data.file_fields import (
     shared_arrays,
 )
 from ehar.data.motion_data import MotionData
+from ehar.data.preparing.gaps import fill_gaps
 from ehar.files import replacing
 
 _NOTES = ("views", "recorded_ms")  # what is known of each sequence, if it is
-_SCHEMA = SHARED | {"labels", *_NOTES}
+SCHEMA = SHARED | {"labels", "missing", *_NOTES}
 
 
 def load_motion(path: str | Path) -> MotionData:
     """Read motion data from an .npz of the schema; arrays that the schema does not name are ignored.
+
+    In frames that `missing` names, positions may be NaN: they are interpolated joint by joint.
 
     Args:
         path: the file; its name without the suffix names the data in reports.
@@ -34,7 +40,7 @@ def load_motion(path: str | Path) -> MotionData:
             the schema.
     """
     path = Path(path)
-    return _parse(Fields(str(path), read_arrays(path, _SCHEMA)), name=path.stem)
+    return parse_motion(Fields(str(path), read_arrays(path, SCHEMA)), name=path.stem)
 
 
 def save_motion(path: str | Path, data: MotionData) -> None:
@@ -48,29 +54,57 @@ def save_motion(path: str | Path, data: MotionData) -> None:
     """
     path = Path(path)
     arrays = _to_arrays(data)
-    _parse(Fields(str(path), arrays), name=data.name)
+    parse_motion(Fields(str(path), arrays), name=data.name)
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez(file, allow_pickle=False, **arrays)
 
 
-def _parse(fields: Fields, *, name: str) -> MotionData:
+def parse_motion(fields: Fields, *, name: str, notes: tuple[str, ...] = ()) -> MotionData:
+    """Return the motion of the arrays of a file.
+
+    Args:
+        fields: the arrays.
+        name: name of the data.
+        notes: what a reader has to tell.
+
+    Raises:
+        DataError: an array breaks the schema.
+    """
     held = fields.get("labels", INTEGER, "sequences")
     count = len(held)
-    shared = parse_shared(fields, sequences=count)
+    missing = fields.get("missing", BOOL, "total_frames") if "missing" in fields.arrays else None
+    if missing is not None and len(missing) != len(fields.arrays.get("positions", missing)):
+        raise fields.error("missing", f"got {len(missing)} frames, expected as many as positions have")
+    shared = parse_shared(fields, sequences=count, missing=missing)
     sequence_names, class_names = shared["sequence_names"], shared["class_names"]
     labels = parse_labels(fields, "labels", held, class_names, lambda index: f"sequence {sequence_names[index]!r}")
-    notes: dict[str, Any] = {
+    if missing is not None:
+        shared["positions"] = _without_gaps(fields, shared, missing)
+    known: dict[str, Any] = {
         name: fields.get(name, INTEGER, count).astype(np.int64) for name in _NOTES if name in fields.arrays
     }
     return MotionData(
         name=name,
         labels=labels,
+        missing=missing,
         is_test=parse_split(fields, labels, np.arange(count), class_names, sequence_names),
         **shared,
-        **notes,
+        notes=notes,
+        **known,
     )
+
+
+def _without_gaps(fields: Fields, shared: Mapping[str, Any], missing: BoolArray) -> FloatArray:
+    positions: FloatArray = shared["positions"].copy()
+    for sequence, name in enumerate(shared["sequence_names"]):
+        part = slice(*shared["offsets"][sequence : sequence + 2])
+        if missing[part].any():
+            where = f"{fields.where}: positions: sequence {name!r}"
+            positions[part], _ = fill_gaps(positions[part], shared["skeleton"], where)
+    return positions
 
 
 def _to_arrays(data: MotionData) -> dict[str, Array]:
     arrays = {**shared_arrays(data), "labels": data.labels.astype(np.int32)}
-    return arrays | {name: getattr(data, name) for name in _NOTES if getattr(data, name) is not None}
+    optional = (*_NOTES, "missing")
+    return arrays | {name: getattr(data, name) for name in optional if getattr(data, name) is not None}

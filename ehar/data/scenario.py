@@ -15,6 +15,9 @@ LEAST_PEOPLE = 3  # with fewer people in training, validation shares them: one p
 LEAST_KNOWN = 5  # people whom the recogniser must keep for itself, or else the policy part shares them
 RECOGNISER_SHARE = 0.4  # Sec. 5.1: recogniser training : policy training = 0.4 : 0.6
 TEST_SHARE = 1 / 3  # for data without a split, as in AIST++ (7 of 21)
+USUAL_LENGTH = 60  # Sec. 5.1: L
+LEAST_LENGTH = 8  # frames
+KEPT_SHARE = 0.9  # of a class's sequences, which an advised length keeps
 TEST = "test"
 PARTS = ("recogniser", "policy", "validation", TEST)
 SPLIT_SEED = 0  # the parts are properties of the data, not of a run
@@ -112,6 +115,17 @@ def windows(data: MotionData, sequences: IntArray, length: int, stride: int) -> 
     ends = np.cumsum(counts)
     first = (np.arange(len(sequence)) - np.repeat(ends - counts, counts)) * stride
     return Scenarios(data, length, sequence, first)
+
+
+def advised_length(data: MotionData) -> int:
+    """Return a number of frames of an episode that nearly all sequences have, `USUAL_LENGTH` at most.
+
+    It is the longest at which every class keeps at least `KEPT_SHARE` of its sequences. One that is shorter than
+    `LEAST_LENGTH` is not advised: there would be nothing to watch.
+    """
+    members = (data.lengths[data.labels == label] for label in range(len(data.class_names)))
+    kept = [np.sort(lengths)[int((1 - KEPT_SHARE) * len(lengths))] for lengths in members if len(lengths)]
+    return int(np.clip(min(kept), LEAST_LENGTH, USUAL_LENGTH))
 
 
 def split_parts(data: MotionData | StreamData) -> Parts:

@@ -1,7 +1,7 @@
 """The skeleton of one person: joint names, bones, and which joints are each other's mirror image."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +10,7 @@ import numpy as np
 from ehar.arrays import IntArray, in_brief, read_only
 
 _LEFT_TO_RIGHT = (
-    (r"^(.*[_\-. ])?left([_\-. ]?.*)$", "right"),
+    (r"^(.*[_\-. :])?left([_\-. ]?.*)$", "right"),
     (r"^(.*[_\-. ])l$()", "r"),
     (r"^()l([_\-. ]?.+)$", "r"),
 )
@@ -46,13 +46,31 @@ class Skeleton:
 
 def counterparts(names: Sequence[str]) -> IntArray:
     """Return the index of each name's counterpart on the other side, left for right, or its own index, (N,)."""
-    index = {name.lower(): i for i, name in enumerate(names)}
     other = np.arange(len(names))
+    for left, right, _ in _pairs(names):
+        other[left], other[right] = right, left
+    return other
+
+
+def sides(names: Sequence[str]) -> list[tuple[str, str]]:
+    """Return the side of each name, `left`, `right` or none, and the name without it, in lower case."""
+    found = [("", _without_prefix(name.lower())) for name in names]
+    for left, right, stem in _pairs(names):
+        found[left], found[right] = ("left", _without_prefix(stem)), ("right", _without_prefix(stem))
+    return found
+
+
+def _pairs(names: Sequence[str]) -> Iterator[tuple[int, int, str]]:
+    """Yield the indices of a left and a right name, and what is left of them without the side."""
+    index = {name.lower(): i for i, name in enumerate(names)}
     for name, left in index.items():
         for pattern, right_word in _LEFT_TO_RIGHT:
             match = re.match(pattern, name)
             right = index.get(f"{match[1] or ''}{right_word}{match[2]}") if match else None
-            if right is not None:
-                other[left], other[right] = right, left
+            if match is not None and right is not None:
+                yield left, right, f"{match[1] or ''}{match[2]}"
                 break
-    return other
+
+
+def _without_prefix(name: str) -> str:
+    return name.rpartition(":")[2]  # BVH files of Mixamo write `mixamorig:LeftLeg`

@@ -62,6 +62,7 @@ def with_variations(data: MotionData, sequences: IntArray, each: int, *, seed: i
         ),
         subjects=data.subjects[copies],
         is_test=None,
+        missing=None,
     )
 
 

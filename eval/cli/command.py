@@ -15,6 +15,7 @@ from ehar.processes import cores
 
 REQUIRED = inspect.Parameter.empty
 _FIRST = ("planners", "data", "models", "out", "report", "sensor", "track")  # first in help, in this order
+_ONLY_IF_READ = ("unit", "up")  # parameters of `show` that are flags only if the function has them
 _LEFT_OUT = ("reporter", "load", "effort")  # parameters that are no flags
 
 
@@ -119,7 +120,9 @@ class Command:
 
     def _shown(self) -> dict[str, inspect.Parameter]:
         """Return the parameters of `show` after the first, which takes the result of the function."""
-        return dict(list(_parameters_of(self.show).items())[1:])
+        own = _parameters_of(self.function)
+        shown = list(_parameters_of(self.show).items())[1:]
+        return {name: parameter for name, parameter in shown if name not in _ONLY_IF_READ or name in own}
 
     def _fields(self, kind: Any) -> dict[str, inspect.Parameter]:
         """Return the fields of a data class as parameters; for `Conditions`, only the fields that are flags."""
@@ -145,7 +148,7 @@ class Command:
                 if is_dataclass(kind):
                     add(self._fields(kind), _texts(kind))
                 else:
-                    found[name] = Leaf(parameter, texts.get(name, ""))
+                    found.setdefault(name, Leaf(parameter, texts.get(name, "")))  # the function's, if `show` has it too
 
         add(_parameters_of(self.function), _texts(self.function))
         add(self._shown(), _texts(self.show))

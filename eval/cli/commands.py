@@ -93,6 +93,14 @@ BENCHMARK = Command(
 PREPARED = {
     "source": Flag(kind=Path, positional=True, metavar="SOURCE"),
     "out": Flag(positional=True, metavar="OUT.npz"),
+    "fps": Flag(hint="the reader's"),
+    "skeleton": Flag(hint="the data's"),
+}
+OF_READERS = {  # flags of some readers
+    "own": {"reader": Flag(kind=str, positional=True, metavar="READER")},
+    "npz": {"joints": Flag(hint="the data's names"), "persons": Flag(hint="all")},
+    "pyskl": {"split": Flag(hint="none"), "classes": Flag(hint="numbers")},
+    "humanml3d": {"labels": Flag(hint="captions")},
 }
 PREPARE = CommandGroup(
     """Read motion files, and write a prepared .npz.
@@ -100,7 +108,7 @@ PREPARE = CommandGroup(
     For example:
         ehar data prepare aistpp AIST++ aistpp.npz
     """,
-    {name: Command(place, save_data, flags=PREPARED) for name, place in READERS.items()},
+    {name: Command(place, save_data, flags=PREPARED | OF_READERS.get(name, {})) for name, place in READERS.items()},
 )
 DATA = CommandGroup(
     """Prepare motion data of your own, and describe it.
@@ -111,6 +119,18 @@ DATA = CommandGroup(
     """,
     {
         "prepare": PREPARE,
+        "check": Command(
+            "eval.conformance.data:check_data",
+            show_conformance,
+            text="""Check units, axes, sides, rate and gaps of a prepared .npz.
+
+            Exit code 0: all passed; 1: a check failed, and how to mend it; 2: it can't run.
+
+            For example:
+                ehar data check mine.npz
+            """,
+            flags={"data": Flag(kind=str, positional=True, metavar="DATA")},
+        ),
         "describe": Command(
             "eval.studies.describe:describe",
             show_table,

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from ehar.data.preparing.axes import Up
+from ehar.data.preparing.mapping import Target
 from eval.render.console import output_console, print_tables
 
 if TYPE_CHECKING:
@@ -74,19 +76,43 @@ def show_replay(written: "WrittenReplay") -> None:
     show_path(written.path)
 
 
-def save_data(data: "MotionData", *, out: Path) -> None:
-    """Write prepared data, and print a summary.
+def save_data(
+    data: "MotionData",
+    *,
+    out: Path,
+    unit: str = "m",
+    up: Up = "z",
+    fps: float | None = None,
+    mirror: bool = False,
+    skeleton: Target | None = None,
+) -> int:
+    """Write prepared data, print a summary and the checks; return 1 if a check failed.
 
     Args:
         data: the prepared data.
         out: .npz to write.
+        unit: unit that files were read with, for advice.
+        up: axis that files were read with, for advice.
+        fps: frames per second, if the reader is wrong; nothing is resampled.
+        mirror: change the sign of x, for bodies whose left is right.
+        skeleton: map joints to those of a pose estimator, by their names.
     """
     from ehar.data.motion_file import save_motion
+    from ehar.data.preparing.mending import mended
+    from eval.conformance.data import (
+        ReadWith,
+        check_bodies,
+    )  # imported here: it brings scipy, which `ehar --help` does not need
 
+    data = mended(data, fps=fps, mirror=mirror, skeleton=skeleton)
     save_motion(_npz(out), data)
-    output_console().print(
-        f"{out}: {len(data.labels)} sequences of {len(data.class_names)} classes, {data.fps:g} frames/s"
-    )
+    console = output_console()
+    console.print(f"{out}: {len(data.labels)} sequences of {len(data.class_names)} classes, {data.fps:g} frames/s")
+    for note in data.notes:
+        console.print(f"note: {note}", markup=False)
+    found = check_bodies(data, ReadWith(unit, up, mirror))
+    print(found)
+    return 0 if found.passed else 1
 
 
 def save_stitched(streams: "StreamData", *, out: Path) -> None:

@@ -7,6 +7,7 @@ from ehar.lazy import lazy_exports
 if TYPE_CHECKING:
     from eval.conformance.checks import Conformance as Conformance
     from eval.conformance.checks import ContractCheck as ContractCheck
+    from eval.conformance.data import check_data as check_data
     from eval.conformance.motion import check_motion as check_motion
     from eval.conformance.planner import check_planner as check_planner
     from eval.conformance.recogniser import check_recogniser as check_recogniser
@@ -17,6 +18,7 @@ else:
         {
             "Conformance": "eval.conformance.checks",
             "ContractCheck": "eval.conformance.checks",
+            "check_data": "eval.conformance.data",
             "check_motion": "eval.conformance.motion",
             "check_planner": "eval.conformance.planner",
             "check_recogniser": "eval.conformance.recogniser",

@@ -19,6 +19,7 @@ class ContractCheck:
         got: the wrong value, or why it could not be checked.
         expected: the right value.
         mend: how to mend it.
+        doubtful: whether it holds, but somebody should look at what it got.
     """
 
     name: str
@@ -26,10 +27,11 @@ class ContractCheck:
     got: str = ""
     expected: str = ""
     mend: str = ""
+    doubtful: bool = False
 
     def lines(self) -> list[str]:
         """Return the check for people to read."""
-        status = {True: "passed", False: "FAILED", None: "not checked"}[self.passed]
+        status = "warning" if self.doubtful else {True: "passed", False: "FAILED", None: "not checked"}[self.passed]
         first = f"  {status:<12} {self.name}" + (f": {self.got}" if self.got and self.passed is not False else "")
         if self.passed is not False:
             return [first]
@@ -62,9 +64,9 @@ class Conformance:
     def __str__(self) -> str:
         """Return the counts, and a line for each check."""
         counts = [sum(check.passed is status for check in self.checks) for status in (True, False, None)]
-        count = ", ".join(
-            f"{n} {what}" for n, what in zip(counts, ("passed", "failed", "not checked"), strict=True) if n
-        )
+        doubtful = sum(check.doubtful for check in self.checks)
+        words = ("passed", "failed", "not checked", "of them with a warning")
+        count = ", ".join(f"{n} {what}" for n, what in zip((*counts, doubtful), words, strict=True) if n)
         return "\n".join([f"{self.subject}: {count}", *(line for check in self.checks for line in check.lines())])
 
 

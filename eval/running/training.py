@@ -10,6 +10,7 @@ from ehar.conditions import Conditions
 from ehar.errors import ModelError
 from ehar.files import read_json
 from ehar.processes import cores
+from eval.running.outlook import outlook
 from planners.agents.config import PAPER_FORM, AgentTrainingConfig, Scale
 from planners.place.config import FixedBestConfig
 from planners.value.config import GainTrainingConfig
@@ -197,10 +198,13 @@ def train_all(config: TrainAllConfig) -> Trained:
     """Train recogniser, gain field, fixed-best and the four agents; finished parts are kept, and stopped parts go on.
 
     Raises:
-        EharError: a training raised it, or an option of the agents is wrong, which is checked before anything begins.
+        EharError: a training raised it. An option of the agents that is wrong, and data with too few sequences that are
+            long enough, are told before anything begins.
     """
     config.agents.check()
-    load_motion_of(config.told)  # streams are refused before anything begins: only a recogniser learns on them
+    # Streams are refused here, before anything begins: only a recogniser learns on them.
+    for line in outlook(load_motion_of(config.told), config.told.length):
+        print(line, flush=True)
     agents = " and ".join(", ".join(config.agents.stage_names).rsplit(", ", 1))
     stages: list[tuple[str, Callable[[TrainAllConfig], bool], Callable[[], Trained]]] = [
         ("the recogniser", has_recogniser, lambda: train_recogniser(config.recogniser)),

@@ -12,15 +12,13 @@ from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.conditions import Conditions
 from ehar.data.copies import copied
 from ehar.data.motion_data import MotionData
-from ehar.data.scenario import split_parts, windows
+from ehar.data.scenario import USUAL_LENGTH, advised_length, split_parts, windows
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError, UsageError
 from ehar.files import replacing
 from eval.render.palette import BLUE, EDGE, LINE, SOFT, THIN, VERMILION
 from eval.render.tables import Table
 from recognition.setting import load_motion_of
-
-EPISODE_FRAMES = 60  # Sec. 5.1: L
 
 FRAMES_SHOWN = 5
 ROW_HEIGHT = 1.8  # inches
@@ -31,34 +29,43 @@ LEFT, RIGHT, MIDDLE = VERMILION, BLUE, SOFT
 PERSON_TINT = 0.45  # share of white in the colours of the second person
 
 
-def describe(data: str | Path | MotionData, *, fps: float | None = None, figure: str | Path | None = None) -> Table:
-    """Return a table of the classes: sequences, their frames, the split, and the test windows of 60 frames.
+def describe(
+    data: str | Path | MotionData,
+    *,
+    fps: float | None = None,
+    length: int = USUAL_LENGTH,
+    figure: str | Path | None = None,
+) -> Table:
+    """Return a table of the classes: sequences, their frames, the split, and the test windows of an episode's length.
+
+    A footnote advises a shorter length, if many sequences are shorter than an episode.
 
     Args:
         data: duo, solo, or a prepared .npz.
         fps: frame rate to resample to [Hz].
+        length: frames of an episode.
         figure: picture to write, with a few skeletons of each class: .png, .svg or .pdf.
 
     Raises:
         EharError: one line that says what was got and what was expected.
     """
-    data = load_motion_of(Conditions(data=data, fps=fps))
+    data = load_motion_of(Conditions(data=data, fps=fps, length=length))
     if figure is not None:
         describe_figure(data, Path(figure))
     test = split_parts(data).test
     is_test = np.isin(np.arange(len(data.labels)), test)
-    tested = windows(data, test, EPISODE_FRAMES, EPISODE_FRAMES).labels
+    tested = windows(data, test, length, length).labels
     rows = [
         (name, *_counts(data, is_test, data.labels == label, int((tested == label).sum())))
         for label, name in enumerate(data.class_names)
     ]
     rows.append(("all", *_counts(data, is_test, np.ones(len(data.labels), dtype=bool), len(tested))))
-    header = ("class", "sequences", "train", "test", "frames min", "median", "max", f"test windows L={EPISODE_FRAMES}")
+    header = ("class", "sequences", "train", "test", "frames min", "median", "max", f"test windows L={length}")
     return Table(
         title=_title(data),
         header=header,
         rows=tuple(rows),
-        footnotes=tuple(_footnotes(data)),
+        footnotes=tuple(_footnotes(data, length)),
         bold=frozenset((len(rows) - 1, column) for column in range(len(header))),
     )
 
@@ -78,15 +85,17 @@ def _title(data: MotionData) -> str:
     return f"{data.title}: {persons}, {joints}, {data.fps:g} fps, {len(data.class_names)} classes"
 
 
-def _footnotes(data: MotionData) -> list[str]:
+def _footnotes(data: MotionData, length: int) -> list[str]:
     minutes = len(data.positions) / data.fps / 60
-    short = int((data.lengths < EPISODE_FRAMES).sum())
+    short = int((data.lengths < length).sum())
+    advised = advised_length(data)
     copies = int(copied(data, split_parts(data).test).sum())
     notes = [f"warning: {copies} test sequences are copies of training sequences"] if copies else []
     return [
         *notes,
         f"{'synthetic motion' if data.synthetic else 'recorded motion'}, {minutes:.1f} minutes, "
-        f"{short} of {len(data.labels)} sequences shorter than {EPISODE_FRAMES} frames",
+        f"{short} of {len(data.labels)} sequences shorter than {length} frames",
+        *([f"--length {advised} is advised: few sequences are shorter"] if advised < length else []),
         f"split: {'as in the data' if data.is_test is not None else 'none in the data; held out from a fixed seed'}",
         f"licence: {data.license or 'not stated'}",
     ]

@@ -13,6 +13,7 @@ from nbclient import NotebookClient
 import eval as ours
 from ehar import Conditions, EharError, MotionData, Planner, load_data, save_motion
 from ehar.files import write_text
+from eval.conformance.data import check_data
 from eval.conformance.motion import check_motion
 from eval.conformance.planner import check_planner
 from eval.conformance.recogniser import check_recogniser
@@ -27,7 +28,7 @@ from recognition.setting import load_setting
 
 ROOT = Path(__file__).parents[2]
 CHECKS = [check_motion, check_planner, check_recogniser, check_sensor]
-FUNCTIONS = [benchmark, *CHECKS, compare, headroom, make_report, read_run, verify]
+FUNCTIONS = [benchmark, check_data, *CHECKS, compare, headroom, make_report, read_run, verify]
 SHORT = Conditions(data="duo", length=10)
 NOTEBOOK = ROOT / "docs" / "examples" / "first_steps.ipynb"
 
@@ -62,7 +63,7 @@ def test_a_function_is_found_where_its_module_was_imported_before(function: obje
 
 def test_the_functions_are_listed_and_a_wrong_name_says_which_there_are() -> None:
     assert dir(ours) == sorted(function.__name__ for function in FUNCTIONS)
-    with pytest.raises(AttributeError, match="eval has no 'benchmrk'; it has: benchmark, check_motion, "):
+    with pytest.raises(AttributeError, match="eval has no 'benchmrk'; it has: benchmark, check_data, check_motion, "):
         _ = ours.benchmrk
 
 

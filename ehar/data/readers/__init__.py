@@ -5,7 +5,15 @@ of `ehar data prepare NAME`: a line, an example, and its arguments.
 """
 
 READERS = {  # name: module:function, imported on demand
+    "arrays": "ehar.data.readers.arrays:prepare_arrays",
     "bvh": "ehar.data.readers.bvh:prepare_bvh",
+    "ntu": "ehar.data.readers.ntu:prepare_ntu",
+    "nwucla": "ehar.data.readers.nwucla:prepare_nwucla",
+    "utd-mhad": "ehar.data.readers.utd_mhad:prepare_utd_mhad",
+    "humanml3d": "ehar.data.readers.humanml3d:prepare_humanml3d",
+    "pyskl": "ehar.data.readers.pyskl:prepare_pyskl",
     "expi": "ehar.data.readers.expi:prepare_expi",
     "aistpp": "ehar.data.readers.aistpp:prepare_aistpp",
+    "npz": "ehar.data.readers.npz:prepare_npz",
+    "own": "ehar.data.readers.own:prepare_own",
 }

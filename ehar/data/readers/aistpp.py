@@ -9,21 +9,20 @@ sequences a genre.
 The floor stays at its height in the files, which is not 0.
 """
 
-import pickle
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
 
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
 from ehar.data.motion_data import MotionData
-from ehar.data.skeleton import Skeleton
+from ehar.data.preparing.axes import Up, upright
+from ehar.data.preparing.layouts import COCO17
+from ehar.data.readers.pickles import load_arrays
 from ehar.errors import DataError
 
 FPS = 60.0
-METRES = 1e-2  # the files are in centimetres
 GENRES = {
     "gBR": "break",
     "gPO": "pop",
@@ -36,17 +35,7 @@ GENRES = {
     "gJS": "street-jazz",
     "gJB": "ballet-jazz",
 }
-SKELETON = Skeleton(
-    joint_names=(
-        *("nose", "left_eye", "right_eye", "left_ear", "right_ear", "left_shoulder", "right_shoulder"),
-        *("left_elbow", "right_elbow", "left_wrist", "right_wrist", "left_hip", "right_hip"),
-        *("left_knee", "right_knee", "left_ankle", "right_ankle"),
-    ),
-    bones=(
-        *((0, 1), (0, 2), (1, 3), (2, 4), (0, 5), (0, 6), (5, 6), (5, 7), (7, 9), (6, 8), (8, 10)),
-        *((5, 11), (6, 12), (11, 12), (11, 13), (13, 15), (12, 14), (14, 16)),
-    ),
-)
+SKELETON = COCO17
 
 TRAIN_PER_GENRE, TEST_PER_GENRE = 14, 7  # Sec. 5.1: 21 sequences a genre
 TEST_DANCERS = 1 / 3  # of a genre's dancers: one of the usual three
@@ -55,7 +44,7 @@ SELECTION_SEED = 0  # the paper does not say which 21
 _NAME = re.compile(r"(?P<genre>g[A-Z]{2})_s[A-Z]{2}_c[^_]+_d(?P<dancer>\d+)_m[^_]+_ch\d+")
 
 
-def prepare_aistpp(source: str | Path) -> MotionData:
+def prepare_aistpp(source: str | Path, *, unit: str = "cm", up: Up = "y") -> MotionData:
     """Read the original AIST++ files.
 
     For example:
@@ -63,6 +52,8 @@ def prepare_aistpp(source: str | Path) -> MotionData:
 
     Args:
         source: folder that holds keypoints3d and the lists.
+        unit: unit of length in the files: m, cm, mm, or a number of metres.
+        up: axis that points up in the files.
 
     Raises:
         DataError: the folder or the ignore list is missing, a name is not of AIST++, or a file is not as expected.
@@ -77,7 +68,7 @@ def prepare_aistpp(source: str | Path) -> MotionData:
     if not entries:
         raise DataError(f"{folder}: ignore_list.txt leaves none of its {len(files)} files")
     chosen, is_test = _select(entries, np.random.default_rng(SELECTION_SEED))
-    sequences = [read_keypoints(entry.file) for entry in chosen]
+    sequences = [read_keypoints(entry.file, unit=unit, up=up) for entry in chosen]
     genres = [genre for genre in GENRES if any(entry.genre == genre for entry in chosen)]
     return MotionData(
         name="aistpp",
@@ -94,12 +85,12 @@ def prepare_aistpp(source: str | Path) -> MotionData:
     )
 
 
-def read_keypoints(file: Path) -> FloatArray:
+def read_keypoints(file: Path, *, unit: str = "cm", up: Up = "y") -> FloatArray:
     """Return the joints (T, 17, 3) float32 [m], z up, of one file; nothing in it is executed.
 
     The optimised keypoints are taken: the raw ones have NaN in some files.
     """
-    content = _unpickle(file)
+    content = load_arrays(file)
     keypoints = content.get("keypoints3d_optim") if isinstance(content, dict) else None
     if not isinstance(keypoints, np.ndarray):
         raise DataError(f"{file}: keypoints3d_optim: missing, expected a dict that holds it as an array")
@@ -109,8 +100,7 @@ def read_keypoints(file: Path) -> FloatArray:
     wrong = np.flatnonzero(~np.isfinite(keypoints).all(axis=(1, 2)))
     if wrong.size:
         raise DataError(f"{file}: keypoints3d_optim: got NaN or infinite in frame {wrong[0]}, expected centimetres")
-    x, y, z = np.moveaxis(keypoints * METRES, -1, 0)
-    return np.stack([x, -z, y], axis=-1).astype(np.float32)
+    return upright(keypoints, unit=unit, up=up)
 
 
 @dataclass(frozen=True)
@@ -160,39 +150,3 @@ def _select(entries: list[_Entry], rng: np.random.Generator) -> tuple[list[_Entr
 def _draw(entries: list[_Entry], count: int, rng: np.random.Generator) -> list[_Entry]:
     picked = rng.permutation(len(entries))[:count]
     return [entries[i] for i in sorted(picked.tolist())]
-
-
-_ADMITTED = {
-    ("numpy", "ndarray"): np.ndarray,
-    ("numpy", "dtype"): np.dtype,
-    # numpy's constructor of arrays, under its names before and since 2.0
-    ("numpy.core.multiarray", "_reconstruct"): np.empty(0).__reduce__()[0],
-    ("numpy._core.multiarray", "_reconstruct"): np.empty(0).__reduce__()[0],
-}
-
-
-class _ArrayUnpickler(pickle.Unpickler):
-    """Admits numpy arrays and plain containers; any other name raises an error before it is looked up."""
-
-    def __init__(self, stream: BinaryIO, file: Path) -> None:
-        super().__init__(stream)
-        self._file = file
-
-    def find_class(self, module: str, name: str) -> Any:
-        admitted = _ADMITTED.get((module, name))
-        if admitted is None:
-            raise DataError(
-                f"{self._file}: asks for {module}.{name}, which is not executed; expected numpy arrays only"
-            )
-        return admitted
-
-
-def _unpickle(file: Path) -> Any:
-    try:
-        with file.open("rb") as stream:
-            return _ArrayUnpickler(stream, file).load()
-    except DataError:
-        raise
-    except Exception as error:  # broken bytes can raise almost any error
-        problem = " ".join(str(error).split()) or type(error).__name__
-        raise DataError(f"{file}: not a readable pickle: {problem}") from error

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from ehar.arrays import FloatArray
 from ehar.data.motion_data import MotionData
+from ehar.data.preparing.axes import Up, metres, up_rotation, upright
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError, UsageError
@@ -30,20 +31,20 @@ def prepare_bvh(
     *,
     pattern: str = "{label}_{style}_{number}.bvh",
     label_from: Literal["name", "folder"] = "name",
-    unit: float = 0.01,
-    up: Literal["y", "z"] = "y",
+    unit: str | float = "cm",
+    up: Up = "y",
 ) -> MotionData:
     """Read a folder of BVH files.
 
     For example:
         ehar data prepare bvh recordings mine.npz --pattern '{label}_{number}.bvh'
-        ehar data prepare bvh recordings mine.npz --label-from folder --unit 1
+        ehar data prepare bvh recordings mine.npz --label-from folder --unit m
 
     Args:
         source: folder of the files.
         pattern: pattern of the file names: {label} is the class, other words in braces match anything.
         label_from: source of the class: the name of the file, or of its folder.
-        unit: unit of length in the files [m].
+        unit: unit of length in the files: m, cm, mm, or a number of metres.
         up: axis that points up in the files.
 
     Raises:
@@ -54,10 +55,7 @@ def prepare_bvh(
     regex = _compile(pattern)
     if label_from not in ("name", "folder"):
         raise UsageError(f"label_from: got {label_from!r}, expected name or folder")
-    if up not in ("y", "z"):
-        raise UsageError(f"up: got {up!r}, expected y or z")
-    if not (math.isfinite(unit) and unit > 0):
-        raise UsageError(f"unit: got {unit}, expected metres above 0")
+    metres(unit), up_rotation(up)  # a wrong option is told before anything is read
     files = sorted(file for file in source.rglob("*") if file.suffix.lower() == ".bvh" and file.is_file())
     if not files:
         raise DataError(f"{source}: got no .bvh files, expected a folder that holds some")
@@ -65,14 +63,12 @@ def prepare_bvh(
     clips = [read_bvh(file) for file in files]
     for file, clip in zip(files, clips, strict=True):
         _check_alike(files[0], clips[0], file, clip)
-    positions = np.concatenate([clip.positions for clip in clips]) * unit
-    if up == "y":
-        positions = np.stack([positions[..., 0], -positions[..., 2], positions[..., 1]], axis=-1)
+    positions = upright(np.concatenate([clip.positions for clip in clips]), unit=unit, up=up)
     first = _first_of_body(clips[0].parents, positions)
     class_names = sorted(set(words))
     return MotionData(
         name=source.name,
-        positions=positions[:, None, first:].astype(np.float32),
+        positions=positions[:, None, first:],
         offsets=np.cumsum([0, *(len(clip.positions) for clip in clips)]),
         labels=np.array([class_names.index(word) for word in words]),
         class_names=tuple(class_names),

@@ -11,11 +11,11 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.data.motion_data import MotionData
+from ehar.data.preparing.axes import Up, upright
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError
 
 FPS = 25.0
-METRES = 1e-3  # the files are in millimetres
 LONGEST_GAP = 25  # frames, 1 s: a straight line over more than that is no longer the motion
 SKELETON = Skeleton(
     joint_names=(
@@ -54,7 +54,7 @@ TEST = {
 SUBJECTS = {"acro1": (0, 1), "acro2": (2, 3)}
 
 
-def prepare_expi(source: str | Path) -> MotionData:
+def prepare_expi(source: str | Path, *, unit: str = "mm", up: Up = "z") -> MotionData:
     """Read the original ExPI files.
 
     For example:
@@ -62,6 +62,8 @@ def prepare_expi(source: str | Path) -> MotionData:
 
     Args:
         source: folder that holds acro1 and acro2.
+        unit: unit of length in the files: m, cm, mm, or a number of metres.
+        up: axis that points up in the files.
 
     Raises:
         DataError: a sequence is missing, a row does not hold 108 numbers, or a marker is missing for too long.
@@ -75,7 +77,7 @@ def prepare_expi(source: str | Path) -> MotionData:
     if missing:
         problem = f"{len(missing)} of {len(names)} sequences have no mocap_cleaned.tsv: {', '.join(missing)}"
         raise DataError(f"{source}: {problem}; expected acro1 and acro2 of ExPI below it")
-    sequences = [read_sequence(file) for file in files]
+    sequences = [read_sequence(file, unit=unit, up=up) for file in files]
     labels = [
         label for split in (TRAIN, TEST) for label, numbers in enumerate(split.values()) for _ in range(len(numbers))
     ]
@@ -94,7 +96,7 @@ def prepare_expi(source: str | Path) -> MotionData:
     )
 
 
-def read_sequence(file: Path) -> FloatArray:
+def read_sequence(file: Path, *, unit: str = "mm", up: Up = "z") -> FloatArray:
     """Return the joints (T, 2, 18, 3) float32 [m] of one file.
 
     The file has a header, then one row per frame. Commas separate the values, although the file ends in .tsv.
@@ -105,7 +107,7 @@ def read_sequence(file: Path) -> FloatArray:
         raise DataError(f"{file}: got no frames, expected a header line and then {NUMBERS} numbers a row")
     values = np.array(rows)
     _fill_gaps(file, values)
-    return (values * METRES).astype(np.float32).reshape(len(rows), PERSONS, -1, 3)
+    return upright(values.reshape(len(rows), PERSONS, -1, 3), unit=unit, up=up)
 
 
 def _parse_row(file: Path, number: int, line: str) -> list[float]:

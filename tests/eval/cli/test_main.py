@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from ehar.data.motion_file import save_motion
+from ehar.data.readers import READERS
 from eval.cli.main import COMMANDS, main
 from tests.helpers.commands import fails_with
 from tests.helpers.fakes import tiny_data
@@ -147,7 +148,10 @@ def test_version_and_help_answer_without_torch() -> None:
             ["train", "agnt"],
             "unknown command 'ehar train agnt'; expected one of all, recogniser, gain-field, fixed-best, agent",
         ),
-        (["data", "prepare", "csv"], "unknown command 'ehar data prepare csv'; expected one of bvh, expi, aistpp"),
+        (
+            ["data", "prepare", "csv"],
+            f"unknown command 'ehar data prepare csv'; expected one of {', '.join(READERS)}",
+        ),
     ],
 )
 def test_an_unknown_command_names_those_that_there_are(

@@ -10,7 +10,7 @@ import pytest
 
 from ehar.conditions import Conditions
 from ehar.data.source import load_data
-from ehar.errors import EharError, ModelError, UsageError
+from ehar.errors import DataError, EharError, ModelError, UsageError
 from eval.running.training import (
     TrainAllConfig,
     has_fixed_best,
@@ -36,6 +36,7 @@ from recognition.storage import SHIPPED as RECOGNISERS
 from recognition.storage import load_recogniser, recogniser_path, save_recogniser
 from recognition.training.config import TrainingConfig
 from recognition.training.stopping import Evaluation, Outcome
+from tests.helpers.fakes import tiny_data
 from tests.helpers.fixed_places import save_place
 
 DUO = Conditions(data="duo")
@@ -227,3 +228,18 @@ def test_the_benchmark_that_follows_runs_under_the_same_conditions(tmp_path: Pat
 def test_missing_data_are_an_error_of_ours(tmp_path: Path) -> None:
     with pytest.raises(EharError, match=r"missing\.npz"):
         train_all(TrainAllConfig(conditions=Conditions(data=tmp_path / "missing.npz"), out=tmp_path))
+
+
+def test_what_will_be_missing_is_told_before_anything_begins(
+    tmp_path: Path, calls: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    tiny = tiny_data(sequences=60)
+    with pytest.raises(DataError, match=r"expected 1 training sequence of at least 60 frames, got 0; --length 20"):
+        train_all(TrainAllConfig(conditions=Conditions(data=tiny), out=tmp_path))
+    assert calls == []
+    unseen = replace(tiny, class_names=(*tiny.class_names, "never"))
+    with pytest.raises(EharError):  # the recogniser that the fake training leaves behind is one of duo
+        train_all(TrainAllConfig(conditions=Conditions(data=unseen, length=20), out=tmp_path))
+    line, *_ = capsys.readouterr().out.splitlines()
+    assert line == "warning: no training sequence of at least 20 frames of never: the recogniser will never name it"
+    assert calls == ["recogniser"]

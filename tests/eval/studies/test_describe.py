@@ -55,7 +55,10 @@ def test_what_the_data_is(data: MotionData) -> None:
     text = text_of(data)
     for words in ("some (synthetic): 2 persons, 3 joints, 25 fps", "synthetic motion", "as in the data", "CC0"):
         assert words in text
-    assert "2 of 6 sequences shorter than 60 frames" in text
+    assert "2 of 6 sequences shorter than 60 frames\n--length 30 is advised" in text
+    shorter = describe(data, length=30)
+    assert shorter.header[-1] == "test windows L=30" and [line[-1] for line in shorter.rows] == ["5", "4", "9"]
+    assert not any("advised" in note for note in shorter.footnotes)
     recorded = text_of(replace(data, synthetic=False, is_test=None, license=""))
     for words in ("some: 2 persons", "recorded motion", "none in the data", "licence: not stated"):
         assert words in recorded
