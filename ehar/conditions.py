@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args, get_type_hints
 
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import PARTS, TEST
-from ehar.data.stream_data import StreamData
+from ehar.data.streams.data import StreamData
 from ehar.errors import UsageError
 from ehar.flight.vehicle import Vehicle
 from ehar.motion import Motion

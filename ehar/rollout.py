@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray, in_brief, read_only
-from ehar.data.scenario import Scenarios, Windows
+from ehar.data.scenario import Scenarios
 from ehar.data.skeleton import Skeleton
-from ehar.data.stream_scenario import StreamScenarios
+from ehar.data.streams.scenario import StreamScenarios
+from ehar.data.windows import Windows
 from ehar.errors import EpisodeError
 from ehar.motion import Motion
 from ehar.planner import Context, Observation, Planner, Truth

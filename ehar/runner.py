@@ -7,7 +7,7 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.data.recordings import Recordings
 from ehar.data.scenario import Scenarios
-from ehar.data.stream_scenario import StreamScenarios
+from ehar.data.streams.scenario import StreamScenarios
 from ehar.motion import Motion
 from ehar.planner import Context, Planner
 from ehar.recogniser import Recogniser

@@ -9,7 +9,7 @@ from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.data.recordings import Recordings
 from ehar.data.scenario import part_of
-from ehar.data.stream_data import StreamData
+from ehar.data.streams.data import StreamData
 from ehar.errors import ModelError, UsageError
 from ehar.runner import Runner
 from ehar.track import load_track

@@ -6,8 +6,8 @@ from pathlib import Path
 from ehar.data.motion_data import MotionData
 from ehar.data.source import load_data
 from ehar.data.stitching import stitch
-from ehar.data.stream_data import StreamData
-from ehar.data.stream_file import holds_streams, load_streams
+from ehar.data.streams.data import StreamData
+from ehar.data.streams.file import holds_streams, load_streams
 from ehar.data.synthetic.sets import duo, solo
 
 BUILT_IN_STREAMS: dict[str, Callable[[], StreamData]] = {

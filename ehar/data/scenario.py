@@ -6,8 +6,10 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief
 from ehar.data.motion_data import MotionData
-from ehar.data.recordings import UNKNOWN_SUBJECT, Recordings
-from ehar.data.stream_data import StreamData
+from ehar.data.recordings import UNKNOWN_SUBJECT
+from ehar.data.streams.data import StreamData
+from ehar.data.streams.scenario import StreamScenarios
+from ehar.data.windows import Windows
 from ehar.errors import DataError, UsageError
 
 VALIDATION_SHARE = 0.15  # Sec. 5.1: train : validation = 0.85 : 0.15
@@ -21,38 +23,6 @@ KEPT_SHARE = 0.9  # of a class's sequences, which an advised length keeps
 TEST = "test"
 PARTS = ("recogniser", "policy", "validation", TEST)
 SPLIT_SEED = 0  # the parts are properties of the data, not of a run
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Windows:
-    """N windows of L frames, of trimmed sequences or of streams.
-
-    Args:
-        data: the data that windows are cut from.
-        length: L, frames.
-        sequence: (N,) the sequence of each window.
-        first: (N,) the first frame of each window, counted within its sequence.
-    """
-
-    data: Recordings
-    length: int
-    sequence: IntArray
-    first: IntArray
-
-    __repr__ = in_brief
-
-    def __len__(self) -> int:
-        """The number of scenarios, N."""
-        return len(self.sequence)
-
-    def _begin(self, indices: IntArray) -> IntArray:
-        """Return the first frame (n,) of scenarios, counted over all of the data."""
-        begin: IntArray = self.data.offsets[self.sequence[indices]] + self.first[indices]
-        return begin
-
-    def _frames(self, indices: IntArray) -> IntArray:
-        """Return the frames (n, L) of scenarios, counted over all of the data."""
-        return self._begin(indices)[:, None] + np.arange(self.length)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -114,6 +84,23 @@ def windows(data: MotionData, sequences: IntArray, length: int, stride: int) -> 
     sequence = np.repeat(sequences, counts)
     ends = np.cumsum(counts)
     first = (np.arange(len(sequence)) - np.repeat(ends - counts, counts)) * stride
+    return Scenarios(data, length, sequence, first)
+
+
+def draw_scenarios(
+    data: MotionData | StreamData, sequences: IntArray, length: int, rng: np.random.Generator, count: int
+) -> Scenarios | StreamScenarios:
+    """Draw windows of `length` frames from sequences or streams that are at least so long; they may overlap.
+
+    The probability of a sequence is proportional to the number of test windows that its length yields, and its first
+    frame is uniform. Of streams every window is as likely as any other.
+    """
+    longer = data.lengths[sequences] - length
+    weights = longer + 1 if isinstance(data, StreamData) else longer // length + 1
+    sequence = rng.choice(sequences, size=count, p=weights / weights.sum())
+    first = rng.integers(data.lengths[sequence] - length + 1)
+    if isinstance(data, StreamData):
+        return StreamScenarios(data, length, sequence, first)
     return Scenarios(data, length, sequence, first)
 
 

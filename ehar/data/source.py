@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import load_motion
-from ehar.data.stream_file import holds_streams
+from ehar.data.streams.file import holds_streams
 from ehar.data.synthetic.sets import duo, solo
 from ehar.errors import DataError, UsageError
 

@@ -11,7 +11,7 @@ from ehar.data.motion_data import MotionData
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.scenario import split_parts
 from ehar.data.source import load_data
-from ehar.data.stream_data import StreamData
+from ehar.data.streams.data import StreamData
 from ehar.errors import DataError, UsageError
 
 LEAST = 0.5  # share of the seconds that the last stream of somebody must have, or else it belongs to the one before

@@ -9,7 +9,7 @@ from eval.render.console import output_console, print_tables
 
 if TYPE_CHECKING:
     from ehar.data.motion_data import MotionData
-    from ehar.data.stream_data import StreamData
+    from ehar.data.streams.data import StreamData
     from eval.conformance.checks import Conformance
     from eval.render.tables import Table
     from eval.replays.replay import WrittenReplay
@@ -122,8 +122,8 @@ def save_stitched(streams: "StreamData", *, out: Path) -> None:
         streams: the streams.
         out: .npz to write.
     """
-    from ehar.data.stream_data import NO_ACTIVITY
-    from ehar.data.stream_file import save_streams
+    from ehar.data.streams.data import NO_ACTIVITY
+    from ehar.data.streams.file import save_streams
 
     save_streams(_npz(out), streams)
     seconds = streams.lengths / streams.fps

@@ -20,7 +20,7 @@ from ehar.data.preparing.body_parts import body_parts
 from ehar.data.recordings import Recordings
 from ehar.data.skeleton import Skeleton
 from ehar.data.source import BUILT_IN
-from ehar.data.stream_data import StreamData
+from ehar.data.streams.data import StreamData
 from ehar.errors import DataError
 from eval.conformance.checks import Conformance, ContractCheck
 
@@ -126,7 +126,7 @@ def _mend_file(error: DataError, command: str) -> str:
 def _loaded(source: str | Path) -> Recordings:
     from ehar.data.motion_file import load_motion
     from ehar.data.source import load_data
-    from ehar.data.stream_file import load_streams
+    from ehar.data.streams.file import load_streams
 
     path = Path(source)
     if str(source) in BUILT_IN or not path.is_file():

@@ -11,7 +11,7 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief
 from ehar.data.recordings import UNKNOWN_SUBJECT
-from ehar.data.stream_data import NO_ACTIVITY
+from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import DataError
 from ehar.rollout import Record
 from eval.records.flights import KEYS, FlightRecords, join_flights

@@ -10,8 +10,8 @@ from ehar.arrays import FloatArray, IntArray, in_brief
 from ehar.data.copies import copied
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios, windows
-from ehar.data.stream_data import StreamData
-from ehar.data.stream_scenario import StreamScenarios
+from ehar.data.streams.data import StreamData
+from ehar.data.streams.scenario import StreamScenarios
 from ehar.errors import DataError
 from ehar.rollout import Batch, noise_of
 from ehar.world import World

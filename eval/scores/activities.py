@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ehar.arrays import IntArray
-from ehar.data.stream_data import NO_ACTIVITY
+from ehar.data.streams.data import NO_ACTIVITY
 from eval.records.episodes import SECOND, EpisodeRecords
 from eval.scores.metrics import frame_at
 

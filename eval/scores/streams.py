@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
-from ehar.data.stream_data import NO_ACTIVITY
+from ehar.data.streams.data import NO_ACTIVITY
 from eval.records.episodes import EpisodeRecords
 from eval.render.tables import NONE, Table
 from eval.scores.activities import activity_frames

@@ -9,8 +9,8 @@ import torch
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.data.motion_data import MotionData
-from ehar.data.stream_data import StreamData
-from ehar.data.stream_scenario import draw_scenarios
+from ehar.data.scenario import draw_scenarios
+from ehar.data.streams.data import StreamData
 from ehar.errors import DataError, EpisodeError
 from ehar.motion import move_towards
 from ehar.planner import Context, Observation, Planner, Truth

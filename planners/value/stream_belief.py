@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.data.stream_data import NO_ACTIVITY
+from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import ModelError
 from planners.value.belief import NOISE_BASIS, noise_basis
 from planners.value.view_basis import PAPER_RANGE, DistanceRange

@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 from scipy.special import expit, gammaln
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.data.stream_data import NO_ACTIVITY, StreamData
+from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.errors import DataError
 from planners.value.stream_belief import VIEW_TERMS, StreamBeliefModel, read_streams
 from planners.value.view_basis import PAPER_RANGE, DistanceRange

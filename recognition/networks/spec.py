@@ -9,7 +9,7 @@ from annotated_types import Ge
 from ehar.conditions import Form
 from ehar.data.recordings import Recordings
 from ehar.data.skeleton import Skeleton
-from ehar.data.stream_data import StreamData
+from ehar.data.streams.data import StreamData
 from ehar.errors import UsageError
 from ehar.world import PAPER, World
 from recognition.networks.causal import CausalCTRGCN

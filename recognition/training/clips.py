@@ -9,9 +9,9 @@ from torch import Tensor
 from ehar.arrays import FloatArray, IntArray
 from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
+from ehar.data.scenario import draw_scenarios
 from ehar.data.skeleton_tree import parents
-from ehar.data.stream_data import StreamData
-from ehar.data.stream_scenario import draw_scenarios
+from ehar.data.streams.data import StreamData
 from ehar.errors import DataError
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensor, draw_noise
@@ -38,7 +38,7 @@ class Clips(NamedTuple):
 class ClipSource:
     """Draws clips from some sequences.
 
-    Clips are drawn by `ehar.data.stream_scenario.draw_scenarios`, so they have the distribution of test windows.
+    Clips are drawn by `ehar.data.streams.scenario.draw_scenarios`, so they have the distribution of test windows.
 
     Args:
         data: the motion, trimmed or in streams.

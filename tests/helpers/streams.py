@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ehar.data.stream_data import StreamData
+from ehar.data.streams.data import StreamData
 from tests.helpers.fakes import CLASS_NAMES, POSE, SKELETON
 
 LENGTHS = (40, 30, 50)

@@ -12,8 +12,8 @@ from ehar.data.motion_file import save_motion
 from ehar.data.scenario import split_parts
 from ehar.data.skeleton_tree import parents
 from ehar.data.stitching import stitch
-from ehar.data.stream_data import NO_ACTIVITY, StreamData
-from ehar.data.stream_file import load_streams
+from ehar.data.streams.data import NO_ACTIVITY, StreamData
+from ehar.data.streams.file import load_streams
 from ehar.data.synthetic.sets import duo, solo
 from ehar.errors import DataError, UsageError
 from eval.cli.main import main

@@ -13,7 +13,7 @@ from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import save_motion
 from ehar.data.skeleton import Skeleton
 from ehar.data.source import load_data
-from ehar.data.stream_file import save_streams
+from ehar.data.streams.file import save_streams
 from ehar.errors import EharError
 from eval.cli.main import main
 from eval.conformance.checks import Conformance, ContractCheck

@@ -10,8 +10,8 @@ import pytest
 from ehar.arrays import FloatArray
 from ehar.conditions import Conditions
 from ehar.data.source import load_data
-from ehar.data.stream_data import NO_ACTIVITY
-from ehar.data.stream_file import save_streams
+from ehar.data.streams.data import NO_ACTIVITY
+from ehar.data.streams.file import save_streams
 from ehar.errors import DataError, EharError, UsageError
 from ehar.planner import Context, Observation, Planner
 from eval import benchmark

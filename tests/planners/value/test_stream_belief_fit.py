@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.special import log_softmax
 
-from ehar.data.stream_data import NO_ACTIVITY
-from ehar.data.stream_file import load_streams
+from ehar.data.streams.data import NO_ACTIVITY
+from ehar.data.streams.file import load_streams
 from ehar.errors import DataError
 from planners.value.stream_belief import StreamBeliefModel, begin, classes_of_states, read_streams, transition_matrix
 from planners.value.stream_belief_fit import fit_evidence, learn_chain, likeliest_phases, spans_of

@@ -6,8 +6,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
-from ehar.data.following import Localisation
 from ehar.data.recordings import Recordings
+from ehar.data.streams.following import Localisation
 
 NO_ACTIVITY = -1  # the label of frames that show none
 NO_ACTIVITY_NAME = "no activity"

@@ -5,10 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray, in_brief
-from ehar.data.following import Localisation
-from ehar.data.motion_data import MotionData
-from ehar.data.scenario import Scenarios, Windows
-from ehar.data.stream_data import NO_ACTIVITY, StreamData
+from ehar.data.streams.data import NO_ACTIVITY, StreamData
+from ehar.data.streams.following import Localisation
+from ehar.data.windows import Windows
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,20 +45,3 @@ class StreamScenarios(Windows):
         """
         centred: FloatArray = self.data.positions[self._frames(indices)] - self.centres(indices)[:, :, None, None]
         return centred.astype(np.float32)
-
-
-def draw_scenarios(
-    data: MotionData | StreamData, sequences: IntArray, length: int, rng: np.random.Generator, count: int
-) -> Scenarios | StreamScenarios:
-    """Draw windows of `length` frames from sequences or streams that are at least so long; they may overlap.
-
-    The probability of a sequence is proportional to the number of test windows that its length yields, and its first
-    frame is uniform. Of streams every window is as likely as any other.
-    """
-    longer = data.lengths[sequences] - length
-    weights = longer + 1 if isinstance(data, StreamData) else longer // length + 1
-    sequence = rng.choice(sequences, size=count, p=weights / weights.sum())
-    first = rng.integers(data.lengths[sequence] - length + 1)
-    if isinstance(data, StreamData):
-        return StreamScenarios(data, length, sequence, first)
-    return Scenarios(data, length, sequence, first)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ehar.data.stream_data import NO_ACTIVITY, StreamData
-from ehar.data.stream_file import load_streams, save_streams
+from ehar.data.streams.data import NO_ACTIVITY, StreamData
+from ehar.data.streams.file import load_streams, save_streams
 from ehar.errors import DataError, UsageError
 from tests.helpers.places import SHARED
 from tests.helpers.streams import SEGMENTS, tiny_streams

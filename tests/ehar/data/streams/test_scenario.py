@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ehar.data.scenario import PARTS, part_of, split_parts
-from ehar.data.stream_data import StreamData
-from ehar.data.stream_scenario import StreamScenarios, draw_scenarios
+from ehar.data.scenario import PARTS, draw_scenarios, part_of, split_parts
+from ehar.data.streams.data import StreamData
+from ehar.data.streams.scenario import StreamScenarios
 from ehar.errors import DataError
 from tests.helpers.fakes import tiny_data
 from tests.helpers.streams import raising_streams, tiny_streams

@@ -6,7 +6,7 @@ from filterpy.common import Q_discrete_white_noise
 from filterpy.kalman import KalmanFilter
 
 from ehar.arrays import FloatArray
-from ehar.data.following import Localisation
+from ehar.data.streams.following import Localisation
 
 FPS = 30.0
 

@@ -18,7 +18,7 @@ from ehar.data.file_fields import (
     read_arrays,
     shared_arrays,
 )
-from ehar.data.stream_data import StreamData
+from ehar.data.streams.data import StreamData
 from ehar.files import replacing
 
 LEAP = 1.0  # [m] that people's middle cannot move in a frame
