@@ -395,6 +395,19 @@ STUDY = CommandGroup(
                 "seed": Flag("seed of starts, noise, random, and the halves that parts are fitted on."),
             },
         ),
+        "stream-belief": Command(
+            "eval.studies.stream_belief:stream_belief_report",
+            show_result,
+            text="""Score the belief in streams against the recogniser.
+
+            With each part and without it, on people whom nobody has met.
+
+            For example:
+                ehar study stream-belief --data solo-stream --models models/solo-stream
+            """,
+            conditions=(*SEEN[:4], "starts", *SEEN[4:]),
+            flags={**SENSED, "seed": Flag("seed of starts, noise and random.")},
+        ),
         "explain": Command(
             "eval.studies.explain:explain",
             show_result,

@@ -10,6 +10,13 @@ from eval.records.episodes import EpisodeRecords
 from eval.render.tables import NONE, Table
 from eval.scores.activities import activity_frames
 
+STREAM_HEADER = ("frames right %", "no activity right %", "delay [s]", "recognised %", "false alarms/min")
+STREAM_NOTES = (
+    "Delay: from the onset until the answer is right and stays right; an activity for which it never does counts in "
+    "full. Recognised: the share of activities for which it does.",
+    "A false alarm is an answer that names an activity that is not shown while it is given.",
+)
+
 
 def delays(labels: IntArray, predicted: IntArray) -> tuple[FloatArray, BoolArray]:
     """Return how long each activity takes to be recognised for good, and which ones are.
@@ -52,28 +59,23 @@ def stream_table(records: Mapping[str, EpisodeRecords], fps: float) -> Table:
         records: records of streams, by planner.
         fps: frames per second.
     """
-    rows = []
-    for name, held in records.items():
-        took, recognised = delays(held.label, held.predicted)
-        minutes, still = held.label.size / fps / 60, held.label == NO_ACTIVITY
-        rows.append(
-            (
-                name,
-                f"{100 * held.correct.mean():.1f}",
-                f"{100 * held.correct[still].mean():.1f}" if still.any() else NONE,
-                f"{took.mean() / fps:.2f}",
-                f"{100 * recognised.mean():.1f}",
-                f"{false_alarms(held.label, held.predicted) / minutes:.1f}",
-            )
-        )
     whole = next(iter(records.values()))
     return Table(
         title=f"In streams: {len(whole)} episodes of {whole.label.shape[1] / fps:g} s",
-        header=("planner", "frames right %", "no activity right %", "delay [s]", "recognised %", "false alarms/min"),
-        rows=tuple(rows),
-        footnotes=(
-            "Delay: from the onset until the answer is right and stays right; an activity for which it never does "
-            "counts in full. Recognised: the share of activities for which it does.",
-            "A false alarm is an answer that names an activity that is not shown while it is given.",
-        ),
+        header=("planner", *STREAM_HEADER),
+        rows=tuple((name, *stream_row(held, fps)) for name, held in records.items()),
+        footnotes=STREAM_NOTES,
+    )
+
+
+def stream_row(records: EpisodeRecords, fps: float) -> tuple[str, ...]:
+    """Return the scores of streams as texts, in the order of `STREAM_HEADER`."""
+    took, recognised = delays(records.label, records.predicted)
+    minutes, still = records.label.size / fps / 60, records.label == NO_ACTIVITY
+    return (
+        f"{100 * records.correct.mean():.1f}",
+        f"{100 * records.correct[still].mean():.1f}" if still.any() else NONE,
+        f"{took.mean() / fps:.2f}",
+        f"{100 * recognised.mean():.1f}",
+        f"{false_alarms(records.label, records.predicted) / minutes:.1f}",
     )

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from eval.studies.overview import RunOverview as RunOverview
     from eval.studies.published import PublishedReport as PublishedReport
     from eval.studies.real_views.study import RealViewsReport as RealViewsReport
+    from eval.studies.stream_belief import StreamBeliefReport as StreamBeliefReport
     from eval.studies.trainings import Trainings as Trainings
 else:
     __getattr__, __dir__, __all__ = lazy_exports(
@@ -30,6 +31,7 @@ else:
             "PublishedReport": "eval.studies.published",
             "RealViewsReport": "eval.studies.real_views.study",
             "RunOverview": "eval.studies.overview",
+            "StreamBeliefReport": "eval.studies.stream_belief",
             "Trainings": "eval.studies.trainings",
         },
     )

@@ -14,6 +14,8 @@ from planners.value.stream_belief import VIEW_TERMS, StreamBeliefModel, read_str
 from planners.value.view_basis import PAPER_RANGE, DistanceRange
 
 MOST_PHASES = 8  # the standard deviation of a duration is then a third of its mean
+SMOOTHINGS = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)  # activities that a row of transitions may be smoothed by
+TIE = 1e-9  # log-likelihoods that differ by less are equal
 GAP_SECONDS = 1.0  # the prior mean of a gap: joins of stitched streams last 0.5 to 1.5 s
 STEPS = 40  # most steps of L-BFGS
 
@@ -37,9 +39,10 @@ class Spans(NamedTuple):
 def learn_chain(streams: StreamData, part: IntArray) -> StreamBeliefModel:
     """Return the belief with the durations and transitions of some streams; it takes increments as they are.
 
-    Counts are smoothed by one activity each: a duration by the mean over all activities, a transition by how often each
-    activity comes. The number of phases is the likeliest one, the same for all activities. Activities that the end of a
-    stream cuts off count as if they had ended there.
+    A duration is smoothed by one activity of mean duration. Transitions are smoothed by how often each activity comes,
+    as much as makes left-out ones likeliest: where activities come in any order, few pairs were seen, and say nothing.
+    The number of phases is the likeliest one, the same for all activities. Activities that the end of a stream cuts off
+    count as if they had ended there.
 
     Args:
         streams: streams with their segments.
@@ -66,7 +69,7 @@ def learn_chain(streams: StreamData, part: IntArray) -> StreamBeliefModel:
     usual = (spans.gap_after.sum() + 0.5) / (len(spans.gap_after) + 1)
     share = np.append(np.bincount(spans.classes, weights=spans.seconds, minlength=count), spans.gaps.sum())
     share = share + pooled / (count + 1)
-    follows = pairs + times / times.sum()
+    follows = pairs + likeliest_smoothing(pairs, times / times.sum()) * times / times.sum()
     return StreamBeliefModel(
         follows=tuple(map(tuple, (follows / follows.sum(axis=1, keepdims=True)).tolist())),
         rates=tuple((1 / mean).tolist()),
@@ -97,6 +100,20 @@ def spans_of(streams: StreamData, part: IntArray) -> Spans:
         followed=np.stack([kept[:-1, 2], kept[1:, 2]], axis=1)[same],
         gap_after=(between > 0)[same].astype(np.int64),
     )
+
+
+def likeliest_smoothing(pairs: FloatArray, usual: FloatArray) -> float:
+    """Return the one of `SMOOTHINGS` under which each transition is likeliest, given all others.
+
+    Args:
+        pairs: (K, K), how often each activity is followed by each one.
+        usual: (K,), the share of each activity.
+    """
+    weight = np.array(SMOOTHINGS)[:, None, None]
+    others, of_row = np.maximum(pairs - 1, 0), np.maximum(pairs.sum(axis=1, keepdims=True) - 1, 0)
+    log_likelihood = np.log((others + weight * usual) / (of_row + weight))
+    total = (pairs * log_likelihood).sum(axis=(1, 2))
+    return SMOOTHINGS[int(np.flatnonzero(total > total.max() - TIE)[-1])]  # of several, the one that claims least
 
 
 def likeliest_phases(seconds: FloatArray, means: FloatArray) -> int:

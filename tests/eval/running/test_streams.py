@@ -11,7 +11,6 @@ from ehar.arrays import FloatArray
 from ehar.conditions import Conditions
 from ehar.data.source import load_data
 from ehar.data.streams.data import NO_ACTIVITY
-from ehar.data.streams.file import save_streams
 from ehar.errors import DataError, EharError, UsageError
 from ehar.planner import Context, Observation, Planner
 from eval import benchmark
@@ -23,11 +22,10 @@ from planners.value.config import GainTrainingConfig
 from planners.value.training import train_gain_field
 from recognition.setting import load_setting
 from recognition.storage import load_recogniser
-from recognition.training import trainer as training
 from recognition.training.config import TrainingConfig
 from recognition.training.trainer import train_recogniser
 from tests.helpers.fakes import tiny_data
-from tests.helpers.streams import raising_streams
+from tests.helpers.stream_worlds import save_stream_world
 from tests.helpers.tiny_benchmarks import Log, file_hash
 
 LENGTH = 50  # frames, 5 s
@@ -36,15 +34,7 @@ LENGTH = 50  # frames, 5 s
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with streams, raising.npz, and models that learned on them for a moment."""
-    folder = tmp_path_factory.mktemp("streams")
-    save_streams(folder / "raising.npz", raising_streams())
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(training, "VALIDATION_CLIPS", 24)
-        conditions = Conditions(data=str(folder / "raising.npz"), length=40)
-        train_recogniser(
-            TrainingConfig(conditions=conditions, out=folder / "models", clips=480, batch=16, interval=160, threads=1)
-        )
-    return folder
+    return save_stream_world(tmp_path_factory.mktemp("streams"))
 
 
 def watched(folder: Path, planners: Any, **options: Any) -> Run:

@@ -10,7 +10,13 @@ from ehar.data.streams.data import NO_ACTIVITY
 from ehar.data.streams.file import load_streams
 from ehar.errors import DataError
 from planners.value.stream_belief import StreamBeliefModel, begin, classes_of_states, read_streams, transition_matrix
-from planners.value.stream_belief_fit import fit_evidence, learn_chain, likeliest_phases, spans_of
+from planners.value.stream_belief_fit import (
+    fit_evidence,
+    learn_chain,
+    likeliest_phases,
+    likeliest_smoothing,
+    spans_of,
+)
 from tests.helpers.places import SHARED
 from tests.helpers.streams import tiny_streams
 
@@ -61,15 +67,25 @@ def test_segments_and_gaps_are_counted_within_streams() -> None:
     assert sorted(spans.gaps.tolist()) == [0.1, 0.5, 1.0]
 
 
-def test_a_chain_is_counted_and_smoothed_by_one_activity() -> None:
+def test_a_chain_is_counted_and_smoothed() -> None:
     learned = learn_chain(tiny_streams(), np.array([1, 2]))
     pooled = 6.4 / 5
     assert 1 / learned.rates[0] == pytest.approx((1.4 + pooled) / 3)
     assert 1 / learned.rates[2] == pytest.approx((1.5 + pooled) / 2)
-    assert learned.follows[0] == pytest.approx((0.4 / 2, 0.4 / 2, 1.2 / 2))
+    # Three transitions of three kinds say nothing of what follows: all that is left is how often each activity comes.
+    assert learned.follows[0] == pytest.approx((0.4, 0.4, 0.2), abs=1e-3)
     assert learned.gap_share[1] == pytest.approx((1 + 3.5 / 4) / 2)
     assert 1 / learned.gap_rate == pytest.approx((1.6 + 1) / 4)
     assert learned.share[3] == pytest.approx((1.6 + pooled / 4) / (6.4 + 1.6 + pooled))
+
+
+@pytest.mark.parametrize("order", [0.9, 0.0])
+def test_transitions_are_smoothed_as_much_as_they_are_worth(order: float) -> None:
+    usual = np.full(10, 0.1)
+    rows = order * np.roll(np.eye(10), 1, axis=1) + (1 - order) * usual
+    pairs = np.random.default_rng(0).multinomial(40, rows).astype(float)
+    smoothing = likeliest_smoothing(pairs, usual)
+    assert smoothing <= 10 if order else smoothing >= 100
 
 
 @pytest.mark.skipif(not (SHARED / "utkinect.npz").is_file(), reason="needs ../shared/data/utkinect.npz")

@@ -1,0 +1,257 @@
+"""The belief in streams against the recogniser's own words, on people whom nobody has met, and without each part."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.conditions import Conditions
+from ehar.data.scenario import split_parts
+from ehar.data.streams.data import NO_ACTIVITY, StreamData
+from ehar.errors import UsageError
+from ehar.files import json_text, write_text
+from ehar.planner import Planner
+from ehar.rollout import Record
+from eval.records.config import CONFIG, RunConfig, planner_config, run_config
+from eval.records.episodes import EpisodeRecords, record_episodes
+from eval.records.run_files import check_out
+from eval.render.tables import Table, interval_text, markdown
+from eval.running.episodes import Episodes, cut_scenarios, random_starts
+from eval.running.jobs import Workload
+from eval.running.progress import ConsoleReporter, Reporter
+from eval.scores.metrics import PROBABILITY_FLOOR
+from eval.scores.planner_metrics import ECE, NLL
+from eval.scores.resampling.resamples import Basis, Resamples, resample_episodes
+from eval.scores.resampling.statistics import Interval, pair, why_no_intervals
+from eval.scores.streams import STREAM_HEADER, STREAM_NOTES, stream_row
+from eval.scores.summary_table import basis_lines
+from planners.heuristic import NoAct, Random
+from planners.value.stream_belief import StreamBeliefModel, read_streams
+from planners.value.stream_belief_fit import fit_evidence, learn_chain
+from planners.value.view_basis import DistanceRange
+from recognition.setting import Setting, load_setting
+
+RECOGNISER, BELIEF = "recogniser", "belief"
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Whose probabilities are scored, for cameras that one planner moves.
+
+    Args:
+        rollouts: name of the planner.
+        name: recogniser, belief, or a belief without one of its parts.
+        records: what it says.
+        better: how much lower its mean NLL is than the recogniser's [nat].
+        better_ci95: the 95 % interval of that, over people; None where there can be none.
+    """
+
+    rollouts: str
+    name: str
+    records: EpisodeRecords
+    better: float
+    better_ci95: Interval | None
+
+
+@dataclass(frozen=True, repr=False)
+class StreamBeliefReport:
+    """The belief in streams against the recogniser.
+
+    Args:
+        config: everything that decides the report.
+        readers: planner by planner, the recogniser first.
+        model: the full belief.
+        basis: the people that intervals rest on.
+        no_intervals: why there are none; None if there are.
+        fps: frames per second.
+    """
+
+    config: RunConfig
+    readers: tuple[Reader, ...]
+    model: StreamBeliefModel
+    basis: Basis
+    no_intervals: str | None
+    fps: float
+
+    def tables(self) -> list[Table]:
+        """Return one row for each reader."""
+        lines = basis_lines(self.basis, self.no_intervals)
+        told = self.config.conditions
+        return [
+            Table(
+                title=f"{self.config.data}: sensor {told.sensor}, {len(self.readers[0].records)} test episodes of "
+                f"{told.length / self.fps:g} s for each planner",
+                header=("planner", "reader", "NLL", "lower by [95 %]", "ECE", *STREAM_HEADER),
+                rows=tuple(
+                    (
+                        reader.rollouts,
+                        reader.name,
+                        f"{NLL.of_records(reader.records):.3f}",
+                        ""
+                        if reader.name == RECOGNISER
+                        else f"{reader.better:+.3f} {interval_text(reader.better_ci95, digits=3)}",
+                        f"{ECE.of_records(reader.records):.3f}",
+                        *stream_row(reader.records, self.fps),
+                    )
+                    for reader in self.readers
+                ),
+                footnotes=(
+                    "NLL: of the true class of each frame [nat], no activity among them; lower than the recogniser's.",
+                    *STREAM_NOTES,
+                    *lines.footnotes,
+                ),
+                notice=lines.notice,
+            )
+        ]
+
+
+class Rollouts(NamedTuple):
+    """What the recogniser said in N episodes."""
+
+    episodes: Episodes
+    log_probs: FloatArray  # (N, L, K + 1)
+    viewpoints: FloatArray  # (N, L, 3)
+
+    @property
+    def labels(self) -> IntArray:
+        """The class of each frame, (N, L)."""
+        labels, none = self.episodes.labels, self.log_probs.shape[-1] - 1
+        return np.where(labels == none, NO_ACTIVITY, labels)
+
+
+def stream_belief_report(
+    conditions: Conditions | None = None, *, out: str | Path | None = None, reporter: Reporter | None = None
+) -> StreamBeliefReport:
+    """Score the belief in streams and the recogniser, with cameras that stay and with cameras that move at random.
+
+    The belief learns on the policy part: how long activities last and what follows what from its segments, and what a
+    frame tells from rollouts on it. Nobody of that part is in the test.
+
+    For example:
+        ehar study stream-belief --data solo-stream --sensor estimator --models models/solo-stream
+
+    Args:
+        conditions: conditions of the episodes; None takes the defaults.
+        out: folder for config.json and table.md.
+        reporter: receives progress; None reports on standard error.
+
+    Raises:
+        EharError: one line that says what was got and what was expected.
+    """
+    conditions, reporter = conditions or Conditions(data="solo-stream"), reporter or ConsoleReporter()
+    setting = load_setting(conditions)
+    streams = setting.recordings
+    if not isinstance(streams, StreamData):
+        raise UsageError(f"{streams.name}: expected streams, got trimmed sequences; for these, ehar study belief")
+    planners: list[Planner] = [NoAct(), Random()]
+    config = run_config(setting, [planner_config(planner) for planner in planners], readout="belief")
+    if out is not None:
+        check_out(Path(out), config.to_json())
+    parts = split_parts(streams)
+    chain = learn_chain(streams, parts.policy)
+    learned, tested = (_episodes(setting, of_part, reporter) for of_part in (parts.policy, parts.test))
+    reporter.begin(len(planners) * (learned.chunks + tested.chunks))
+    try:
+        fitting = [_rolled(setting, learned, planner, reporter) for planner in planners]
+        test = {planner.name: _rolled(setting, tested, planner, reporter) for planner in planners}
+    finally:
+        reporter.end()
+    span = DistanceRange.of(setting.world.workspace)
+    beliefs = _fitted(chain, fitting, streams.fps, span)
+    resamples = resample_episodes(
+        np.array(tested.sequence_names),
+        tested.subjects,
+        why_none=why_no_intervals(len(set(tested.sequence_names)), len(streams.class_names)),
+    )
+    report = StreamBeliefReport(
+        config=config,
+        readers=tuple(
+            reader for name, rolled in test.items() for reader in _read(name, rolled, beliefs, streams.fps, resamples)
+        ),
+        model=beliefs[BELIEF],
+        basis=resamples.basis,
+        no_intervals=resamples.why_none,
+        fps=streams.fps,
+    )
+    if out is not None:
+        write_text(Path(out) / CONFIG, [json_text(config.to_json())])
+        write_text(Path(out) / "table.md", [markdown(*report.tables())])
+    return report
+
+
+def _fitted(
+    chain: StreamBeliefModel, rolled: list[Rollouts], fps: float, span: DistanceRange
+) -> dict[str, StreamBeliefModel]:
+    """Return the belief and what it is without each part, by name, each after it has learned what a frame tells."""
+    log_probs, viewpoints, labels = (
+        np.concatenate([getattr(one, name) for one in rolled]) for name in ("log_probs", "viewpoints", "labels")
+    )
+
+    def fitted(part: StreamBeliefModel, viewpoint: bool = True) -> StreamBeliefModel:
+        return fit_evidence(part, log_probs, viewpoints, labels, fps=fps, viewpoint=viewpoint, span=span)
+
+    return {
+        BELIEF: fitted(chain),
+        "without transitions": fitted(chain.without_transitions()),
+        "without durations": fitted(chain.without_durations()),
+        "without viewpoint": fitted(chain, viewpoint=False),
+    }
+
+
+def _episodes(setting: Setting, streams: IntArray, reporter: Reporter) -> Episodes:
+    """Return the episodes of some streams."""
+    told = setting.conditions
+    scenarios = cut_scenarios(setting.recordings, streams, told.length, reporter.note)
+    return random_starts(scenarios, told.starts, told.seed, setting.world)
+
+
+def _rolled(setting: Setting, episodes: Episodes, planner: Planner, reporter: Reporter) -> Rollouts:
+    """Run a planner over all episodes, and keep the probabilities of all classes."""
+    workload, records = Workload(setting.runner, episodes), []
+    for chunk in range(episodes.chunks):
+        motion = setting.runner.new_motion()
+        records.append(workload.roll(planner, episodes.batch(chunk), chunk, motion))
+        reporter.advance(planner.name)
+    log_probs, viewpoints = (
+        np.concatenate([getattr(record, name) for record in records]) for name in ("log_probs", "viewpoints")
+    )
+    return Rollouts(episodes, log_probs, viewpoints)
+
+
+def _read(
+    planner: str, rolled: Rollouts, beliefs: Mapping[str, StreamBeliefModel], fps: float, resamples: Resamples
+) -> list[Reader]:
+    """Return what the recogniser and each belief say of the same episodes."""
+    said = {RECOGNISER: rolled.log_probs.astype(np.float64)}
+    for name, belief in beliefs.items():
+        said[name] = np.log(np.maximum(read_streams(belief, rolled.log_probs, rolled.viewpoints, fps=fps), 1e-300))
+    records = {name: _records(rolled, log_probs) for name, log_probs in said.items()}
+    losses = {name: _losses(held) for name, held in records.items()}
+    readers = []
+    for name, held in records.items():
+        better = losses[RECOGNISER] - losses[name]
+        ends = resamples.interval(better.mean(), resamples.means(better)) if resamples.full else None
+        readers.append(Reader(planner, name, held, float(better.mean()), None if ends is None else pair(ends)))
+    return readers
+
+
+def _records(rolled: Rollouts, log_probs: FloatArray) -> EpisodeRecords:
+    """Return records in which a reader's words stand for the recogniser's."""
+    episodes = rolled.episodes
+    return record_episodes(
+        Record(rolled.viewpoints, log_probs, 0.0),
+        sequence=episodes.sequence_names,
+        first=episodes.first,
+        start=episodes.starts,
+        label=episodes.labels,
+        subjects=episodes.subjects,
+    )
+
+
+def _losses(records: EpisodeRecords) -> FloatArray:
+    """Return the mean NLL of each episode, (N,) [nat]."""
+    losses: FloatArray = -np.log(np.maximum(records.true_probability, PROBABILITY_FLOOR)).mean(axis=1)
+    return losses

@@ -1,0 +1,45 @@
+"""The study of the belief in streams: the same episodes for every reader, and what it refuses."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ehar.conditions import Conditions
+from ehar.errors import UsageError
+from eval.scores.planner_metrics import NLL
+from eval.studies.stream_belief import stream_belief_report
+from tests.helpers.stream_worlds import save_stream_world
+from tests.helpers.tiny_benchmarks import Log
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return save_stream_world(tmp_path_factory.mktemp("streams"))
+
+
+def test_every_reader_is_scored_on_the_same_episodes(folder: Path, tmp_path: Path) -> None:
+    told = Conditions(data=str(folder / "raising.npz"), models=folder / "models", length=50)
+    report = stream_belief_report(told, out=tmp_path, reporter=Log())
+    names = ["recogniser", "belief", "without transitions", "without durations", "without viewpoint"]
+    assert [(reader.rollouts, reader.name) for reader in report.readers] == [
+        (planner, name) for planner in ("no-act", "random") for name in names
+    ]
+    first = report.readers[0]
+    for reader in report.readers[1:5]:
+        np.testing.assert_array_equal(reader.records.label, first.records.label)
+        np.testing.assert_array_equal(reader.records.viewpoint, first.records.viewpoint)
+        lower = NLL.of_records(first.records) - NLL.of_records(reader.records)
+        assert reader.better == pytest.approx(lower)
+        assert reader.better_ci95 is not None
+        assert reader.better_ci95[0] <= reader.better <= reader.better_ci95[1]
+    assert first.better == 0
+    # The recogniser has learned next to nothing. A second of each activity, and a second of none, is worth knowing.
+    assert report.readers[1].better > 0
+    assert "| no-act | belief |" in (tmp_path / "table.md").read_text()
+    assert (tmp_path / "config.json").is_file()
+
+
+def test_clips_are_refused() -> None:
+    with pytest.raises(UsageError, match="duo: expected streams, got trimmed sequences; for these, ehar study belief"):
+        stream_belief_report(Conditions(data="duo"), reporter=Log())
