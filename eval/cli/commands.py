@@ -80,6 +80,9 @@ BENCHMARK = Command(
             hint="all of ours",
         ),
         "out": Flag("folder for records, tables, report.", hint="none"),
+        "data": Flag("duo, solo, solo-stream, duo-stream, or an .npz."),
+        "length": Flag("frames of an episode; of a stream 30 s."),
+        "views": Flag("of the recogniser: moving, paper or recorded."),
         "part": Flag("test, validation, policy or recogniser part."),
         "seed": Flag("seed of starts, noise and random."),
         "world": Flag("paper, indoor, or a world's .json."),
@@ -388,25 +391,13 @@ STUDY = CommandGroup(
 
             For example:
                 ehar study belief --data duo --sensor estimator
+                ehar study belief --data solo-stream --models models/solo-stream
             """,
             conditions=(*SEEN[:4], "starts", *SEEN[4:]),
             flags={
                 **SENSED,
                 "seed": Flag("seed of starts, noise, random, and the halves that parts are fitted on."),
             },
-        ),
-        "stream-belief": Command(
-            "eval.studies.stream_belief:stream_belief_report",
-            show_result,
-            text="""Score the belief in streams against the recogniser.
-
-            With each part and without it, on people whom nobody has met.
-
-            For example:
-                ehar study stream-belief --data solo-stream --models models/solo-stream
-            """,
-            conditions=(*SEEN[:4], "starts", *SEEN[4:]),
-            flags={**SENSED, "seed": Flag("seed of starts, noise and random.")},
         ),
         "explain": Command(
             "eval.studies.explain:explain",

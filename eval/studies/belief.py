@@ -10,6 +10,7 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.conditions import Conditions
 from ehar.data.scenario import split_parts, windows
+from ehar.data.streams.data import StreamData
 from ehar.errors import DataError
 from ehar.files import json_text, write_text
 from ehar.planner import Planner
@@ -21,6 +22,7 @@ from eval.running.episodes import cut_scenarios, random_starts
 from eval.running.jobs import Workload
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.scores.metrics import ece, frame_at, nll
+from eval.studies.stream_belief import StreamBeliefReport, stream_belief_report
 from planners.heuristic import NoAct, Random
 from planners.value.belief import readout
 from planners.value.belief_fit import ablate_belief
@@ -88,8 +90,10 @@ class Rollouts(NamedTuple):
 
 def belief_report(
     conditions: Conditions | None = None, *, out: str | Path | None = None, reporter: Reporter | None = None
-) -> BeliefReport:
+) -> BeliefReport | StreamBeliefReport:
     """Score the belief and the recogniser with cameras that stay, and with cameras that move at random.
+
+    Streams have a belief of their own: see `eval.studies.stream_belief`.
 
     For example:
         ehar study belief --data duo --sensor estimator
@@ -104,6 +108,8 @@ def belief_report(
     """
     conditions, reporter = conditions or Conditions(), reporter or ConsoleReporter()
     setting = load_setting(conditions)
+    if isinstance(setting.recordings, StreamData):
+        return stream_belief_report(setting, out=out, reporter=reporter)
     motion, parts = setting.data, split_parts(setting.data)
     model = ModelPlace.of(setting).load_gain_model()
     planners: list[Planner] = [NoAct(), Random()]

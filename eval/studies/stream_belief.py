@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.conditions import Conditions
 from ehar.data.scenario import split_parts
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.errors import UsageError
@@ -21,7 +20,7 @@ from eval.records.run_files import check_out
 from eval.render.tables import Table, interval_text, markdown
 from eval.running.episodes import Episodes, cut_scenarios, random_starts
 from eval.running.jobs import Workload
-from eval.running.progress import ConsoleReporter, Reporter
+from eval.running.progress import Reporter
 from eval.scores.metrics import PROBABILITY_FLOOR
 from eval.scores.planner_metrics import ECE, NLL
 from eval.scores.resampling.resamples import Basis, Resamples, resample_episodes
@@ -32,7 +31,7 @@ from planners.heuristic import NoAct, Random
 from planners.value.stream_belief import StreamBeliefModel, read_streams
 from planners.value.stream_belief_fit import fit_evidence, learn_chain
 from planners.value.view_basis import DistanceRange
-from recognition.setting import Setting, load_setting
+from recognition.setting import Setting
 
 RECOGNISER, BELIEF = "recogniser", "belief"
 
@@ -122,30 +121,24 @@ class Rollouts(NamedTuple):
         return np.where(labels == none, NO_ACTIVITY, labels)
 
 
-def stream_belief_report(
-    conditions: Conditions | None = None, *, out: str | Path | None = None, reporter: Reporter | None = None
-) -> StreamBeliefReport:
+def stream_belief_report(setting: Setting, *, out: str | Path | None, reporter: Reporter) -> StreamBeliefReport:
     """Score the belief in streams and the recogniser, with cameras that stay and with cameras that move at random.
 
     The belief learns on the policy part: how long activities last and what follows what from its segments, and what a
     frame tells from rollouts on it. Nobody of that part is in the test.
 
-    For example:
-        ehar study stream-belief --data solo-stream --sensor estimator --models models/solo-stream
-
     Args:
-        conditions: conditions of the episodes; None takes the defaults.
+        setting: the streams, and who sees them.
         out: folder for config.json and table.md.
-        reporter: receives progress; None reports on standard error.
+        reporter: receives progress.
 
     Raises:
-        EharError: one line that says what was got and what was expected.
+        UsageError: the data are trimmed sequences, or `out` cannot be written to.
+        DataError: the policy part lacks a class, or streams are too short.
     """
-    conditions, reporter = conditions or Conditions(data="solo-stream"), reporter or ConsoleReporter()
-    setting = load_setting(conditions)
     streams = setting.recordings
     if not isinstance(streams, StreamData):
-        raise UsageError(f"{streams.name}: expected streams, got trimmed sequences; for these, ehar study belief")
+        raise UsageError(f"{streams.name}: expected streams, got trimmed sequences")
     planners: list[Planner] = [NoAct(), Random()]
     config = run_config(setting, [planner_config(planner) for planner in planners], readout="belief")
     if out is not None:

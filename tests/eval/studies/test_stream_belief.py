@@ -1,4 +1,4 @@
-"""The study of the belief in streams: the same episodes for every reader, and what it refuses."""
+"""The study of the belief in streams: the same episodes for every reader."""
 
 from pathlib import Path
 
@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ehar.conditions import Conditions
-from ehar.errors import UsageError
 from eval.scores.planner_metrics import NLL
-from eval.studies.stream_belief import stream_belief_report
+from eval.studies.belief import belief_report
+from eval.studies.stream_belief import StreamBeliefReport
 from tests.helpers.stream_worlds import save_stream_world
 from tests.helpers.tiny_benchmarks import Log
 
@@ -20,7 +20,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_reader_is_scored_on_the_same_episodes(folder: Path, tmp_path: Path) -> None:
     told = Conditions(data=str(folder / "raising.npz"), models=folder / "models", length=50)
-    report = stream_belief_report(told, out=tmp_path, reporter=Log())
+    report = belief_report(told, out=tmp_path, reporter=Log())
+    assert isinstance(report, StreamBeliefReport)
     names = ["recogniser", "belief", "without transitions", "without durations", "without viewpoint"]
     assert [(reader.rollouts, reader.name) for reader in report.readers] == [
         (planner, name) for planner in ("no-act", "random") for name in names
@@ -38,8 +39,3 @@ def test_every_reader_is_scored_on_the_same_episodes(folder: Path, tmp_path: Pat
     assert report.readers[1].better > 0
     assert "| no-act | belief |" in (tmp_path / "table.md").read_text()
     assert (tmp_path / "config.json").is_file()
-
-
-def test_clips_are_refused() -> None:
-    with pytest.raises(UsageError, match="duo: expected streams, got trimmed sequences; for these, ehar study belief"):
-        stream_belief_report(Conditions(data="duo"), reporter=Log())
