@@ -11,7 +11,7 @@ from ehar.arrays import FloatArray, IntArray, in_brief, read_only
 from ehar.data.scenario import Scenarios
 from ehar.data.skeleton import Skeleton
 from ehar.data.streams.scenario import StreamScenarios
-from ehar.data.windows import Windows
+from ehar.data.window import Windows
 from ehar.errors import EpisodeError
 from ehar.motion import Motion
 from ehar.planner import Context, Observation, Planner, Truth

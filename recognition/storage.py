@@ -24,6 +24,7 @@ from recognition.weight_files import (
 )
 
 SHIPPED = Path(__file__).parent / "weights"
+LATER = ("fading",)  # fields that descriptions from before streams do not have
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ def load_recogniser(
     made = f"ehar train recogniser {conditions.options} --out {folder}"
     check_files(path, f"a recogniser, as made by `{made}`" + ("" if directory else ", and --models DIR"))
     file, what = description_path(path), "a recogniser, as `ehar train recogniser` writes it"
-    description = read_json(file, RecogniserDescription, what, wrong=ModelError, optional=("fading",))
+    description = read_json(file, RecogniserDescription, what, wrong=ModelError, optional=LATER)
     spec, temperature = description.spec, description.temperature
     if spec.form != form:
         raise ModelError(f"{file}: spec.form: expected {form!r}, got {spec.form!r}")

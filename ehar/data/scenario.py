@@ -9,7 +9,7 @@ from ehar.data.motion_data import MotionData
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.streams.data import StreamData
 from ehar.data.streams.scenario import StreamScenarios
-from ehar.data.windows import Windows
+from ehar.data.window import Windows
 from ehar.errors import DataError, UsageError
 
 VALIDATION_SHARE = 0.15  # Sec. 5.1: train : validation = 0.85 : 0.15

@@ -385,7 +385,7 @@ STUDY = CommandGroup(
             },
         ),
         "belief": Command(
-            "eval.studies.belief:belief_report",
+            "eval.studies.belief.study:belief_report",
             show_result,
             text="""Score the belief against the recogniser, part by part.
 

@@ -104,7 +104,7 @@ class Run:
 
     def tables(self) -> "list[Table]":
         """Return the summary's tables; of streams, also how soon activities are recognised."""
-        from eval.scores.streams import stream_table
+        from eval.scores.streams.table import stream_table
 
         tables, fps = self.summary.tables(), self.conditions.fps
         return [*tables, stream_table(pool_seeds(self.records), fps)] if self.of_streams and fps else tables

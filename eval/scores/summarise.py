@@ -10,7 +10,6 @@ from eval.records.config import RunConfig
 from eval.records.episodes import EpisodeRecords
 from eval.records.flights import FlightSummary, join_flights, summarise_flights
 from eval.records.solves import Solves, join_solves
-from eval.scores.activities import activities
 from eval.scores.differences import differences
 from eval.scores.metrics import ACC_AT, acc_at, gap_closed, mean_acc
 from eval.scores.planner_accuracy import PlannerAccuracy, draw_resamples, planner_accuracy
@@ -20,6 +19,7 @@ from eval.scores.resampling.resamples import Resamples
 from eval.scores.resampling.statistics import pair
 from eval.scores.resampling.training_seeds import PlannerGroup, group_planners, mean_over_seeds, resample_seeds
 from eval.scores.sequence_scores import interquartile_mean, resampled_interquartile_means
+from eval.scores.streams.activities import activities
 from eval.scores.summary import Summary
 
 

@@ -6,7 +6,8 @@ from ehar.lazy import lazy_exports
 
 if TYPE_CHECKING:
     from eval.studies.behaviour.analysis import Analysis as Analysis
-    from eval.studies.belief import BeliefReport as BeliefReport
+    from eval.studies.belief.streams import StreamBeliefReport as StreamBeliefReport
+    from eval.studies.belief.study import BeliefReport as BeliefReport
     from eval.studies.compare_table import Comparison as Comparison
     from eval.studies.deciding.deciding import Deciding as Deciding
     from eval.studies.explanation import Explanation as Explanation
@@ -15,14 +16,13 @@ if TYPE_CHECKING:
     from eval.studies.overview import RunOverview as RunOverview
     from eval.studies.published import PublishedReport as PublishedReport
     from eval.studies.real_views.study import RealViewsReport as RealViewsReport
-    from eval.studies.stream_belief import StreamBeliefReport as StreamBeliefReport
     from eval.studies.trainings import Trainings as Trainings
 else:
     __getattr__, __dir__, __all__ = lazy_exports(
         __name__,
         {
             "Headroom": "eval.studies.headroom",
-            "BeliefReport": "eval.studies.belief",
+            "BeliefReport": "eval.studies.belief.study",
             "Deciding": "eval.studies.deciding.deciding",
             "Explanation": "eval.studies.explanation",
             "Analysis": "eval.studies.behaviour.analysis",
@@ -31,7 +31,7 @@ else:
             "PublishedReport": "eval.studies.published",
             "RealViewsReport": "eval.studies.real_views.study",
             "RunOverview": "eval.studies.overview",
-            "StreamBeliefReport": "eval.studies.stream_belief",
+            "StreamBeliefReport": "eval.studies.belief.streams",
             "Trainings": "eval.studies.trainings",
         },
     )

@@ -19,7 +19,7 @@ from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
 from eval.scores.summary_table import basis_lines
 from eval.studies.same_episodes import check_same_episodes
 from planners.registry import needs_gain_model
-from recognition.storage import SHIPPED, RecogniserDescription, recogniser_path, recogniser_sha256
+from recognition.storage import LATER, SHIPPED, RecogniserDescription, recogniser_path, recogniser_sha256
 from recognition.training.stopping import Evaluation
 from recognition.weight_files import check_files, description_path
 
@@ -179,7 +179,7 @@ def _learned(run: Run) -> Learned:
     folder = conditions.directory or SHIPPED / run.config.data.split(" (")[0]
     path = recogniser_path(folder, conditions)
     check_files(path, f"the recogniser of {run.folder}")
-    description = read_json(description_path(path), RecogniserDescription, "a recogniser's description")
+    description = read_json(description_path(path), RecogniserDescription, "a recogniser's description", optional=LATER)
     if recogniser_sha256(path, description.temperature) != run.config.recogniser_sha256:
         raise DataError(f"{path}: expected the recogniser of {run.folder}, got another one: it was trained since")
     held = json.dumps(description.training.get("evaluations", []))

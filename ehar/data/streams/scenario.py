@@ -7,7 +7,7 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray, in_brief
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.data.streams.following import Localisation
-from ehar.data.windows import Windows
+from ehar.data.window import Windows
 
 
 @dataclass(frozen=True, eq=False, repr=False)

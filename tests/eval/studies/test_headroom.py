@@ -96,6 +96,6 @@ def test_who_keeps_nothing_when_interrupted_says_so(monkeypatch: pytest.MonkeyPa
     module = types.ModuleType("recognition.storage")
     module.load_recogniser = lambda *_, **__: SidedRecogniser()  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "recognition.storage", module)
-    monkeypatch.setattr("eval.running.jobs._run_chunk", interrupted)
+    monkeypatch.setattr("eval.running.jobs._run_chunks", interrupted)
     with pytest.raises(KeyboardInterrupt, match="nothing was written"):
         headroom(Conditions(data=tiny_data(sequences=42), length=10), reporter=Log())

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from eval.records.episodes import EpisodeRecords
-from eval.scores.activities import RATIOS, activities, activity_frames
-from eval.scores.streams import delays, false_alarms, stream_table
+from eval.scores.streams.activities import RATIOS, activities, activity_frames
+from eval.scores.streams.table import delays, false_alarms, stream_table
 
 NONE = -1
 #                  0    1  2  3  4    5     6  7  8  9 10 11   12  13  14   15 16 17

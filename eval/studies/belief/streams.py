@@ -25,7 +25,7 @@ from eval.scores.metrics import PROBABILITY_FLOOR
 from eval.scores.planner_metrics import ECE, NLL
 from eval.scores.resampling.resamples import Basis, Resamples, resample_episodes
 from eval.scores.resampling.statistics import Interval, pair, why_no_intervals
-from eval.scores.streams import STREAM_HEADER, STREAM_NOTES, stream_row
+from eval.scores.streams.table import STREAM_HEADER, STREAM_NOTES, stream_row
 from eval.scores.summary_table import basis_lines
 from planners.heuristic import NoAct, Random
 from planners.value.stream_belief import StreamBeliefModel, read_streams

@@ -8,7 +8,7 @@ from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.streams.data import NO_ACTIVITY
 from eval.records.episodes import EpisodeRecords
 from eval.render.tables import NONE, Table
-from eval.scores.activities import activity_frames
+from eval.scores.streams.activities import activity_frames
 
 STREAM_HEADER = ("frames right %", "no activity right %", "delay [s]", "recognised %", "false alarms/min")
 STREAM_NOTES = (

@@ -22,7 +22,7 @@ from eval.running.episodes import cut_scenarios, random_starts
 from eval.running.jobs import Workload
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.scores.metrics import ece, frame_at, nll
-from eval.studies.stream_belief import StreamBeliefReport, stream_belief_report
+from eval.studies.belief.streams import StreamBeliefReport, stream_belief_report
 from planners.heuristic import NoAct, Random
 from planners.value.belief import readout
 from planners.value.belief_fit import ablate_belief
@@ -93,7 +93,7 @@ def belief_report(
 ) -> BeliefReport | StreamBeliefReport:
     """Score the belief and the recogniser with cameras that stay, and with cameras that move at random.
 
-    Streams have a belief of their own: see `eval.studies.stream_belief`.
+    Streams have a belief of their own: see `eval.studies.belief.streams`.
 
     For example:
         ehar study belief --data duo --sensor estimator

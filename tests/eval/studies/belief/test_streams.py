@@ -7,8 +7,8 @@ import pytest
 
 from ehar.conditions import Conditions
 from eval.scores.planner_metrics import NLL
-from eval.studies.belief import belief_report
-from eval.studies.stream_belief import StreamBeliefReport
+from eval.studies.belief.streams import StreamBeliefReport
+from eval.studies.belief.study import belief_report
 from tests.helpers.stream_worlds import save_stream_world
 from tests.helpers.tiny_benchmarks import Log
 

@@ -10,7 +10,7 @@ from ehar.data.motion_file import save_motion
 from ehar.errors import UsageError
 from eval.cli.main import main
 from eval.records.episodes import read_episodes
-from eval.studies.belief import NLL_AT, BeliefReport, belief_report, belief_row, belief_tables
+from eval.studies.belief.study import NLL_AT, BeliefReport, belief_report, belief_row, belief_tables
 from planners.value.belief_fit import ABLATIONS
 from planners.value.view_basis import BASIS_SIZE
 from tests.helpers.fakes import tiny_data
