@@ -162,6 +162,19 @@ runs/trainings-duo/summary.json runs/trainings-solo/summary.json: runs/trainings
 $(SETS:%=runs/belief-%/summary.json): runs/belief-%/summary.json: models/%/planners-estimator-moving
 	$(EHAR) study belief $(call data_of,$*) --sensor estimator --models models/$* --out $(@D)
 
+# Streams: planners that need nothing but the recogniser, and the belief.
+STREAMS := solo-stream duo-stream
+STREAM_PLANNERS := no-act random towards h-rotate v-rotate near-level front side
+
+$(STREAMS:%=models/%/causal-estimator-moving.safetensors): models/%/causal-estimator-moving.safetensors: | setup
+	$(EHAR) train recogniser --data $* --sensor estimator --out $(@D)
+
+$(STREAMS:%=runs/watched-%/summary.json): runs/watched-%/summary.json: models/%/causal-estimator-moving.safetensors
+	$(EHAR) benchmark $(STREAM_PLANNERS) oracle --data $* --sensor estimator --models models/$* --starts $(STARTS) --out $(@D)
+
+$(STREAMS:%=runs/belief-%/table.md): runs/belief-%/table.md: models/%/causal-estimator-moving.safetensors
+	$(EHAR) study belief --data $* --sensor estimator --models models/$* --out $(@D)
+
 # Episodes of validation people, on which rules of when to answer are fitted.
 $(SETS:%=runs/fitting-%/summary.json): runs/fitting-%/summary.json: models/%/planners-estimator-moving
 	$(EHAR) benchmark no-act nbv $(call data_of,$*) --sensor estimator --models models/$* --part validation --starts $(STARTS) \
@@ -243,6 +256,12 @@ docs/results/exact-joints.md: $(SETS:%=runs/rules-%-perfect/summary.json)
 docs/results/flown.md: $(SETS:%=runs/agents-%-drone/summary.json)
 	$(call side_by_side,nbv,All planners in flight on single clips)
 
+docs/results/streams.md: $(STREAMS:%=runs/watched-%/summary.json)
+	$(call page,$@,Streams,ehar benchmark --data solo-stream --sensor estimator --models models/solo-stream,$(^:summary.json=table.md))
+
+docs/results/stream-belief.md: $(STREAMS:%=runs/belief-%/table.md)
+	$(call page,$@,The belief in streams,ehar study belief --data solo-stream --sensor estimator,$^)
+
 docs/results/trainings.md: runs/trainings-duo/summary.json runs/trainings-solo/summary.json
 	$(call page,$@,Three trainings of recogniser and gain field,ehar study trainings runs/rules-duo-estimator \
 	  runs/rules-duo-1-estimator runs/rules-duo-2-estimator,$(^:summary.json=table.md))
@@ -300,7 +319,7 @@ docs/results/behaviour.md: runs/agents-hdm05-estimator/summary.json
 docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/summary.json runs/rules-$(set)-perfect/summary.json)
 	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$(^:summary.json=table.md))
 
-PAGES := planners nbv indoor exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding headroom forms \
+PAGES := planners nbv indoor exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding streams stream-belief headroom forms \
   published real-views paper agents behaviour benchmarks
 results: $(PAGES:%=docs/results/%.md)
 
