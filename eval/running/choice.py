@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ehar.conditions import Conditions
 from ehar.data.recordings import Recordings
+from ehar.data.streams.data import StreamData
 from ehar.errors import ModelError, UsageError
 from ehar.planner import Planner
 from eval.scores.resampling.training_seeds import group_planners, record_name, split_record_name
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 READOUTS = ("recogniser", "belief")
 _CAUSAL_FIELDS = "gain fields are trained for the causal recogniser"
 _CAUSAL_PLACES = "fixed places are fitted for the causal recogniser"
+_NOT_ON_STREAMS = "nothing but a recogniser is trained on streams yet"
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +70,7 @@ class ModelPlace:
 
         if self.conditions.form != "causal":
             raise ModelError(f"{_CAUSAL_FIELDS}, and this is {self.form}")
+        self._refuse_streams()
         if self._untrained:
             raise ModelError(self._no_gain_field)
         return load_gain_model(self.conditions, self.data, self.recogniser_sha256)
@@ -82,6 +85,7 @@ class ModelPlace:
 
         if self.conditions.form != "causal":
             raise ModelError(f"{_CAUSAL_PLACES}, and this is {self.form}")
+        self._refuse_streams()
         if self._untrained:
             what = f"that of {self._training('fixed-best')}"
             raise ModelError(f"no fixed place was fitted for this recogniser: expected {what}")
@@ -95,6 +99,7 @@ class ModelPlace:
         """
         from planners.agents.storage import load_agent  # brings torch
 
+        self._refuse_streams()
         if self._untrained:
             raise ModelError(f"planner {spec!r}: {self._no_agent}")
         name, seed = split_record_name(spec)
@@ -145,6 +150,8 @@ class ModelPlace:
 
     def reason_for_no_agent(self, name: str) -> str | None:
         """Return why a learned planner cannot run here, and what to do about it; None where it can."""
+        if isinstance(self.data, StreamData):
+            return _NOT_ON_STREAMS
         seeds = self.seeds(name)
         if not seeds:
             return self._no_agent
@@ -154,6 +161,11 @@ class ModelPlace:
             except ModelError as error:
                 return str(error)
         return None
+
+    def _refuse_streams(self) -> None:
+        """Raise a ModelError if the data are streams."""
+        if isinstance(self.data, StreamData):
+            raise ModelError(f"{self.data.name}: {_NOT_ON_STREAMS}")
 
     @property
     def _untrained(self) -> bool:

@@ -62,6 +62,17 @@ def test_planners_watch_streams_and_activities_are_scored(folder: Path, tmp_path
     assert (config["fps"], config["length"]) == (10.0, LENGTH)
 
 
+def test_planners_that_need_more_than_a_recogniser_are_left_out(folder: Path) -> None:
+    log = Log()
+    ran = watched(folder, None, reporter=log)
+    assert set(ran.records) >= {"no-act", "random", "front", "oracle"}
+    assert not set(ran.records) & {"nbv", "fixed-best", "il", "il-ppo"}
+    assert any("nothing but a recogniser is trained on streams yet" in line for line in log.notes)
+    for name in ("nbv", "fixed-best", "il"):
+        with pytest.raises(EharError, match="raising: nothing but a recogniser is trained on streams yet"):
+            watched(folder, (name,))
+
+
 def test_workers_make_no_difference(folder: Path, tmp_path: Path) -> None:
     watched(folder, ("random",), out=tmp_path / "one", starts=9)
     watched(folder, ("random",), out=tmp_path / "two", starts=9, workers=2)
