@@ -140,11 +140,11 @@ def fading_gains(frames: int, memory: float) -> FloatArray:
     r"""Return the weight of the view in each of the frames to come in a stream, (frames,); the weights sum to 1.
 
     Evidence fades: in the recognition after frame s, frame f counts as :math:`a^{s - f}`, with :math:`a = e^{-1/m}`. So
-    over the frames to come :math:`\gamma_f \propto \sum_{s \ge f} a^{s - f} \propto 1 - a^{n - f}`: all count nearly
-    alike, but the last ones.
+    over the frames to come :math:`\gamma_f \propto \sum_{s \ge f} a^{s - f} \propto 1 - a^{n - f + 1}`.
+    All count nearly alike, but the last ones.
 
     Args:
-        frames: number n of frames to come.
+        frames: number n of frames to come; f counts them from 1.
         memory: frames m that a view counts for.
     """
     gains = -np.expm1(-np.arange(frames, 0, -1) / memory)

@@ -15,7 +15,7 @@ from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import wrap_difference
 from planners.value.belief import BeliefModel, readout
 from planners.value.body_filter import BodyFilter
-from planners.value.situation import PARTS, Situation, Tracker, frame_gains
+from planners.value.situation import PARTS, Situation, Tracker, fading_gains, frame_gains
 from planners.value.view_basis import PAPER_RANGE, basis_at, turned
 from tests.helpers.fakes import CLASS_NAMES, FakeRecogniser, tiny_batch, tiny_context
 from tests.helpers.gain_models import PAIRS, random_situation
@@ -128,6 +128,13 @@ def test_early_views_weigh_more_and_all_weigh_one(remaining: int, frame: int) ->
     assert gains.sum() == pytest.approx(1)
     assert (np.diff(gains) < 0).all()
     assert (gains > 0).all()
+
+
+@pytest.mark.parametrize(("frames", "memory"), [(1, 5.0), (40, 5.0), (120, 60.0)])
+def test_gains_in_a_stream_are_what_is_left_of_a_view_in_all_recognitions_to_come(frames: int, memory: float) -> None:
+    age = np.arange(frames)[None, :] - np.arange(frames)[:, None]  # of the view in a row, at the frame in a column
+    left = np.where(age >= 0, np.exp(-age / memory), 0).sum(axis=1)
+    np.testing.assert_allclose(fading_gains(frames, memory), left / left.sum(), atol=1e-9)
 
 
 @pytest.mark.parametrize(("frame", "length"), [(0, 2), (0, 10), (4, 10), (8, 10), (20, 60)])
