@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from ehar.arrays import BoolArray, IntArray
 from ehar.data.recordings import Recordings
 
@@ -43,9 +41,5 @@ class MotionData(Recordings):
         if fps == self.fps:
             return self
         positions, offsets = self._at_rate(fps)
-        missing = self.missing
-        if missing is not None:  # a frame is interpolated if the nearest one before it was
-            counts = np.diff(offsets)
-            within = np.arange(len(positions)) - np.repeat(offsets[:-1], counts)
-            missing = missing[np.repeat(self.offsets[:-1], counts) + (within * (self.fps / fps)).astype(np.int64)]
+        missing = None if self.missing is None else self._missing_at_rate(self.missing, fps, offsets)
         return replace(self, positions=positions, offsets=offsets, fps=float(fps), missing=missing)

@@ -111,14 +111,39 @@ class Recordings:
         offsets = np.concatenate([[0], np.cumsum([len(piece) for piece in pieces])]).astype(np.int64)
         return np.concatenate(pieces), offsets
 
+    def _missing_at_rate(self, missing: BoolArray, fps: float, offsets: IntArray) -> BoolArray:
+        """Return which frames at another frame rate are interpolated from a missing one, on either side of them.
+
+        Args:
+            missing: (total_frames,) which frames are missing.
+            fps: the other rate.
+            offsets: the offsets at that rate.
+        """
+        pieces = []
+        for index, length in enumerate(np.diff(offsets)):
+            held = missing[self.offsets[index] : self.offsets[index + 1]]
+            before, share = neighbours(np.arange(length) * (self.fps / fps), len(held))
+            pieces.append(held[before] | (held[np.minimum(before + 1, len(held) - 1)] & (share > 0)))
+        return np.concatenate(pieces)
+
 
 def interpolated(motion: FloatArray, times: FloatArray) -> FloatArray:
     """Return motion (T, P, J, 3) at `times` (S,), in frames after its first, linearly interpolated: (S, P, J, 3).
 
     A time after the last frame gives the last frame.
     """
-    before = np.minimum(times.astype(np.int64), len(motion) - 1)
-    after = np.minimum(before + 1, len(motion) - 1)
-    share = (times - before).astype(np.float32)[:, None, None, None]
+    before, share = neighbours(times, len(motion))
+    after, share = np.minimum(before + 1, len(motion) - 1), share[:, None, None, None]
     between: FloatArray = motion[before] * (1 - share) + motion[after] * share
     return between
+
+
+def neighbours(times: FloatArray, frames: int) -> tuple[IntArray, FloatArray]:
+    """Return the frame before each time (S,), and the share that the frame after it has, float32 from 0 to 1.
+
+    Args:
+        times: (S,) times, in frames after the first.
+        frames: the number of frames; a time after the last one is beside no other.
+    """
+    before = np.minimum(times.astype(np.int64), frames - 1)
+    return before, (times - before).astype(np.float32)

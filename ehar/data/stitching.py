@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ehar.arrays import FloatArray, IntArray
+from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.joins import join, placed
 from ehar.data.motion_data import MotionData
 from ehar.data.recordings import UNKNOWN_SUBJECT
@@ -25,20 +25,24 @@ class _Stream:
     is_test: bool
     people: tuple[int, ...]
     pieces: list[FloatArray] = field(default_factory=list)
+    missing: list[BoolArray] = field(default_factory=list)  # of each piece
     segments: list[tuple[int, int, int]] = field(default_factory=list)  # counted within the stream
 
     @property
     def frames(self) -> int:
         return sum(len(piece) for piece in self.pieces)
 
-    def add(self, motion: FloatArray, label: int, data: MotionData) -> None:
+    def add(self, sequence: int, data: MotionData) -> None:
         """Add a sequence, behind a join if it is not the first."""
+        motion, part = data.sequence(sequence), slice(data.offsets[sequence], data.offsets[sequence + 1])
         if self.pieces:
             motion = placed(motion, self.pieces[-1][-1], data.skeleton)
             self.pieces.append(join(self.pieces[-1], motion, data.skeleton, data.fps))
+            self.missing.append(np.zeros(len(self.pieces[-1]), dtype=bool))
         begin = self.frames
         self.pieces.append(motion)
-        self.segments.append((begin, begin + len(motion), label))
+        self.missing.append(np.zeros(len(motion), dtype=bool) if data.missing is None else data.missing[part])
+        self.segments.append((begin, begin + len(motion), int(data.labels[sequence])))
 
 
 def stitch(data: str | Path | MotionData, *, seconds: float = 60.0, seed: int = 0) -> StreamData:
@@ -46,7 +50,7 @@ def stitch(data: str | Path | MotionData, *, seconds: float = 60.0, seed: int = 
 
     Sequences follow each other as they were recorded, if the data say when that was, and else as the seed shuffles
     them. Each begins where and as turned as the one before ended. Between them lie joins of 0.5 to 1.5 s, which show no
-    activity. Test sequences are never in a stream with others.
+    activity. Test sequences are never in a stream with others. What is missing stays missing.
 
     Args:
         data: the sequences, in memory or as `load_data` takes them; all have to name who performs.
@@ -100,7 +104,7 @@ def _of_people(
     for number, row in enumerate(rows):
         stream = _Stream(f"{'test' if is_test else 'train'}_{who}_{number}", is_test, people)
         for sequence in row:
-            stream.add(data.sequence(sequence), int(data.labels[sequence]), data)
+            stream.add(sequence, data)
         streams.append(stream)
     return streams
 
@@ -129,5 +133,5 @@ def _gathered(data: MotionData, streams: list[_Stream]) -> StreamData:
         license=data.license,
         synthetic=data.synthetic,
         segments=np.concatenate(segments),
-        missing=np.zeros(int(offsets[-1]), dtype=bool),
+        missing=np.concatenate([piece for stream in streams for piece in stream.missing]),
     )

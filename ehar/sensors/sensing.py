@@ -13,9 +13,12 @@ from ehar.sensors.sensor import Sensed, Sensor, SensorNoise
 def sense(sensor: Sensor, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise, frame: str = "") -> Sensed:
     """Sense joints (..., P, J, 3) [m] from viewpoints (..., 3), and check the result.
 
+    Where joints are NaN, the data are missing. No sensor is asked about such frames: nobody is detected in them, so all
+    joints lie at the image centre, with confidence 0.
+
     Args:
         sensor: the sensor.
-        positions: joints, as in `Sensor.sense`.
+        positions: joints, as in `Sensor.sense`; NaN in missing frames.
         viewpoint: viewpoints, as in `Sensor.sense`.
         noise: random draws, as in `Sensor.sense`.
         frame: name of the frame in errors: "frame 3".
@@ -23,6 +26,23 @@ def sense(sensor: Sensor, positions: FloatArray, viewpoint: FloatArray, noise: S
     Raises:
         EpisodeError: the sensor raised an error, or its arrays have other shapes or are not finite.
     """
+    known = np.isfinite(positions).all(axis=(-3, -2, -1))
+    if known.all():
+        return _sensed(sensor, positions, viewpoint, noise, frame)
+    leading = np.broadcast_shapes(positions.shape[:-3], viewpoint.shape[:-1], noise.swap.shape[:-1])
+    known = np.broadcast_to(known, leading)
+    joints_2d = np.empty((*leading, *positions.shape[-3:-1], 2), dtype=np.float32)
+    joints_2d[...] = (sensor.camera.width / 2, sensor.camera.height / 2)
+    confidence = np.zeros(joints_2d.shape[:-1], dtype=np.float32)
+    if known.any():
+        arrays = zip((positions, viewpoint, *noise), (3, 1, 3, 2, 1), strict=True)  # and how many axes are their own
+        chosen = [np.broadcast_to(array, (*leading, *array.shape[array.ndim - own :]))[known] for array, own in arrays]
+        joints_2d[known], confidence[known] = _sensed(sensor, chosen[0], chosen[1], SensorNoise(*chosen[2:]), frame)
+    return Sensed(joints_2d, confidence)
+
+
+def _sensed(sensor: Sensor, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise, frame: str) -> Sensed:
+    """Sense joints that are all known, and check the result; see `sense`."""
     where = f"sensor {type(sensor).__name__}" + (f", {frame}" if frame else "")
     with blamed(sensor, where):
         sensed: Any = sensor.sense(positions, viewpoint, noise)

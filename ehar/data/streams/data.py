@@ -20,7 +20,8 @@ class StreamData(Recordings):
     Args:
         segments: (N, 3) int64, in order: the first frame, the end frame (not included) and the class of each activity,
             counted over all of `positions`. No two share a frame, and none reaches into another stream.
-        missing: (total_frames,) bool, true where the tracker gave nothing; positions there are interpolated.
+        missing: (total_frames,) bool, true where the tracker gave nothing. Positions there are interpolated between
+            the frames around the gap, so nobody is shown them.
     """
 
     segments: IntArray
@@ -57,7 +58,8 @@ class StreamData(Recordings):
     def resampled(self, fps: float) -> "StreamData":
         """Return the streams at another frame rate: linear interpolation in time, each stream by itself.
 
-        A segment begins at the first frame that is not before it. One that would have no frame left keeps one.
+        A segment begins at the first frame that is not before it. One that would have no frame left keeps one. A
+        frame is missing if one that it is interpolated from is: it would tell where people are after the gap.
 
         Raises:
             UsageError: the rate is not above 0.
@@ -72,18 +74,17 @@ class StreamData(Recordings):
         first = np.minimum(first, last - 1)
         end = np.clip(end, first + 1, last)
         segments = np.stack([first + offsets[stream], end + offsets[stream], self.segments[:, 2]], axis=1)
-        before = [
-            np.minimum((np.arange(length) / scale).astype(np.int64), old - 1) + begin
-            for length, old, begin in zip(np.diff(offsets), self.lengths, self.offsets, strict=False)
-        ]
-        missing = self.missing[np.concatenate(before)]
+        missing = self._missing_at_rate(self.missing, fps, offsets)
         return replace(self, positions=positions, offsets=offsets, fps=float(fps), segments=segments, missing=missing)
 
 
 @lru_cache(maxsize=4)
 def _followed(data: StreamData, localisation: Localisation) -> FloatArray:
     middles = data.positions.mean(axis=(1, 2), dtype=np.float64)
-    pieces = zip(data.offsets, data.offsets[1:], strict=False)
+    pieces = [slice(begin, end) for begin, end in zip(data.offsets, data.offsets[1:], strict=False)]
     return np.concatenate(
-        [localisation.followed(middles[begin:end], data.fps, index) for index, (begin, end) in enumerate(pieces)]
+        [
+            localisation.followed(middles[piece], data.fps, index, data.missing[piece])
+            for index, piece in enumerate(pieces)
+        ]
     )

@@ -41,7 +41,10 @@ class StreamScenarios(Windows):
     def positions(self, indices: IntArray) -> FloatArray:
         """Return joints (n, L, P, J, 3) float32 [m] relative to the centre, which follows people.
 
-        The centre of a frame rests on that frame and those before it, never on later ones.
+        The centre of a frame rests on that frame and those before it, never on later ones. Missing frames are NaN: what
+        the data have there lies between the frames around the gap, and would tell where people are behind it.
         """
-        centred: FloatArray = self.data.positions[self._frames(indices)] - self.centres(indices)[:, :, None, None]
-        return centred.astype(np.float32)
+        frames = self._frames(indices)
+        centred = (self.data.positions[frames] - self.centres(indices)[:, :, None, None]).astype(np.float32)
+        centred[self.data.missing[frames]] = np.nan
+        return centred

@@ -42,6 +42,17 @@ def test_every_sequence_is_in_one_stream_of_its_people_and_its_part(name: str) -
     np.testing.assert_array_equal(streams.is_test[streams.stream_of], np.isin(shown, test))
 
 
+def test_what_is_missing_in_sequences_is_missing_in_streams() -> None:
+    data = replace(SETS["solo"], missing=np.random.default_rng(0).random(len(SETS["solo"].positions)) < 0.1)
+    streams = stitch(data, seconds=20)
+    assert data.missing is not None
+    for sequence, (first, end, _) in zip(pieces(data, streams), streams.segments, strict=True):
+        part = slice(data.offsets[sequence], data.offsets[sequence + 1])
+        np.testing.assert_array_equal(streams.missing[first:end], data.missing[part])
+    assert not streams.missing[streams.labels == NO_ACTIVITY].any()
+    assert not STREAMS["solo"].missing.any()
+
+
 @pytest.mark.parametrize("name", STREAMS)
 def test_joins_last_as_long_as_people_take_and_show_no_activity(name: str) -> None:
     streams = STREAMS[name]

@@ -1,6 +1,7 @@
 """Streams from end to end: a recogniser learns on them, planners watch them, and what knows clips only refuses them."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from recognition.training.config import TrainingConfig
 from recognition.training.trainer import train_recogniser
 from tests.helpers.fakes import tiny_data
 from tests.helpers.stream_worlds import save_stream_world
+from tests.helpers.streams import raising_streams
 from tests.helpers.tiny_benchmarks import Log, file_hash
 
 LENGTH = 50  # frames, 5 s
@@ -60,6 +62,15 @@ def test_planners_watch_streams_and_activities_are_scored(folder: Path, tmp_path
     np.testing.assert_array_equal(back.predicted, held.predicted)
     config = json.loads((tmp_path / "config.json").read_text())
     assert (config["fps"], config["length"]) == (10.0, LENGTH)
+
+
+def test_planners_watch_streams_in_which_people_get_lost(folder: Path) -> None:
+    data = raising_streams()
+    lost = replace(data, missing=np.arange(len(data.positions)) % 50 < 8)
+    planners = ("towards", "h-rotate", "near-level", "front", "side", "oracle-lookahead")
+    run = benchmark(planners, Conditions(data=lost, models=folder / "models", length=LENGTH), reporter=Log())
+    assert len(run.records["side"]) == 4
+    assert (run.records["side"].true_probability != watched(folder, "side").records["side"].true_probability).any()
 
 
 def test_planners_that_need_more_than_a_recogniser_are_left_out(folder: Path) -> None:

@@ -5,10 +5,18 @@ import pytest
 from filterpy.common import Q_discrete_white_noise
 from filterpy.kalman import KalmanFilter
 
-from ehar.arrays import FloatArray
+from ehar.arrays import BoolArray, FloatArray
 from ehar.data.streams.following import Localisation
 
 FPS = 30.0
+
+
+Gaps = tuple[tuple[int, int], ...]
+
+
+def within(gaps: Gaps, frames: int = 240) -> BoolArray:
+    """Return which frames lie in one of the gaps, (T,)."""
+    return np.isin(np.arange(frames), [frame for begin, end in gaps for frame in range(begin, end)])
 
 
 def walk(frames: int = 240, seed: int = 0) -> FloatArray:
@@ -19,9 +27,10 @@ def walk(frames: int = 240, seed: int = 0) -> FloatArray:
     return np.cumsum(step, axis=0) + np.array([0.0, 0.0, 1.0])
 
 
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_without_delay_it_is_filterpy_s_filter_of_constant_velocity(axis: int) -> None:
+@pytest.mark.parametrize(("axis", "gaps"), [(0, ()), (1, ((50, 51), (120, 160))), (2, ((1, 4), (230, 240)))])
+def test_without_delay_it_is_filterpy_s_filter_of_constant_velocity(axis: int, gaps: Gaps) -> None:
     told, way = Localisation(noise=0.05, delay=0.0), walk()
+    missing = within(gaps)
     measured = way + 0.05 * np.random.default_rng((0, 3)).standard_normal(way.shape)
     kalman = KalmanFilter(dim_x=2, dim_z=1)
     kalman.x = np.array([[way[0, axis]], [0.0]])
@@ -29,11 +38,20 @@ def test_without_delay_it_is_filterpy_s_filter_of_constant_velocity(axis: int) -
     kalman.R, kalman.P = np.array([[0.05**2]]), np.diag([0.05**2, 1.0])
     kalman.Q = Q_discrete_white_noise(dim=2, dt=1 / FPS, var=told.agility**2)
     expected = [way[0, axis]]
-    for position in measured[1:, axis]:
+    for position, gone in zip(measured[1:, axis], missing[1:], strict=True):
         kalman.predict()
-        kalman.update(position)
+        kalman.update(None if gone else position)
         expected.append(float(kalman.x[0, 0]))
-    np.testing.assert_allclose(told.followed(way, FPS, 3)[:, axis], expected, atol=1e-9)
+    np.testing.assert_allclose(told.followed(way, FPS, 3, missing)[:, axis], expected, atol=1e-9)
+
+
+def test_a_gap_says_nothing_and_a_stream_may_begin_with_one() -> None:
+    way, missing = walk(), within(((0, 5), (100, 130)))
+    other = np.where(missing[:, None], 7.0, way)
+    centres = Localisation().followed(way, FPS, 0, missing)
+    np.testing.assert_array_equal(centres, Localisation().followed(other, FPS, 0, missing))
+    np.testing.assert_array_equal(centres[:6], np.tile(way[5], (6, 1)))
+    assert np.linalg.norm(centres - way, axis=1)[135:].max() < 0.5  # it finds people again
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.5])
