@@ -8,7 +8,7 @@ from shlex import quote
 from typing import Any, Literal, get_args, get_type_hints
 
 from ehar.data.motion_data import MotionData
-from ehar.data.scenario import PARTS, TEST
+from ehar.data.scenario import PARTS, TEST, USUAL_LENGTH
 from ehar.data.streams.data import StreamData
 from ehar.errors import UsageError
 from ehar.flight.vehicle import Vehicle
@@ -37,7 +37,7 @@ class Conditions:
         track: ideal (grid moves), px4-auto, px4-max, tracking-drone, ground-robot, a vehicle file, or your own:
             file.py:Class.
         starts: start viewpoints of each scenario.
-        length: frames of an episode.
+        length: frames of an episode; None means 60, of streams as many as 30 s have.
         fps: frame rate to resample to [Hz].
         seed: seed of start viewpoints, noise and random planners.
         part: part of the data: test, validation, policy or recogniser.
@@ -55,7 +55,7 @@ class Conditions:
     sensor: str | Sensor = "perfect"
     track: str | Path | Vehicle | Motion = IDEAL
     starts: int = 1
-    length: int = 60
+    length: int | None = None
     fps: float | None = None
     seed: int = 0
     part: str = TEST
@@ -72,6 +72,8 @@ class Conditions:
                 raise UsageError(f"unknown {name} {value!r}; expected one of: {', '.join(known)}")
         for name, least in (("starts", 1), ("length", 1), ("seed", 0)):
             value = getattr(self, name)
+            if name == "length" and value is None:
+                continue
             if not isinstance(value, int) or isinstance(value, bool) or value < least:
                 raise UsageError(f"{name}: expected a whole number of at least {least}, got {value!r}")
         if self.recogniser is not None and self.form != "causal":
@@ -93,6 +95,11 @@ class Conditions:
             optional = type(None) in choices
             types[name] = (str | None if optional else str) if str in choices else kind
         return types
+
+    @property
+    def frames(self) -> int:
+        """L, the frames of an episode. `load_setting` tells the length of those of streams, whose rate it knows."""
+        return USUAL_LENGTH if self.length is None else self.length
 
     @property
     def world_name(self) -> str:
@@ -131,7 +138,7 @@ class Conditions:
         parts = [self.data_option, f"--sensor {quote(sensor)} --views {self.views}"]
         parts += [f"--world {quote(self.world_name)}"] if self.world_name != PAPER.name else []
         parts += [f"--form {self.form}"] if self.form != Conditions.form else []
-        parts += [f"--length {self.length}"] if self.length != Conditions.length else []
+        parts += [f"--length {self.length}"] if self.length not in (None, USUAL_LENGTH) else []
         parts += [f"--fps {self.fps:g}"] if self.fps is not None else []
         parts += [f"--recogniser {quote(_named(self.recogniser))}"] if self.recogniser is not None else []
         return " ".join(parts)

@@ -42,7 +42,7 @@ def _load(conditions: Conditions, track: str) -> EpisodeTask:
     vehicle, world = setting.runner.track.vehicle, setting.runner.world
     space = world.workspace
     return EpisodeTask(
-        scenarios=windows(setting.data, setting.sequences, conditions.length, 1),
+        scenarios=windows(setting.data, setting.sequences, conditions.frames, 1),
         recogniser=setting.runner.recogniser,
         sensor=setting.runner.sensor,
         controls=GridControls(workspace=space) if vehicle is None else FlightControls(vehicle=vehicle, workspace=space),

@@ -50,7 +50,7 @@ class Setting:
     @property
     def length_note(self) -> str | None:
         """The line that says that the recogniser was trained at another length; None if it was not."""
-        return length_note(self.conditions.length, {"recogniser": self.trained_length})
+        return length_note(self.conditions.frames, {"recogniser": self.trained_length})
 
     @property
     def track_sha256(self) -> str | None:
@@ -96,11 +96,11 @@ def length_note(length: int, trained: Mapping[str, int | None]) -> str | None:
 
 
 def with_length(conditions: Conditions, data: Recordings, seconds: float) -> Conditions:
-    """Return conditions with the frame rate of streams, and so many seconds in place of the usual length of a clip."""
+    """Return conditions that tell a length: in streams, whose frame rate they then tell too, so many seconds."""
     if not isinstance(data, StreamData):
-        return conditions
-    usual = conditions.length == Conditions.length
-    return replace(conditions, fps=data.fps, length=round(seconds * data.fps) if usual else conditions.length)
+        return replace(conditions, length=conditions.frames)
+    length = round(seconds * data.fps) if conditions.length is None else conditions.length
+    return replace(conditions, fps=data.fps, length=length)
 
 
 def load_motion_of(conditions: Conditions) -> MotionData:

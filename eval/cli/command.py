@@ -42,6 +42,7 @@ class Flag:
 
 SHARED = {  # for every command with such a parameter
     "models": Flag(metavar="PATH", hint="those that ship"),
+    "length": Flag("frames of an episode.", hint="60"),
     "fps": Flag(hint="the data's"),
     "recogniser": Flag("your own: file.py:Class, then --argument value.", hint="ours"),
     "out": Flag(hint="none"),

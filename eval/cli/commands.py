@@ -81,7 +81,7 @@ BENCHMARK = Command(
         ),
         "out": Flag("folder for records, tables, report.", hint="none"),
         "data": Flag("duo, solo, solo-stream, duo-stream, or an .npz."),
-        "length": Flag("frames of an episode; of a stream 30 s."),
+        "length": Flag("frames of an episode.", hint="60; streams 30 s"),
         "views": Flag("of the recogniser: moving, paper or recorded."),
         "part": Flag("test, validation, policy or recogniser part."),
         "seed": Flag("seed of starts, noise and random."),
@@ -195,7 +195,7 @@ TRAIN = CommandGroup(
             flags={
                 **TRAINED_ANEW,
                 "form": Flag("causal streams; ctrgcn, as published, is trained on prefixes."),
-                "length": Flag("frames of a clip."),
+                "length": Flag("frames of a clip.", hint="60; streams 4 s"),
                 "seed": Flag("seed of initial weights, clips and dropout."),
                 "init": Flag(hint="none"),
             },
@@ -396,6 +396,7 @@ STUDY = CommandGroup(
             conditions=(*SEEN[:4], "starts", *SEEN[4:]),
             flags={
                 **SENSED,
+                "length": Flag("frames of an episode.", hint="60; streams 30 s"),
                 "seed": Flag("seed of starts, noise, random, and the halves that parts are fitted on."),
             },
         ),

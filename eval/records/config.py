@@ -85,7 +85,7 @@ class RunConfig:
     @property
     def length_note(self) -> str | None:
         """The line that names the weights that were trained at another length; None if there are none."""
-        return length_note(self.conditions.length, self.trained_lengths or {})
+        return length_note(self.conditions.frames, self.trained_lengths or {})
 
     @property
     def in_world(self) -> str:
@@ -215,7 +215,7 @@ def read_config(directory: Path) -> RunConfig:
 @cache
 def _config_file() -> type[Any]:
     """Return the data class of config.json, which is flat."""
-    own, told = get_type_hints(RunConfig), Conditions.named_types() | {"world": World}
+    own, told = get_type_hints(RunConfig), Conditions.named_types() | {"world": World, "length": int}
     types = {key: own[key] if key in own else told[_TOLD.get(key, key)] for key in KEYS}
     return make_dataclass(
         "ConfigFile",

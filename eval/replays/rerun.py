@@ -101,7 +101,7 @@ def replay_run(
     if reason is not None or inputs.setting is None or inputs.place is None:
         raise DataError(str(reason))
     data = inputs.setting.data
-    scenarios = cut_scenarios(data, part_of(data, conditions.part), conditions.length, lambda line: None)
+    scenarios = cut_scenarios(data, part_of(data, conditions.part), conditions.frames, lambda line: None)
     episodes = random_starts(scenarios, conditions.starts, conditions.seed, run.config.world)
     belief = inputs.place.load_gain_model().belief if run.config.readout == "belief" else None
     workload = Workload(inputs.setting.runner, episodes, belief)

@@ -19,7 +19,7 @@ LEAST_MS = 1e-4  # planning times below are drawn here, as the axis is logarithm
 def accuracy_figure(data: ReportData, focus: str) -> Figure:
     """Return accuracy over the observation ratio; no-act, the oracle and the planner in focus have bands."""
     styles = looks(data.privileged)
-    length = data.run.conditions.length
+    length = data.run.conditions.frames
     ratios = finite(100 * np.arange(1, length + 1) / length, 2)
     banded = [name for name in data.curves if name in (NO_ACT, ORACLE, focus)]
     traces: list[dict[str, Any]] = []

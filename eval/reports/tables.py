@@ -26,7 +26,7 @@ def what_ran(data: ReportData) -> str:
     facts = {
         "Data": f"{config.data}, {told.part} part",
         "Episodes": (
-            f"{len(first)} of {told.length} frames, from {len(set(first.sequence))} sequences, "
+            f"{len(first)} of {told.frames} frames, from {len(set(first.sequence))} sequences, "
             f"{told.starts} start viewpoint{'s' * (told.starts > 1)} each"
         ),
         "Classes": str(len(data.class_names)),

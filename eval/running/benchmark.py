@@ -73,7 +73,7 @@ def benchmark(
     specs, directory = listed(planners), None if out is None else Path(out)
     setting = load_setting(conditions, device=device)
     conditions = setting.conditions
-    scenarios = cut_scenarios(setting.recordings, setting.sequences, conditions.length, reporter.note)
+    scenarios = cut_scenarios(setting.recordings, setting.sequences, conditions.frames, reporter.note)
     choice = choose_planners(specs, ModelPlace.of(setting), readout=readout, note=reporter.note)
     chosen, origins, model = choice
     config = run_config(

@@ -203,7 +203,7 @@ def train_all(config: TrainAllConfig) -> Trained:
     """
     config.agents.check()
     # Streams are refused here, before anything begins: only a recogniser learns on them.
-    for line in outlook(load_motion_of(config.told), config.told.length):
+    for line in outlook(load_motion_of(config.told), config.told.frames):
         print(line, flush=True)
     agents = " and ".join(", ".join(config.agents.stage_names).rsplit(", ", 1))
     stages: list[tuple[str, Callable[[TrainAllConfig], bool], Callable[[], Trained]]] = [

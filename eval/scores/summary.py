@@ -46,7 +46,7 @@ class Summary:
     @property
     def length(self) -> int:
         """L, the frames of an episode."""
-        return self.config.conditions.length
+        return self.config.conditions.frames
 
     @property
     def title(self) -> str:

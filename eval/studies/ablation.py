@@ -93,7 +93,7 @@ def ablation(
     if len(flown) < len(tracks) or len(set(names)) < len(names):
         raise UsageError(f"tracks: expected vehicles, each once and none of them {IDEAL}, got {', '.join(tracks)}")
     setting = load_setting(conditions)
-    scenarios = cut_scenarios(setting.data, setting.sequences, conditions.length, reporter.note)
+    scenarios = cut_scenarios(setting.data, setting.sequences, conditions.frames, reporter.note)
     model = ModelPlace.of(setting).load_gain_model()
     nbv = NextBestView(model=model)
     chosen = {group: planners for group, planners in variants(model).items() if group in groups}

@@ -48,7 +48,7 @@ def explain(
         check_format(Path(out))
     if not needs_gain_model(planner):
         raise UsageError(f"unknown planner {planner!r}; expected one that values views: {', '.join(VALUING)}")
-    length = conditions.length
+    length = conditions.frames
     if length < 2 or not 1 <= frames <= length - 1:
         raise UsageError(f"frames: expected 1 to {length - 1} moments of episodes of {length} frames, got {frames}")
     setting = load_setting(conditions)

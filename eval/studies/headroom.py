@@ -139,8 +139,8 @@ def headroom(
     written = {**config.to_json(), "distance": distance, "azimuths": azimuths, "polars": polars}
     if out is not None:
         check_out(Path(out), written)
-    test = cut_scenarios(motion, parts.test, conditions.length, reporter.note)
-    both = windows(motion, np.concatenate([parts.validation, parts.test]), conditions.length, stride=conditions.length)
+    test = cut_scenarios(motion, parts.test, conditions.frames, reporter.note)
+    both = windows(motion, np.concatenate([parts.validation, parts.test]), conditions.frames, stride=conditions.frames)
     flat = viewpoints.reshape(-1, 3)
     fixed = Episodes(both, np.repeat(np.arange(len(both)), len(flat)), np.tile(flat, (len(both), 1)), conditions.seed)
     runs = run_planners(Workload(setting.runner, fixed), references[:1], workers=workers, reporter=reporter)

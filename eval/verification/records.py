@@ -29,8 +29,8 @@ def contradiction(config: RunConfig, records: Mapping[str, EpisodeRecords], epis
     for name, held in records.items():
         if name not in known:
             return f"{EPISODES}: {name}: got a planner that is not in {CONFIG}, expected {', '.join(sorted(known))}"
-        if held.predicted.shape[1] != config.conditions.length:
-            return f"{EPISODES}: {name}: got episodes of {length} frames, expected {config.conditions.length}"
+        if held.predicted.shape[1] != config.conditions.frames:
+            return f"{EPISODES}: {name}: got episodes of {length} frames, expected {config.conditions.frames}"
     if left or (episodes is not None and len(episodes) != count):
         expected = f"a multiple of the {config.conditions.starts} starts" if episodes is None else str(len(episodes))
         return f"{EPISODES}: got {count} episodes of each planner, expected {expected}"

@@ -119,7 +119,7 @@ def run_episodes(config: RunConfig, data: MotionData) -> Episodes:
     """
     # No note about sequences that are too short: the benchmark has reported them.
     told = config.conditions
-    scenarios = cut_scenarios(data, part_of(data, told.part), told.length, note=lambda _: None)
+    scenarios = cut_scenarios(data, part_of(data, told.part), told.frames, note=lambda _: None)
     return random_starts(scenarios, told.starts, told.seed, config.world)
 
 

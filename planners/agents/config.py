@@ -219,7 +219,7 @@ class AgentTrainingConfig:
         check_seeds(self.seeds)
         least = {"workers": 1, "episodes": 1, "rounds": 1, "frames": 1, "variations": 0}
         looks_ahead = any(stage != "ppo" and self.imitation(stage).teacher == "oracle-lookahead" for stage in stages)
-        held = vars(self) | {"length": self.conditions.length}
+        held = vars(self) | {"length": self.conditions.frames}
         least["length"] = LEAST_LOOKAHEAD if looks_ahead else LEAST_LENGTH
         for name, bound in least.items():
             value = held[name]

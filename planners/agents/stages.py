@@ -274,7 +274,7 @@ def _identity(config: AgentTrainingConfig, world: TrainingWorld, stage: Stage, s
         "seed": seed,
         "sensor": config.conditions.sensor_name,
         "views": config.conditions.views,
-        "length": config.conditions.length,
+        "length": config.conditions.frames,
         "fps": config.conditions.fps,
         "variations": config.variations_of_each,
         "without": config.without,

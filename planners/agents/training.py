@@ -83,7 +83,7 @@ def demonstrations_of(
     """
     acts = config.without if setting.rounds > 1 else "none"  # what the acting agent leaves out
     key = json.dumps(
-        [asdict(setting), config.variations_of_each, config.conditions.length, config.conditions.fps, acts],
+        [asdict(setting), config.variations_of_each, config.conditions.frames, config.conditions.fps, acts],
         sort_keys=True,
     )
     setting_key = f"{key} {world.setting.data.sha256} {world.setting.recogniser_sha256}"

@@ -42,7 +42,7 @@ class TrainingWorld:
         Raises:
             EharError: data or recogniser are missing or malformed, or no policy sequence is long enough.
         """
-        setting, length = load_setting(config.conditions, device=config.device), config.conditions.length
+        setting, length = load_setting(config.conditions, device=config.device), config.conditions.frames
         data = setting.data
         parts = split_parts(data)
         policy, unseen = parts.policy, windows(data, parts.validation, length, 1)

@@ -149,12 +149,12 @@ def validation_windows(setting: Setting) -> tuple[str, Scenarios]:
     data, conditions = setting.data, setting.conditions
     parts = split_parts(data)
     for part in ("validation", "policy"):
-        found = windows(data, getattr(parts, part), conditions.length, stride=conditions.length)
+        found = windows(data, getattr(parts, part), conditions.frames, stride=conditions.frames)
         if len(found):
             break
     else:
         raise DataError(
-            f"{data.name}: expected validation sequences of at least {conditions.length} frames to try places on, "
+            f"{data.name}: expected validation sequences of at least {conditions.frames} frames to try places on, "
             "got none"
         )
     if len(found) > MOST_WINDOWS:

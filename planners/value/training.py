@@ -90,7 +90,7 @@ def train_gain_field(
     for name, value, least in (
         ("batches", config.batches, 1),
         ("workers", config.workers, 1),
-        ("length", conditions.length, LEAST_LENGTH),
+        ("length", conditions.frames, LEAST_LENGTH),
     ):
         if value < least:
             raise UsageError(f"{name}: expected at least {least}, got {value}")
@@ -101,22 +101,22 @@ def train_gain_field(
     if setting.length_note is not None:
         note(f"warning: {setting.length_note}")
     data, policy = setting.data, split_parts(setting.data).policy
-    sequences = policy[data.lengths[policy] >= conditions.length]
+    sequences = policy[data.lengths[policy] >= conditions.frames]
     if len(sequences) < 2:  # a field is judged on sequences that it was not fitted on
         raise DataError(
-            f"{data.name}: expected at least 2 policy sequences of at least {conditions.length} frames, "
+            f"{data.name}: expected at least 2 policy sequences of at least {conditions.frames} frames, "
             f"got {len(sequences)}"
         )
     task = CollectionTask(
         runner=setting.runner,
         sequences=sequences,
-        length=conditions.length,
+        length=conditions.frames,
         pairs=trunk_pairs(data, sequences),
         seed=conditions.seed,
     )
     path = gain_model_path(directory, conditions)
     refuse_loss(path, setting, load_gain_model)
-    key = f"{data.sha256} {setting.recogniser_sha256} {conditions.length} {conditions.seed}"
+    key = f"{data.sha256} {setting.recogniser_sha256} {conditions.frames} {conditions.seed}"
     key += "" if setting.sensor_sha256 is None else f" {setting.sensor_sha256}"
     world = setting.world
     key += "" if world.agrees_with(PAPER) else f" {asdict(world)}"
@@ -181,7 +181,7 @@ def train_gain_field(
 def _unseen_sequences(setting: Setting, policy: IntArray) -> IntArray:
     """Return the sequences of the validation part that are long enough; those of the policy part if there are none."""
     validation = split_parts(setting.data).validation
-    long_enough = validation[setting.data.lengths[validation] >= setting.conditions.length]
+    long_enough = validation[setting.data.lengths[validation] >= setting.conditions.frames]
     return long_enough if len(long_enough) else policy
 
 

@@ -110,7 +110,7 @@ class _Run:
             return ClipSource(
                 data=data,
                 sequences=sequences,
-                length=config.conditions.length,
+                length=config.conditions.frames,
                 sensor=loaded.sensor,
                 views=config.conditions.views,
                 form=config.conditions.form,
@@ -120,7 +120,7 @@ class _Run:
 
         self.source = source(parts.recogniser, augment=True)
         # If no sequence of the validation part is long enough, we validate on the recogniser's own part.
-        has_own = bool((data.lengths[parts.validation] >= config.conditions.length).any())
+        has_own = bool((data.lengths[parts.validation] >= config.conditions.frames).any())
         held_out = source(parts.validation if has_own else parts.recogniser, augment=False)
         people = data.subjects[parts.validation]
         if not has_own:
@@ -132,7 +132,7 @@ class _Run:
             self.validated_on = "other sequences of people it knows" if known else "people it does not know"
         self.validation = held_out.draw(np.random.default_rng(VALIDATION_SEED), VALIDATION_CLIPS)
         self.spec = NetworkSpec.of(
-            data, form=config.conditions.form, size=config.size, length=config.conditions.length, world=world
+            data, form=config.conditions.form, size=config.size, length=config.conditions.frames, world=world
         )
         self.data_title = data.title
         self.device = torch.device(config.device)
@@ -218,7 +218,7 @@ class _Run:
                 logits = self.network(seen).flatten(0, 1)
                 labels = clips.frame_labels.flatten().to(self.device)
             else:
-                prefix = int(rng.integers(1, self.config.conditions.length + 1))
+                prefix = int(rng.integers(1, self.config.conditions.frames + 1))
                 logits = self.network(seen[:, :prefix].permute(0, 4, 1, 3, 2))
         return functional.cross_entropy(logits.float(), labels)
 
@@ -226,7 +226,7 @@ class _Run:
         """Return validation logits (N, L, K); for the published form, a frame takes those of the next prefix."""
         network.eval()
         pieces = []
-        length = self.config.conditions.length
+        length = self.config.conditions.frames
         with torch.inference_mode():
             for seen in torch.split(clips.features, self.config.batch):
                 batch = seen.to(self.device)

@@ -36,6 +36,8 @@ def test_an_unknown_word_lists_the_known_ones(field: str, known: str, wrong: Any
 @pytest.mark.parametrize(("field", "least"), [("starts", 1), ("length", 1), ("seed", 0)])
 def test_numbers_are_whole_and_not_too_small(field: str, least: int) -> None:
     for wrong in (least - 1, -8, 2.0, float("nan"), "3", None, True):
+        if (field, wrong) == ("length", None):
+            continue  # the usual length
         assert refusal(**{field: wrong}) == f"{field}: expected a whole number of at least {least}, got {wrong!r}"
     assert getattr(Conditions(**{field: least}), field) == least
 
@@ -73,7 +75,13 @@ def test_files_and_flags_hold_names_where_objects_may_stand() -> None:
     )
     assert types["models"] == types["recogniser"] == str | None
     assert types["fps"] == float | None
-    assert (types["starts"], types["length"], types["seed"], types["part"]) == (int, int, int, str)
+    assert types["length"] == int | None
+    assert (types["starts"], types["seed"], types["part"]) == (int, int, str)
+
+
+def test_an_episode_has_60_frames_unless_another_length_is_told() -> None:
+    assert Conditions().length is None and Conditions().frames == Conditions(length=60).frames == 60
+    assert Conditions(length=42).frames == 42
 
 
 @pytest.mark.parametrize("sensor", ["estimator", EstimatorSensor(skeleton=SKELETON)])

@@ -147,7 +147,7 @@ def agent_states(run: Run, name: str, planner: Planner, *, reporter: Reporter, e
     ):
         if held != wanted:
             raise DataError(f"{run.directory}: expected the {what} of the run, sha256 {wanted}, got {held}")
-    scenarios = cut_scenarios(setting.data, part_of(setting.data, conditions.part), conditions.length, reporter.note)
+    scenarios = cut_scenarios(setting.data, part_of(setting.data, conditions.part), conditions.frames, reporter.note)
     episodes = random_starts(scenarios, conditions.starts, conditions.seed, setting.world)
     keeper = StateKeeper(planner, every=every)
     recorder = Recorder(planner, name=name, answered=keeper.keep)

@@ -148,7 +148,7 @@ def analysis_tables(analysis: Analysis) -> list[Table]:
 def analysis_markdown(analysis: Analysis) -> str:
     """Return all tables and pictures of an analysis in Markdown."""
     pieces = [
-        f"# {analysis.config.title}: {analysis.episodes} episodes of {analysis.config.conditions.length} frames\n"
+        f"# {analysis.config.title}: {analysis.episodes} episodes of {analysis.config.conditions.frames} frames\n"
     ]
     if analysis.seed_accuracy:
         pieces.append(markdown(seeds_table(analysis.seed_accuracy)))

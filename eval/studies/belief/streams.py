@@ -82,7 +82,7 @@ class StreamBeliefReport:
         return [
             Table(
                 title=f"{self.config.data}: sensor {told.sensor}, {len(self.readers[0].records)} test episodes of "
-                f"{told.length / self.fps:g} s for each planner",
+                f"{told.frames / self.fps:g} s for each planner",
                 header=("planner", "reader", "NLL", "lower by [95 %]", "ECE", *STREAM_HEADER),
                 rows=tuple(
                     (
@@ -197,7 +197,7 @@ def _fitted(
 def _episodes(setting: Setting, streams: IntArray, reporter: Reporter) -> Episodes:
     """Return the episodes of some streams."""
     told = setting.conditions
-    scenarios = cut_scenarios(setting.recordings, streams, told.length, reporter.note)
+    scenarios = cut_scenarios(setting.recordings, streams, told.frames, reporter.note)
     return random_starts(scenarios, told.starts, told.seed, setting.world)
 
 

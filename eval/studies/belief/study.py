@@ -124,7 +124,7 @@ def belief_report(
         reporter.note(f"warning: {config.length_note}")
     if out is not None:
         check_out(Path(out), config.to_json())
-    length, starts, seed = conditions.length, conditions.starts, conditions.seed
+    length, starts, seed = conditions.frames, conditions.starts, conditions.seed
     tested = random_starts(cut_scenarios(motion, parts.test, length, reporter.note), starts, seed, setting.world)
     policy = windows(motion, parts.policy, length, stride=length)
     if not len(policy):
@@ -195,7 +195,7 @@ def belief_tables(report: BeliefReport) -> list[Table]:
     return [
         _table(
             f"{config.data}: sensor {config.conditions.sensor}, views {config.conditions.views}, "
-            f"{report.test_episodes} test episodes of {config.conditions.length} frames for each planner",
+            f"{report.test_episodes} test episodes of {config.conditions.frames} frames for each planner",
             report.test,
             (f"NLL: of the true class [nat]. ECE: calibration error of the frames from {CALIBRATED_FROM} % on.",),
         ),

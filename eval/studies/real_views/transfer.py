@@ -61,7 +61,7 @@ def train(
     path = recogniser_path(out, own)
     if path.is_file():
         held = recorded_run(path) or {}
-        if (held.get("data_sha256"), held.get("length")) != (data.sha256, conditions.length):
+        if (held.get("data_sha256"), held.get("length")) != (data.sha256, conditions.frames):
             raise UsageError(f"{path}: trained on other data or at another length: remove it, or choose another --out")
     else:
         trained = train_recogniser(TrainingConfig(conditions=own, out=out, clips=clips, threads=threads))
@@ -72,7 +72,7 @@ def train(
 def test(conditions: Conditions, training: str, data: MotionData, camera: Camera) -> Transfer:
     """Test a recogniser on what the cameras of the test sequences saw."""
     recogniser = load_recogniser(conditions, data)
-    scenarios = windows(data, unseen_test(data), conditions.length, conditions.length)
+    scenarios = windows(data, unseen_test(data), conditions.frames, conditions.frames)
     viewpoint: FloatArray = recorded_viewpoints(scenarios.centres(np.arange(len(scenarios))), 1)[:, 0]
     sensor = PerfectSensor(camera=camera)
     right = right_answers(recogniser, sensor, scenarios, viewpoint, np.random.default_rng(0))

@@ -112,7 +112,7 @@ TRAINS = Command(
     f"{__name__}:train",
     show_all,
     conditions=("data", "length"),
-    flags={"data": Flag(default=REQUIRED), "length": Flag("of a clip.")},
+    flags={"data": Flag(default=REQUIRED), "length": Flag("of a clip.", hint="60")},
 )
 
 

@@ -168,7 +168,7 @@ def test_an_unknown_command_names_those_that_there_are(
         (["train", "agent"], ["Missing from ehar train agent", "--data STR", "ehar train agent --help"]),
         (["report"], ["Missing from ehar report", "RUN", "ehar report --help"]),
         (["benchmark", "--lenght", "5"], ["Unrecognized options: --lenght", "--length INT", "ehar benchmark --help"]),
-        (["benchmark", "--length", "five"], ["--length", "'five'", "INT", "ehar benchmark --help"]),
+        (["benchmark", "--starts", "five"], ["--starts", "'five'", "INT", "ehar benchmark --help"]),
         (["benchmark", "--form", "tree"], ["'tree'", "'--form'", "('causal', 'ctrgcn')", "ehar benchmark --help"]),
         (["benchmark", "no-act", "--radius", "5"], ["--radius, 5", "ehar benchmark --help"]),
         (["--lenght", "5"], ["Unrecognized options: --lenght", "benchmark,", "ehar --help"]),

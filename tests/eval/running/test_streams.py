@@ -117,6 +117,9 @@ def test_the_usual_length_is_30_seconds(folder: Path) -> None:
     setting = load_setting(Conditions(data=str(folder / "raising.npz"), models=folder / "models"))
     assert setting.conditions.length == 300
     assert setting.length_note is None  # evidence that fades is not meant for one length
+    for told in (60, 42):  # 60 is no other than the rest, though it is the usual length of clips
+        one = load_setting(Conditions(data=str(folder / "raising.npz"), models=folder / "models", length=told))
+        assert one.conditions.length == told
 
 
 def test_streams_that_are_too_short(folder: Path) -> None:

@@ -148,7 +148,7 @@ def test_a_recogniser_of_other_data_is_named_not_overwritten(tmp_path: Path, cal
 def test_a_small_recogniser_is_not_taken_for_the_published_one(tmp_path: Path, calls: list[str]) -> None:
     told = replace(DUO, views="paper")
     data = load_data("duo")
-    spec = NetworkSpec.of(data, form="ctrgcn", size="small", length=DUO.length)
+    spec = NetworkSpec.of(data, form="ctrgcn", size="small", length=DUO.frames)
     path = recogniser_path(tmp_path, replace(told, form="ctrgcn"))
     run = {"data_sha256": data.sha256, "size": "small"}
     save_recogniser(path, spec.build(), spec, Temperature(), {"run": run})
@@ -187,7 +187,7 @@ def test_a_recogniser_of_other_recordings_of_the_same_classes_is_named(tmp_path:
 def test_what_makes_no_sense_is_refused_before_anything_is_trained(
     tmp_path: Path, calls: list[str], changes: dict[str, Any], message: str
 ) -> None:
-    length = changes.pop("length", DUO.length)
+    length = changes.pop("length", DUO.frames)
     with pytest.raises(UsageError) as caught:
         train_all(TrainAllConfig(conditions=replace(DUO, length=length), out=tmp_path, **changes))
     assert str(caught.value) == message
