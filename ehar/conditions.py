@@ -13,6 +13,7 @@ from ehar.data.streams.data import StreamData
 from ehar.errors import UsageError
 from ehar.flight.vehicle import Vehicle
 from ehar.motion import Motion
+from ehar.onsets import ONSETS, Onset
 from ehar.plugins.class_spec import arguments_text, parse_spec
 from ehar.recogniser import Recogniser
 from ehar.sensors.sensor import Sensor
@@ -45,6 +46,7 @@ class Conditions:
         form: causal (streams) or ctrgcn (as published, on each prefix).
         recogniser: your own: file.py:Class.
         world: paper, indoor, or a world file (.json).
+        onset: unknown; or known: in streams the recogniser is told when an activity begins, and forgets what was.
 
     Raises:
         UsageError: a word is unknown, or a number is too small.
@@ -63,10 +65,11 @@ class Conditions:
     form: Form = "causal"
     recogniser: str | Recogniser | None = None
     world: str | Path | World = PAPER.name
+    onset: Onset = "unknown"
 
     def __post_init__(self) -> None:
         """Check words and numbers."""
-        for name, known in (("part", PARTS), ("views", REGIMES), ("form", FORMS)):
+        for name, known in (("part", PARTS), ("views", REGIMES), ("form", FORMS), ("onset", ONSETS)):
             value = getattr(self, name)
             if value not in known:
                 raise UsageError(f"unknown {name} {value!r}; expected one of: {', '.join(known)}")

@@ -14,6 +14,7 @@ from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.window import Windows
 from ehar.errors import EpisodeError
 from ehar.motion import Motion
+from ehar.onsets import Onset, ToldOnsets, begins
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.plugins.blame import blamed
 from ehar.recogniser import Recogniser, Recognition
@@ -118,11 +119,18 @@ class Record:
 
 
 def rollout(
-    planner: Planner, batch: Batch, recogniser: Recogniser, sensor: Sensor, motion: Motion, context: Context
+    planner: Planner,
+    batch: Batch,
+    recogniser: Recogniser,
+    sensor: Sensor,
+    motion: Motion,
+    context: Context,
+    onset: Onset = "unknown",
 ) -> Record:
     """Run B episodes of L frames, of clips or of streams; in a stream nobody is told how long it lasts.
 
-    Frame 0 is seen from the start viewpoint; after each frame but the last the planner moves the camera.
+    Frame 0 is seen from the start viewpoint; after each frame but the last the planner moves the camera. With `onset`
+    known, the recogniser begins anew with each activity of a stream.
 
     A planner gets read-only copies. In Python a planner can still find the motion, the batch or the recogniser, and
     write into them. So every step is checked against what the motion can do, and at the end the batch is compared with
@@ -140,6 +148,9 @@ def rollout(
     viewpoints = np.empty((episodes, length, 3))
     log_probs = np.empty((episodes, length, len(context.class_names)), dtype=np.float32)
     plan_seconds = 0.0
+    watching: Recogniser = recogniser
+    if onset == "known":
+        watching = ToldOnsets(recogniser, begins(frame_labels, len(context.class_names) - 1))
 
     def imagine(frame: int, candidates: FloatArray) -> Sensed:
         noise = world.noise.frame(frame).forked()
@@ -154,13 +165,13 @@ def rollout(
     with blamed(planner, f"{planning}, reset"):
         planner.reset(_own_context(context))
     with blamed(recogniser, f"{seeing}, start"):
-        state = recogniser.start(episodes)
+        state = watching.start(episodes)
     trail = [viewpoint] * (LEAD + 1)
     for frame in range(length):
         noise = world.noise.frame(frame)
         sensed = sense(sensor, world.positions[:, frame], viewpoint, noise, f"frame {frame}")
         with blamed(recogniser, f"{seeing}, frame {frame}"):
-            recognition, state = recogniser.step(state, sensed, viewpoint)
+            recognition, state = watching.step(state, sensed, viewpoint)
         viewpoints[:, frame] = viewpoint
         check_recognition(recognition, recogniser, episodes, f"frame {frame}")
         log_probs[:, frame] = recognition.log_probs
@@ -176,7 +187,7 @@ def rollout(
             embedding=read_only(recognition.embedding),
             velocity=read_only(finite_rates(motion, "velocity", episodes, frame)),
             acceleration=read_only(finite_rates(motion, "acceleration", episodes, frame)),
-            truth=Truth(read_only(frame_labels[:, frame + 1]), recogniser, state, imagine, frame_labels)
+            truth=Truth(read_only(frame_labels[:, frame + 1]), watching, state, imagine, frame_labels)
             if privileged
             else None,
             time=frame * context.frame_time,

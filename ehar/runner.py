@@ -9,6 +9,7 @@ from ehar.data.recordings import Recordings
 from ehar.data.scenario import Scenarios
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.motion import Motion
+from ehar.onsets import Onset
 from ehar.planner import Context, Planner
 from ehar.recogniser import Recogniser
 from ehar.rollout import Batch, Record, noise_of, rollout
@@ -28,6 +29,7 @@ class Runner:
         sensor: the sensor that all planners share.
         track: how cameras move.
         world: where cameras may be, and where episodes begin.
+        onset: whether the recogniser is told when an activity of a stream begins.
     """
 
     data: Recordings
@@ -35,6 +37,7 @@ class Runner:
     sensor: Sensor
     track: Track = field(default_factory=Track)
     world: World = PAPER
+    onset: Onset = "unknown"
 
     def __repr__(self) -> str:
         """Return one line that names each part."""
@@ -98,4 +101,4 @@ class Runner:
         episodes, frames = batch.positions.shape[:2]
         length = None if batch.labels.ndim > 1 else frames
         context = self.context(episodes, length, rng, body.workspace)
-        return rollout(planner, batch, self.recogniser, self.sensor, body, context)
+        return rollout(planner, batch, self.recogniser, self.sensor, body, context, self.onset)

@@ -154,6 +154,10 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     track = load_track(conditions.track, world.workspace)
     data = load_recordings_of(conditions)
     told, conditions = conditions, with_length(conditions, data, EPISODE)
+    if conditions.onset == "known" and not isinstance(data, StreamData):
+        raise UsageError(
+            f"onset: expected unknown for {data.name}, whose episodes begin with their activity, got known"
+        )
     loaded = load_sensor(conditions.sensor, data, world)
     named = replace(
         conditions,
@@ -165,10 +169,10 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     )
     if conditions.recogniser is not None:
         own = resolve_recogniser(conditions.recogniser, data, world)
-        runner = Runner(data, own.made, loaded.sensor, track, world)
+        runner = Runner(data, own.made, loaded.sensor, track, world, conditions.onset)
         return Setting(replace(named, recogniser=own.spec), runner, own.sha256, own.title, loaded.sha256)
     trained = load_recogniser(told, data, device=device)  # whose errors suggest what was told
-    runner = Runner(data, trained, loaded.sensor, track, world)
+    runner = Runner(data, trained, loaded.sensor, track, world, conditions.onset)
     length = None if trained.spec.fading else trained.spec.length  # what fades is not meant for one length
     return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256, length, device)
 

@@ -69,7 +69,7 @@ BENCHMARK = Command(
     """,
     conditions=(
         *("data", "models", "sensor", "track", "starts", "length", "fps", "seed", "part", "views", "form"),
-        *("recogniser", "world"),
+        *("recogniser", "world", "onset"),
     ),
     flags={
         "planners": Flag(
@@ -82,7 +82,10 @@ BENCHMARK = Command(
         "out": Flag("folder for records, tables, report.", hint="none"),
         "data": Flag("duo, solo, solo-stream, duo-stream, or an .npz."),
         "length": Flag("frames of an episode.", hint="60; streams 30 s"),
+        "fps": Flag("rate to resample to [Hz].", hint="the data's"),
+        "onset": Flag("unknown, or known: when activities of streams begin.", kind=str),
         "views": Flag("of the recogniser: moving, paper or recorded."),
+        "form": Flag("causal (streams) or ctrgcn (published, on prefixes)."),
         "part": Flag("test, validation, policy or recogniser part."),
         "seed": Flag("seed of starts, noise and random."),
         "world": Flag("paper, indoor, or a world's .json."),

@@ -93,18 +93,25 @@ class RunConfig:
         return "" if self.world == PAPER else f", world {self.world.name}"
 
     @property
+    def told_onset(self) -> str:
+        """What titles say of onsets that the recogniser is told, with a comma before it; nothing where it is not."""
+        return ", onset known" if self.conditions.onset == "known" else ""
+
+    @property
     def title(self) -> str:
         """The title of this run's figures and tables."""
         told = self.conditions
-        return f"{self.data}, {told.sensor} sensor, {told.views} views, {told.track} track{self.in_world}" + (
-            ", as believed" if self.readout == "belief" else ""
-        )
+        seen = f"{self.data}, {told.sensor} sensor, {told.views} views, {told.track} track{self.in_world}"
+        return f"{seen}{self.told_onset}" + (", as believed" if self.readout == "belief" else "")
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of config.json: one flat object."""
         told = vars(self.conditions) | {"world": asdict(self.world)}
         own = {name: value for name, value in asdict(self).items() if name != "conditions"}
-        return {name: own[name] if name in own else told[_TOLD.get(name, name)] for name in KEYS}
+        held = {name: own[name] if name in own else told[_TOLD.get(name, name)] for name in KEYS}
+        if held["onset"] == LATER["onset"]:
+            del held["onset"]  # as in files from before there was another
+        return held
 
 
 _KEY_OF = {"data": "source"}  # conditions that have another name in config.json
@@ -112,7 +119,7 @@ _TOLD = {key: name for name, key in _KEY_OF.items()}
 KEYS = (  # of config.json, in the order of the file
     *("schema", "source", "data", "data_sha256", "models", "recogniser_sha256", "sensor", "views", "form", "track"),
     *("vehicle", "readout", "part", "gain_model_sha256", "starts", "seed", "length", "fps", "ideal", "planners"),
-    *("versions", "recogniser", "sensor_sha256", "track_sha256", "world", "trained_lengths", "device"),
+    *("versions", "recogniser", "sensor_sha256", "track_sha256", "world", "trained_lengths", "device", "onset"),
 )
 LATER: dict[str, Any] = {  # a file without one of these means its default
     "schema": SCHEMA,
@@ -123,6 +130,7 @@ LATER: dict[str, Any] = {  # a file without one of these means its default
     "world": PAPER,
     "trained_lengths": None,
     "device": "cpu",
+    "onset": "unknown",
 }
 
 

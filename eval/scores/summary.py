@@ -53,7 +53,8 @@ class Summary:
         """The title of tables: the conditions, except some that have their usual value."""
         config, told = self.config, self.config.conditions
         return (
-            f"{config.data}: sensor {told.sensor}, views {told.views}, track {told.track}{config.in_world}, "
+            f"{config.data}: sensor {told.sensor}, views {told.views}, track {told.track}{config.in_world}"
+            f"{config.told_onset}, "
             f"{'' if config.form == 'causal' else f'recogniser {config.form}, '}"
             f"{'' if config.readout == 'recogniser' else f'readout {config.readout}, '}"
             f"{'' if told.part == TEST else f'{told.part} part, '}{self.extent}"

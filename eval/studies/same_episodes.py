@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ehar.errors import DataError, UsageError
-from eval.records.config import CONFIG
+from eval.records.config import CONFIG, LATER
 from eval.running.run import Run, same_episodes
 
 SAME_EPISODES = (
@@ -56,6 +56,6 @@ def shown(name: str, config: Mapping[str, Any]) -> str:
     """Return a value of config.json for people: a hash is cut short, and the hash of the data follows its name."""
     if name == "world":
         return str(config["world"]["name"])
-    value = config.get(name)
+    value = config.get(name, LATER.get(name))
     text = str(value)[:_SHOWN] if name.endswith("_sha256") else str(value)
     return f"{config.get('data')} {text}" if name == "data_sha256" else text

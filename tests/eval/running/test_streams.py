@@ -13,8 +13,10 @@ from ehar.conditions import Conditions
 from ehar.data.source import load_data
 from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import DataError, EharError, UsageError
+from ehar.onsets import begins
 from ehar.planner import Context, Observation, Planner
 from eval import benchmark
+from eval.records.config import read_config
 from eval.records.episodes import read_episodes
 from eval.records.run_files import EPISODES
 from eval.reports.page import make_report
@@ -25,6 +27,7 @@ from recognition.setting import load_setting
 from recognition.storage import load_recogniser
 from recognition.training.config import TrainingConfig
 from recognition.training.trainer import train_recogniser
+from tests.helpers.commands import fails_with
 from tests.helpers.fakes import tiny_data
 from tests.helpers.stream_worlds import save_stream_world
 from tests.helpers.streams import raising_streams
@@ -41,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def watched(folder: Path, planners: Any, **options: Any) -> Run:
     told = {"data": str(folder / "raising.npz"), "models": folder / "models", "length": LENGTH}
-    told |= {name: options.pop(name) for name in ("starts", "seed", "fps") if name in options}
+    told |= {name: options.pop(name) for name in ("starts", "seed", "fps", "onset") if name in options}
     return benchmark(planners, Conditions(**told), **{"reporter": Log(), **options})
 
 
@@ -71,6 +74,31 @@ def test_planners_watch_streams_in_which_people_get_lost(folder: Path) -> None:
     run = benchmark(planners, Conditions(data=lost, models=folder / "models", length=LENGTH), reporter=Log())
     assert len(run.records["side"]) == 4
     assert (run.records["side"].true_probability != watched(folder, "side").records["side"].true_probability).any()
+
+
+def test_a_known_onset_is_named_and_is_the_recogniser_begun_anew(folder: Path, tmp_path: Path) -> None:
+    planners = ("no-act", "oracle", "oracle-lookahead")
+    known = watched(folder, planners, onset="known", out=tmp_path / "known")
+    unknown = watched(folder, planners, out=tmp_path / "unknown")
+    assert "onset known" in str(known) and "onset known" not in str(unknown)
+    assert "onset known" in (tmp_path / "known" / "table.md").read_text()
+    assert read_config(tmp_path / "known").conditions.onset == "known"
+    assert read_config(tmp_path / "unknown").conditions.onset == "unknown"
+    assert "onset" not in json.loads((tmp_path / "unknown" / "config.json").read_text())
+    a, b = (run.records["no-act"] for run in (known, unknown))
+    np.testing.assert_array_equal(a.label, b.label)
+    told = begins(np.where(a.label == NO_ACTIVITY, 3, a.label), 3)
+    same = (a.true_probability == b.true_probability) & (a.predicted == b.predicted)
+    before = np.cumsum(told, axis=1) == 0
+    assert same[before].all() and not same[~before].all()
+
+
+def test_clips_have_no_onset_to_be_known(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    message = fails_with(["benchmark", "no-act", "--onset", "known", "--out", str(tmp_path / "run")], capsys)
+    assert "onset: expected unknown for duo, whose episodes begin with their activity, got known" in message
+    with pytest.raises(UsageError, match="unknown onset 'late'; expected one of: unknown, known"):
+        Conditions(onset="late")  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
 
 
 def test_planners_that_need_more_than_a_recogniser_are_left_out(folder: Path) -> None:

@@ -159,15 +159,16 @@ def test_what_else_differs_is_said_aloud(tmp_path: Path) -> None:
         "readout": "belief",
         "track": "px4-max",
         "track_sha256": "9" * 64,
+        "onset": "known",
         "versions": {"torch": "2", "numpy": "2"},
     }
-    assert {*changes, "gain_model_sha256"} == {*MAY_DIFFER} <= CONFIG_OF_RUN.to_json().keys()
+    assert {*changes, "gain_model_sha256"} == {*MAY_DIFFER} <= {*CONFIG_OF_RUN.to_json(), "onset"}
     a = written(tmp_path / "a", records(nbv=1.0), versions={"torch": "1", "numpy": "2"})
     b = written(tmp_path / "b", records(nbv=1.0), gain_model_sha256="3", **changes)
     note = compare_table(compare(a, b)).footnotes[1]
     assert note == (
         "Not the same in A and B: recogniser 1, ffffffffffff; views moving, paper; form causal, ctrgcn; "
-        "readout recogniser, belief; track ideal, px4-max; torch 1, 2."
+        "readout recogniser, belief; track ideal, px4-max; onset unknown, known; torch 1, 2."
     )
     own = [written(tmp_path / sha256, records(nbv=1.0), track="lag", track_sha256=sha256) for sha256 in "78"]
     assert compare(*own).differing == {"track": ("7", "8")}
