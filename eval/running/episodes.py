@@ -10,11 +10,12 @@ from ehar.arrays import FloatArray, IntArray, in_brief
 from ehar.data.copies import copied
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios, windows
-from ehar.data.streams.data import StreamData
+from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.errors import DataError
 from ehar.rollout import Batch, noise_of
 from ehar.world import World
+from eval.scores.streams.activities import activity_frames
 
 # Episodes that run in lockstep; fixed, so that results do not depend on the number of workers. 128 are no faster,
 # and an oracle that forks each of them 7 ways then needs three times the memory (2.7 GB a worker instead of 0.9).
@@ -135,7 +136,11 @@ def cut_scenarios(
 
 
 def _cut_streams(data: StreamData, streams: IntArray, length: int, note: Callable[[str], None]) -> StreamScenarios:
-    """Cut streams into windows that do not overlap; note what is left out."""
+    """Cut streams into windows that do not overlap; note what is left out.
+
+    Raises:
+        DataError: no stream has `length` frames, or no activity begins and ends within a window: nothing can be scored.
+    """
     counts = data.lengths[streams] // length
     if not counts.any():
         raise DataError(
@@ -147,6 +152,12 @@ def _cut_streams(data: StreamData, streams: IntArray, length: int, note: Callabl
     first = np.concatenate([np.arange(count) * length for count in counts])
     scenarios = StreamScenarios(data, length, np.repeat(streams, counts), first)
     shown = np.unique(scenarios.labels)
+    classes = len(data.class_names)
+    if not len(activity_frames(np.where(scenarios.labels == classes, NO_ACTIVITY, scenarios.labels))[0]):
+        raise DataError(
+            f"{data.name}: expected an activity that begins and ends within an episode of {length} frames "
+            f"({length / data.fps:g} s), got none in {len(scenarios)}: a longer --length has some"
+        )
     absent = [name for label, name in enumerate(data.class_names) if label not in shown]
     if absent:
         note(f"{data.name}: no test stream shows {', '.join(absent)}")

@@ -11,6 +11,7 @@ from eval.records.solves import Solves
 from eval.scores.metrics import ACC_AT
 from eval.scores.planner_metrics import METRICS
 from eval.scores.resampling.statistics import Interval
+from eval.scores.streams.scores import StreamScores
 
 NO_ACT, ORACLE = "no-act", "oracle"  # the two ends of the gap
 
@@ -43,6 +44,7 @@ class PlannerSummary:
             gained nothing there.
         accuracy_kept_ci95: its 95 % interval, over the resamples in which the planner gained on the ideal track.
         solves: counts of its plans by status, over all seeds; None for a planner that does not count them.
+        streams: scores of streams, over all seeds; None in clips, whose summary.json has no such key.
     """
 
     name: str
@@ -62,6 +64,7 @@ class PlannerSummary:
     accuracy_kept: float | None = None
     accuracy_kept_ci95: Interval | None = None
     solves: Solves | None = None
+    streams: StreamScores | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the planner's flat object in summary.json; its keys are the same for every planner and track."""
@@ -69,7 +72,7 @@ class PlannerSummary:
         for name, value in asdict(self).items():
             if name == "metrics":
                 values |= value
-            elif name not in ("flight", "solves"):
+            elif name not in ("flight", "solves") and not (name == "streams" and value is None):
                 values[name] = value
         return {
             **values,

@@ -7,7 +7,7 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.errors import DataError
 from eval.records.config import RunConfig
-from eval.records.episodes import EpisodeRecords
+from eval.records.episodes import EpisodeRecords, join_records
 from eval.records.flights import FlightSummary, join_flights, summarise_flights
 from eval.records.solves import Solves, join_solves
 from eval.scores.differences import differences
@@ -20,6 +20,7 @@ from eval.scores.resampling.statistics import pair
 from eval.scores.resampling.training_seeds import PlannerGroup, group_planners, mean_over_seeds, resample_seeds
 from eval.scores.sequence_scores import interquartile_mean, resampled_interquartile_means
 from eval.scores.streams.activities import activities
+from eval.scores.streams.scores import stream_scores
 from eval.scores.summary import Summary
 
 
@@ -47,7 +48,7 @@ def summarise(
     """
     if not records:
         raise DataError("expected the records of at least one planner, got none")
-    whole = records
+    whole, fps = records, config.conditions.fps
     if any(episodes.of_streams for episodes in records.values()):
         records = {name: activities(episodes) for name, episodes in records.items()}
     reference = next(iter(records.values()))
@@ -82,6 +83,9 @@ def summarise(
             accuracy_kept=float(kept[row]) if np.isfinite(kept[row]) else None,
             accuracy_kept_ci95=pair(kept_ends[row]) if np.isfinite(kept[row]) else None,
             solves=None if solves is None else join_solves([solves[name] for name in group.records]),
+            streams=stream_scores(join_records([whole[name] for name in group.records]), fps)
+            if whole is not records and fps is not None
+            else None,
         )
         for row, (group, trained, held) in enumerate(zip(groups, trainings, compared, strict=True))
     )

