@@ -22,6 +22,10 @@ class Effort:
         clips: clips that a recogniser is trained on.
         matrix: rows and columns of the matrices whose product shows the machine's peak.
         rollouts: rollouts of PPO that are timed, after one that is not timed.
+        streams: streams that are watched at once.
+        stream_frames: frames of each of them.
+        late_frame: the frame of a stream whose cost is compared with that of an early one.
+        dancers: people of whom each does two activities, one after the other.
     """
 
     length: int = 60
@@ -35,3 +39,7 @@ class Effort:
     clips: int = 640
     matrix: int = 2048
     rollouts: int = 4
+    streams: int = 32
+    stream_frames: int = 600
+    late_frame: int = 18_000
+    dancers: int = 20

@@ -12,6 +12,7 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.conditions import Conditions, Form
 from ehar.data.motion_data import MotionData
+from ehar.data.recordings import Recordings
 from ehar.data.scenario import windows
 from ehar.errors import ModelError
 from ehar.motion import GridMotion
@@ -43,7 +44,7 @@ class FormRatios(NamedTuple):
 
 def compare_forms(data: MotionData, size: Size, episodes: int, length: int) -> FormRatios:
     """Run both forms, untrained, over the same episodes: frame by frame in turn, for a fair comparison."""
-    forms = [_untrained(data, "ctrgcn", size, length), _untrained(data, "causal", size, length)]
+    forms = [untrained(data, "ctrgcn", size, length), untrained(data, "causal", size, length)]
     positions, viewpoint, noise = _episodes(data, episodes, length)
     sensor = PerfectSensor()
     states: list[Any] = [form.start(episodes) for form in forms]
@@ -98,7 +99,7 @@ def streaming_recogniser(data: MotionData) -> tuple[Recogniser, bool]:
     try:
         return load_recogniser(Conditions(), data), True
     except ModelError:
-        return _untrained(data, "causal", "small", Effort.length), False
+        return untrained(data, "causal", "small", Effort.length), False
 
 
 def time_training(data: MotionData, effort: Effort) -> float:
@@ -129,7 +130,8 @@ def first_frames(data: MotionData, length: int, sensor: Sensor) -> Iterator[tupl
         yield sensor.sense(positions[:, frame], viewpoint, noise.frame(frame)), viewpoint
 
 
-def _untrained(data: MotionData, form: Form, size: Size, length: int) -> StreamingRecogniser | PrefixRecogniser:
+def untrained(data: Recordings, form: Form, size: Size, length: int) -> StreamingRecogniser | PrefixRecogniser:
+    """Return a recogniser with random weights: as fast as a trained one."""
     spec = NetworkSpec.of(data, form=form, size=size, length=length)
     network = spec.build()
     if isinstance(network, CausalCTRGCN):

@@ -175,6 +175,20 @@ def solo(seed: int = 0) -> MotionData:
     return _collect("solo", SOLO_FPS, tuple(solo_activities.ACTIVITIES), programme, scenes)
 
 
+def dance(label: int, cast: int, frames: int, seed: int = 0) -> FloatArray:
+    """Return a figure of `solo` for as long as wanted, (T, 1, 16, 3) [m].
+
+    Args:
+        label: the class.
+        cast: the dancer; those of the test part begin with `TRAINING_CASTS`.
+        frames: T.
+        seed: the seed of the set.
+    """
+    figure = tuple(solo_activities.ACTIVITIES.values())[label]
+    dancer = _draw_cast(seed, _SOLO, cast, persons=1)[0]
+    return _dance_alone(_scene_generator(seed, _SOLO, cast, label), figure, dancer, frames).astype(np.float32)
+
+
 def _draw_cast(seed: int, key: int, cast: int, persons: int) -> tuple[Actor, ...]:
     """Return the actors of a cast."""
     rng = np.random.default_rng([seed, key, cast])
