@@ -166,7 +166,8 @@ def stream_parts(data: StreamData) -> Parts:
     as near as whole people or streams come to them.
 
     Raises:
-        DataError: fewer than three people, or streams, are left for training.
+        DataError: fewer than three people, or streams, are left for training; or a part has no segment of a class. Only
+            validation may do without: it is small, and what is chosen on it is no figure.
     """
     rng = np.random.default_rng(SPLIT_SEED)
     streams = np.arange(len(data.lengths))
@@ -185,7 +186,15 @@ def stream_parts(data: StreamData) -> Parts:
     rest = np.flatnonzero(~is_test & ~unseen)
     policy = np.isin(unit, _drawn(rng, data, unit, rest, 1 - RECOGNISER_SHARE)) & ~is_test & ~unseen
     known = np.flatnonzero(~is_test & ~unseen & ~policy)
-    return Parts(known, np.flatnonzero(policy), np.flatnonzero(unseen), np.flatnonzero(is_test))
+    parts = Parts(known, np.flatnonzero(policy), np.flatnonzero(unseen), np.flatnonzero(is_test))
+    for part in ("recogniser", "policy", TEST):
+        shown = data.segments[np.isin(data.stream_of, getattr(parts, part)), 2]
+        absent = [name for label, name in enumerate(data.class_names) if label not in shown]
+        if absent:
+            raise DataError(
+                f"{data.name}: expected a segment of every class in the {part} part, class {absent[0]!r} has none"
+            )
+    return parts
 
 
 def _drawn(rng: np.random.Generator, data: StreamData, unit: IntArray, streams: IntArray, share: float) -> IntArray:
