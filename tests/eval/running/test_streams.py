@@ -16,8 +16,7 @@ from ehar.planner import Context, Observation, Planner
 from eval import benchmark
 from eval.records.episodes import read_episodes
 from eval.records.run_files import EPISODES
-from eval.reports.page import make_report
-from eval.running.run import Run
+from eval.running.run import Run, read_run_of_clips
 from planners.value.config import GainTrainingConfig
 from planners.value.training import train_gain_field
 from recognition.setting import load_setting
@@ -127,8 +126,8 @@ def test_what_knows_clips_only_refuses_streams(folder: Path, tmp_path: Path) -> 
     with pytest.raises(UsageError, match="solo-stream: expected trimmed sequences, got streams"):
         load_data("solo-stream")
     watched(folder, ("no-act",), out=tmp_path / "run")
-    with pytest.raises(EharError, match="expected a run of clips, got one of streams"):
-        make_report(tmp_path / "run")
+    with pytest.raises(UsageError, match="expected a run of clips, got one of streams, which ehar report, replay"):
+        read_run_of_clips(tmp_path / "run")
 
 
 def test_what_is_missing_is_suggested_as_it_was_told(folder: Path, tmp_path: Path) -> None:
