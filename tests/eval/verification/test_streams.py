@@ -8,13 +8,16 @@ from typing import Any
 
 import pytest
 
+from ehar.conditions import Conditions
 from ehar.data.streams.data import NO_ACTIVITY
+from ehar.errors import UsageError
 from eval.records.run_files import EPISODES
 from eval.running.run import read_run
 from eval.studies.compare import compare
+from eval.studies.explain import explain
 from eval.verification.checks import FAILED
 from eval.verification.verify import verify
-from tests.helpers.stream_runs import forgetful, stream_run
+from tests.helpers.stream_runs import FRAMES, forgetful, stream_run
 from tests.helpers.tiny_benchmarks import Log
 
 
@@ -74,6 +77,12 @@ def test_a_probability_that_nobody_saw_is_named(run: Path) -> None:
     found = verify(run, rerun_episodes=12, reporter=Log())
     assert [check.name for check in found.checks if check.result == FAILED] in (["records"], ["seen again"])
     assert found.difference is not None and "random, episode 0 ('stream-6' from frame 0), frame 20" in found.difference
+
+
+def test_streams_are_not_explained(watched: Path) -> None:
+    conditions = Conditions(data=str(watched.parent / "raising.npz"), length=FRAMES)
+    with pytest.raises(UsageError, match="expected trimmed sequences, got streams: explain draws what a view is worth"):
+        explain(conditions, reporter=Log())
 
 
 def test_runs_of_streams_are_compared_by_their_activities(watched: Path) -> None:
