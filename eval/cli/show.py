@@ -36,7 +36,7 @@ def show_run(run: "Run", *, report: bool = True) -> None:
     from eval.scores.closing import closing_sentences  # imported here: it brings what `ehar --help` does not need
 
     print_tables(*run.tables())
-    if report and run.directory is not None and not run.of_streams:
+    if report and run.directory is not None:
         from eval.reports.page import make_report  # imported here: it brings plotly
 
         print(f"report: {make_report(run.directory)}")

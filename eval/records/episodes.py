@@ -101,7 +101,7 @@ def record_episodes(
     predicted = record.log_probs.argmax(axis=-1)
     if label.ndim == 2:
         none = probabilities.shape[-1] - 1
-        label, predicted = (np.where(classes == none, NO_ACTIVITY, classes) for classes in (label, predicted))
+        label, predicted = (as_recorded(classes, none) for classes in (label, predicted))
     return EpisodeRecords(
         sequence=tuple(sequence),
         first=first,
@@ -115,6 +115,11 @@ def record_episodes(
         flight=flight,
         second_probability=second.round(DIGITS),
     )
+
+
+def as_recorded(classes: IntArray, none: int) -> IntArray:
+    """Return classes of streams as records name them: -1 for `none`, the class after all others."""
+    return np.where(classes == none, NO_ACTIVITY, classes)
 
 
 def join_records(pieces: Sequence[EpisodeRecords]) -> EpisodeRecords:

@@ -17,7 +17,12 @@ from eval.render.palette import GRID, LINE, NEUTRAL, THIN, looks
 
 
 def draw_accuracy(
-    curves: Mapping[str, FloatArray], privileged: Collection[str], classes: int, title: str, stem: Path
+    curves: Mapping[str, FloatArray],
+    privileged: Collection[str],
+    classes: int,
+    title: str,
+    stem: Path,
+    watched: str = "episode",
 ) -> None:
     """Draw accuracy against the observation ratio as `stem`.png and `stem`.svg.
 
@@ -27,6 +32,7 @@ def draw_accuracy(
         classes: K; chance is 1 / K.
         title: title of the figure.
         stem: path without a suffix.
+        watched: what is observed, in the title of the axis.
     """
     figure = Figure(figsize=(7.2, 4.3), layout="constrained")
     axes = figure.add_subplot()
@@ -56,7 +62,7 @@ def draw_accuracy(
             color=styles[name].colour,
             arrowprops={"arrowstyle": "-", "color": styles[name].colour, "linewidth": 0.6, "relpos": (0, 0.5)},
         )
-    axes.set_xlabel("observed share of the episode [%]")
+    axes.set_xlabel(f"observed share of the {watched} [%]")
     axes.set_ylabel("accuracy [%]")
     axes.set_title(title, fontsize=9.5, loc="left")
     clean(axes)

@@ -11,12 +11,13 @@ from eval.scores.metrics import mean_acc
 from eval.scores.planner_summary import NO_ACT
 
 MOST = 8  # episodes
+MOST_STREAMS = 4  # episodes of streams, each of which lasts as long as many clips
 RULE = (
     "chosen after the fact, so they illustrate and prove nothing: those in which {planner} gains most and loses most "
-    "against {other}, the one in which its gain is the median, and those in which planners' accuracies spread most, "
-    "of different classes as far as there are enough"
+    "against {other}, the one in which its gain is the median, and those in which planners' accuracies spread most"
 )
-RULE_ALONE = "chosen after the fact: those in which the accuracies of planners spread most, of different classes"
+RULE_ALONE = "chosen after the fact: those in which the accuracies of planners spread most"
+OF_CLIPS = ", of different classes as far as there are enough"  # follows a rule
 
 
 class Chosen(NamedTuple):
@@ -42,6 +43,8 @@ def choose_episodes(
 ) -> tuple[Chosen, ...]:
     """Return the most telling episodes, none twice, and of different classes until every class has one.
 
+    A stream shows many classes, so those of streams are not told apart by them.
+
     Args:
         records: records on the same episodes, by record name.
         planner: planner whose best, worst and typical episode against `other` come first; None leaves these out.
@@ -50,6 +53,7 @@ def choose_episodes(
     """
     accuracy = np.stack([mean_acc(episodes.correct) for episodes in records.values()])
     label = next(iter(records.values())).label
+    label = label if label.ndim == 1 else np.zeros(len(label), dtype=np.int64)
     free = np.ones(len(label), dtype=bool)
     chosen: list[Chosen] = []
 

@@ -20,8 +20,9 @@ from eval.verification.inputs import check_inputs
 from planners.value.view_basis import DistanceRange
 
 MOST_BYTES = 6_000_000  # of all replays together; episodes beyond are left out
+A_SECOND = 10  # frames of a stream that are kept; of long streams fewer
 MILLI = 1000  # joints and distances are in whole millimetres
-CENTI = 100  # angles in hundredths of a degree
+CENTI = 100  # angles in hundredths of a degree, the centre of streams in centimetres
 BASIS_POINTS = 10_000  # probabilities in hundredths of a percent
 MAP_STEP = 10.0  # [deg], from one azimuth or polar angle of a field map to the next
 
@@ -52,11 +53,17 @@ def replay_data(
         return {"episodes": [], "missing": str(error), "notes": []}
     bones = replays.skeleton.bones
     workspace = run.config.world.workspace
+    of_streams = replays.centres is not None
+    if of_streams:
+        replays = replays.thinned(max(1, round(replays.fps / A_SECOND)))
     pieces: list[dict[str, Any]] = []
     size = 0
     for row, one in enumerate(chosen):
         piece = _episode(run, replays, row, one, planners)
-        size += len(json.dumps(piece))
+        while of_streams and not pieces and _size(piece) > MOST_BYTES:
+            replays = replays.thinned(2)
+            piece = _episode(run, replays, row, one, planners)
+        size += _size(piece)
         if pieces and size > MOST_BYTES:
             break
         pieces.append(piece)
@@ -65,6 +72,7 @@ def replay_data(
         "episodes": pieces,
         "missing": None,
         "notes": list(replays.notes),
+        "streams": of_streams,
         "frames": length,
         "persons": persons,
         "joints": joints,
@@ -76,6 +84,11 @@ def replay_data(
         "lowest": lowest_polar(workspace, MAP_STEP),
         "map": [len(_AROUND), len(_down(workspace))],
     }
+
+
+def _size(piece: dict[str, Any]) -> int:
+    """Return how many bytes an episode takes in the page."""
+    return len(json.dumps(piece))
 
 
 _AROUND = np.radians(np.arange(0.0, 360.0 + MAP_STEP, MAP_STEP))
@@ -94,7 +107,8 @@ def _episode(run: Run, replays: Replays, row: int, one: Chosen, planners: Mappin
         "episode": one.episode,
         "title": f"{reference.sequence[one.episode]} from frame {reference.first[one.episode]}",
         "why": one.why,
-        "label": int(reference.label[one.episode]),
+        "labels": integers(replays.labels[row], np.uint16),
+        "centre": None if replays.centres is None else integers(replays.centres[row] * CENTI, np.int16),
         "people": integers(replays.positions[row] * MILLI, np.int16),
         "planners": {
             name: _planner(replays.planners[record], row, run.config.world.workspace)

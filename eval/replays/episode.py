@@ -1,11 +1,11 @@
 """One replayed episode: the people, and what one or two planners' cameras did, saw and recognised."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ehar.arrays import BoolArray, FloatArray
+from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.camera import Camera
 from ehar.data.skeleton import Skeleton
 from ehar.viewpoint import Workspace, cartesian
@@ -46,6 +46,19 @@ class CameraReplay:
     probabilities: FloatArray
     lowest: float = LEVEL
 
+    def cut(self, frames: slice) -> "CameraReplay":
+        """Return some frames, one after another."""
+        targets = slice(frames.start, frames.stop - 1)  # after the last frame there is none
+        return replace(
+            self,
+            path=self.path[frames],
+            target=None if self.target is None else self.target[targets],
+            gain=None if self.gain is None else self.gain[targets],
+            joints_2d=self.joints_2d[frames],
+            seen=self.seen[frames],
+            probabilities=self.probabilities[frames],
+        )
+
     def wanted(self, frame: int) -> FloatArray | None:
         """The planner's target after a frame, (3,); None if it is the present viewpoint, unknown, or past the end."""
         if self.target is None or frame >= len(self.target):
@@ -63,26 +76,32 @@ class EpisodeReplay:
         conditions: title of the run.
         sequence: name of the sequence, and the episode's first frame in it.
         class_names: K names.
-        label: the true class.
-        positions: (L, P, J, 3) [m], relative to the scenario's centre.
+        labels: (L,), the true class of each frame.
+        positions: (L, P, J, 3) [m], relative to the scenario's centre; in a stream, to where it is in that frame.
         skeleton: the skeleton of one person.
         fps: frames per second.
         camera: the intrinsics of all cameras.
         cameras: cameras of the planners.
         notes: what is missing, one sentence each.
+        centres: (L, 3) [m], where the centre is in a stream, relative to its first frame; None in a clip.
+        first: the number of the first frame in the episode.
+        length: the number of frames of the episode, if these are only some of them.
     """
 
     index: int
     conditions: str
     sequence: str
     class_names: tuple[str, ...]
-    label: int
+    labels: IntArray
     positions: FloatArray
     skeleton: Skeleton
     fps: float
     camera: Camera
     cameras: tuple[CameraReplay, ...]
     notes: tuple[str, ...]
+    centres: FloatArray | None = None
+    first: int = 0
+    length: int | None = None
 
     @property
     def frames(self) -> int:
@@ -91,11 +110,43 @@ class EpisodeReplay:
 
     @property
     def shown_classes(self) -> list[int]:
-        """The classes that bars are drawn for: the true one first, then those most believed in any frame."""
+        """The classes that bars are drawn for: the true ones, and those most believed in any frame.
+
+        In a clip the true one comes first. In a stream it is another one from time to time, so none does.
+        """
         most = np.max([camera.probabilities.max(axis=0) for camera in self.cameras], axis=0)
-        most[self.label] = np.inf
+        most[self.labels] += 1.0  # a true one comes before one that is not
         first, *others = np.argsort(-most, kind="stable")[:MOST_CLASSES].tolist()
-        return [first, *sorted(others)]
+        return sorted([first, *others]) if self.of_streams else [first, *sorted(others)]
+
+    @property
+    def of_streams(self) -> bool:
+        """Whether one activity follows another."""
+        return self.centres is not None
+
+    @property
+    def true_probability(self) -> tuple[FloatArray, ...]:
+        """The probability of the true class in each frame, (L,) for each camera."""
+        rows = np.arange(self.frames)
+        return tuple(camera.probabilities[rows, self.labels] for camera in self.cameras)
+
+    def right(self, camera: CameraReplay) -> BoolArray:
+        """Return whether the most probable class is the true one in each frame, (L,)."""
+        right: BoolArray = camera.probabilities.argmax(axis=1) == self.labels
+        return right
+
+    def cut(self, first: int, end: int) -> "EpisodeReplay":
+        """Return the frames from `first` up to `end`, which is not included."""
+        frames = slice(first, end)
+        return replace(
+            self,
+            labels=self.labels[frames],
+            positions=self.positions[frames],
+            cameras=tuple(camera.cut(frames) for camera in self.cameras),
+            centres=None if self.centres is None else self.centres[frames],
+            first=self.first + first,
+            length=self.length or self.frames,
+        )
 
 
 def replay_episode(
@@ -121,7 +172,8 @@ def replay_episode(
         conditions=run.config.title,
         sequence=f"{reference.sequence[index]} from frame {reference.first[index]}",
         class_names=replays.class_names,
-        label=int(reference.label[index]),
+        labels=replays.labels[0],
+        centres=None if replays.centres is None else replays.centres[0],
         positions=replays.positions[0],
         skeleton=replays.skeleton,
         fps=replays.fps,

@@ -53,8 +53,14 @@ class ReplayFigure:
             self._draw_column(WIDTH - MARGIN + GAP - columns + index * (COLUMN + GAP), camera, look)
             for index, (camera, look) in enumerate(zip(replay.cameras, PAIR, strict=False))
         ]
+        self._shown = self._text(MARGIN, 40, "", fontsize=16, fontweight="bold")
         self._clock = self._text(WIDTH - MARGIN, 40, "", fontsize=13, ha="right", family="DejaVu Sans Mono")
-        self._moving = [*(part for panel in self._panels for part in panel.moving), *self._where, self._clock]
+        self._moving = [
+            *(part for panel in self._panels for part in panel.moving),
+            *self._where,
+            self._shown,
+            self._clock,
+        ]
         for part in self._moving:
             part.set_animated(True)
         self._canvas.draw()  # type: ignore[no-untyped-call]
@@ -70,20 +76,27 @@ class ReplayFigure:
             distance, azimuth, polar = camera.path[frame]
             degrees = np.degrees([wrap_azimuth(azimuth), polar])
             where.set_text(f"at {distance:.1f} m, azimuth {degrees[0]:.0f}°, polar angle {degrees[1]:.0f}°")
-        count = str(replay.frames)
-        self._clock.set_text(f"frame {frame + 1:>{len(count)}} of {count}, {(frame + 1) / replay.fps:.2f} s")
+        kind = "shown" if replay.of_streams else "true class"
+        self._shown.set_text(f"{kind}: {shortened(replay.class_names[replay.labels[frame]], 55)}")
+        self._clock.set_text(self._time(frame))
         for part in self._moving:
             self._figure.draw_artist(part)
         buffer = self._canvas.buffer_rgba()  # type: ignore[no-untyped-call]
         pixels: NDArray[np.uint8] = np.asarray(buffer)[..., :3].copy()
         return pixels
 
+    def _time(self, frame: int) -> str:
+        """Return the number of a frame and its time; in a stream the time alone, as there are many frames."""
+        replay = self._replay
+        count = replay.length or replay.frames
+        at = replay.first + frame + 1
+        if replay.of_streams:
+            return f"{at / replay.fps:5.1f} of {count / replay.fps:.1f} s"
+        return f"frame {at:>{len(str(count))}} of {count}, {at / replay.fps:.2f} s"
+
     def _draw_title(self) -> None:
         """Say what is shown."""
         replay = self._replay
-        self._text(
-            MARGIN, 40, f"true class: {shortened(replay.class_names[replay.label], 55)}", fontsize=16, fontweight="bold"
-        )
         pace = "" if self._slower == 1 else f", {self._slower:g} x slower than life"
         told = f"{replay.conditions}; episode {replay.index}{pace}, {replay.sequence}"
         self._text(MARGIN, 62, shortened(told, 160), fontsize=9.5, color=SOFT)
@@ -93,7 +106,7 @@ class ReplayFigure:
         scene = Scene(self._axes(MARGIN, 84, width - MARGIN, 416), self._replay)
         self._panels.append(scene)
         key = [
-            Line2D([], [], color=SOFT, linewidth=STRONG, label="path so far"),
+            Line2D([], [], color=SOFT, linewidth=STRONG, label=scene.path_shown),
             Line2D(
                 [], [], color=SOFT, marker="D", markerfacecolor="white", markersize=7, linestyle=":", label="heads for"
             ),

@@ -18,6 +18,7 @@ from eval.replays.episode import CameraReplay, EpisodeReplay
 LONGEST_NAME = 17  # letters of a class that there is room for
 FIRST, WIDEST = 0.54, 0.34  # of the width of a panel: where bars begin, and how long they may be
 NO_FIELD = "all directions; it has no gain field"
+SECONDS = (0.5, 1, 2, 5, 10, 30, 60)  # between two marks of a stream
 ROOM = 1.1  # around the people in an image
 RIGHT_STRIP = (-14.0, 10.0)  # [%], top of the first strip below a course, and from one to the next
 
@@ -60,12 +61,13 @@ class Image:
 
 
 class Beliefs:
-    """Bars of the probabilities of a few classes, the true one first, and which is recognised."""
+    """Bars of the probabilities of a few classes, and which is recognised; the true one stands out."""
 
     def __init__(self, axes: Axes, replay: EpisodeReplay, camera: CameraReplay, look: Look) -> None:
         """Draw names and empty bars."""
-        self._replay, self._camera = replay, camera
+        self._replay, self._camera, self._look = replay, camera, look
         self._shown = shown = replay.shown_classes
+        self._right = replay.right(camera)
         axes.set_axis_off()
         axes.set_xlim(0, 1)
         axes.set_ylim(len(shown) + 0.8, -1.15)
@@ -75,34 +77,29 @@ class Beliefs:
             axes.text(0, len(shown) + 0.45, count, fontsize=8, color=SOFT, va="center")
         self._bars: list[Rectangle] = []
         self._values: list[Text] = []
-        for row, label in enumerate(shown):
-            true = label == replay.label
-            name = shortened(replay.class_names[label], LONGEST_NAME) + (" (true)" if true else "")
-            axes.text(
-                0,
-                row + 0.5,
-                name,
-                fontsize=9,
-                va="center",
-                color=look.colour if true else TEXT,
-                fontweight="bold" if true else "normal",
-                parse_math=False,
-            )
+        self._names: list[Text] = []
+        for row in range(len(shown)):
+            self._names.append(axes.text(0, row + 0.5, "", fontsize=9, va="center", parse_math=False))
             axes.add_patch(Rectangle((FIRST, row + 0.18), WIDEST, 0.64, color=FAINT))
-            bar = Rectangle((FIRST, row + 0.18), 0.0, 0.64, color=look.colour if true else NEUTRAL)
+            bar = Rectangle((FIRST, row + 0.18), 0.0, 0.64)
             axes.add_patch(bar)
             self._bars.append(bar)
             self._values.append(axes.text(1.0, row + 0.5, "", fontsize=9, va="center", ha="right", color=TEXT))
-        self.moving: list[Artist] = [self._said, *self._bars, *self._values]
+        self.moving: list[Artist] = [self._said, *self._names, *self._bars, *self._values]
 
     def show(self, frame: int) -> None:
         """Move to a frame."""
         probabilities = self._camera.probabilities[frame]
-        for bar, value, label in zip(self._bars, self._values, self._shown, strict=True):
+        for bar, value, name, label in zip(self._bars, self._values, self._names, self._shown, strict=True):
+            true = label == self._replay.labels[frame]
+            name.set_text(shortened(self._replay.class_names[label], LONGEST_NAME) + (" (true)" if true else ""))
+            name.set_color(self._look.colour if true else TEXT)
+            name.set_fontweight("bold" if true else "normal")
+            bar.set_color(self._look.colour if true else NEUTRAL)
             bar.set_width(WIDEST * probabilities[label])
             value.set_text(f"{100 * probabilities[label]:.0f} %")
         most = int(probabilities.argmax())
-        right = most == self._replay.label
+        right = bool(self._right[frame])
         self._said.set_text(
             f"recognised: {shortened(self._replay.class_names[most], LONGEST_NAME)}, {'right' if right else 'wrong'}"
         )
@@ -173,6 +170,7 @@ class Course:
         """Draw the axes, and prepare what moves."""
         self._replay = replay
         self._frames = np.arange(1, replay.frames + 1)
+        self._courses = [100 * course for course in replay.true_probability]
         top, step = RIGHT_STRIP
         axes.set_xlim(0.5, replay.frames + 0.5)
         axes.set_ylim(top - step * len(replay.cameras), 104)
@@ -194,13 +192,14 @@ class Course:
             self._rights.append((strip, _right_pixels(replay, camera, look)))
         axes.set_xlim(0.5, replay.frames + 0.5)
         axes.set_ylim(top - step * len(replay.cameras), 104)
+        if replay.of_streams:
+            _mark_seconds(axes, replay)
         axes.text(-0.012, 0.0, "right", transform=axes.transAxes, fontsize=8, color=SOFT, ha="right", va="bottom")
         self.moving: list[Artist] = [*self._lines, *self._ends, *(strip for strip, _ in self._rights)]
 
     def show(self, frame: int) -> None:
         """Move to a frame."""
-        for camera, line, end in zip(self._replay.cameras, self._lines, self._ends, strict=True):
-            course = 100 * camera.probabilities[:, self._replay.label]
+        for course, line, end in zip(self._courses, self._lines, self._ends, strict=True):
             line.set_data(self._frames[: frame + 1], course[: frame + 1])
             end.set_data(self._frames[frame : frame + 1], course[frame : frame + 1])
         for strip, pixels in self._rights:
@@ -209,10 +208,17 @@ class Course:
             strip.set_data(shown)
 
 
+def _mark_seconds(axes: Axes, replay: EpisodeReplay) -> None:
+    """Mark whole seconds of the episode in place of frames."""
+    begin, end = replay.first / replay.fps, (replay.first + replay.frames) / replay.fps
+    step = next(step for step in SECONDS if end - begin <= 10 * step or step == SECONDS[-1])
+    seconds = np.arange(step * np.ceil(begin / step), end + 1e-9, step)
+    axes.set_xticks(seconds * replay.fps - replay.first, [f"{second:g} s" for second in seconds])
+
+
 def _right_pixels(replay: EpisodeReplay, camera: CameraReplay, look: Look) -> FloatArray:
     """Return a row of pixels, (1, L, 4): in the planner's colour where it was right, nearly white elsewhere."""
-    right = camera.probabilities.argmax(axis=1) == replay.label
-    pixels: FloatArray = np.where(right[:, None], to_rgba(look.colour), to_rgba(FAINT))[None]
+    pixels: FloatArray = np.where(replay.right(camera)[:, None], to_rgba(look.colour), to_rgba(FAINT))[None]
     return pixels
 
 

@@ -25,6 +25,7 @@ FORMAT = ".rrd"
 SECONDS, FRAME = "seconds", "frame"  # the timelines; frames are counted from 1, as in a film
 JOINT, BONE, PATH, TARGET, CELL = 0.04, 0.02, 0.04, 0.2, 0.12  # [m], radii
 IMAGE_DISTANCE = 1.5  # [m], of the image from its camera
+TRAIL = 5.0  # [s], of a camera's way in a stream
 EVERY = 2  # step between the directions of the field map that are logged
 
 
@@ -41,7 +42,8 @@ def write_recording(replay: EpisodeReplay, path: Path) -> None:
 
     The space (`world`) holds the people and, for each planner, its camera with the image, its path, its target and its
     gain field at the camera's distance. The recording also holds the probabilities of all classes (`belief`, `bars`),
-    that of the true class (`true`), and whether the true class was recognised (`right`, 0 or 1).
+    that of the true class (`true`), and whether the true class was recognised (`right`, 0 or 1). A stream also has the
+    name of what is shown (`shown`), and its centre, with everything around it, moves through the space.
 
     Args:
         replay: the episode.
@@ -58,8 +60,9 @@ def write_recording(replay: EpisodeReplay, path: Path) -> None:
         stream.save(temporary, default_blueprint=_blueprint(replay))
         _log_what_stays(stream, replay)
         for frame in range(replay.frames):
-            stream.set_time(FRAME, sequence=frame + 1)
-            stream.set_time(SECONDS, duration=(frame + 1) / replay.fps)
+            stream.set_time(FRAME, sequence=replay.first + frame + 1)
+            stream.set_time(SECONDS, duration=(replay.first + frame + 1) / replay.fps)
+            _log_shown(stream, replay, frame)
             _log_people(stream, replay, frame)
             for camera, look in zip(replay.cameras, PAIR, strict=False):
                 _log_camera(stream, replay, camera, look.colour, frame)
@@ -72,7 +75,7 @@ def _log_what_stays(stream: "rr.RecordingStream", replay: EpisodeReplay) -> None
     import rerun as rr
 
     lines = [
-        f"# {replay.class_names[replay.label]}",
+        f"# {'A stream' if replay.of_streams else replay.class_names[replay.labels[0]]}",
         f"{replay.conditions}; episode {replay.index}, {replay.sequence}",
         *replay.notes,
     ]
@@ -93,12 +96,21 @@ def _log_what_stays(stream: "rr.RecordingStream", replay: EpisodeReplay) -> None
             stream.log([kind, camera.name], rr.SeriesLines(names=camera.name, colors=colour, widths=2), static=True)
 
 
+def _log_shown(stream: "rr.RecordingStream", replay: EpisodeReplay, frame: int) -> None:
+    """Log the name of what a stream shows, in the first frame and where it changes."""
+    import rerun as rr
+
+    label = replay.labels[frame]
+    if replay.of_streams and (frame == 0 or label != replay.labels[frame - 1]):
+        stream.log("shown", rr.TextDocument(f"# {replay.class_names[label]}", media_type="text/markdown"))
+
+
 def _log_people(stream: "rr.RecordingStream", replay: EpisodeReplay, frame: int) -> None:
     """Log where people are."""
     import rerun as rr
 
     bones = np.array(replay.skeleton.bones)
-    for person, joints in enumerate(replay.positions[frame]):
+    for person, joints in enumerate(replay.positions[frame] + _origins(replay)[frame]):
         colour = _rgba(PEOPLE[person % len(PEOPLE)])
         stream.log(f"world/people/{person}/joints", rr.Points3D(joints, colors=colour, radii=JOINT))
         stream.log(f"world/people/{person}/bones", rr.LineStrips3D(joints[bones], colors=colour, radii=BONE))
@@ -111,7 +123,9 @@ def _log_camera(
     import rerun as rr
 
     place: list[object] = ["world", "cameras", camera.name]
-    path = cartesian(camera.path[: frame + 1])
+    origins = _origins(replay)
+    kept = slice(max(0, frame + 1 - round(TRAIL * replay.fps)) if replay.of_streams else 0, frame + 1)
+    path = cartesian(camera.path[kept]) + origins[kept]
     to_world = look_at_rotation(camera.path[frame]).T  # from the camera's right, down and forward axes
     stream.log(place, rr.Transform3D(translation=path[-1], mat3x3=to_world))
     stream.log(["world", "paths", camera.name], rr.LineStrips3D([path], colors=_rgba(colour), radii=PATH))
@@ -125,13 +139,18 @@ def _log_camera(
     strips = joints[:, bones].reshape(-1, 2, 2)[found]
     stream.log([*place, "bones"], rr.LineStrips2D(strips, colors=colours, radii=1.5))
     wanted = camera.wanted(frame)
-    target = np.empty((0, 3)) if wanted is None else cartesian(wanted)[None]
+    target = np.empty((0, 3)) if wanted is None else cartesian(wanted)[None] + origins[frame]
     stream.log(["world", "targets", camera.name], rr.Points3D(target, colors=_rgba(colour), radii=TARGET))
     if camera.gain is not None:
         gain = camera.gain[min(frame, len(camera.gain) - 1), ::EVERY, :-1:EVERY]  # the last azimuth is the first
         shades = colormaps[COLOUR_MAP]((gain.ravel() - gain.min()) / max(np.ptp(gain), 1e-9))
-        directions = _directions(camera.path[frame, DISTANCE], camera.lowest)
+        directions = _directions(camera.path[frame, DISTANCE], camera.lowest) + origins[frame]
         stream.log(["world", "fields", camera.name], rr.Points3D(directions, colors=shades, radii=CELL))
+
+
+def _origins(replay: EpisodeReplay) -> FloatArray:
+    """Return where the centre is in each frame, (L, 3) [m]: in a clip always at one place."""
+    return np.zeros((replay.frames, 3)) if replay.centres is None else replay.centres
 
 
 def _directions(distance: float, lowest: float) -> FloatArray:
@@ -148,8 +167,8 @@ def _log_belief(stream: "rr.RecordingStream", replay: EpisodeReplay, camera: Cam
     probabilities = camera.probabilities[frame]
     stream.log(["belief", camera.name], rr.Scalars(probabilities))
     stream.log(["bars", camera.name], rr.BarChart(probabilities))
-    stream.log(["true", camera.name], rr.Scalars(probabilities[replay.label]))
-    stream.log(["right", camera.name], rr.Scalars(float(probabilities.argmax() == replay.label)))
+    stream.log(["true", camera.name], rr.Scalars(probabilities[replay.labels[frame]]))
+    stream.log(["right", camera.name], rr.Scalars(float(probabilities.argmax() == replay.labels[frame])))
 
 
 def _blueprint(replay: EpisodeReplay) -> "rrb.Blueprint":
@@ -173,6 +192,7 @@ def _blueprint(replay: EpisodeReplay) -> "rrb.Blueprint":
         rrb.Horizontal(
             rrb.TimeSeriesView(name="probability of the true class", origin="true"),
             rrb.TimeSeriesView(name="right", origin="right"),
+            *([rrb.TextDocumentView(name="shown", origin="shown")] if replay.of_streams else []),
             rrb.TextDocumentView(name="about", origin="about"),
         ),
         row_shares=[3, 1],

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
 TELLING = ("gain", "loss", "typical")  # the first three episodes of a report, in this order
 MOST_PLANNERS = 2
-SLOWER = 4.0  # times slower than life: an episode lasts a second or two, too short to look at everything
+SLOWER = 4.0  # times slower than life: a clip lasts a second or two, too short to look at everything
+MOST_FPS = 30.0  # frames a second of a film
+STRETCH = 30.0  # [s], of a stream that is filmed
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,9 @@ def make_replay(
     *,
     planners: Sequence[str] = (),
     out: str | Path | None = None,
-    slower: float = SLOWER,
+    slower: float | None = None,
+    since: float = 0.0,
+    until: float | None = None,
     rerun: bool = False,
     data: str | Path | None = None,
     models: str | Path | None = None,
@@ -60,7 +64,9 @@ def make_replay(
         planners: one or two; none takes the most accurate one that is not handed the truth, beside no-act.
         out: the file to write, .mp4 or .gif, or .rrd for Rerun; None means replay-<episode>.mp4 or .rrd in the run's
             folder.
-        slower: how many times slower than life a film is.
+        slower: how many times slower than life a film is; None means 4 for clips, 1 for streams.
+        since: second of the episode from which it is shown.
+        until: second up to which it is shown; None means the end, of a stream 30 s later at most.
         rerun: write a Rerun recording, not a film.
         data: path of the run's data; None takes the path in config.json.
         models: folder of the run's weights; None takes the folder in config.json.
@@ -79,7 +85,7 @@ def make_replay(
         check_film(out)
     if out is not None and not out.absolute().parent.is_dir():
         raise UsageError(f"{out}: expected a file in a folder that is there, {out.absolute().parent} is not")
-    if not (isfinite(slower) and slower > 0):
+    if slower is not None and not (isfinite(slower) and slower > 0):
         raise UsageError(f"--slower: expected a number above 0, got {slower:g}")
     if len(planners) > MOST_PLANNERS or len(set(planners)) < len(planners):
         raise UsageError(f"--planners: expected one or two different planners, got {', '.join(planners)}")
@@ -89,13 +95,32 @@ def make_replay(
     chosen = _choose(finished, episode, records)
     path = out or finished.folder / f"replay-{chosen.episode}{'.rrd' if rerun else '.mp4'}"
     replay = _replay(finished, data, models, chosen.episode, records, reporter)
+    replay = _stretch(replay, since, until)
     if rerun:
         write_recording(replay, path)
     else:
         from eval.replays.figure import ReplayFigure
 
-        write_film(ReplayFigure(replay, slower).draw, replay.frames, replay.fps / slower, path)
+        pace = slower or (1.0 if replay.of_streams else SLOWER)
+        every = max(1, round(replay.fps / pace / MOST_FPS))
+        draw = ReplayFigure(replay, pace).draw
+        frames = -(-replay.frames // every)
+        write_film(lambda frame: draw(frame * every), frames, replay.fps / pace / every, path)
     return WrittenReplay(path, chosen.episode, records, tuple(why for why in (why_planners, chosen.why) if why))
+
+
+def _stretch(replay: "EpisodeReplay", since: float, until: float | None) -> "EpisodeReplay":
+    """Return the part of an episode that is shown.
+
+    Raises:
+        UsageError: no two frames of it lie in that time.
+    """
+    lasts = replay.frames / replay.fps
+    end = until if until is not None else since + STRETCH if replay.of_streams else lasts
+    frames = round(since * replay.fps), min(round(end * replay.fps), replay.frames)
+    if not 0 <= frames[0] < frames[1] - 1:
+        raise UsageError(f"--since, --until: expected two times from 0 to {lasts:g} s, got {since:g} and {end:g}")
+    return replay if frames == (0, replay.frames) else replay.cut(*frames)
 
 
 def _records(run: Run, planners: Sequence[str]) -> tuple[tuple[str, ...], str]:

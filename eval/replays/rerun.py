@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ehar.arrays import BoolArray, FloatArray
+from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.camera import Camera
-from ehar.data.scenario import part_of
+from ehar.data.scenario import Scenarios, part_of
 from ehar.data.skeleton import Skeleton
+from ehar.data.streams.scenario import StreamScenarios
 from ehar.errors import DataError
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import Batch
@@ -53,15 +54,28 @@ class PlannerReplay:
     targets: tuple[FloatArray | None, ...]
     weights: tuple[FloatArray | None, ...]
 
+    def cut(self, frames: slice) -> "PlannerReplay":
+        """Return some of the frames."""
+        return PlannerReplay(
+            viewpoints=self.viewpoints[:, frames],
+            joints_2d=self.joints_2d[:, frames],
+            confidence=self.confidence[:, frames],
+            probabilities=self.probabilities[:, frames],
+            targets=tuple(None if target is None else target[frames] for target in self.targets),
+            weights=tuple(None if weights is None else weights[frames] for weights in self.weights),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Replays:
     """E episodes of a run, with all planners that could be replayed.
 
     Args:
-        positions: (E, L, P, J, 3) [m], relative to each scenario's centre.
+        positions: (E, L, P, J, 3) [m], relative to each scenario's centre; in a stream, to where it is in that frame.
+        labels: (E, L), the true class of each frame.
+        centres: (E, L, 3) [m], where the centre is in a stream, relative to the first frame; None in clips.
         skeleton: the skeleton of one person.
-        class_names: K class names.
+        class_names: K class names; in streams, the last one is no activity.
         fps: frames per second.
         camera: intrinsics of all cameras.
         planners: replay of each planner, by record name.
@@ -69,12 +83,26 @@ class Replays:
     """
 
     positions: FloatArray
+    labels: IntArray
+    centres: FloatArray | None
     skeleton: Skeleton
     class_names: tuple[str, ...]
     fps: float
     camera: Camera
     planners: Mapping[str, PlannerReplay]
     notes: tuple[str, ...]
+
+    def thinned(self, every: int) -> "Replays":
+        """Return one frame in `every`."""
+        frames = slice(None, None, every)
+        return replace(
+            self,
+            positions=self.positions[:, frames],
+            labels=self.labels[:, frames],
+            centres=None if self.centres is None else self.centres[:, frames],
+            fps=self.fps / every,
+            planners={name: planner.cut(frames) for name, planner in self.planners.items()},
+        )
 
 
 def replay_run(
@@ -100,7 +128,7 @@ def replay_run(
     reason = inputs.reason_against
     if reason is not None or inputs.setting is None or inputs.place is None:
         raise DataError(str(reason))
-    data = inputs.setting.data
+    data = inputs.setting.recordings
     scenarios = cut_scenarios(data, part_of(data, conditions.part), conditions.frames, lambda line: None)
     episodes = random_starts(scenarios, conditions.starts, conditions.seed, run.config.world)
     belief = inputs.place.load_gain_model().belief if run.config.readout == "belief" else None
@@ -121,8 +149,10 @@ def replay_run(
         advance(name)
     return Replays(
         positions=batch.positions,
+        labels=np.broadcast_to(batch.labels.reshape(len(batch.labels), -1), batch.positions.shape[:2]),
+        centres=_centres(scenarios, episodes.scenario[list(indices)]),
         skeleton=data.skeleton,
-        class_names=data.class_names,
+        class_names=data.recognised_names,
         fps=data.fps,
         camera=inputs.setting.runner.sensor.camera,
         planners=replayed,
@@ -173,6 +203,15 @@ def _replay(
         targets=_by_episode(recorder.targets, led),
         weights=_by_episode(weights, led),
     ), int(astray.sum())
+
+
+def _centres(scenarios: Scenarios | StreamScenarios, chosen: IntArray) -> FloatArray | None:
+    """Return where the centre is in each frame of streams, relative to the first, (E, L, 3) [m]; None in clips."""
+    if not isinstance(scenarios, StreamScenarios):
+        return None
+    centres = scenarios.centres(chosen)
+    relative: FloatArray = centres - centres[:, :1]
+    return relative
 
 
 def _field_weights(model: "GainModel", context: Context, observations: Sequence[Observation]) -> list[FloatArray]:

@@ -21,6 +21,8 @@ CLEAR = 0.45  # share of the farthest camera's distance that cameras keep from t
 PEOPLE_REACH = 0.3  # share of the farthest camera's distance: people are enlarged to be visible
 CAMERA_SIZE = 0.075  # share of that distance
 LONGEST_NAME = 16  # letters of a planner's name
+GROUND, GROUND_STEP = 2.0, 0.5  # [m], radius and step of the lines below the people of a stream
+TRAIL = 5.0  # [s], of a camera's way in a stream
 WIRE_POLARS = np.radians([30.0, 60.0, 90.0])
 WIRE_AZIMUTHS = np.radians(np.arange(0.0, 180.0, 45.0))
 
@@ -45,21 +47,36 @@ class Scene:
         self._people = self.enlarged * (replay.positions @ self._to_plane.T)  # (L, P, J, 2) in the plane
         self._frame_axes()
         self._draw_wire()
+        self._floor = float(replay.positions[..., 2].min())
+        self._walked = LineCollection([], colors=EDGE, linewidths=THIN, zorder=2)
+        axes.add_collection(self._walked)
         self._draw_ground(extent)
         colours = bone_colours(replay.positions.shape[1], len(replay.skeleton.bones))
         self._bones = LineCollection([], colors=colours, linewidths=STRONG, capstyle="round", zorder=3)
         axes.add_collection(self._bones)
+        trail = round(TRAIL * replay.fps) if replay.of_streams else replay.frames
         self._cameras = [
-            _CameraGlyph(axes, camera, look, self._to_plane, reach, above=index == 0)
+            _CameraGlyph(axes, camera, look, self._to_plane, reach, trail, above=index == 0)
             for index, (camera, look) in enumerate(zip(replay.cameras, PAIR, strict=False))
         ]
-        self.moving: list[Artist] = [self._bones, *(part for camera in self._cameras for part in camera.moving)]
+        self.moving: list[Artist] = [
+            self._walked,
+            self._bones,
+            *(part for camera in self._cameras for part in camera.moving),
+        ]
+
+    @property
+    def path_shown(self) -> str:
+        """How much of a camera's path is drawn."""
+        return f"path of the last {TRAIL:g} s" if self._replay.of_streams else "path so far"
 
     def show(self, frame: int) -> None:
         """Move everything to a frame."""
         bones = np.array(self._replay.skeleton.bones)
         segments = self._people[frame][:, bones].reshape(-1, 2, 2)
         self._bones.set_segments(list(segments))
+        if self._replay.centres is not None:
+            self._walked.set_segments(list(self._lines_below(self._replay.centres[frame])))
         for camera in self._cameras:
             camera.show(frame)
 
@@ -90,20 +107,49 @@ class Scene:
     def _draw_ground(self, extent: float) -> None:
         """Draw the ground that people stand on."""
         turn = np.linspace(0, 2 * np.pi, 61)
-        floor = float(self._replay.positions[..., 2].min())
-        edge = np.column_stack([extent * np.cos(turn), extent * np.sin(turn), np.full(61, floor)])
+        edge = np.column_stack([extent * np.cos(turn), extent * np.sin(turn), np.full(61, self._floor)])
         self._axes.add_patch(Polygon(self.enlarged * (edge @ self._to_plane.T), color=FAINT, zorder=2))
+
+    def _lines_below(self, centre: FloatArray) -> FloatArray:
+        """Return lines on the ground of a stream, (N, 2, 2) in the plane.
+
+        Everything is drawn as seen from the centre, which moves with the people. The lines stay where they are, so they
+        pass below it.
+
+        Args:
+            centre: (3,) [m].
+        """
+        extent = GROUND
+        steps = np.arange(-extent, extent + GROUND_STEP, GROUND_STEP)
+        lines = []
+        for axis in (0, 1):
+            aside = steps - centre[axis] % GROUND_STEP
+            half = np.sqrt(np.maximum(0.0, extent**2 - aside**2))
+            along = np.stack([-half, half], axis=1)
+            across = np.repeat(aside[:, None], 2, axis=1)
+            level = np.full(across.shape, self._floor)
+            lines.append(np.stack([across, along, level] if axis == 0 else [along, across, level], axis=-1))
+        drawn: FloatArray = self.enlarged * (np.concatenate(lines) @ self._to_plane.T)
+        return drawn
 
 
 class _CameraGlyph:
     """One camera: where it came from, where it is, and where its planner wants it."""
 
     def __init__(
-        self, axes: Axes, camera: CameraReplay, look: Look, to_plane: FloatArray, reach: float, *, above: bool
+        self,
+        axes: Axes,
+        camera: CameraReplay,
+        look: Look,
+        to_plane: FloatArray,
+        reach: float,
+        trail: int,
+        *,
+        above: bool,
     ) -> None:
         # Cameras start at one place: one name is above it, the other below.
         self._path = cartesian(camera.path) @ to_plane.T
-        self._camera, self._to_plane = camera, to_plane
+        self._camera, self._to_plane, self._kept = camera, to_plane, trail
         self._bodies = _bodies(camera.path, CAMERA_SIZE * reach) @ to_plane.T  # (L, 8, 2, 2)
         halo = outlined(3.0)
         (self._trail,) = axes.plot([], [], color=look.colour, linewidth=STRONG, zorder=4, path_effects=halo)
@@ -136,7 +182,7 @@ class _CameraGlyph:
 
     def show(self, frame: int) -> None:
         here = self._path[frame]
-        self._trail.set_data(self._path[: frame + 1].T)
+        self._trail.set_data(self._path[max(0, frame + 1 - self._kept) : frame + 1].T)
         self._sight.set_data([here[0], 0.0], [here[1], 0.0])
         self._body.set_segments(list(self._bodies[frame]))
         self._name.xy = (float(np.clip(here[0], -self._farthest, self._farthest)), float(here[1]))

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.viewpoint import Workspace
-from eval.records.episodes import EpisodeRecords
+from ehar.data.streams.data import NO_ACTIVITY_NAME
+from eval.records.episodes import EpisodeRecords, join_records
+from eval.reports.delays import ClassDelays, class_delays
 from eval.running.run import Run
 from eval.scores.behaviour import (
     PositionHistogram,
@@ -39,13 +40,14 @@ class PlannerData:
 
     Args:
         reliability: reliability diagram.
-        confusion: (K, K) confusion of classes.
+        confusion: (K, K) confusion of classes; in streams (K + 1, K + 1), the last one is no activity.
         gains: gains over no-act, by class; None for no-act itself, or if no-act did not run.
         positions: histograms of distance, azimuth and polar angle.
         level_share: share of frames about level with the people.
         sphere: density of camera directions, seen from above.
         moves: (4, 7), shares of moves by stage; None for flights and for episodes that are too short.
         predictability: predictability of classes.
+        delays: of streams, how long the activities of each class take to be recognised; None for clips.
     """
 
     reliability: Reliability
@@ -56,6 +58,7 @@ class PlannerData:
     sphere: SphereDensity
     moves: FloatArray | None
     predictability: Predictability
+    delays: ClassDelays | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +70,7 @@ class ReportData:
         class_names: K class names.
         differences: paired differences of summary.json; if it has none, those between each planner without the truth
             and no-act, or the first planner if no-act did not run.
-        curves: (L,) accuracy after each frame, by planner.
+        curves: (L,) accuracy after each frame, by planner; of streams (20,), after equal shares of activities.
         bands: (L, 2) 95 % interval of that accuracy, by planner; NaN without an interval.
         planners: data of each planner by name, in the order of the run.
     """
@@ -83,6 +86,26 @@ class ReportData:
     def summary(self) -> Summary:
         """The run's summary."""
         return self.run.summary
+
+    @property
+    def of_streams(self) -> bool:
+        """Whether the run is of streams."""
+        return self.run.of_streams
+
+    @property
+    def watched(self) -> str:
+        """What is observed share by share."""
+        return "activity" if self.of_streams else "episode"
+
+    @property
+    def plural(self) -> str:
+        """What is recognised, in the plural."""
+        return "activities" if self.of_streams else "episodes"
+
+    @property
+    def recognised_names(self) -> tuple[str, ...]:
+        """The names of all that is told apart; in streams, no activity comes last."""
+        return (*self.class_names, NO_ACTIVITY_NAME) if self.of_streams else self.class_names
 
     @property
     def privileged(self) -> dict[str, bool]:
@@ -102,19 +125,16 @@ def report_data(run: Run, class_names: tuple[str, ...]) -> ReportData:
         run: the run, with records, conditions and summary.
         class_names: K class names.
     """
-    trainings, pooled = seeds_of(run.records), pool_seeds(run.records)
-    classes = len(class_names)
-    resamples = draw_resamples(list(run.records.values()))
+    scored = run.scored
+    pooled = pool_seeds(run.records)
+    resamples = draw_resamples(list(scored.values()))
     return ReportData(
         run=run,
         class_names=class_names,
-        differences=run.summary.differences or _differences(run, resamples),
-        curves=curves(run.records),
-        bands=accuracy_bands(run.records, resamples),
-        planners={
-            name: _planner(name, held, trainings, classes, run.config.world.workspace, staged=not run.flown)
-            for name, held in pooled.items()
-        },
+        differences=run.summary.differences or _differences(run, scored, resamples),
+        curves=curves(scored),
+        bands=accuracy_bands(scored, resamples),
+        planners={name: _planner(name, held, seeds_of(scored), len(class_names), run) for name, held in pooled.items()},
     )
 
 
@@ -123,29 +143,38 @@ def _planner(
     pooled: EpisodeRecords,
     trainings: Mapping[str, list[EpisodeRecords]],
     classes: int,
-    workspace: Workspace,
-    *,
-    staged: bool,
+    run: Run,
 ) -> PlannerData:
-    staged = staged and pooled.predicted.shape[1] >= STAGED_FROM
+    """Return the data of one planner.
+
+    Args:
+        name: its name.
+        pooled: records of all its trainings.
+        trainings: the records that accuracies are taken of, by planner, one for each training.
+        classes: K.
+        run: the run.
+    """
+    workspace, of_streams = run.config.world.workspace, pooled.of_streams
+    staged = not run.flown and pooled.predicted.shape[1] >= STAGED_FROM
     compared = NO_ACT in trainings and name != NO_ACT
     return PlannerData(
         reliability=reliability(pooled.top_probability, pooled.correct),
-        confusion=confusion(pooled, classes),
+        confusion=confusion(pooled, classes + of_streams),
         gains=class_gains(trainings[name], trainings[NO_ACT], classes) if compared else None,
         positions=position_histograms(pooled, workspace),
         level_share=level_share(pooled),
         sphere=sphere_density(pooled.viewpoint, workspace),
         moves=move_shares(recover_moves(pooled, workspace)) if staged else None,
-        predictability=predictability(pooled, classes),
+        predictability=predictability(join_records(trainings[name]), classes),
+        delays=class_delays(pooled, classes) if of_streams else None,
     )
 
 
-def _differences(run: Run, resamples: Resamples) -> Sequence[Difference]:
+def _differences(run: Run, scored: Mapping[str, EpisodeRecords], resamples: Resamples) -> Sequence[Difference]:
     """Return the differences of all planners without the truth to no-act, or to the first if no-act did not run."""
     able = [planner.name for planner in run.summary.planners if not planner.privileged]
-    compared = {group.name: group for group in group_planners(run.records) if group.name in able}
-    accuracy = {name: planner_accuracy(group, run.records, resamples) for name, group in compared.items()}
+    compared = {group.name: group for group in group_planners(scored) if group.name in able}
+    accuracy = {name: planner_accuracy(group, scored, resamples) for name, group in compared.items()}
     base = NO_ACT if NO_ACT in accuracy else next(iter(accuracy), None)
     pairs = [(held, accuracy[base]) for name, held in accuracy.items() if base is not None and name != base]
     return compare_pairs(pairs, resamples) if pairs else ()

@@ -19,7 +19,7 @@ LEAST_MS = 1e-4  # planning times below are drawn here, as the axis is logarithm
 def accuracy_figure(data: ReportData, focus: str) -> Figure:
     """Return accuracy over the observation ratio; no-act, the oracle and the planner in focus have bands."""
     styles = looks(data.privileged)
-    length = data.run.conditions.frames
+    length = len(next(iter(data.curves.values())))
     ratios = finite(100 * np.arange(1, length + 1) / length, 2)
     banded = [name for name in data.curves if name in (NO_ACT, ORACLE, focus)]
     traces: list[dict[str, Any]] = []
@@ -66,7 +66,7 @@ def accuracy_figure(data: ReportData, focus: str) -> Figure:
     )
     return figure(
         traces,
-        x={"title": "observed share of the episode [%]", "range": [0, 100]},
+        x={"title": f"observed share of the {data.watched} [%]", "range": [0, 100]},
         y={"title": "accuracy [%]", "rangemode": "tozero"},
         height=480,
     )

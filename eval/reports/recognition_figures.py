@@ -60,7 +60,7 @@ def calibration(data: ReportData, name: str) -> Figure:
 
 def confused(data: ReportData, name: str) -> Figure:
     """Return the confusion of classes with a planner."""
-    planner, names = data.planners[name], data.class_names
+    planner, names = data.planners[name], data.recognised_names
     ticks = [plain(name) for name in names]
     few, short = len(names) <= 12, shortened(names)
     trace: dict[str, Any] = {
@@ -163,7 +163,7 @@ def classes(data: ReportData, name: str) -> Figure:
     ]
     return figure(
         traces,
-        x={"title": "episodes recognised [%]", "range": [-3, 103]},
+        x={"title": f"{data.plural} recognised [%]", "range": [-3, 103]},
         y={
             "type": "category",
             "categoryorder": "array",
@@ -188,15 +188,79 @@ def predictability_figure(data: ReportData, _: str) -> Figure:
                 "color": LEVEL_COLOURS[level],
                 "pattern": pattern(LEVEL_PATTERNS[level]),
             },
-            "hovertemplate": f"%{{y}}, {LEVELS[level]}: %{{x:.1f}} % of episodes<extra></extra>",
+            "hovertemplate": f"%{{y}}, {LEVELS[level]}: %{{x:.1f}} % of {data.plural}<extra></extra>",
         }
         for level in range(len(LEVELS))
     ]
     return figure(
         traces,
-        x={"title": "share of episodes [%]", "range": [0, 100]},
+        x={"title": f"share of {data.plural} [%]", "range": [0, 100]},
         y={"type": "category"},
         height=150 + 28 * len(names),
         barmode="stack",
         legend={"orientation": "h", "y": -0.2, "yanchor": "top", "x": 0, "xanchor": "left", "traceorder": "normal"},
+    )
+
+
+def delays(data: ReportData, name: str) -> Figure | None:
+    """Return how long the activities of each class take to be recognised with a planner, beside no-act."""
+    fps, styles = data.run.conditions.fps or 1.0, looks(data.privileged)
+    held, names = data.planners[name].delays, data.class_names
+    if held is None:
+        return None
+    order = [row for row in np.argsort(-np.nan_to_num(held.means), kind="stable") if np.isfinite(held.means[row])]
+    rng = np.random.default_rng(0)  # moves marks up and down, so that equal ones do not hide each other
+    traces: list[dict[str, Any]] = []
+    planners = beside_no_act(data.planners, name)
+    for row, one in enumerate(planners):
+        of, look = data.planners[one].delays, styles[one]
+        if of is None:
+            continue
+        middle = (0.5 - (row + 0.5) / len(planners)) * 0.5  # no-act above, the planner below
+        place = np.array([order.index(label) for label in of.label]) + middle
+        place += rng.uniform(-0.08, 0.08, len(place))
+        for recognised, symbol, never in ((True, "circle", ""), (False, "x-thin", ", not recognised")):
+            chosen = of.recognised == recognised
+            traces.append(
+                {
+                    "x": finite(of.frames[chosen] / fps, 2),
+                    "y": finite(place[chosen], 3),
+                    "mode": "markers",
+                    "marker": {
+                        "color": f"{look.token}/0.45",
+                        "size": 6 if recognised else 8,
+                        "symbol": symbol,
+                        "line": {"width": 0 if recognised else 2, "color": f"{look.token}/0.8"},
+                    },
+                    "showlegend": False,
+                    "hovertemplate": f"{plain(one)}: %{{x:.2f}} s{never}<extra></extra>",
+                }
+            )
+        traces.append(
+            {
+                "x": finite(of.means[order] / fps, 3),
+                "y": finite(np.arange(len(order)) + middle, 3),
+                "customdata": finite(100 * of.shares[order], 0),
+                "mode": "markers",
+                "marker": {
+                    "color": look.token,
+                    "symbol": look.symbol,
+                    "size": 12,
+                    "line": {"width": 2, "color": look.token},
+                },
+                "name": f"{plain(one)}, mean",
+                "hovertemplate": f"{plain(one)}: %{{x:.2f}} s, %{{customdata:.0f}} % recognised<extra></extra>",
+            }
+        )
+    short = shortened(names)
+    return figure(
+        traces,
+        x={"title": "from the onset until right for good [s]", "rangemode": "tozero"},
+        y={
+            "tickvals": list(range(len(order))),
+            "ticktext": [short.get(plain(names[row]), plain(names[row])) for row in order],
+            "range": [-0.6, len(order) - 0.4],
+            "zeroline": False,
+        },
+        height=160 + 36 * len(order),
     )

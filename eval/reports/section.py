@@ -41,7 +41,7 @@ class Section:
         anchor: of its links.
         link: what the page's head calls it.
         heading: above it.
-        text: below the heading, as HTML.
+        text: below the heading, as HTML; or a function of the data.
         figures: row by row; those of a row stand beside each other.
         before: HTML between text and figures.
         after: HTML below the figures.
@@ -50,7 +50,7 @@ class Section:
     anchor: str
     link: str
     heading: str
-    text: str = ""
+    text: str | Callable[[ReportData], str] = ""
     figures: tuple[tuple[ReportFigure, ...], ...] = ()
     before: Callable[[ReportData], str] | None = None
     after: Callable[[ReportData], str] | None = None
@@ -67,7 +67,8 @@ def links(sections: Sequence[Section]) -> str:
 def section_html(section: Section, data: ReportData) -> str:
     """Return a section as HTML; the page's script draws the figures."""
     parts = [f'<section id="{section.anchor}">', f"<h2>{escape(section.heading)}</h2>"]
-    parts += [f"<p>{section.text}</p>"] if section.text else []
+    text = section.text(data) if callable(section.text) else section.text
+    parts += [f"<p>{text}</p>"] if text else []
     parts += [] if section.before is None else [section.before(data)]
     for row in section.figures:
         drawn = [_figure_html(figure, data, alone=len(row) == 1) for figure in row]

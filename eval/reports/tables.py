@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
+from ehar.conditions import Conditions
 from eval.render.tables import Cell, Table, html, interval_text
 from eval.reports.data import ReportData
 from eval.running.run import Run
@@ -13,6 +14,7 @@ from eval.scores.planner_summary import NO_ACT, ORACLE
 from eval.scores.predictability import LEVELS
 from eval.scores.summary_table import basis_lines
 
+LOWER_IS_BETTER = ("delay", "false alarms")  # how columns of streams begin, of which less is better
 _NONE = "\N{EN DASH}"
 _SELECTED = " selected"
 
@@ -26,10 +28,11 @@ def what_ran(data: ReportData) -> str:
     facts = {
         "Data": f"{config.data}, {told.part} part",
         "Episodes": (
-            f"{len(first)} of {told.frames} frames, from {len(set(first.sequence))} sequences, "
+            f"{len(first)} of {told.frames} frames{_seconds(told)}, from {len(set(first.sequence))} sequences, "
             f"{told.starts} start viewpoint{'s' * (told.starts > 1)} each"
         ),
-        "Classes": str(len(data.class_names)),
+        **({"Activities": f"{data.summary.activities} that are not cut"} if data.of_streams else {}),
+        "Classes": f"{len(data.class_names)}{', and no activity' if data.of_streams else ''}",
         "Sensor": str(told.sensor),
         "Recogniser": f"{config.form}, trained on {told.views} views",
         "Scored": f"the {config.readout}'s probabilities",
@@ -53,6 +56,11 @@ def what_ran(data: ReportData) -> str:
         f"<details><summary>Versions and hashes</summary><p>{escape(versions)}.</p><p>sha256: {escape(hashes)}. "
         f"Run in {escape(str(data.run.directory))}, from {escape(str(told.data))}.</p></details>"
     )
+
+
+def _seconds(told: Conditions) -> str:
+    """Return how long an episode lasts, if the run says its frame rate, as those of streams do."""
+    return "" if told.fps is None else f" ({told.frames / told.fps:g} s)"
 
 
 def _track(run: Run) -> str:
@@ -120,6 +128,18 @@ def planner_table(data: ReportData) -> str:
     return html(table, sortable=True)
 
 
+def stream_tables(data: ReportData) -> str:
+    """Return the sortable tables that only streams have; nothing for clips."""
+    tables = data.run.tables()[len(data.summary.tables()) :]
+    return "".join(f"<h3>{escape(table.title)}</h3>{html(_sorted_lower(table), sortable=True)}" for table in tables)
+
+
+def _sorted_lower(table: Table) -> Table:
+    """Return a table of streams that knows of which columns less is better."""
+    lower = [at for at, name in enumerate(table.header) if name.startswith(LOWER_IS_BETTER)]
+    return table._replace(lower_is_better=frozenset(lower))
+
+
 def _table_notes(data: ReportData) -> Iterable[str]:
     planners = data.summary.planners
     names = {planner.name for planner in planners}
@@ -141,8 +161,9 @@ def _table_notes(data: ReportData) -> Iterable[str]:
             "their intervals draw seeds too."
         )
     yield (
-        "Mean acc: accuracy over all frames. IQM: its interquartile mean over sequences. Gap closed: 0 is no-act, 100 "
-        "the oracle. NLL and ECE: how much probabilities can be trusted. ms/step: planning time of one frame."
+        f"Mean acc: accuracy over all frames{' of activities' if data.of_streams else ''}. IQM: its interquartile mean "
+        "over sequences. Gap closed: 0 is no-act, 100 the oracle. NLL and ECE: how much probabilities can be trusted. "
+        "ms/step: planning time of one frame."
     )
 
 

@@ -20,6 +20,7 @@ from eval.scores.closing import closing_sentences
 from eval.scores.metrics import ACC_AT, mean_acc, path_length, right_at
 from eval.scores.resampling.training_seeds import curves, first_trainings
 from eval.scores.seed_accuracy import pool_seeds
+from eval.scores.streams.activities import activities
 from eval.scores.summary import Summary, read_summary
 
 if TYPE_CHECKING:
@@ -82,6 +83,11 @@ class Run:
         return any(held.of_streams for held in self.records.values())
 
     @property
+    def scored(self) -> Mapping[str, EpisodeRecords]:
+        """The records that accuracies are taken of, by record name: of streams, an episode for each activity."""
+        return {name: activities(held) if held.of_streams else held for name, held in self.records.items()}
+
+    @property
     def flown(self) -> bool:
         """Whether a vehicle carried the cameras."""
         return self.config.vehicle is not None or self.conditions.track != IDEAL
@@ -123,7 +129,8 @@ class Run:
         write_records(out, self.config, self.records, self.summary)
         write_text(out / "table.md", [markdown(*self.tables())])
         privileged = {planner.name for planner in self.summary.planners if planner.privileged}
-        draw_accuracy(curves(self.records), privileged, classes, self.config.title, out / "accuracy")
+        watched = "activity" if self.of_streams else "episode"
+        draw_accuracy(curves(self.scored), privileged, classes, self.config.title, out / "accuracy", watched)
         return out
 
     def to_dataframe(self) -> "pandas.DataFrame":
@@ -202,11 +209,10 @@ def _columns(planner: str, episodes: EpisodeRecords, class_names: tuple[str, ...
 
 
 def read_run(directory: str | Path) -> Run:
-    """Read a run of `ehar benchmark`.
+    """Read a run of `ehar benchmark`, of clips or of streams.
 
     Raises:
-        UsageError: the folder holds no such run, one of another schema, one that was stopped, or one of streams, which
-            only the benchmark itself shows.
+        UsageError: the folder holds no such run, one of another schema, or one that was stopped.
         DataError: the files cannot be read, the run is incomplete, or planners ran different episodes.
     """
     directory = Path(directory)
@@ -221,9 +227,23 @@ def read_run(directory: str | Path) -> Run:
             raise DataError(
                 f"{directory}: expected the same episodes for every planner, those of {name} are not {names[0]}'s"
             )
-    if any(held.of_streams for held in records.values()):
-        raise UsageError(f"{directory}: expected a run of clips, got one of streams: {directory / 'table.md'} shows it")
     return Run(config, records, directory=directory)
+
+
+def read_run_of_clips(directory: str | Path) -> Run:
+    """Read a run for what has a meaning in clips only; the arguments are those of `read_run`.
+
+    Raises:
+        UsageError: as in `read_run`, or the run is of streams.
+        DataError: as in `read_run`.
+    """
+    run = read_run(directory)
+    if run.of_streams:
+        raise UsageError(
+            f"{directory}: expected a run of clips, got one of streams, which ehar report, replay, verify, "
+            "compare, study analyse, overview and trainings take"
+        )
+    return run
 
 
 def why_incomplete(directory: Path, config: RunConfig, records: Mapping[str, EpisodeRecords]) -> str | None:

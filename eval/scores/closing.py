@@ -35,7 +35,7 @@ def _found(summary: Summary) -> str:
     if summary.lead is None:
         if no_act is None:
             return "Only planners that are handed the truth ran, so there is nobody to compare."
-        return f"Only {NO_ACT} ran without the truth, and is right in {_accuracy(no_act)}: there is nothing to compare."
+        return f"Only {NO_ACT} ran without the truth, and is right in {_accuracy(no_act, summary)}: there is nothing to compare."
     lead = planners[summary.lead]
     rivals = _rivals(summary, lead.name)
     if no_act is not None and lead.acc_mean < no_act.acc_mean:
@@ -58,16 +58,17 @@ def _found(summary: Summary) -> str:
     if {NO_ACT, ORACLE} <= planners.keys():
         return (
             f"There is no gap to close, as the oracle is no better than {NO_ACT}; {lead.name} is right in "
-            f"{_accuracy(lead)}{standing}."
+            f"{_accuracy(lead, summary)}{standing}."
         )
-    return f"{lead.name} is right in {_accuracy(lead)}{standing}."
+    return f"{lead.name} is right in {_accuracy(lead, summary)}{standing}."
 
 
-def _accuracy(planner: PlannerSummary) -> str:
-    """Return the accuracy over all frames and its interval, in percent."""
+def _accuracy(planner: PlannerSummary, summary: Summary) -> str:
+    """Return the accuracy over all frames, in streams over those of activities, and its interval, in percent."""
     ends = planner.acc_mean_ci95
     interval = "" if ends is None else f" [{ends[0]:.1f}, {ends[1]:.1f}]"
-    return f"{planner.acc_mean:.1f} % of all frames{interval}"
+    of_what = "frames" if summary.activities is None else "frames of activities"
+    return f"{planner.acc_mean:.1f} % of all {of_what}{interval}"
 
 
 def _rivals(summary: Summary, name: str) -> list[_Rival]:

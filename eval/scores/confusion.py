@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ehar.arrays import FloatArray
+from ehar.data.streams.data import NO_ACTIVITY
 from eval.records.episodes import EpisodeRecords
 from eval.scores.metrics import mean_acc
 from eval.scores.resampling.resamples import resample_episodes
@@ -25,13 +26,17 @@ class ClassGains(NamedTuple):
 
 
 def confusion(episodes: EpisodeRecords, classes: int) -> FloatArray:
-    """Return how often each class is taken for each, (K, K): the share of the frames of a class's episodes.
+    """Return how often each class is taken for each, (K, K): the share of the frames of a class.
 
-    Rows are true classes and sum to 1; those of a class without episodes are NaN. The diagonal is the accuracy of the
+    In streams the last of the K classes is no activity.
+
+    Rows are true classes and sum to 1; those of a class without frames are NaN. The diagonal is the accuracy of the
     class, the mean over all frames.
     """
     length = episodes.predicted.shape[1]
-    pairs = np.repeat(episodes.label, length) * classes + episodes.predicted.ravel()
+    true = episodes.label.ravel() if episodes.of_streams else np.repeat(episodes.label, length)
+    true, taken = (np.where(named == NO_ACTIVITY, classes - 1, named) for named in (true, episodes.predicted.ravel()))
+    pairs = true * classes + taken
     counts = np.bincount(pairs, minlength=classes**2).reshape(classes, classes)
     total = counts.sum(axis=1, keepdims=True)
     shares: FloatArray = counts / np.where(total > 0, total, np.nan)

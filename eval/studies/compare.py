@@ -39,16 +39,16 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
     a, b = _read(run_a), _read(run_b)
     check_same_episodes(a, b)
     groups = _choose(a, b, planners)
-    reference = next(iter(a.records.values()))
-    resamples = draw_resamples([*a.records.values(), *b.records.values()])
+    resamples = draw_resamples([*a.scored.values(), *b.scored.values()])
     pairs = [_accuracies(of_a, of_b, a, b, resamples) for of_a, of_b in groups]
     conditions = a.conditions
     return Comparison(
         folders=(a.folder, b.folder),
         title=f"{a.config.data}, {conditions.sensor} sensor"
         + ("" if conditions.part == "test" else f", {conditions.part} part"),
-        episodes=len(reference),
-        sequences=len(set(reference.sequence)),
+        episodes=a.summary.episodes,
+        activities=a.summary.activities,
+        sequences=a.summary.sequences,
         differing=dict(_differing(a.config.to_json(), b.config.to_json())),
         planners=tuple(
             ComparedPlanners(
@@ -148,5 +148,5 @@ def _accuracies(
     weights = [_weights(name, a) for name in of_a.records]
     same = None not in weights and weights == [_weights(name, b) for name in of_b.records]
     drawn = replace(of_b, name=of_a.name if same else f"{of_b.name} of another run")
-    found = planner_accuracy(drawn, b.records, resamples)
-    return planner_accuracy(of_a, a.records, resamples), replace(found, name=of_b.name)
+    found = planner_accuracy(drawn, b.scored, resamples)
+    return planner_accuracy(of_a, a.scored, resamples), replace(found, name=of_b.name)

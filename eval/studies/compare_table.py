@@ -46,6 +46,7 @@ class Comparison:
         planners: the compared planners.
         no_intervals: the reason why there are no intervals, or None.
         basis: the people and sequences that intervals rest on.
+        activities: of streams, the number of activities that are scored; None for clips.
     """
 
     folders: tuple[Path, Path]
@@ -56,6 +57,7 @@ class Comparison:
     planners: tuple[ComparedPlanners, ...]
     no_intervals: str | None
     basis: Basis
+    activities: int | None = None
 
     def tables(self) -> list[Table]:
         """Return the table of the comparison."""
@@ -79,10 +81,11 @@ def compare_table(comparison: Comparison) -> Table:
     """Return a table of accuracies and paired differences, corrected together."""
     clear = {(row, _DIFFERENCE) for row, pair in enumerate(comparison.planners) if pair.difference.is_clear}
     notice, footnotes = basis_lines(comparison.basis, comparison.no_intervals)
+    scored = "" if comparison.activities is None else f"{comparison.activities} activities in "
     return Table(
         title=(
-            f"{comparison.title}: mean accuracy of A minus that of B, on the same {comparison.episodes} episodes from "
-            f"{comparison.sequences} sequences, in points"
+            f"{comparison.title}: mean accuracy of A minus that of B, on the same {scored}{comparison.episodes} "
+            f"episodes from {comparison.sequences} sequences, in points"
         ),
         header=(
             "planner",

@@ -6,6 +6,7 @@ import numpy as np
 
 from ehar.arrays import IntArray
 from ehar.conditions import Conditions
+from ehar.data.streams.data import StreamData
 from ehar.errors import UsageError
 from eval.running.choice import ModelPlace
 from eval.running.episodes import CHUNK, cut_scenarios, random_starts
@@ -52,6 +53,11 @@ def explain(
     if length < 2 or not 1 <= frames <= length - 1:
         raise UsageError(f"frames: expected 1 to {length - 1} moments of episodes of {length} frames, got {frames}")
     setting = load_setting(conditions)
+    if isinstance(setting.recordings, StreamData):
+        raise UsageError(
+            f"{setting.recordings.name}: expected trimmed sequences, got streams: explain draws what a view is worth "
+            "up to the end of an episode, and a stream has none"
+        )
     model = ModelPlace.of(setting).load_gain_model()
     note = length_note(length, {"recogniser": setting.trained_length, "gain field": model.length})
     if note is not None:

@@ -13,7 +13,7 @@ from ehar.files import parse_json, read_json, write_text
 from eval.render.figures import clean, save_figure
 from eval.render.palette import BLUE, LIGHT, VERMILION
 from eval.render.tables import Table, html, interval_text, markdown, text
-from eval.running.run import Run, read_run
+from eval.running.run import Run, read_run_of_clips
 from eval.scores.differences import NBV
 from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
 from eval.scores.summary_table import basis_lines
@@ -160,7 +160,7 @@ def learning(runs: Sequence[str | Path], *, planner: str = NBV, out: str | Path 
     """
     if len(runs) < 2:
         raise UsageError(f"learning: expected at least 2 folders of runs, got {len(runs)}")
-    read = [read_run(folder) for folder in runs]
+    read = [read_run_of_clips(folder) for folder in runs]
     for run in read[1:]:
         check_same_episodes(read[0], run, also=SAME_CONDITIONS)
     found = LearningCurve(planner, tuple(sorted(map(_learned, read), key=lambda of: of.clips)))

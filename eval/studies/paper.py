@@ -8,7 +8,7 @@ from ehar.errors import UsageError
 from ehar.files import write_text
 from eval.render.tables import PRIVILEGED, Table, interval_text, markdown
 from eval.running.progress import ConsoleReporter, Reporter
-from eval.running.run import Run, class_names, read_run
+from eval.running.run import Run, class_names, read_run_of_clips
 from eval.scores.metrics import ACC_AT, frame_at
 from eval.scores.planner_accuracy import accuracy_bands, draw_resamples, planner_accuracy
 from eval.scores.predictability import predictability
@@ -45,7 +45,7 @@ def paper(
     reporter = reporter or ConsoleReporter()
     if not runs:
         raise UsageError("paper: expected at least one folder of a run")
-    finished = [read_run(run) for run in runs]
+    finished = [read_run_of_clips(run) for run in runs]
     tables = [table for run in finished for table in paper_tables(run, class_names(run, reporter.note))]
     if out is not None:
         write_text(Path(out), [markdown(*tables)])

@@ -79,7 +79,7 @@ def trainings(runs: Sequence[str | Path], *, planner: str = NBV, out: str | Path
         folders=tuple(run.folder for run in read),
         title=_title(read),
         planner=planner,
-        summary=summarise_trainings([run.records for run in read], privileged, planner),
+        summary=summarise_trainings([run.scored for run in read], privileged, planner),
     )
     if out is not None:
         held = {"folders": [str(folder) for folder in found.folders], "title": found.title, "planner": planner}

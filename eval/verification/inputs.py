@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
+from ehar.data.streams.data import StreamData
 from ehar.errors import EharError, ModelError, UsageError
 from ehar.plugins.class_spec import parse_spec
 from ehar.track import load_track
@@ -33,7 +34,7 @@ class Inputs(NamedTuple):
 
     checks: tuple[Check, ...]
     setting: Setting | None = None
-    data: MotionData | None = None
+    data: MotionData | StreamData | None = None
     place: ModelPlace | None = None
 
     @property
@@ -60,12 +61,12 @@ def check_inputs(
     Raises:
         EharError: `data` or `models` is given and cannot be read.
     """
-    from ehar.data.source import load_data  # imported here: too slow for `ehar --help`
+    from ehar.data.any_source import load_recordings  # imported here: too slow for `ehar --help`
 
     told = config.conditions
     source = told.data if data is None else data
     try:
-        motion = load_data(str(source), fps=told.fps)
+        motion = load_recordings(str(source), fps=told.fps)
     except EharError as error:
         if data is not None:
             raise
@@ -101,7 +102,7 @@ def check_inputs(
     return Inputs((*checks, *brought, *_planner_weights(config, place)), setting, motion, place)
 
 
-def _own_sensor_and_motion(config: RunConfig, data: MotionData, *, run_own_code: bool) -> list[Check]:
+def _own_sensor_and_motion(config: RunConfig, data: MotionData | StreamData, *, run_own_code: bool) -> list[Check]:
     """Return checks that the files of your own sensor and motion are those of the run; none for ehar's own."""
     from ehar.sensors.registry import load_sensor  # imported here: too slow for `ehar --help`
 
@@ -123,7 +124,7 @@ def _own_sensor_and_motion(config: RunConfig, data: MotionData, *, run_own_code:
     return checks
 
 
-def _recogniser_sha256(conditions: Conditions, data: MotionData) -> str:
+def _recogniser_sha256(conditions: Conditions, data: MotionData | StreamData) -> str:
     """Return the hash of the recogniser, without loading the rest of the setting."""
     from recognition.storage import load_recogniser  # brings torch
 

@@ -8,9 +8,11 @@ import numpy as np
 from ehar.arrays import BoolArray
 from ehar.viewpoint import Workspace
 from eval.records.config import CONFIG, RunConfig
-from eval.records.episodes import DIGITS, SECOND, EpisodeRecords
+from eval.records.episodes import DIGITS, SECOND, EpisodeRecords, as_recorded
 from eval.records.run_files import EPISODES
 from eval.running.episodes import Episodes, draw_starts
+
+LONGEST = 120  # characters of a value in an error
 
 
 def contradiction(config: RunConfig, records: Mapping[str, EpisodeRecords], episodes: Episodes | None) -> str | None:
@@ -45,6 +47,8 @@ def contradiction(config: RunConfig, records: Mapping[str, EpisodeRecords], epis
             return f"{place(next(iter(records)), reference, again)}: got it twice, expected each window once a start"
     else:
         sequence, first, label = np.array(episodes.sequence_names), episodes.first, episodes.labels
+        if label.ndim == 2:
+            label = as_recorded(label, len(episodes.scenarios.data.class_names))
         subjects = episodes.subjects
     start = draw_starts(count, config.conditions.seed, config.world).round(DIGITS)
     for name, held in records.items():
@@ -62,6 +66,10 @@ def contradiction(config: RunConfig, records: Mapping[str, EpisodeRecords], epis
             off = got != expected if got.ndim == 1 else (got != expected).any(axis=1)
             if off.any():
                 at = int(off.argmax())
+                if field == "label" and got.ndim == 2:  # of a stream, whose every frame has one
+                    frame = int((got[at] != expected[at]).argmax())
+                    classes = f"got {_text(got[at, frame])}, expected {_text(expected[at, frame])}"
+                    return f"{place(name, held, at, frame)}: label: {classes}"
                 return f"{place(name, held, at)}: {field}: got {_text(got[at])}, expected {_text(expected[at])}"
         for problem in _frames(
             held, config.world.workspace, None if episodes is None else len(episodes.scenarios.data.class_names)
@@ -104,5 +112,6 @@ def place(name: str, records: EpisodeRecords, episode: int, frame: int | None = 
 
 
 def _text(value: Any) -> str:
-    """Return a value of the records as the file writes it."""
-    return str(value.tolist())
+    """Return a value of the records as the file writes it; long ones, such as the labels of a stream, are cut off."""
+    text = str(value.tolist())
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."

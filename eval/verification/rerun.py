@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import EharError, UsageError
 from ehar.motion import Motion
 from ehar.planner import Planner
@@ -280,7 +281,12 @@ def _compared(recorded: EpisodeRecords, rows: IntArray, record: Record) -> Itera
     """Yield the values that are compared in each frame."""
     probabilities = np.exp(record.log_probs.astype(np.float64))
     top, predicted = probabilities.max(axis=-1), recorded.predicted[rows]
-    label = np.broadcast_to(recorded.label[rows, None], predicted.shape)
+    label = (
+        recorded.label[rows] if recorded.of_streams else np.broadcast_to(recorded.label[rows, None], predicted.shape)
+    )
+    if recorded.of_streams:
+        none = probabilities.shape[-1] - 1
+        label, predicted = (np.where(classes == NO_ACTIVITY, none, classes) for classes in (label, predicted))
     of_predicted, true = (
         np.take_along_axis(probabilities, chosen[..., None], axis=-1)[..., 0] for chosen in (predicted, label)
     )

@@ -7,6 +7,7 @@ from typing import Any
 
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import part_of
+from ehar.data.streams.data import StreamData
 from ehar.errors import DataError, EharError, UsageError
 from eval.records.config import RunConfig, installed_versions, read_config
 from eval.records.episodes import EpisodeRecords, read_episodes
@@ -110,7 +111,7 @@ def other_versions(recorded: Mapping[str, str]) -> tuple[str, ...]:
     return (f"warning: versions are not those of the run: {'; '.join(other)}",) if other else ()
 
 
-def run_episodes(config: RunConfig, data: MotionData) -> Episodes:
+def run_episodes(config: RunConfig, data: MotionData | StreamData) -> Episodes:
     """Return the episodes of a run, made again from its data.
 
     Raises:

@@ -46,7 +46,7 @@ def known_replay(**held: Any) -> EpisodeReplay:
             "conditions": "tiny (synthetic), perfect sensor",
             "sequence": "sequence-3 from frame 0",
             "class_names": CLASS_NAMES,
-            "label": 1,
+            "labels": np.ones(FRAMES, dtype=np.int64),
             "positions": positions(),
             "skeleton": SKELETON,
             "fps": 25.0,

@@ -35,6 +35,8 @@ function decodedEpisode(episode) {
       },
     ]);
     episode.decoded = {
+      labels: decoded(episode.labels, "uint16"),
+      centre: episode.centre === null ? null : Float64Array.from(decoded(episode.centre, "int16"), (value) => value / 100),
       people: Float64Array.from(decoded(episode.people, "int16"), (value) => value / 1000),
       cast: Object.fromEntries(cast),
     };

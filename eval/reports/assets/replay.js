@@ -11,8 +11,22 @@ function startReplay() {
   byId("play").addEventListener("click", () => (player.since === null ? play() : pause()));
   steerScene(byId("scene"), drawFrame);
   dark.addEventListener("change", drawFrame);
+  if (replays.streams) steerStream();
   new ResizeObserver(drawFrame).observe(byId("stage"));
   stage();
+}
+
+// A click on the timeline goes there.
+function steerStream() {
+  const course = byId("course");
+  course.classList.add("stream");
+  const seek = (event) => {
+    if (!(event.buttons & 1)) return;
+    pause();
+    show(Math.min(replays.frames - 1, Math.round(frameAt(course, event) / spread())));
+  };
+  course.addEventListener("pointerdown", seek);
+  course.addEventListener("pointermove", seek);
 }
 
 const episodeShown = () => replays.episodes[Number(byId("episode").value)];
@@ -25,35 +39,35 @@ function castShown() {
 
 // Set up one column a planner.
 function stage() {
-  const { label, why } = episodeShown();
+  const { why } = episodeShown();
+  const { labels } = decodedEpisode(episodeShown());
   const cast = castShown();
-  byId("why").textContent = `True class: ${replays.classes[label]}. Why this one: ${why}.`;
-  const labels = shownClasses(cast, label);
-  byId("cast").replaceChildren(...cast.map((one) => column(one, labels, label)));
+  const truth = replays.streams ? "" : `True class: ${replays.classes[labels[0]]}. `;
+  byId("why").textContent = `${truth}Why this one: ${why}.`;
+  const shown = shownClasses(cast, labels);
+  byId("cast").replaceChildren(...cast.map((one) => column(one, shown)));
   show(Math.min(player.frame, replays.frames - 1));
 }
 
-function column({ name, of, look }, labels, label) {
+function column({ name, of, look }, labels) {
   const box = byId("column").content.firstElementChild.cloneNode(true);
   box.style.setProperty("--mine", `var(--c${look.colour.slice(1)})`);
   box.querySelector("h3").textContent = name;
+  box.querySelector(".answer").hidden = !replays.streams;
   box.querySelector(".image").setAttribute("aria-label", `What the camera of ${name} sees`);
   box.querySelector(".map").setAttribute("aria-label", `Directions, and the path of ${name}`);
   box.querySelector(".legend").textContent =
     of.field === null
       ? "Azimuth across, polar angle down: 0° above, 90° level. This planner has no gain field."
       : `Azimuth across, polar angle down. Bluer is worth more at this distance (${of.field.low} to ${of.field.high} % over the episode, against here).`;
-  box.querySelector(".beliefs").append(...labels.map((one) => bar(one, one === label)));
+  box.querySelector(".beliefs").append(...labels.map(bar));
   return box;
 }
 
-function bar(label, isTrue) {
+function bar(label) {
   const item = byId("belief").content.firstElementChild.cloneNode(true);
   item.dataset.label = label;
-  const name = item.querySelector(".name");
-  name.textContent = (isTrue ? "true: " : "") + replays.classes[label];
-  name.title = replays.classes[label];
-  name.classList.toggle("true", isTrue);
+  item.querySelector(".name").title = replays.classes[label];
   return item;
 }
 
@@ -67,18 +81,36 @@ function drawFrame() {
   const { frame } = player;
   const episode = episodeShown();
   const cast = castShown();
+  const { labels } = decodedEpisode(episode);
+  const label = labels[frame];
   drawScene(byId("scene"), episode, cast, frame);
-  drawCourse(byId("course"), cast, episode.label, frame);
+  if (replays.streams) drawTimeline(byId("course"), lineOf(episode.episode), cast, frame * spread());
+  else drawCourse(byId("course"), cast, labels, frame);
   cast.forEach(({ of, look }, index) => {
     const box = byId("cast").children[index];
     drawImage(box.querySelector(".image"), of, frame);
     drawMap(box.querySelector(".map"), of, look, frame);
-    fillBeliefs(box.querySelector(".beliefs"), of, frame);
+    fillBeliefs(box.querySelector(".beliefs"), of, frame, label);
+    if (replays.streams) fillAnswer(box.querySelector(".answer"), of, frame, label);
     box.querySelector(".where").textContent = whereabouts(of, frame);
   });
-  const text = `frame ${frame + 1} of ${replays.frames}, ${((frame + 1) / replays.fps).toFixed(2)} s`;
+  const text = replays.streams
+    ? `${(frame / replays.fps).toFixed(1)} s of ${(replays.frames / replays.fps).toFixed(0)} s, shown: ${replays.classes[label]}`
+    : `frame ${frame + 1} of ${replays.frames}, ${((frame + 1) / replays.fps).toFixed(2)} s`;
   byId("frame").textContent = text;
   byId("scrub").setAttribute("aria-valuetext", text);
+}
+
+// How many frames of the episode lie between two that are shown.
+const spread = () => lines.fps / replays.fps;
+
+function fillAnswer(place, of, frame, label) {
+  const classes = replays.classes.length;
+  const believed = of.belief.subarray(frame * classes, (frame + 1) * classes);
+  const said = believed.indexOf(Math.max(...believed));
+  place.textContent = `answers ${replays.classes[said]}`;
+  place.classList.toggle("right", said === label);
+  place.classList.toggle("wrong", said !== label);
 }
 
 function whereabouts(of, frame) {

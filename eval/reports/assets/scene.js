@@ -16,13 +16,14 @@ function projection(width, height, reach) {
 
 function drawScene(canvas, episode, cast, frame) {
   const { pen, width, height } = prepared(canvas, 0.82);
-  const { people } = decodedEpisode(episode);
+  const { people, centre } = decodedEpisode(episode);
   const reach = Math.max(...cast.flatMap(({ of }) => farthest(of.path)), replays.distances[0]);
   const at = projection(width, height, reach);
   const floor = lowest(people);
-  drawGround(pen, at, reach, floor);
+  if (centre === null) drawGround(pen, at, reach, floor);
+  else drawWalkedGround(pen, at, reach, floor, centre, frame);
   drawDome(pen, at, reach);
-  cast.forEach(({ of, look }) => drawPath(pen, at, of, look, frame));
+  cast.forEach(({ of, look }) => (centre === null ? drawPath(pen, at, of, look, frame) : drawTrail(pen, at, of, look, centre, frame)));
   drawPeople(pen, at, people, frame);
   cast.forEach(({ of, look, name }, index) => drawCamera(pen, at, of, look, frame, name, index, reach));
 }
@@ -51,6 +52,51 @@ function drawGround(pen, at, reach, floor) {
   for (let metre = step; metre <= reach; metre += step) stroke(pen, ring(metre, floor).map(at), colour("@grid"), 1);
   pen.fillStyle = colour("@soft");
   for (let metre = 2 * step; metre <= reach; metre += 2 * step) pen.fillText(`${metre} m`, ...at([metre, 0, floor]));
+}
+
+const TRAIL = 5; // [s], of a camera's way in a stream
+const WALKED = 10; // [s], of the centre's way
+
+// In a stream everything is seen from the centre, which moves. So the ground moves below it: lines that stay where they
+// are, and the way of the centre.
+function drawWalkedGround(pen, at, reach, floor, centre, frame) {
+  const step = reach < 5 ? 0.5 : 2.5;
+  const here = centre.subarray(3 * frame, 3 * frame + 3);
+  for (const axis of [0, 1]) {
+    const first = Math.ceil((here[axis] - reach) / step);
+    for (let line = first; line * step <= here[axis] + reach; line += 1) {
+      const aside = line * step - here[axis];
+      const half = Math.sqrt(Math.max(0, reach ** 2 - aside ** 2));
+      const ends = [-half, half].map((along) => (axis ? [along, aside, floor] : [aside, along, floor]));
+      stroke(pen, ends.map(at), colour("@grid"), line === 0 ? 2 : 1);
+    }
+  }
+  stroke(pen, ring(reach, floor).map(at), colour("@grid"), 1);
+  pen.fillStyle = colour("@soft");
+  pen.fillText(`lines ${step} m apart`, 8, pen.canvas.clientHeight - 10);
+  stroke(pen, pastOf(frame, WALKED * replays.fps).map((past) => at([...before(centre, past, here).slice(0, 2), floor])), colour("@text"), 1.5, [1, 4]);
+  const [x, y] = at([0, 0, 0]);
+  stroke(pen, [[x, y], at([0, 0, floor])], colour("@neutral"), 1, [2, 3]);
+  pen.beginPath();
+  pen.arc(x, y, 4, 0, 2 * Math.PI);
+  pen.strokeStyle = colour("@neutral");
+  pen.lineWidth = 1.5;
+  pen.stroke();
+}
+
+// Frames up to one, from so many before it on.
+const pastOf = (frame, frames) => Array.from({ length: Math.min(frame, Math.round(frames)) + 1 }, (_, back) => frame - back).reverse();
+
+// Where the centre was, seen from where it is.
+const before = (centre, past, here) => [0, 1, 2].map((axis) => centre[3 * past + axis] - here[axis]);
+
+function drawTrail(pen, at, of, look, centre, frame) {
+  const here = centre.subarray(3 * frame, 3 * frame + 3);
+  const points = pastOf(frame, TRAIL * replays.fps).map((past) => {
+    const moved = before(centre, past, here);
+    return at(pointAt(of.path, past).map((value, axis) => value + moved[axis]));
+  });
+  stroke(pen, points, colour(look.colour), 3, look.dash);
 }
 
 // Half a sphere as far away as the farthest camera: its rim and two meridians.
@@ -94,9 +140,9 @@ function drawCamera(pen, at, of, look, frame, name, index, reach) {
   drawBody(pen, at, of.path.subarray(3 * frame, 3 * frame + 3), here, tint, Math.min(1, reach / 5));
   const [x, y] = at(here);
   pen.fillStyle = colour("@text");
-  pen.textAlign = index ? "right" : "left";
-  pen.fillText(name, x + (index ? -12 : 12), y - 10);
-  pen.textAlign = "left";
+  const [room, wide] = [pen.canvas.clientWidth, pen.measureText(name).width];
+  const left = x + (index ? -12 - wide : 12);
+  pen.fillText(name, Math.max(4, Math.min(room - wide - 4, left)), index ? y + 18 : y - 10);
 }
 
 // A pyramid that opens towards the people.

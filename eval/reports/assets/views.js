@@ -117,7 +117,7 @@ function drawAxes(pen, inner) {
 }
 
 // The probability of the true class over the episode, one line a planner.
-function drawCourse(canvas, cast, label, frame) {
+function drawCourse(canvas, cast, labels, frame) {
   const { pen, width, height } = prepared(canvas, Math.min(0.5, 110 / (canvas.clientWidth || 300)));
   const classes = replays.classes.length;
   const inner = { left: 34, top: 8, width: width - 44, height: height - 16 };
@@ -131,7 +131,7 @@ function drawCourse(canvas, cast, label, frame) {
   }
   pen.textAlign = "left";
   for (const { of, look } of cast) {
-    const line = Array.from({ length: replays.frames }, (_, step) => [x(step), y(of.belief[step * classes + label] / 10000)]);
+    const line = Array.from({ length: replays.frames }, (_, step) => [x(step), y(of.belief[step * classes + labels[step]] / 10000)]);
     stroke(pen, line, colour(look.colour), 2.5, look.dash);
     dot(pen, line[frame], 5, colour(look.colour));
   }
@@ -139,20 +139,27 @@ function drawCourse(canvas, cast, label, frame) {
 }
 
 const SHOWN = 6; // classes
+const SHOWN_OF_STREAM = 9;
 
-// The classes that bars are drawn for: the true one, and those that were most believed at any frame.
-function shownClasses(cast, label) {
+// The classes that bars are drawn for: the true one, and those that were most believed at any frame. In a stream others
+// are true from time to time, so none of them comes first.
+function shownClasses(cast, labels) {
   const classes = replays.classes.length;
   const most = new Array(classes).fill(0);
   for (const { of } of cast) of.belief.forEach((value, at) => (most[at % classes] = Math.max(most[at % classes], value)));
-  most[label] = Infinity;
-  const order = [...most.keys()].sort((a, b) => most[b] - most[a]);
-  return order.slice(0, SHOWN).sort((a, b) => (b === label) - (a === label) || a - b);
+  for (const label of labels) most[label] = Infinity;
+  const order = [...most.keys()].sort((a, b) => most[b] - most[a] || a - b);
+  if (replays.streams) return order.slice(0, SHOWN_OF_STREAM).sort((a, b) => a - b);
+  return order.slice(0, SHOWN).sort((a, b) => (b === labels[0]) - (a === labels[0]) || a - b);
 }
 
-function fillBeliefs(list, of, frame) {
+function fillBeliefs(list, of, frame, label) {
   const classes = replays.classes.length;
   for (const item of list.children) {
+    const isTrue = Number(item.dataset.label) === label;
+    const name = item.querySelector(".name");
+    name.classList.toggle("true", isTrue);
+    name.textContent = (isTrue ? "true: " : "") + replays.classes[item.dataset.label];
     const value = of.belief[frame * classes + Number(item.dataset.label)] / 100;
     item.querySelector(".fill").style.width = `${value}%`;
     item.querySelector(".value").textContent = `${value.toFixed(0)} %`;

@@ -17,7 +17,7 @@ from eval.scores.behaviour import (
 )
 from eval.scores.planner_summary import NO_ACT
 from eval.scores.predictability import predictability
-from eval.scores.seed_accuracy import TABLE_3, accuracy_over_seeds, seeds_of
+from eval.scores.seed_accuracy import TABLE_3, accuracy_over_seeds, pool_seeds, seeds_of
 from eval.studies.behaviour.agent_states import (
     MOST,
     AgentLoader,
@@ -71,6 +71,8 @@ def analyse(
 
     reporter = reporter or ConsoleReporter()
     finished = read_run(run)
+    if states is not None and finished.of_streams:
+        raise UsageError(f"{finished.directory}: expected no --states, as no learned planner watches streams")
     chosen = choose(finished, planners)
     names = class_names(finished, reporter.note)
     folder = finished.folder / FOLDER if out is None else Path(out)
@@ -127,7 +129,8 @@ def _analysis(
     reporter: Reporter,
 ) -> Analysis:
     shown = {name: run.episodes(name) for name in (*(NO_ACT,) * (NO_ACT in run.records), *chosen)}
-    seeds = seeds_of(run.records)
+    scored = pool_seeds(run.scored)
+    seeds = seeds_of(run.scored)
     workspace = run.config.world.workspace
     if run.flown:
         reporter.note(f"{run.directory}: a run on track {run.conditions.track} has no grid moves to analyse")
@@ -136,7 +139,7 @@ def _analysis(
         episodes=len(next(iter(run.records.values()))),
         class_names=names,
         seed_accuracy=tuple(accuracy_over_seeds(name, seeds[name]) for name in TABLE_3 if name in seeds),
-        predictable={name: predictability(records, len(names)) for name, records in shown.items()},
+        predictable={name: predictability(scored[name], len(names)) for name in shown},
         positions={
             name: Positions(position_histograms(records, workspace), level_share(records))
             for name, records in shown.items()

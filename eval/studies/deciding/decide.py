@@ -8,7 +8,7 @@ from ehar.errors import DataError, UsageError
 from ehar.files import write_text
 from eval.records.episodes import EpisodeRecords, join_records
 from eval.render.tables import markdown
-from eval.running.run import Run, read_run
+from eval.running.run import Run, read_run_of_clips
 from eval.scores.deciding.curves import deciding_once, fit_rules
 from eval.scores.deciding.fit import seen_in
 from eval.scores.differences import NBV
@@ -48,7 +48,7 @@ def decide(
             conditions.
         DataError: files cannot be read, or the data are not those of the run.
     """
-    scored, fitted = read_run(run), read_run(fitted_on)
+    scored, fitted = read_run_of_clips(run), read_run_of_clips(fitted_on)
     _check_other_part(scored, fitted)
     seconds = 1 / _frame_rate(scored, data)
     privileged = {planner.name: planner.privileged for planner in scored.summary.planners}

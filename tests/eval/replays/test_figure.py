@@ -119,7 +119,7 @@ def test_bars_are_as_long_as_probabilities() -> None:
 def test_the_true_class_comes_first_and_the_most_believed_follow() -> None:
     believed = np.tile(np.linspace(0, 1, 20) / 10, (FRAMES, 1))
     cameras = (camera_replay("one", azimuth=0.0, probabilities=believed),)
-    replay = known_replay(class_names=tuple(map(str, range(20))), label=2, cameras=cameras)
+    replay = known_replay(class_names=tuple(map(str, range(20))), labels=np.full(FRAMES, 2), cameras=cameras)
     assert replay.shown_classes == [2, 15, 16, 17, 18, 19]
     assert known_replay().shown_classes == [1, 0, 2]
 

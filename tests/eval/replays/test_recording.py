@@ -7,7 +7,7 @@ import pytest
 
 from ehar.errors import UsageError
 from ehar.viewpoint import cartesian
-from eval.replays.episode import MAP_AZIMUTHS, map_polars
+from eval.replays.episode import MAP_AZIMUTHS, EpisodeReplay, map_polars
 from eval.replays.recording import check_recording, write_recording
 from tests.helpers.fakes import CLASS_NAMES, SKELETON
 from tests.helpers.replays import FRAMES, PERSONS, camera_replay, known_replay
@@ -17,9 +17,12 @@ chunk = pytest.importorskip("rerun.chunk", reason="rerun-sdk is not installed")
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, list[Any]]]:
+    return held_by(known_replay(), tmp_path_factory.mktemp("recording") / "a.rrd")
+
+
+def held_by(replay: EpisodeReplay, path: Path) -> dict[str, dict[str, list[Any]]]:
     """Return what a recording holds: by entity, its columns as lists over frames."""
-    path = tmp_path_factory.mktemp("recording") / "a.rrd"
-    write_recording(known_replay(), path)
+    write_recording(replay, path)
     assert [of.name for of in path.parent.iterdir()] == ["a.rrd"]
     reader = chunk.RrdReader(path)
     assert len(reader.recordings()) == len(reader.blueprints()) == 1
@@ -124,3 +127,15 @@ def test_other_endings_are_refused() -> None:
     check_recording(Path("a.rrd"))
     with pytest.raises(UsageError, match=r"^a.mp4: expected a Rerun recording that ends in .rrd$"):
         check_recording(Path("a.mp4"))
+
+
+def test_a_stream_moves_through_space_and_names_what_is_shown(tmp_path: Path) -> None:
+    centres = np.linspace([0.0, 0.0, 0.0], [1.0, 0.2, 0.0], FRAMES)
+    labels = np.array([0, 0, 2, 2, 2, 1])
+    held = held_by(known_replay(labels=labels, centres=centres), tmp_path / "a.rrd")
+    joints = np.array(held["/world/people/1/joints"]["Points3D:positions"])
+    np.testing.assert_allclose(joints, known_replay().positions[:, 1] + centres[:, None], rtol=1e-5)
+    moved = np.array(held["/world/cameras/no-act"]["Transform3D:translation"]).reshape(-1, 3)
+    np.testing.assert_allclose(moved - moved[0], centres, atol=1e-5)  # it stays where it is, seen from the centre
+    assert held["/shown"]["frame"] == [1, 3, 6]
+    assert [text[0] for text in held["/shown"]["TextDocument:text"]] == [f"# {CLASS_NAMES[at]}" for at in (0, 2, 1)]

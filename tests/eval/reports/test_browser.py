@@ -14,6 +14,7 @@ import pytest
 from ehar.data.motion_file import save_motion
 from tests.helpers.fakes import tiny_data
 from tests.helpers.reports import report_of, tiny_run
+from tests.helpers.stream_runs import forgetful, stream_run
 from tests.helpers.tiny_benchmarks import HashedRecogniser
 from tests.helpers.tiny_benchmarks import run as run_tiny
 
@@ -55,7 +56,7 @@ def opened(browser: Any, report: Path) -> Iterator[Any]:
         page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: complaints.append(str(error)))
         page.on("request", lambda asked: complaints.append(asked.url) if asked.url.startswith("http") else None)
-        page.goto(path.as_uri())
+        page.goto(path.as_uri(), timeout=120_000)  # a busy machine takes its time
         pages.append(page)
         return page
 
@@ -158,3 +159,32 @@ def test_it_fits_a_phone_in_light_and_dark(opened: Any, scheme: str) -> None:
     assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     brightness = painted(page, "#replay").mean()
     assert brightness > 0.8 if scheme == "light" else brightness < 0.3
+
+
+def test_a_stream_is_read_along_its_timeline_and_replayed(
+    opened: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    forgetful(monkeypatch)
+    run = stream_run(tmp_path, ("no-act", "h-rotate", "oracle"))
+    report_of(run)
+    page = opened(run / "report.html", viewport=PHONE, color_scheme="dark")
+    for figure in page.locator(".figure").all():
+        figure.scroll_into_view_if_needed()
+        figure.locator(".main-svg").first.wait_for(timeout=30_000)
+    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+    before = painted(page, "#timeline")
+    page.locator("#timeline").focus()
+    for _ in range(5):
+        page.keyboard.press("ArrowRight")
+    told = page.locator("#moment").inner_text()
+    assert told.startswith("0.5 s: ") and "h-rotate answers " in told and "no-act answers " in told
+    page.locator("select[data-group=focus]").select_option("oracle")
+    page.select_option("#watched", "2")
+    assert "oracle answers " in page.locator("#moment").inner_text()
+    assert np.abs(painted(page, "#timeline") - before).max() > 0.2
+    page.locator("#scrub").focus()
+    page.keyboard.press("End")
+    assert page.locator("#frame").inner_text().startswith("4.9 s of 5 s, shown: ")
+    page.locator("#course").click(position={"x": 0.7 * page.locator("#course").bounding_box()["width"], "y": 10})
+    assert 2 < float(page.locator("#frame").inner_text().split()[0]) < 4
+    assert page.locator("#cast .answer").first.inner_text().startswith("answers ")

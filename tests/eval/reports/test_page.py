@@ -175,7 +175,7 @@ def test_names_with_html_are_shown_as_they_are(tmp_path: Path) -> None:
     body = page.replace(plotly_script(), "")
     assert HOSTILE not in body
     assert "<i>left" not in body
-    assert body.count("</script>") == 5
+    assert body.count("</script>") == 6
     assert "<!--<b>" not in body
     report = embedded(page, "report")
     assert HOSTILE in report["grouped"]["focus"]

@@ -19,8 +19,7 @@ from eval import benchmark
 from eval.records.config import read_config
 from eval.records.episodes import read_episodes
 from eval.records.run_files import EPISODES, SUMMARY
-from eval.reports.page import make_report
-from eval.running.run import Run
+from eval.running.run import Run, read_run_of_clips
 from eval.scores.streams.scores import stream_scores
 from eval.scores.summary import read_summary
 from planners.value.config import GainTrainingConfig
@@ -182,8 +181,8 @@ def test_what_knows_clips_only_refuses_streams(folder: Path, tmp_path: Path) -> 
     with pytest.raises(UsageError, match="solo-stream: expected trimmed sequences, got streams"):
         load_data("solo-stream")
     watched(folder, ("no-act",), out=tmp_path / "run")
-    with pytest.raises(EharError, match="expected a run of clips, got one of streams"):
-        make_report(tmp_path / "run")
+    with pytest.raises(UsageError, match="expected a run of clips, got one of streams, which ehar report, replay"):
+        read_run_of_clips(tmp_path / "run")
 
 
 def test_what_is_missing_is_suggested_as_it_was_told(folder: Path, tmp_path: Path) -> None:

@@ -61,7 +61,9 @@ def same_times(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("eval.render.figures.draw_accuracy", draw)
 
 
-def draw(curves: Mapping[str, FloatArray], privileged: set[str], classes: int, title: str, stem: Path) -> None:
+def draw(
+    curves: Mapping[str, FloatArray], privileged: set[str], classes: int, title: str, stem: Path, watched: str
+) -> None:
     write_text(stem.with_suffix(".svg"), [f"{title}: {name} {curve.tolist()}\n" for name, curve in curves.items()])
 
 
