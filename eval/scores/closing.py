@@ -35,7 +35,8 @@ def _found(summary: Summary) -> str:
     if summary.lead is None:
         if no_act is None:
             return "Only planners that are handed the truth ran, so there is nobody to compare."
-        return f"Only {NO_ACT} ran without the truth, and is right in {_accuracy(no_act, summary)}: there is nothing to compare."
+        right = _accuracy(no_act, summary)
+        return f"Only {NO_ACT} ran without the truth, and is right in {right}: there is nothing to compare."
     lead = planners[summary.lead]
     rivals = _rivals(summary, lead.name)
     if no_act is not None and lead.acc_mean < no_act.acc_mean:
