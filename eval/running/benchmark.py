@@ -13,7 +13,7 @@ from eval.records.episodes import EpisodeRecords
 from eval.records.run_files import check_out
 from eval.running.accuracy_kept import read_ideal_run
 from eval.running.choice import READOUTS, ModelPlace, choose_planners, listed
-from eval.running.cluster import Engine, cluster_of
+from eval.running.cluster import EngineName, engine_of
 from eval.running.episodes import CHUNKS_ON_DEVICE, cut_scenarios, random_starts
 from eval.running.jobs import FinishedJobs, PlannerRun, Workload, jobs_of, run_planners
 from eval.running.progress import ConsoleReporter, Reporter
@@ -32,7 +32,7 @@ def benchmark(
     ideal: str | Path | None = None,
     out: str | Path | None = None,
     workers: int = 1,
-    engine: Engine = "processes",
+    engine: EngineName = "processes",
     address: str | None = None,
     device: str = "cpu",
     reporter: Reporter | None = None,
@@ -69,7 +69,7 @@ def benchmark(
     if readout not in READOUTS:
         raise UsageError(f"unknown readout {readout!r}; expected {' or '.join(READOUTS)}")
     check_workers(workers)
-    cluster = cluster_of(engine, address, workers)
+    machines = engine_of(engine, address, workers)
     specs, directory = listed(planners), None if out is None else Path(out)
     setting = load_setting(conditions, device=device)
     conditions = setting.conditions
@@ -94,7 +94,7 @@ def benchmark(
     workload = Workload(setting.runner, episodes, belief, 1 if device == "cpu" else CHUNKS_ON_DEVICE)
 
     def measured(finished: FinishedJobs | None) -> Run:
-        runs = run_planners(workload, chosen, workers=workers, reporter=reporter, finished=finished, cluster=cluster)
+        runs = run_planners(workload, chosen, engine=machines, reporter=reporter, finished=finished)
         records = {name: run.records for name, run in runs.items()}
         return Run(config, records, setting.recordings.class_names, summarise_runs(runs, config, on_ideal), directory)
 

@@ -14,13 +14,12 @@ import cloudpickle
 
 from ehar.motion import Motion
 from ehar.planner import Planner
-from ehar.processes import each_batch, payload
+from ehar.processes import Engine, Processes, payload
 from ehar.rollout import Batch, Record
 from ehar.runner import Runner
 from eval.records.episodes import EpisodeRecords, join_records, record_episodes
 from eval.records.flights import flights_of
 from eval.records.solves import Solves, join_solves, solves_of
-from eval.running.cluster import Cluster
 from eval.running.episodes import Episodes
 from eval.running.progress import Reporter
 from eval.running.side_by_side import SideBySide
@@ -120,20 +119,18 @@ def run_planners(
     workload: Workload,
     planners: Sequence[Planner],
     *,
-    workers: int,
+    engine: Engine,
     reporter: Reporter,
     finished: FinishedJobs | None = None,
-    cluster: Cluster | None = None,
 ) -> dict[str, PlannerRun]:
     """Run every planner over all episodes.
 
     Args:
         workload: what all jobs share.
         planners: the planners, with different names.
-        workers: number of processes.
+        engine: runs the jobs.
         reporter: is told of progress.
         finished: keeps results; the jobs that it has are not run again. None keeps them in memory.
-        cluster: runs the jobs in place of processes of this machine.
 
     Raises:
         EpisodeError: a planner broke its contract.
@@ -145,15 +142,11 @@ def run_planners(
     missing = [job for job in jobs if job not in finished]
     reporter.begin(len(missing))
     try:
-        if workers == 1 and cluster is None:
+        if engine == Processes(1):
             run = _run_here(workload, planners, missing)
         else:
             sent = workload, [payload(planner, f"planner {planner.name!r}") for planner in planners]
-            run = (
-                each_batch(_run_sent, sent, missing, workers)
-                if cluster is None
-                else cluster.each_batch(_run_sent, sent, missing)
-            )
+            run = engine.each_batch(_run_sent, sent, missing)
         with closing(run):  # processes end before an error is passed on
             for job, result in run:
                 finished[job] = result

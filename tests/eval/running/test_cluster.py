@@ -13,7 +13,8 @@ import pytest
 from ehar.arrays import FloatArray
 from ehar.errors import EpisodeError, ModelError, UsageError
 from ehar.planner import Observation
-from eval.running.cluster import Cluster, cluster_of
+from ehar.processes import Processes
+from eval.running.cluster import Cluster, engine_of
 from planners.heuristic import NoAct
 from tests.helpers.tiny_benchmarks import Log, but_times, bytes_of, run
 
@@ -96,11 +97,11 @@ def test_an_address_where_nobody_answers_is_refused_at_once() -> None:
 
 
 def test_engines_that_there_are_not_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert cluster_of("processes", None, 2) is None
+    assert engine_of("processes", None, 2) == Processes(2)
     with pytest.raises(UsageError, match=r"^unknown engine 'steam'; expected processes or ray$"):
-        cluster_of("steam", None, 2)
+        engine_of("steam", None, 2)
     with pytest.raises(UsageError, match=r"^address auto: expected none with engine processes; engine ray has one$"):
-        cluster_of("processes", "auto", 2)
+        engine_of("processes", "auto", 2)
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(UsageError, match=r"^engine ray: Ray is not installed: pip install ehar\[cluster\]$"):
-        cluster_of("ray", None, 2)
+        engine_of("ray", None, 2)
