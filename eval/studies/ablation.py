@@ -111,7 +111,8 @@ def ablation(
     if out is not None:
         check_out(Path(out), written)
     episodes = random_starts(scenarios, conditions.starts, conditions.seed, setting.world)
-    runs = run_planners(Workload(setting.runner, episodes), together, engine=Processes(workers), reporter=reporter)
+    workload = Workload(setting.runner, episodes)
+    runs = dict(run_planners(workload, together, engine=Processes(workers), reporter=reporter))
     for track, planner in zip(flown, flying, strict=True):
         workload = Workload(replace(setting.runner, track=track), episodes)
         runs |= run_planners(workload, [planner], engine=Processes(workers), reporter=reporter)
