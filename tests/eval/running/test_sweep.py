@@ -38,7 +38,7 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return stage.kind == "fixed-best"
 
     monkeypatch.setattr(sweep, "_train", train)
-    monkeypatch.setattr("eval.running.cost.step_seconds", lambda _: 0.5)
+    monkeypatch.setattr("eval.running.sweep.step_seconds", lambda _: 0.5)
     return heard
 
 
