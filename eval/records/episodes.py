@@ -120,6 +120,8 @@ def record_episodes(
 
 def join_records(pieces: Sequence[EpisodeRecords]) -> EpisodeRecords:
     """Return the records of several batches of one planner as one."""
+    if len(pieces) == 1:
+        return pieces[0]  # not a copy: records are large
     joined = {
         name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in COLUMNS if name != "sequence"
     }
@@ -222,7 +224,7 @@ def _read_lines(lines: Iterable[str], path: Path) -> dict[str, EpisodeRecords]:
             convert(planner)
     for planner in list(rows):
         convert(planner)
-    return {planner: join_records(found) if len(found) > 1 else found[0] for planner, found in pieces.items()}
+    return {planner: join_records(pieces.pop(planner)) for planner in list(pieces)}
 
 
 def _without_first(records: EpisodeRecords) -> EpisodeRecords:
