@@ -313,10 +313,13 @@ def train_sets(config: SweepConfig) -> Trained:
     columns = list(dict.fromkeys(stage.column for stage in graph))
     with TableProgress("set", columns) as progress:
         progress.show(_rows(graph, ends, columns))
-        for stage, end in config.machines.each_batch(run_stage, task, ready(list(graph)), follow):
-            ends[stage] = end
-            progress.note(f"{stage}: {end}")
-            progress.show(_rows(graph, ends, columns))
+        try:
+            for stage, end in config.machines.each_batch(run_stage, task, ready(list(graph)), follow):
+                ends[stage] = end
+                progress.note(f"{stage}: {end}")
+                progress.show(_rows(graph, ends, columns))
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt("what is done is kept; the same command goes on") from None
     failed = [f"{stage} failed: {end.error}" for stage, end in ends.items() if end.error]
     left = len(graph) - len(ends)
     if left:
