@@ -12,8 +12,8 @@ from recognition.training.stopping import LEAST_CLIPS
 
 Key = TypeVar("Key", bound=Hashable)
 
-# What parts of other trainings take, in steps of the recogniser's: 32 clips on one thread. Measured on solo, by the time
-# that one core computes: a step took 0.29 s.
+# What parts of other trainings take, in steps of the recogniser's: 32 clips on one thread. Measured on solo, in time of
+# one core, of which a step took 0.29 s.
 ROLLOUTS = 11.5  # a batch of branching rollouts for the gain field
 PLACE = 0.095  # a place of fixed-best in one window
 DEMONSTRATED = {"oracle": 0.1, "oracle-lookahead": 0.25}  # an episode, by its teacher

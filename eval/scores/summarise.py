@@ -50,7 +50,8 @@ def summarise(
         raise DataError("expected the records of at least one planner, got none")
     told: dict[str, _Told] = {}
     answers: dict[str, EpisodeRecords] = {}
-    for name in records:  # one pass, and one planner at a time: records may lie on disk, as they are too many for memory
+    # One pass, and one planner at a time: records may lie on disk, as they are too many for memory.
+    for name in records:
         answers[name] = _answers(name, records[name], next(iter(answers.values()), None))
         told[name] = _Told.of(records[name], step_ms[name], None if solves is None else solves[name])
     records, reference = answers, next(iter(answers.values()))
