@@ -3,7 +3,7 @@
 import os
 import socket
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -136,11 +136,13 @@ class End(NamedTuple):
         seconds: how long it took [s].
         kept: whether it was done before.
         error: what was wrong, on one line; empty if nothing was.
+        warnings: what its user should know.
     """
 
     seconds: float
     kept: bool = False
     error: str = ""
+    warnings: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """Return it in a few words."""
@@ -193,7 +195,7 @@ def run_stage(task: _Task, stage: Stage) -> End:
     """
     from recognition.torch_threads import one_torch_thread  # imported here: torch takes seconds
 
-    begin = time.monotonic()
+    begin, notes = time.monotonic(), list[str]()
     try:
         try:
             os.chdir(task.folder)
@@ -203,15 +205,15 @@ def run_stage(task: _Task, stage: Stage) -> End:
                 "that all machines share"
             ) from error
         with one_torch_thread():
-            kept = _train(stage, task.sets[stage.data], task.inside)
+            kept = _train(stage, task.sets[stage.data], task.inside, notes.append)
     except Exception as error:  # whatever it is, other sets go on
         known = isinstance(error, EharError)
         line = " ".join(str(error).split())
         return End(time.monotonic() - begin, error=line if known else f"{type(error).__name__}: {line}"[:300])
-    return End(time.monotonic() - begin, kept)
+    return End(time.monotonic() - begin, kept, warnings=tuple(note for note in notes if "warning: " in note))
 
 
-def _train(stage: Stage, config: TrainAllConfig, inside: Engine) -> bool:
+def _train(stage: Stage, config: TrainAllConfig, inside: Engine, note: Callable[[str], None]) -> bool:
     """Train what a stage is about; return whether it was done before."""
     from planners.agents import training as agents  # imported here: torch takes seconds
     from planners.agents.storage import agent_path
@@ -223,11 +225,12 @@ def _train(stage: Stage, config: TrainAllConfig, inside: Engine) -> bool:
     if stage.kind == RECOGNISER:
         if has_recogniser(config):
             return True
-        trainer.train_recogniser(replace(config.recogniser, threads=1))
+        outcome = trainer.train_recogniser(replace(config.recogniser, threads=1))
+        note(f"{'warning: ' * outcome.cut_short}{outcome.reason}")
     elif stage.kind == GAIN_FIELD:
         if has_gain_field(config):
             return True
-        gain_fields.train_gain_field(config.gain_field, searching, _silent, engine=inside)
+        gain_fields.train_gain_field(config.gain_field, searching, _silent, note, inside)
     elif stage.kind == FIXED_BEST:
         if has_fixed_best(config):
             return True
@@ -240,7 +243,7 @@ def _train(stage: Stage, config: TrainAllConfig, inside: Engine) -> bool:
         assert stage.seed is not None
         kept = agent_path(config.out, stage.kind, config.with_models, stage.seed).is_file()
         asked = replace(config.agents, stages=stage.kind, seeds=(stage.seed,))
-        agents.train_agents(asked, _silent, lambda _: None)
+        agents.train_agents(asked, _silent, note)
         return kept
     return False
 
@@ -316,7 +319,8 @@ def train_sets(config: SweepConfig) -> Trained:
         try:
             for stage, end in config.machines.each_batch(run_stage, task, ready(list(graph)), follow):
                 ends[stage] = end
-                progress.note(f"{stage}: {end}")
+                for line in (*end.warnings, str(end)):
+                    progress.note(f"{stage}: {line}")
                 progress.show(_rows(graph, ends, columns))
         except KeyboardInterrupt:
             raise KeyboardInterrupt("what is done is kept; the same command goes on") from None

@@ -1,5 +1,6 @@
 """A sweep trains several sets as one graph: what fails stops nothing else, and what is done is kept."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,8 +30,9 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Replace trainings by notes of their names; the gain field of the first set fails, and il of the second."""
     heard: list[str] = []
 
-    def train(stage: Stage, config: TrainAllConfig, inside: Engine) -> bool:
+    def train(stage: Stage, config: TrainAllConfig, inside: Engine, note: Callable[[str], None]) -> bool:
         heard.append(str(stage))
+        note("warning: cut short" if stage.kind == "recogniser" else "it had learned")
         if (stage.data, stage.kind) == ("one", "gain field"):
             raise DataError("one: expected more")
         if (stage.data, stage.kind, stage.seed) == ("two", "il", 7):
@@ -72,6 +74,7 @@ def test_what_fails_stops_nothing_but_what_needs_it(
         assert trained.index(first) < trained.index(then)
     heard = capsys.readouterr()
     assert "two, fixed-best: kept" in heard.err
+    assert heard.err.count("warning: cut short") == 2 and "it had learned" not in heard.err
     assert "26 stages" in heard.out
 
 
