@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/
 
-.PHONY: setup benchmark test fuzz lint docs weights results clean
+.PHONY: setup benchmark test fuzz lint docs weights results left clean
 
 setup: $(VENV)/.installed
 
@@ -39,12 +39,15 @@ docs: setup
 	@echo "the documentation is in build/site/index.html"
 
 # --- weights and results: file targets, so a run that was stopped goes on where it was, and -j runs what is independent.
-# LAUNCH comes before every command, for a cluster: make -j 20 results LAUNCH="srun --ntasks=1".
+# LAUNCH comes before every command, for a cluster: make -j 20 results LAUNCH="srun --ntasks=1". ENGINE is where the jobs
+# of each benchmark run: make results ENGINE="--engine ray --address auto". `make left` says what is left of the results.
 # A model set is NAME, NAME-SEED or NAME-indoor: models/duo-1 is the second training on duo, models/sbu-indoor the world of
 # a robot indoors. DATA is a folder with hdm05, bandai2, sbu and nwucla.npz. SEEDS are
 # the agents' seeds, by name: another machine may train others into the same folder, SEEDS="5 6".
 LAUNCH ?=
+ENGINE ?=
 EHAR := $(LAUNCH) $(RUN)ehar
+BENCHMARK := $(EHAR) benchmark $(ENGINE)
 DATA ?= ../shared/data
 STARTS ?= 5
 SEEDS ?= 0 1 2 3 4
@@ -119,40 +122,40 @@ $(CURVES:%=models/curve-%/trained): models/curve-%/trained: | setup
 	touch $@
 
 $(CURVES:%=runs/curve-%/summary.json): runs/curve-%/summary.json: models/curve-%/trained
-	$(EHAR) benchmark $(RULES) oracle $(call data_of,$*) --sensor estimator --models models/curve-$* --starts $(STARTS) \
+	$(BENCHMARK) $(RULES) oracle $(call data_of,$*) --sensor estimator --models models/curve-$* --starts $(STARTS) \
 	  --no-report --out $(@D)
 
 # Runs. agents: every planner; rules: every planner that is not an agent; each through a sensor, on a track.
 $(TRAININGS:%=runs/rules-%-estimator/summary.json): runs/rules-%-estimator/summary.json: models/%/planners-estimator-moving
-	$(EHAR) benchmark $(RULES) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* --starts $(STARTS) \
+	$(BENCHMARK) $(RULES) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* --starts $(STARTS) \
 	  --out $(@D)
 
 $(SETS:%=runs/rules-%-perfect/summary.json): runs/rules-%-perfect/summary.json: models/%/planners-perfect-moving
-	$(EHAR) benchmark $(RULES) $(ORACLES) $(call data_of,$*) --sensor perfect --models models/$* --starts $(STARTS) \
+	$(BENCHMARK) $(RULES) $(ORACLES) $(call data_of,$*) --sensor perfect --models models/$* --starts $(STARTS) \
 	  --out $(@D)
 
 $(SETS:%=runs/agents-%-estimator/summary.json): runs/agents-%-estimator/summary.json: models/%/all-estimator-moving
-	$(EHAR) benchmark $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* \
+	$(BENCHMARK) $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* \
 	  --starts $(STARTS) --out $(@D)
 
 $(SETS:%=runs/agents-%-perfect/summary.json): runs/agents-%-perfect/summary.json: models/%/all-perfect-moving
-	$(EHAR) benchmark $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor perfect --models models/$* \
+	$(BENCHMARK) $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor perfect --models models/$* \
 	  --starts $(STARTS) --out $(@D)
 
 $(SETS:%=runs/agents-%-paper/summary.json): runs/agents-%-paper/summary.json: models/%/all-perfect-paper
-	$(EHAR) benchmark $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor perfect --views paper --models models/$* \
+	$(BENCHMARK) $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor perfect --views paper --models models/$* \
 	  --starts $(STARTS) --out $(@D)
 
 $(SETS:%=runs/agents-%-drone/summary.json): runs/agents-%-drone/summary.json: runs/agents-%-estimator/summary.json
-	$(EHAR) benchmark $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* \
+	$(BENCHMARK) $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* \
 	  --starts $(STARTS) --track tracking-drone --ideal $(<D) --out $(@D)
 
 LONG := --data solo --models models/solo --sensor estimator --length 150 --starts 2
 runs/flight-solo-ideal/summary.json: models/solo/planners-estimator-moving
-	$(EHAR) benchmark $(RULES) oracle $(LONG) --out $(@D)
+	$(BENCHMARK) $(RULES) oracle $(LONG) --out $(@D)
 
 $(VEHICLES:%=runs/flight-solo-%/summary.json): runs/flight-solo-%/summary.json: runs/flight-solo-ideal/summary.json
-	$(EHAR) benchmark $(RULES) oracle $(LONG) --track $* --ideal $(<D) --out $(@D)
+	$(BENCHMARK) $(RULES) oracle $(LONG) --track $* --ideal $(<D) --out $(@D)
 
 runs/trainings-duo/summary.json runs/trainings-solo/summary.json: runs/trainings-%/summary.json: \
   runs/rules-%-estimator/summary.json runs/rules-%-1-estimator/summary.json \
@@ -170,14 +173,14 @@ $(STREAMS:%=models/%/causal-estimator-moving.safetensors): models/%/causal-estim
 	$(EHAR) train recogniser --data $* --sensor estimator --out $(@D)
 
 $(STREAMS:%=runs/watched-%/summary.json): runs/watched-%/summary.json: models/%/causal-estimator-moving.safetensors
-	$(EHAR) benchmark $(STREAM_PLANNERS) oracle --data $* --sensor estimator --models models/$* --starts $(STARTS) --out $(@D)
+	$(BENCHMARK) $(STREAM_PLANNERS) oracle --data $* --sensor estimator --models models/$* --starts $(STARTS) --out $(@D)
 
 $(STREAMS:%=runs/belief-%/table.md): runs/belief-%/table.md: models/%/causal-estimator-moving.safetensors
 	$(EHAR) study belief --data $* --sensor estimator --models models/$* --out $(@D)
 
 # Episodes of validation people, on which rules of when to answer are fitted.
 $(SETS:%=runs/fitting-%/summary.json): runs/fitting-%/summary.json: models/%/planners-estimator-moving
-	$(EHAR) benchmark no-act nbv $(call data_of,$*) --sensor estimator --models models/$* --part validation --starts $(STARTS) \
+	$(BENCHMARK) no-act nbv $(call data_of,$*) --sensor estimator --models models/$* --part validation --starts $(STARTS) \
 	  --no-report --out $(@D)
 
 $(SETS:%=runs/headroom-%/summary.json): runs/headroom-%/summary.json: models/%/causal-estimator-moving.safetensors
@@ -188,10 +191,10 @@ $(SETS:%=runs/ablation-%/summary.json): runs/ablation-%/summary.json: models/%/p
 	  --tracks $(VEHICLES) --out $(@D)
 
 $(SETS:%=runs/form-%-causal/summary.json): runs/form-%-causal/summary.json: models/%/causal-perfect-moving.safetensors
-	$(EHAR) benchmark no-act $(call data_of,$*) --models models/$* --starts 2 --no-report --out $(@D)
+	$(BENCHMARK) no-act $(call data_of,$*) --models models/$* --starts 2 --no-report --out $(@D)
 
 $(SETS:%=runs/form-%-ctrgcn/summary.json): runs/form-%-ctrgcn/summary.json: models/%/ctrgcn-perfect-moving.safetensors
-	$(EHAR) benchmark no-act $(call data_of,$*) --models models/$* --form ctrgcn --starts 2 --no-report --out $(@D)
+	$(BENCHMARK) no-act $(call data_of,$*) --models models/$* --form ctrgcn --starts 2 --no-report --out $(@D)
 
 # The paper's setting: the published network at PAPER_SIZE, its optimiser, and agents as the paper trains them. Where no
 # GPU is at hand, PAPER_SIZE=half and PAPER_AGENTS="--episodes 1500 --frames 500000 --seeds 0" take hours, not days.
@@ -209,7 +212,7 @@ models/paper-duo/trained models/paper-solo/trained: models/paper-%/trained: | se
 	touch $@
 
 runs/paper-duo/summary.json runs/paper-solo/summary.json: runs/paper-%/summary.json: models/paper-%/trained
-	$(EHAR) benchmark $(PAPER_PLANNERS) $($*) $(PAPER) --models models/paper-$* --starts $(STARTS) --out $(@D)
+	$(BENCHMARK) $(PAPER_PLANNERS) $($*) $(PAPER) --models models/paper-$* --starts $(STARTS) --out $(@D)
 	$(EHAR) study analyse $(@D) --planners il-ppo --states il-ppo/0
 
 # The published protocol on Northwestern-UCLA. Published widths want a GPU: PUBLISHED_SIZE=small takes hours on two cores.
@@ -229,7 +232,7 @@ OPTIONS := soft lookahead rounds
 $(OPTIONS:%=runs/imitation-solo-%/summary.json): runs/imitation-solo-%/summary.json: models/solo/causal-perfect-paper.safetensors
 	mkdir -p models/solo-$* && cp models/solo/causal-perfect-paper.* models/solo-$*
 	$(EHAR) train agent $(solo) --views paper --models models/solo-$* --seeds $(SEEDS) --stages il $($*)
-	$(EHAR) benchmark no-act il oracle $(solo) --views paper --models models/solo-$* --starts $(STARTS) --no-report --out $(@D)
+	$(BENCHMARK) no-act il oracle $(solo) --views paper --models models/solo-$* --starts $(STARTS) --no-report --out $(@D)
 
 # Write the page $(1) with the title $(2): the command $(3), when it ran, and the tables $(4).
 page = { printf '%s\n' '\# $(2)' '' '```' '$(3)' '```' '' \
@@ -322,6 +325,10 @@ docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/s
 PAGES := planners nbv indoor exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding streams stream-belief headroom forms \
   published real-views paper agents behaviour benchmarks
 results: $(PAGES:%=docs/results/%.md)
+
+# How many commands are left, by kind. One that was stopped counts as a whole, and goes on where it was.
+left:
+	@$(MAKE) --no-print-directory -n results | grep -o 'bin/ehar \(train [a-z-]*\|benchmark\|study [a-z-]*\)' | sort | uniq -c
 
 clean:
 	rm -rf $(VENV)

@@ -1,19 +1,22 @@
-"""Worker processes: their default number, and a pool whose processes always end with their parent."""
+"""Worker processes: their default number, a pool that always ends with its parent, and an engine of them."""
 
 import multiprocessing
 import os
 import pickle
 import signal
 import threading
+from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor
+from concurrent.futures import wait as wait_for
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import dataclass
 from multiprocessing.connection import wait
 from multiprocessing.synchronize import Event
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from ehar.errors import ModelError, UsageError
 
@@ -124,26 +127,70 @@ def call(sent: bytes, *arguments: Any) -> Any:
     return function(first, *arguments)
 
 
-def each_batch(
-    function: Callable[[Task, Batch], Result], task: Task, batches: Sequence[Batch], workers: int
-) -> Generator[tuple[Batch, Result], None, None]:
-    """Call `function(task, batch)` for each batch, and yield (batch, result) when it is done, in any order.
+class Engine(Protocol):
+    """Where batches of a task run: in processes of this machine, or on a cluster."""
 
-    Each process receives the task once.
+    def each_batch(
+        self,
+        function: Callable[[Task, Batch], Result],
+        task: Task,
+        batches: Sequence[Batch],
+        follow: Callable[[Batch, Result], Sequence[Batch]] | None = None,
+    ) -> Generator[tuple[Batch, Result], None, None]:
+        """Call `function(task, batch)` for each batch, and yield (batch, result) when it is done, in any order.
 
-    Raises:
-        UsageError: the task cannot be sent to workers, or none could start.
-        ModelError: a worker has ended by itself.
+        Args:
+            function: computes a result that depends on the task and the batch only.
+            task: what all batches share; it is sent once.
+            batches: the batches that can begin at once.
+            follow: returns the batches that can begin after one; it is called when the caller has taken its result.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Processes:
+    """Worker processes of this machine; a single one is this process itself.
+
+    Args:
+        workers: number of processes.
     """
-    if workers == 1 or len(batches) < 2:
-        for batch in batches:
-            yield batch, function(task, batch)
-        return
-    sent = payload((function, task), "the recogniser, the sensor or the motion")
-    with worker_pool(min(workers, len(batches)), _receive, sent=(sent,)) as pool:
-        futures = {pool.submit(_call_received, batch): batch for batch in batches}
-        for future in as_completed(futures):
-            yield futures.pop(future), future.result()  # a future that stays would keep its result in memory
+
+    workers: int = 1
+
+    def each_batch(
+        self,
+        function: Callable[[Task, Batch], Result],
+        task: Task,
+        batches: Sequence[Batch],
+        follow: Callable[[Batch, Result], Sequence[Batch]] | None = None,
+    ) -> Generator[tuple[Batch, Result], None, None]:
+        """Call `function(task, batch)` for each batch, as `Engine` says. Each process receives the task once.
+
+        Raises:
+            UsageError: the task cannot be sent to workers, or none could start.
+            ModelError: a worker has ended by itself.
+        """
+        waiting = deque(batches)
+        if self.workers == 1 or (len(waiting) < 2 and follow is None):
+            while waiting:
+                batch = waiting.popleft()
+                result = function(task, batch)
+                yield batch, result
+                waiting.extend(follow(batch, result) if follow else ())
+            return
+        sent = payload((function, task), "the recogniser, the sensor or the motion")
+        count = self.workers if follow else min(self.workers, len(waiting))
+        with worker_pool(count, _receive, sent=(sent,)) as pool:
+            running: dict[Future[Result], Batch] = {}
+            while waiting or running:
+                while waiting and len(running) < 2 * count:  # a few wait there, so that no process waits for this one
+                    batch = waiting.popleft()
+                    running[pool.submit(_call_received, batch)] = batch
+                for future in wait_for(running, return_when=FIRST_COMPLETED).done:
+                    batch, result = running.pop(future), future.result()
+                    yield batch, result
+                    waiting.extend(follow(batch, result) if follow else ())
 
 
 _received: tuple[Callable[[Any, Any], Any], Any]

@@ -172,17 +172,32 @@ TRAIN = CommandGroup(
     """,
     {
         "all": Command(
-            "eval.running.training:train_all",
+            "eval.running.sweep:train_sets",
             show_trained,
             text="""Train recogniser, gain field, fixed-best, agents, in order.
 
             What is done is kept; stopped and started again, it goes on.
 
+            Several sets are trained side by side. If one fails, the others go on.
+
+            Exit code 0: all is trained; 1: a stage failed, and which; 2: it can't run.
+
             For example:
                 ehar train all --data mine.npz --out models/mine
+                ehar train all --data one.npz two.npz --seeds 0 1 2 --out models
             """,
-            conditions=TRAINED,
-            flags=TRAINED_ANEW,
+            conditions=tuple(name for name in TRAINED if name != "data"),
+            flags={
+                **TRAINED_ANEW,
+                "data": Flag(
+                    "duo, solo, or a prepared .npz; or several, each to a folder in --out.",
+                    kind=tuple[str, ...],
+                    default=REQUIRED,
+                    metavar="DATA ...",
+                ),
+                "engine": Flag("processes, or ray: a cluster that shares --out and data.", kind=str),
+                "address": Flag("of a Ray cluster, or auto.", hint="started here"),
+            },
         ),
         "recogniser": Command(
             "eval.running.training:train_recogniser",

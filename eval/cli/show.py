@@ -143,10 +143,11 @@ def _npz(out: Path) -> Path:
     return out
 
 
-def show_trained(trained: "Trained") -> None:
-    """Print the results of a training."""
+def show_trained(trained: "Trained") -> int:
+    """Print the results of a training; return 1 if a part of it failed."""
     for line in trained.lines:
         print(line)
+    return int(trained.failed)
 
 
 def show_conformance(found: "Conformance") -> int:

@@ -2,10 +2,10 @@
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import DataError
 from ehar.rollout import Record
 from eval.records.flights import KEYS, FlightRecords, join_flights
+from eval.records.one_by_one import OneByOne
 
 DIGITS = 6  # decimals of recorded viewpoints and probabilities; metrics are computed from the rounded numbers
 LISTED = 256  # episodes that become Python lists at once, which take many times the memory of arrays
@@ -124,6 +125,8 @@ def as_recorded(classes: IntArray, none: int) -> IntArray:
 
 def join_records(pieces: Sequence[EpisodeRecords]) -> EpisodeRecords:
     """Return the records of several batches of one planner as one."""
+    if len(pieces) == 1:
+        return pieces[0]  # not a copy: records are large
     joined = {
         name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in COLUMNS if name != "sequence"
     }
@@ -159,17 +162,85 @@ def read_episodes(path: Path) -> dict[str, EpisodeRecords]:
     Raises:
         DataError: the file is missing, or a line is not an episode; the error names the line and the field.
     """
-    rows: dict[str, list[_Row]] = {}
     try:
         with path.open(encoding="utf-8") as file:
-            for number, line in enumerate(file, 1):
-                row = _parsed_line(line, f"{path}, line {number}")
-                rows.setdefault(row["planner"], []).append(_Row(f"{path}, line {number}", row))
-        return {planner: _episodes(lines) for planner, lines in rows.items()}
+            return _read_lines(file, path)
     except OSError as error:
         raise DataError(f"{path}: expected the episodes of a run, got {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise DataError(f"{path}: expected text in UTF-8, got {error}") from error
+
+
+def stored_episodes(path: Path) -> Mapping[str, EpisodeRecords]:
+    """Return the records of each planner in an episodes.jsonl that was just written; they stay there until asked for.
+
+    Raises:
+        DataError: later, if the file is missing or has changed.
+    """
+    ranges: dict[str, list[int]] = {}
+    with path.open("rb") as file:
+        begin = 0
+        for line in file:
+            name = json.loads(line.partition(b',"sequence":')[0] + b"}")["planner"]
+            ranges.setdefault(name, [begin, begin])[1] = begin + len(line)
+            begin += len(line)
+
+    def read(name: str) -> EpisodeRecords:
+        first, end = ranges[name]
+        try:
+            with path.open("rb") as file:
+                file.seek(first)
+                lines = (line.decode() for line in _lines_until(file, end))
+                found = _read_lines(lines, path)
+        except OSError as error:
+            raise DataError(f"{path}: expected the episodes of a run, got {error.strerror}") from error
+        if list(found) != [name]:
+            raise DataError(f"{path}: expected the episodes of {name} where they were, got others")
+        return found[name]
+
+    return OneByOne(list(ranges), read)
+
+
+def _lines_until(file: IO[bytes], end: int) -> Iterator[bytes]:
+    """Yield lines up to a place in the file."""
+    while file.tell() < end and (line := file.readline()):
+        yield line
+
+
+def _read_lines(lines: Iterable[str], path: Path) -> dict[str, EpisodeRecords]:
+    """Return the records of each planner; only a few rows are Python lists at a time."""
+    first: dict[str, _Row] = {}
+    rows: dict[str, list[_Row]] = {}
+    pieces: dict[str, list[EpisodeRecords]] = {}
+
+    def convert(planner: str) -> None:
+        some = rows.pop(planner)
+        anew = planner in pieces  # the first row of all says how large those that follow are
+        piece = _episodes([first[planner], *some] if anew else some)
+        pieces.setdefault(planner, []).append(_without_first(piece) if anew else piece)
+
+    for number, line in enumerate(lines, 1):
+        where = f"{path}, line {number}"
+        row = _Row(where, _parsed_line(line, where))
+        planner = row.fields["planner"]
+        first.setdefault(planner, row)
+        rows.setdefault(planner, []).append(row)
+        if len(rows[planner]) == LISTED:
+            convert(planner)
+    for planner in list(rows):
+        convert(planner)
+    return {planner: join_records(pieces.pop(planner)) for planner in list(pieces)}
+
+
+def _without_first(records: EpisodeRecords) -> EpisodeRecords:
+    """Return records without their first episode."""
+    columns = {name: getattr(records, name)[1:] for name in COLUMNS}
+    flight, second = records.flight, records.second_probability
+    return EpisodeRecords(
+        **columns,
+        flight=None if flight is None else FlightRecords(**{key: getattr(flight, key)[1:] for key in KEYS}),
+        second_probability=None if second is None else second[1:],
+    )
 
 
 class _Row(NamedTuple):

@@ -1,6 +1,7 @@
 """The benchmark: planners on the same episodes, with the same recogniser, sensor and seeds."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from ehar.conditions import Conditions
@@ -9,11 +10,12 @@ from ehar.flight.vehicle import Vehicle
 from ehar.planner import Planner
 from ehar.processes import check_workers
 from eval.records.config import RunConfig, planner_config, run_config
-from eval.records.episodes import EpisodeRecords
-from eval.records.run_files import check_out
+from eval.records.episodes import EpisodeRecords, stored_episodes
+from eval.records.one_by_one import OneByOne
+from eval.records.run_files import EPISODES, check_out
 from eval.running.accuracy_kept import read_ideal_run
 from eval.running.choice import READOUTS, ModelPlace, choose_planners, listed
-from eval.running.cluster import Engine, cluster_of
+from eval.running.cluster import EngineName, engine_of
 from eval.running.episodes import CHUNKS_ON_DEVICE, cut_scenarios, random_starts
 from eval.running.jobs import FinishedJobs, PlannerRun, Workload, jobs_of, run_planners
 from eval.running.progress import ConsoleReporter, Reporter
@@ -32,7 +34,7 @@ def benchmark(
     ideal: str | Path | None = None,
     out: str | Path | None = None,
     workers: int = 1,
-    engine: Engine = "processes",
+    engine: EngineName = "processes",
     address: str | None = None,
     device: str = "cpu",
     reporter: Reporter | None = None,
@@ -69,7 +71,7 @@ def benchmark(
     if readout not in READOUTS:
         raise UsageError(f"unknown readout {readout!r}; expected {' or '.join(READOUTS)}")
     check_workers(workers)
-    cluster = cluster_of(engine, address, workers)
+    machines = engine_of(engine, address, workers)
     specs, directory = listed(planners), None if out is None else Path(out)
     setting = load_setting(conditions, device=device)
     conditions = setting.conditions
@@ -94,9 +96,9 @@ def benchmark(
     workload = Workload(setting.runner, episodes, belief, 1 if device == "cpu" else CHUNKS_ON_DEVICE)
 
     def measured(finished: FinishedJobs | None) -> Run:
-        runs = run_planners(workload, chosen, workers=workers, reporter=reporter, finished=finished, cluster=cluster)
-        records = {name: run.records for name, run in runs.items()}
-        return Run(config, records, setting.recordings.class_names, summarise_runs(runs, config, on_ideal), directory)
+        runs = run_planners(workload, chosen, engine=machines, reporter=reporter, finished=finished)
+        summary = summarise_runs(runs, config, on_ideal)
+        return Run(config, _records_of(runs), setting.recordings.class_names, summary, directory)
 
     if directory is None:
         return measured(None)
@@ -104,21 +106,27 @@ def benchmark(
     with unfinished.opened(jobs, anew=not _are_named(specs, conditions), note=reporter.note):
         run = measured(unfinished)
         unfinished.finish(run)
-    return run
+    return replace(run, records=stored_episodes(directory / EPISODES))
 
 
 def summarise_runs(
     runs: Mapping[str, PlannerRun], config: RunConfig, on_ideal: Mapping[str, EpisodeRecords] | None
 ) -> Summary:
     """Return the summary of planners' runs; flights are compared with the records on the ideal track."""
+    names = list(runs)
     return summarise(
-        {name: run.records for name, run in runs.items()},
+        _records_of(runs),
         config,
         privileged={planner.name: planner.privileged for planner in config.planners},
-        step_ms={name: run.step_ms for name, run in runs.items()},
-        solves={name: run.solves for name, run in runs.items()},
+        step_ms=OneByOne(names, lambda name: runs[name].step_ms),
+        solves=OneByOne(names, lambda name: runs[name].solves),
         on_ideal=on_ideal,
     )
+
+
+def _records_of(runs: Mapping[str, PlannerRun]) -> Mapping[str, EpisodeRecords]:
+    """Return the records of planners, which stay where they are until they are asked for."""
+    return OneByOne(list(runs), lambda name: runs[name].records)
 
 
 def _are_named(specs: Sequence[str | Planner] | None, conditions: Conditions) -> bool:

@@ -6,13 +6,14 @@ import pickle
 import signal
 import socket
 import threading
+from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
 
 from ehar.errors import EharError, ModelError, UsageError
-from ehar.processes import payload
+from ehar.processes import Engine, Processes, payload
 from eval.records.config import installed_versions
 
 if TYPE_CHECKING:
@@ -22,7 +23,8 @@ Task = TypeVar("Task")
 Batch = TypeVar("Batch")
 Result = TypeVar("Result")
 
-Engine = Literal["processes", "ray"]
+EngineName = Literal["processes", "ray"]
+AHEAD = 512  # jobs that are handed to Ray before they can run: it asks for more machines by what waits
 LOST = 10  # times that a job begins anew because its machine or its process has ended, before the run ends
 
 
@@ -49,11 +51,16 @@ class Cluster:
             raise UsageError("engine ray: Ray is not installed: pip install ehar[cluster]") from error
 
     def each_batch(
-        self, function: Callable[[Task, Batch], Result], task: Task, batches: Sequence[Batch]
+        self,
+        function: Callable[[Task, Batch], Result],
+        task: Task,
+        batches: Sequence[Batch],
+        follow: Callable[[Batch, Result], Sequence[Batch]] | None = None,
     ) -> Generator[tuple[Batch, Result], None, None]:
-        """Call `function(task, batch)` for each batch, and yield (batch, result) when it is done, in any order.
+        """Call `function(task, batch)` for each batch, as `ehar.processes.Engine` says.
 
-        The task goes to each machine once. A batch whose machine or process ends begins anew elsewhere.
+        The task goes to each machine once. A batch whose machine or process ends begins anew elsewhere. A batch may
+        call this method too: it holds no core while it waits.
 
         Raises:
             UsageError: the task cannot be sent, no cluster answers, or a machine has other versions of packages.
@@ -67,10 +74,16 @@ class Cluster:
         with self._connected():
             shared = ray.put(sent)
             run = ray.remote(num_cpus=1, max_retries=LOST)(_call_shared)
-            pending = {run.remote([shared], versions, batch): batch for batch in batches}
-            while pending:
+            waiting = deque(batches)
+            pending: dict[ObjectRef[bytes], Batch] = {}
+            while waiting or pending:
+                while waiting and len(pending) < AHEAD:
+                    batch = waiting.popleft()
+                    pending[run.remote([shared], versions, batch)] = batch
                 for done in ray.wait(list(pending))[0]:
-                    yield pending.pop(done), _result_of(done)
+                    batch, result = pending.pop(done), _result_of(done)
+                    yield batch, result
+                    waiting.extend(follow(batch, result) if follow else ())
 
     @contextmanager
     def _connected(self) -> Iterator[None]:
@@ -103,19 +116,19 @@ class Cluster:
             ray.shutdown()
 
 
-def cluster_of(engine: str, address: str | None, workers: int) -> Cluster | None:
-    """Return the cluster that an engine is; None for worker processes.
+def engine_of(engine: str, address: str | None, workers: int) -> Engine:
+    """Return the engine of a name.
 
     Raises:
         UsageError: the engine is unknown, has no address, or is not installed.
     """
-    if engine not in get_args(Engine):
-        raise UsageError(f"unknown engine {engine!r}; expected {' or '.join(get_args(Engine))}")
+    if engine not in get_args(EngineName):
+        raise UsageError(f"unknown engine {engine!r}; expected {' or '.join(get_args(EngineName))}")
     if engine == "ray":
         return Cluster(address, workers)
     if address is not None:
         raise UsageError(f"address {address}: expected none with engine {engine}; engine ray has one")
-    return None
+    return Processes(workers)
 
 
 def _check_answers(address: str) -> None:

@@ -5,7 +5,7 @@ depend on where it runs. On a GPU a job has several chunks in lockstep; each kee
 numbers, so that only rounding differs.
 """
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -14,13 +14,13 @@ import cloudpickle
 
 from ehar.motion import Motion
 from ehar.planner import Planner
-from ehar.processes import each_batch, payload
+from ehar.processes import Engine, Processes, payload
 from ehar.rollout import Batch, Record
 from ehar.runner import Runner
 from eval.records.episodes import EpisodeRecords, join_records, record_episodes
 from eval.records.flights import flights_of
+from eval.records.one_by_one import OneByOne
 from eval.records.solves import Solves, join_solves, solves_of
-from eval.running.cluster import Cluster
 from eval.running.episodes import Episodes
 from eval.running.progress import Reporter
 from eval.running.side_by_side import SideBySide
@@ -120,52 +120,48 @@ def run_planners(
     workload: Workload,
     planners: Sequence[Planner],
     *,
-    workers: int,
+    engine: Engine,
     reporter: Reporter,
     finished: FinishedJobs | None = None,
-    cluster: Cluster | None = None,
-) -> dict[str, PlannerRun]:
+) -> Mapping[str, PlannerRun]:
     """Run every planner over all episodes.
 
     Args:
         workload: what all jobs share.
         planners: the planners, with different names.
-        workers: number of processes.
+        engine: runs the jobs.
         reporter: is told of progress.
         finished: keeps results; the jobs that it has are not run again. None keeps them in memory.
-        cluster: runs the jobs in place of processes of this machine.
+
+    Returns:
+        the runs of all planners. Those in `finished` stay there: each is read when it is asked for.
 
     Raises:
         EpisodeError: a planner broke its contract.
         UsageError: a result cannot be kept.
         KeyboardInterrupt: Ctrl-C.
     """
-    finished = {} if finished is None else finished
+    results: FinishedJobs = {} if finished is None else finished
     jobs = jobs_of(len(planners), workload)
-    missing = [job for job in jobs if job not in finished]
+    missing = [job for job in jobs if job not in results]
     reporter.begin(len(missing))
     try:
-        if workers == 1 and cluster is None:
+        if engine == Processes(1):
             run = _run_here(workload, planners, missing)
         else:
             sent = workload, [payload(planner, f"planner {planner.name!r}") for planner in planners]
-            run = (
-                each_batch(_run_sent, sent, missing, workers)
-                if cluster is None
-                else cluster.each_batch(_run_sent, sent, missing)
-            )
+            run = engine.each_batch(_run_sent, sent, missing)
         with closing(run):  # processes end before an error is passed on
             for job, result in run:
-                finished[job] = result
+                results[job] = result
                 reporter.advance(planners[job.planner].name)
     except KeyboardInterrupt:
         raise KeyboardInterrupt("nothing was written") from None  # who keeps finished jobs says so instead
     finally:
         reporter.end()
-    return {
-        planner.name: _joined([finished[job] for job in jobs if job.planner == index])
-        for index, planner in enumerate(planners)
-    }
+    numbers = {planner.name: number for number, planner in enumerate(planners)}
+    runs = OneByOne(list(numbers), lambda name: _joined([results[job] for job in jobs if job.planner == numbers[name]]))
+    return dict(runs) if finished is None else runs
 
 
 def _joined(pieces: Sequence[Done]) -> PlannerRun:

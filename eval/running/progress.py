@@ -9,6 +9,7 @@ from recognition.training.stopping import Evaluation, doubling_gain
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress, TaskID
+    from rich.table import Table
 
 
 class Reporter(Protocol):
@@ -139,3 +140,48 @@ class StageProgress:
     def note(self, line: str) -> None:
         """Print a line."""
         self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+
+class TableProgress:
+    """A table of what is done, drawn anew on a terminal; without one, only lines.
+
+    Args:
+        corner: name of the first column.
+        header: names of the others.
+    """
+
+    def __init__(self, corner: str, header: Sequence[str]) -> None:
+        """Create the table; it is drawn on standard error."""
+        from rich.console import Console  # here, as the help of commands does not wait for rich
+        from rich.live import Live
+
+        self._console = Console(stderr=True)
+        self._live = Live(console=self._console, auto_refresh=False)
+        self._header = (corner, *header)
+
+    def __enter__(self) -> "TableProgress":
+        """Draw the table."""
+        if self._console.is_terminal:
+            self._live.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Leave the table as it is."""
+        self._live.stop()
+
+    def show(self, rows: Sequence[Sequence[str]]) -> None:
+        """Draw the rows in place of those before."""
+        if self._live.is_started:
+            self._live.update(self._drawn(rows), refresh=True)
+
+    def note(self, line: str) -> None:
+        """Print a line, above the table."""
+        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+    def _drawn(self, rows: Sequence[Sequence[str]]) -> "Table":
+        from rich.table import Table  # here, as the help of commands does not wait for rich
+
+        table = Table(*self._header)
+        for row in rows:
+            table.add_row(*row)
+        return table

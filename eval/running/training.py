@@ -49,10 +49,12 @@ class Trained:
     Args:
         paths: paths of the weights.
         lines: lines that describe the result.
+        failed: whether a part of it failed; the lines say which.
     """
 
     paths: tuple[Path, ...]
     lines: tuple[str, ...]
+    failed: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,14 +151,10 @@ def train_recogniser(config: TrainingConfig) -> Trained:
 def train_gain_field(config: GainTrainingConfig) -> Trained:
     """Train gain fields and belief, with bars on standard error; goes on where a stopped run left off."""
     from eval.running.progress import StageProgress  # these bring rich and torch, which `ehar --help` does not need
-    from planners.registry import make_planner
     from planners.value import training
 
-    def lead(model: "GainModel") -> "Planner":
-        return make_planner("nbv-search", lambda: model)
-
     with StageProgress() as progress:
-        result = training.train_gain_field(config, lead, progress.report, progress.note)
+        result = training.train_gain_field(config, searching, progress.report, progress.note)
     lines = [
         f"{name}: explains {100 * fit.scores.explained:.1f} % of what paths gain; the path it picks gains "
         f"{100 * fit.scores.chosen_gain:.2f} % in probability, of {100 * fit.scores.best_gain:.2f} % in hindsight"
@@ -168,6 +166,13 @@ def train_gain_field(config: GainTrainingConfig) -> Trained:
         f"{after:.2f} % after it; written to {result.path}"
     )
     return Trained((result.path,), (*lines, f"{'warning: ' * result.cut_short}{result.reason}"))
+
+
+def searching(model: "GainModel") -> "Planner":
+    """Return the planner that leads the second round of a gain field's training."""
+    from planners.registry import make_planner  # imported here: torch takes seconds
+
+    return make_planner("nbv-search", lambda: model)
 
 
 def train_fixed_best(config: FixedBestConfig) -> Trained:

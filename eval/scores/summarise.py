@@ -1,6 +1,7 @@
 """Computes the summary of a run as a pure function of its records."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,7 +9,7 @@ from ehar.arrays import FloatArray
 from ehar.errors import DataError
 from eval.records.config import RunConfig
 from eval.records.episodes import EpisodeRecords, join_records
-from eval.records.flights import FlightSummary, join_flights, summarise_flights
+from eval.records.flights import FlightRecords, FlightSummary, join_flights, summarise_flights
 from eval.records.solves import Solves, join_solves
 from eval.scores.differences import differences
 from eval.scores.metrics import ACC_AT, acc_at, gap_closed, mean_acc
@@ -48,12 +49,14 @@ def summarise(
     """
     if not records:
         raise DataError("expected the records of at least one planner, got none")
-    whole, fps = records, config.conditions.fps
-    if any(episodes.of_streams for episodes in records.values()):
-        records = {name: activities(episodes) for name, episodes in records.items()}
-    reference = next(iter(records.values()))
-    for name, episodes in records.items():
-        _check_same_episodes(name, episodes, reference)
+    told: dict[str, _Told] = {}
+    answers: dict[str, EpisodeRecords] = {}
+    # One pass, and one planner at a time: records may lie on disk, as they are too many for memory.
+    for name in records:
+        answers[name] = _answers(name, records[name], next(iter(answers.values()), None))
+        told[name] = _Told.of(records[name], step_ms[name], None if solves is None else solves[name])
+    stored, records, reference = records, answers, next(iter(answers.values()))
+    of_streams, fps = any(one.of_streams for one in told.values()), config.conditions.fps
     for name, episodes in (on_ideal or {}).items():
         _check_same_episodes(f"{name} on the ideal track", episodes, reference)
     groups = group_planners(records)
@@ -77,22 +80,22 @@ def summarise(
             acc_iqm_ci95=pair(100 * _iqm_interval(held, resamples)),
             gap_closed=float(gaps[row]) if np.isfinite(gaps[row]) else None,
             gap_closed_ci95=pair(gap_ends[row]) if np.isfinite(gaps[row]) else None,
-            metrics={metric.key: _mean(metric.of_records(whole[name]) for name in group.records) for metric in METRICS},
-            step_ms=_mean(step_ms[name] for name in group.records),
-            flight=_flights([whole[name] for name in group.records]),
+            metrics={metric.key: _mean(told[name].metrics[metric.key] for name in group.records) for metric in METRICS},
+            step_ms=_mean(told[name].step_ms for name in group.records),
+            flight=_flights([told[name].flight for name in group.records]),
             accuracy_kept=float(kept[row]) if np.isfinite(kept[row]) else None,
             accuracy_kept_ci95=pair(kept_ends[row]) if np.isfinite(kept[row]) else None,
-            solves=None if solves is None else join_solves([solves[name] for name in group.records]),
-            streams=stream_scores(join_records([whole[name] for name in group.records]), fps)
-            if whole is not records and fps is not None
+            solves=None if solves is None else join_solves([told[name].solves for name in group.records]),
+            streams=stream_scores(join_records([stored[name] for name in group.records]), fps)
+            if of_streams and fps is not None
             else None,
         )
         for row, (group, trained, held) in enumerate(zip(groups, trainings, compared, strict=True))
     )
     return Summary(
         config=config,
-        episodes=len(next(iter(whole.values()))),
-        activities=len(reference) if whole is not records else None,
+        episodes=next(iter(told.values())).episodes,
+        activities=len(reference) if of_streams else None,
         sequences=len(set(reference.sequence)),
         no_intervals=resamples.why_none,
         basis=resamples.basis,
@@ -105,9 +108,55 @@ def _mean(values: Iterable[float]) -> float:
     return float(np.mean(list(values)))
 
 
-def _flights(trainings: Sequence[EpisodeRecords]) -> FlightSummary | None:
+class _Told(NamedTuple):
+    """What is left of a training's records when their arrays are gone."""
+
+    episodes: int
+    of_streams: bool
+    metrics: dict[str, float]
+    step_ms: float
+    flight: FlightRecords | None
+    solves: Solves | None
+
+    @staticmethod
+    def of(records: EpisodeRecords, step_ms: float, solves: Solves | None) -> "_Told":
+        metrics = {metric.key: metric.of_records(records) for metric in METRICS}
+        return _Told(len(records), records.of_streams, metrics, step_ms, records.flight, solves)
+
+
+def _answers(name: str, records: EpisodeRecords, reference: EpisodeRecords | None) -> EpisodeRecords:
+    """Return records with nothing but episodes and answers, a byte or two a frame; of streams, those of activities.
+
+    Args:
+        name: name of the planner.
+        records: its records.
+        reference: what was returned for the planner before it, whose episodes are shared; None for the first.
+
+    Raises:
+        DataError: these are other episodes.
+    """
+    records = activities(records) if records.of_streams else records
+    reference = records if reference is None else reference
+    _check_same_episodes(name, records, reference)
+    count = len(records)
+    nothing = np.empty((count, 0))
+    least = np.min_scalar_type(-max(int(records.predicted.max(initial=0)) + 1, 1))
+    return EpisodeRecords(
+        sequence=reference.sequence,
+        first=reference.first,
+        start=reference.start,
+        label=reference.label,
+        subjects=reference.subjects,
+        viewpoint=np.empty((count, 0, 3)),
+        predicted=records.predicted.astype(least),
+        true_probability=nothing,
+        top_probability=nothing,
+    )
+
+
+def _flights(trainings: Sequence[FlightRecords | None]) -> FlightSummary | None:
     """Return the demands of all flights of a planner; None if it did not fly."""
-    flights = [episodes.flight for episodes in trainings if episodes.flight is not None]
+    flights = [flight for flight in trainings if flight is not None]
     return summarise_flights(join_flights(flights)) if flights else None
 
 

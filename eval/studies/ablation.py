@@ -9,7 +9,7 @@ from ehar.conditions import Conditions
 from ehar.errors import UsageError
 from ehar.files import json_text, write_text
 from ehar.planner import Planner
-from ehar.processes import check_workers
+from ehar.processes import Processes, check_workers
 from ehar.track import IDEAL, load_track
 from eval.records.config import CONFIG, planner_config, run_config
 from eval.records.episodes import episode_lines
@@ -111,10 +111,11 @@ def ablation(
     if out is not None:
         check_out(Path(out), written)
     episodes = random_starts(scenarios, conditions.starts, conditions.seed, setting.world)
-    runs = run_planners(Workload(setting.runner, episodes), together, workers=workers, reporter=reporter)
+    workload = Workload(setting.runner, episodes)
+    runs = dict(run_planners(workload, together, engine=Processes(workers), reporter=reporter))
     for track, planner in zip(flown, flying, strict=True):
         workload = Workload(replace(setting.runner, track=track), episodes)
-        runs |= run_planners(workload, [planner], workers=workers, reporter=reporter)
+        runs |= run_planners(workload, [planner], engine=Processes(workers), reporter=reporter)
     # Each flight is compared with nbv on the ideal track, in the same resamples.
     on_ideal = {NO_ACT: runs[NO_ACT].records, **dict.fromkeys(names[1:], runs[NBV].records)} if flown else None
     result = Ablation(

@@ -12,7 +12,7 @@ from ehar.conditions import Conditions
 from ehar.data.scenario import split_parts, windows
 from ehar.errors import UsageError
 from ehar.files import json_text, write_text
-from ehar.processes import check_workers
+from ehar.processes import Processes, check_workers
 from ehar.viewpoint import Workspace
 from ehar.world import load_world
 from eval.records.config import CONFIG, RunConfig, planner_config, run_config
@@ -143,10 +143,10 @@ def headroom(
     both = windows(motion, np.concatenate([parts.validation, parts.test]), conditions.frames, stride=conditions.frames)
     flat = viewpoints.reshape(-1, 3)
     fixed = Episodes(both, np.repeat(np.arange(len(both)), len(flat)), np.tile(flat, (len(both), 1)), conditions.seed)
-    runs = run_planners(Workload(setting.runner, fixed), references[:1], workers=workers, reporter=reporter)
+    runs = run_planners(Workload(setting.runner, fixed), references[:1], engine=Processes(workers), reporter=reporter)
     acc = 100 * mean_acc(runs[NO_ACT].records.correct).reshape(len(both), len(flat))
     random = random_starts(test, conditions.starts, conditions.seed, setting.world)
-    runs = run_planners(Workload(setting.runner, random), references, workers=workers, reporter=reporter)
+    runs = run_planners(Workload(setting.runner, random), references, engine=Processes(workers), reporter=reporter)
     acc_references = {name: 100 * float(mean_acc(run.records.correct).mean()) for name, run in runs.items()}
     is_test = np.isin(both.sequence, parts.test)
     acc_test, labels = acc[is_test], both.labels[is_test]

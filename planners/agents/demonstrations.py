@@ -17,7 +17,7 @@ from ehar.data.scenario import Scenarios
 from ehar.envs.observations import shown_to_agent
 from ehar.files import write_bytes
 from ehar.planner import Context, Observation, Planner, Truth
-from ehar.processes import each_batch
+from ehar.processes import Engine, Processes
 from ehar.runner import Runner
 from ehar.viewpoint import HOVER, MOVES, apply_moves
 from planners.agents.agent import decide
@@ -154,10 +154,10 @@ class DemonstrationTask:
 
 
 def demonstrate(
-    task: DemonstrationTask, batches: Sequence[int], *, workers: int = 1
+    task: DemonstrationTask, batches: Sequence[int], *, engine: Engine | None = None
 ) -> Iterator[tuple[int, Demonstrations]]:
-    """Run batches of episodes and yield each when it is done; results do not depend on `workers`."""
-    yield from each_batch(demonstrate_batch, task, batches, workers)
+    """Run batches of episodes and yield each when it is done; results do not depend on the engine."""
+    yield from (engine or Processes()).each_batch(demonstrate_batch, task, batches)
 
 
 def demonstrate_batch(task: DemonstrationTask, index: int) -> Demonstrations:
@@ -188,7 +188,7 @@ def collect(
     batches: int,
     folder: Path,
     *,
-    workers: int,
+    engine: Engine,
     report: Callable[[str, int, int], None],
 ) -> Demonstrations:
     """Return the demonstrations of all batches; those in the folder are read, and the missing ones are run.
@@ -199,13 +199,13 @@ def collect(
         task: returns the task; called only if a batch is missing, as it takes time to clone the agent that acts.
         batches: number of batches.
         folder: the folder of this task.
-        workers: number of processes.
+        engine: runs the batches.
         report: called with progress.
     """
     pieces = {batch: piece for batch in range(batches) if (piece := read_batch(folder / f"{batch}.safetensors"))}
     missing = [batch for batch in range(batches) if batch not in pieces]
     report(folder.name, len(pieces), batches)
-    for batch, piece in demonstrate(task(), missing, workers=workers) if missing else ():
+    for batch, piece in demonstrate(task(), missing, engine=engine) if missing else ():
         pieces[batch] = piece
         tensors = {field.name: np.ascontiguousarray(getattr(piece, field.name)) for field in fields(Demonstrations)}
         write_bytes(folder / f"{batch}.safetensors", save(tensors))

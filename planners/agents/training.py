@@ -14,7 +14,7 @@ from typing import Any
 import cloudpickle
 
 from ehar.data.scenario import Scenarios
-from ehar.processes import call, payload, worker_pool
+from ehar.processes import Engine, Processes, call, payload, worker_pool
 from ehar.world import PAPER
 from planners.agents.config import AgentTrainingConfig, ImitationSetting
 from planners.agents.demonstrations import EPISODES, Demonstrations, DemonstrationTask, collect, join
@@ -68,7 +68,12 @@ def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> lis
 
 
 def demonstrations_of(
-    config: AgentTrainingConfig, setting: ImitationSetting, world: TrainingWorld, report: Report, seed: int = SHARED
+    config: AgentTrainingConfig,
+    setting: ImitationSetting,
+    world: TrainingWorld,
+    report: Report,
+    seed: int = SHARED,
+    engine: Engine | None = None,
 ) -> tuple[Demonstrations, Demonstrations]:
     """Return all rounds of demonstrations, and those of held-out people; these are the same for every seed.
 
@@ -80,6 +85,7 @@ def demonstrations_of(
         world: the world that episodes are drawn from.
         report: called with progress.
         seed: seed of all random numbers.
+        engine: runs the episodes; None means worker processes, as many as `config` says.
     """
     acts = config.without if setting.rounds > 1 else "none"  # what the acting agent leaves out
     key = json.dumps(
@@ -110,7 +116,7 @@ def demonstrations_of(
     def collected(task: Callable[[], DemonstrationTask], batches: int, name: str) -> Demonstrations:
         """Return demonstrations from their folder, or make them."""
         folder = config.directory / f"demonstrations-{config.conditions.seen}-{digest[:8]}-{name}"
-        return collect(task, batches, folder, workers=config.workers, report=report)
+        return collect(task, batches, folder, engine=engine or Processes(config.workers), report=report)
 
     held_out = collected(lambda: asked(world.held_out, None, VALIDATION_SEED), HELD_OUT_BATCHES, "held-out")
     drawn = "" if seed == SHARED else f"seed{seed}-"

@@ -13,7 +13,7 @@ import torch
 from ehar.data.scenario import Scenarios, split_parts, windows
 from ehar.errors import DataError, EharError, UsageError
 from ehar.files import json_text, read_json, write_text
-from ehar.processes import each_batch
+from ehar.processes import Engine, Processes
 from ehar.runner import Runner
 from planners.place.config import FixedBestConfig
 from planners.place.go_to_place import GoToPlace, Place
@@ -92,12 +92,15 @@ def best_first(places: tuple[Place, ...], accuracy: dict[int, float]) -> tuple[T
     return tuple(TriedPlace(places[index], accuracy[index]) for index in ranked)
 
 
-def fit_fixed_best(config: FixedBestConfig, report: Callable[[str, int, int], None]) -> FixedPlaceFit:
+def fit_fixed_best(
+    config: FixedBestConfig, report: Callable[[str, int, int], None], engine: Engine | None = None
+) -> FixedPlaceFit:
     """Fit and save; places that a stopped run has tried are not tried again.
 
     Args:
         config: the settings of the fit.
         report: called with progress: the name of the task, the amount done, and the total.
+        engine: runs the trials; None means worker processes, as many as `config` says.
 
     Raises:
         EharError: data or recogniser are missing or do not fit, or a number is too small.
@@ -130,7 +133,7 @@ def fit_fixed_best(config: FixedBestConfig, report: Callable[[str, int, int], No
     decisive = {name: value for name, value in history.items() if name not in ("data", "models", "out")}
     key = json_text([decisive, setting.recogniser_sha256, [asdict(place) for place in places]])
     kept = path.with_name(f"{path.stem}-tried-{hashlib.sha256(key.encode()).hexdigest()[:8]}.json")
-    tried = best_first(places, _try_all(task, config.workers, kept, report))
+    tried = best_first(places, _try_all(task, engine or Processes(config.workers), kept, report))
     history["tried"] = [asdict(one) for one in tried]
     save_fixed_place(path, tried[0].place, recogniser_sha256=setting.recogniser_sha256, history=history)
     kept.unlink(missing_ok=True)
@@ -180,12 +183,12 @@ def accuracy_at(task: PlaceTask, index: int) -> float:
     return float(np.concatenate(correct).mean())
 
 
-def _try_all(task: PlaceTask, workers: int, kept: Path, report: Callable[[str, int, int], None]) -> dict[int, float]:
+def _try_all(task: PlaceTask, engine: Engine, kept: Path, report: Callable[[str, int, int], None]) -> dict[int, float]:
     """Return the accuracy of each place by its index; each is kept in a file, and a resumed run reads it there."""
     accuracy = _read(kept, len(task.places))
     report("places", len(accuracy), len(task.places))
     missing = [index for index in range(len(task.places)) if index not in accuracy]
-    for index, found in each_batch(accuracy_at, task, missing, workers):
+    for index, found in engine.each_batch(accuracy_at, task, missing):
         accuracy[index] = found
         write_text(kept, [json_text({str(place): value for place, value in accuracy.items()})])
         report("places", len(accuracy), len(task.places))

@@ -14,7 +14,7 @@ from ehar.data.streams.data import StreamData
 from ehar.errors import DataError, EpisodeError
 from ehar.motion import move_towards
 from ehar.planner import Context, Observation, Planner, Truth
-from ehar.processes import each_batch
+from ehar.processes import Engine, Processes
 from ehar.runner import Runner
 from ehar.viewpoint import Workspace, apply_moves
 from planners.value.body_filter import BodyFilter
@@ -180,8 +180,10 @@ class CollectionTask:
     lead: Planner | None = None
 
 
-def run_batches(task: CollectionTask, batches: Sequence[int], *, workers: int = 1) -> Iterator[tuple[int, Collection]]:
-    """Run batches of branching episodes and yield each when it is done; results do not depend on `workers`.
+def run_batches(
+    task: CollectionTask, batches: Sequence[int], *, engine: Engine | None = None
+) -> Iterator[tuple[int, Collection]]:
+    """Run batches of branching episodes and yield each when it is done; results do not depend on the engine.
 
     Raises:
         DataError: no sequence has `length` frames.
@@ -190,7 +192,7 @@ def run_batches(task: CollectionTask, batches: Sequence[int], *, workers: int = 
         raise DataError(
             f"{task.runner.data.name}: expected policy sequences of at least {task.length} frames, got none"
         )
-    yield from each_batch(collect_batch, task, batches, workers)
+    yield from (engine or Processes()).each_batch(collect_batch, task, batches)
 
 
 def collect_batch(task: CollectionTask, index: int) -> Collection:

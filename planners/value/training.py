@@ -17,6 +17,7 @@ from ehar.data.scenario import split_parts
 from ehar.errors import DataError, UsageError
 from ehar.files import write_bytes
 from ehar.planner import Planner
+from ehar.processes import Engine, Processes
 from ehar.world import PAPER
 from planners.value.belief_fit import fit_belief
 from planners.value.body_filter import trunk_pairs
@@ -70,6 +71,7 @@ def train_gain_field(
     lead: Callable[[GainModel], Planner],
     report: Callable[[str, int, int], None],
     note: Callable[[str], None] = lambda _: None,
+    engine: Engine | None = None,
 ) -> GainTraining:
     """Train and save; batches of rollouts that a stopped run has finished are not run again.
 
@@ -82,6 +84,7 @@ def train_gain_field(
         lead: makes the planner that leads the second round from a model.
         report: called with progress: the name of the task, the amount done, and the total.
         note: called with a line if the recogniser was trained at another length.
+        engine: runs the rollouts; None means worker processes, as many as `config` says.
 
     Raises:
         EharError: data or recogniser are missing or do not fit, or a number is too small.
@@ -120,7 +123,7 @@ def train_gain_field(
     key += "" if setting.sensor_sha256 is None else f" {setting.sensor_sha256}"
     world = setting.world
     key += "" if world.agrees_with(PAPER) else f" {asdict(world)}"
-    rollouts = _Rollouts(config, path, key, report)
+    rollouts = _Rollouts(config, path, key, report, engine or Processes(config.workers))
     unseen_task = replace(task, sequences=_unseen_sequences(setting, sequences))
     unseen = rollouts.run(unseen_task, rollouts.few, "validation rollouts", "unseen")
     belief = fit_belief(
@@ -209,12 +212,14 @@ class _Rollouts:
         path: the weights, beside which the folders lie.
         key: everything that decides the rollouts but their kind.
         report: is told of progress.
+        engine: runs them.
     """
 
     config: GainTrainingConfig
     path: Path
     key: str
     report: Callable[[str, int, int], None]
+    engine: Engine
 
     @property
     def few(self) -> int:
@@ -239,7 +244,7 @@ class _Rollouts:
                 pieces[batch] = piece
         missing = [batch for batch in range(batches) if batch not in pieces]
         self.report(what, len(pieces), batches)
-        for batch, piece in run_batches(task, missing, workers=self.config.workers):
+        for batch, piece in run_batches(task, missing, engine=self.engine):
             pieces[batch] = piece
             tensors = {name.name: np.ascontiguousarray(getattr(piece, name.name)) for name in fields(Collection)}
             write_bytes(folder / f"{batch}.safetensors", save(tensors))

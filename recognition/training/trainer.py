@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -27,6 +28,7 @@ from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network, NetworkSpec
 from recognition.setting import load_recordings_of, with_length
 from recognition.storage import load_weights, recogniser_path, save_recogniser
+from recognition.torch_threads import one_torch_thread
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.training.clips import Clips, ClipSource
 from recognition.training.config import TrainingConfig
@@ -93,6 +95,25 @@ def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Ou
     run = _Run(config)
     _refuse_finished(run.path, run.identity)
     return run.train(report or (lambda clips, expected, evaluations: None))
+
+
+def time_step(config: TrainingConfig, steps: int = 3) -> float:
+    """Return how long a step takes on one thread of this machine [s]; nothing is kept.
+
+    Args:
+        config: the settings of the training.
+        steps: number of steps that are timed, after one that is not.
+
+    Raises:
+        EharError: as `train_recogniser`.
+    """
+    with one_torch_thread():
+        run = _Run(config)
+        run._learn()
+        begin = time.perf_counter()
+        for _ in range(steps):
+            run._learn()
+        return (time.perf_counter() - begin) / steps
 
 
 class _Run:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ehar.errors import ModelError, UsageError
-from ehar.processes import call, check_workers, payload, worker_pool
+from ehar.processes import Processes, call, check_workers, payload, worker_pool
 
 
 def keep(folder: Path, text: str) -> None:
@@ -28,6 +28,20 @@ def test_at_least_one_worker_is_needed() -> None:
 def test_a_function_of_a_notebook_can_be_sent() -> None:
     least = 3
     assert call(payload((lambda first, second: first + second + least, 4), "planner x"), 5) == 12
+
+
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_batches_may_follow_others_when_their_results_are_taken(workers: int) -> None:
+    taken: list[int] = []
+
+    def follow(batch: int, result: int) -> list[int]:
+        assert taken[-1] == result == batch + 100
+        return [batch + 2] if batch < 5 else []
+
+    for batch, result in Processes(workers).each_batch(int.__add__, 100, [1, 2], follow):
+        assert result == 100 + batch
+        taken.append(result)
+    assert sorted(taken) == [101, 102, 103, 104, 105, 106]
 
 
 def test_what_cannot_be_sent_is_named() -> None:

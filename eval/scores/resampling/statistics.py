@@ -91,10 +91,12 @@ def resampled_means(values: FloatArray, clusters: IntArray, counts: IntArray) ->
         clusters: (N,), the cluster of each episode, 0 to S - 1.
         counts: (R, S) from `resample_counts` or `two_stage_counts`.
     """
-    of_cluster = np.zeros((len(clusters), counts.shape[1]))
-    of_cluster[np.arange(len(clusters)), clusters] = 1
+    size = counts.shape[1]
+    rows = values.reshape(-1, len(clusters))
+    of_cluster = np.stack([np.bincount(clusters, weights=row, minlength=size) for row in rows])
     weights = counts.astype(np.float64).T
-    means: FloatArray = (values @ of_cluster @ weights) / (of_cluster.sum(axis=0) @ weights)
+    drawn = np.bincount(clusters, minlength=size).astype(np.float64) @ weights
+    means: FloatArray = (of_cluster.reshape(*values.shape[:-1], size) @ weights) / drawn
     return means
 
 

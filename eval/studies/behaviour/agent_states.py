@@ -13,6 +13,7 @@ from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.scenario import part_of
 from ehar.errors import DataError, UsageError
 from ehar.planner import Observation, Planner
+from ehar.processes import Processes
 from eval.running.choice import ModelPlace
 from eval.running.progress import Reporter
 from eval.running.recorder import Recorder
@@ -152,7 +153,8 @@ def agent_states(run: Run, name: str, planner: Planner, *, reporter: Reporter, e
     keeper = StateKeeper(planner, every=every)
     recorder = Recorder(planner, name=name, answered=keeper.keep)
     # One worker: the states are collected in this process.
-    again = run_planners(Workload(setting.runner, episodes), [recorder], workers=1, reporter=reporter)[name].records
+    workload = Workload(setting.runner, episodes)
+    again = run_planners(workload, [recorder], engine=Processes(), reporter=reporter)[name].records
     recorded = run.records[name]
     if not same_episodes(recorded, again):
         raise DataError(f"{run.directory}: expected to make its episodes once more, got others")

@@ -16,6 +16,7 @@ from eval.cli.command import REQUIRED, Command, Flag
 from eval.cli.commands import COMMANDS, RUN, CommandGroup
 from eval.cli.main import parse
 from eval.running.progress import Reporter
+from eval.running.sweep import SweepConfig
 from eval.running.training import Trained
 from planners.agents.config import AgentTrainingConfig
 
@@ -297,7 +298,8 @@ def test_trainings_need_data_and_take_what_else_they_are_told(name: str) -> None
     parse.parse("ehar it", words)()
     (config,) = made
     told = Conditions(data="mine.npz", length=30, sensor="estimator", views="paper")
-    assert (config.conditions, config.out) == (told, Path("o"))
+    (one,) = config.sets.values() if isinstance(config, SweepConfig) else (config,)
+    assert (one.conditions, one.out) == (told, Path("o"))
 
 
 def _recorded(command: Command, made: list[Any]) -> Command:

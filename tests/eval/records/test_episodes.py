@@ -11,7 +11,18 @@ import pytest
 from ehar.errors import DataError
 from ehar.files import write_text
 from ehar.rollout import Record
-from eval.records.episodes import COLUMNS, DIGITS, SECOND, episode_lines, join_records, read_episodes, record_episodes
+from eval.records.episodes import (
+    COLUMNS,
+    DIGITS,
+    SECOND,
+    EpisodeRecords,
+    episode_lines,
+    join_records,
+    read_episodes,
+    record_episodes,
+    stored_episodes,
+)
+from eval.records.one_by_one import OneByOne
 from eval.records.run_files import EPISODES
 from tests.helpers.made_records import flown, make_records, three_planners
 
@@ -39,6 +50,56 @@ def test_records_read_back_are_the_records_written(tmp_path: Path) -> None:
         assert back[name].sequence == episodes.sequence
         for field in (field for field in (*COLUMNS, SECOND) if field != "sequence"):
             np.testing.assert_array_equal(getattr(back[name], field), getattr(episodes, field))
+
+
+def same(one: EpisodeRecords, other: EpisodeRecords) -> None:
+    for name in (*COLUMNS, SECOND):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+def test_records_that_are_read_a_few_at_a_time_are_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    records = {name: flown(held) for name, held in three_planners().items()}
+    write_text(tmp_path / EPISODES, episode_lines(records))
+    whole = read_episodes(tmp_path / EPISODES)
+    monkeypatch.setattr("eval.records.episodes.LISTED", 3)
+    for planner, found in read_episodes(tmp_path / EPISODES).items():
+        same(found, whole[planner])
+        assert found.flight is not None
+        np.testing.assert_array_equal(found.flight.effort, records[planner].flight.effort)  # type: ignore[union-attr]
+    lines = (tmp_path / EPISODES).read_text().splitlines()
+    lines[3] = json.dumps(json.loads(lines[3]) | {"true_probability": [0.5]})
+    write_text(tmp_path / EPISODES, "\n".join(lines))
+    with pytest.raises(DataError, match=r"line 4: true_probability: .* as in the lines before"):
+        read_episodes(tmp_path / EPISODES)
+
+
+def test_stored_records_are_read_planner_by_planner(tmp_path: Path) -> None:
+    records = three_planners()
+    write_text(tmp_path / EPISODES, episode_lines(records))
+    stored = stored_episodes(tmp_path / EPISODES)
+    assert list(stored) == list(records)
+    for planner in reversed(list(records)):
+        same(stored[planner], records[planner])
+    last = stored[planner]
+    assert stored[planner] is last
+    write_text(tmp_path / EPISODES, [])
+    with pytest.raises(DataError, match=r"expected the episodes of .* where they were, got others"):
+        dict(stored)
+
+
+def test_only_the_last_value_is_kept() -> None:
+    made: list[str] = []
+
+    def make(name: str) -> str:
+        made.append(name)
+        return name.upper()
+
+    one_by_one = OneByOne(["a", "b"], make)
+    assert dict(one_by_one) == {"a": "A", "b": "B"}
+    assert one_by_one["b"] + one_by_one["b"] + one_by_one["a"] == "BBA"
+    assert made == ["a", "b", "a"]
+    with pytest.raises(KeyError):
+        one_by_one["c"]
 
 
 def test_batches_join_in_order() -> None:

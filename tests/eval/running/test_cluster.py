@@ -3,7 +3,7 @@
 import os
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +11,18 @@ import numpy as np
 import pytest
 
 from ehar.arrays import FloatArray
+from ehar.conditions import Conditions
 from ehar.errors import EpisodeError, ModelError, UsageError
+from ehar.files import write_text
 from ehar.planner import Observation
-from eval.running.cluster import Cluster, cluster_of
+from ehar.processes import Processes
+from ehar.runner import Runner
+from ehar.sensors.registry import make_sensor
+from eval.running.cluster import Cluster, engine_of
+from eval.running.sweep import SweepConfig, train_sets
 from planners.heuristic import NoAct
+from planners.value.collection import CollectionTask, run_batches
+from tests.helpers.fakes import FakeRecogniser, tiny_data
 from tests.helpers.tiny_benchmarks import Log, but_times, bytes_of, run
 
 PLANNERS = ["no-act", "towards", "random", "oracle"]
@@ -87,6 +95,52 @@ def test_a_job_that_ends_its_process_each_time_ends_the_run(machines: Any, monke
         list(Cluster(machines.address).each_batch(lambda status, _: os._exit(status), 3, [0]))
 
 
+@pytest.mark.slow
+def test_stages_on_a_cluster_hand_out_their_jobs_and_hold_no_core_meanwhile(machines: Any) -> None:
+    """As many stages as cores, each of which waits for jobs; and a stage that begins after another one."""
+
+    def stage(inside: Cluster, number: int) -> int:
+        return sum(result for _, result in inside.each_batch(pow, number, [1, 2]))
+
+    def follow(number: int, result: int) -> list[int]:
+        return [5] if number == 4 else []
+
+    machine = Cluster(machines.address)
+    assert dict(machine.each_batch(stage, machine, [2, 3, 4], follow)) == {2: 6, 3: 12, 4: 20, 5: 30}
+
+
+@pytest.mark.slow
+def test_a_sweep_on_a_cluster_goes_on_where_a_set_fails(
+    machines: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eval.running.sweep.step_seconds", lambda _: 0.5)
+    sets = tuple(replace(tiny_data(sequences=40), name=name) for name in ("one", "two"))
+    for name in ("one", "two"):
+        write_text(tmp_path / name / "causal-perfect-moving.json", ["damaged"])
+        write_text(tmp_path / name / "causal-perfect-moving.safetensors", ["damaged"])
+    told = SweepConfig(
+        conditions=Conditions(length=10), data=sets, out=tmp_path, engine="ray", address=machines.address
+    )
+    trained = train_sets(told)
+    assert trained.failed
+    assert [line.partition(" failed: ")[0] for line in sorted(trained.lines)[1:]] == [
+        "one, recogniser",
+        "two, recogniser",
+    ]
+    assert min(trained.lines) == "left out, as they need these: 16 stages"
+
+
+@pytest.mark.slow
+def test_rollouts_for_trainings_are_the_same_on_a_cluster(machines: Any) -> None:
+    data = tiny_data(sequences=40)
+    runner = Runner(data, FakeRecogniser(), make_sensor("estimator", data))
+    task = CollectionTask(runner=runner, sequences=np.arange(6), length=10, pairs=np.array([[1, 2]]), seed=3)
+    ((_, there),) = run_batches(task, [1], engine=Cluster(machines.address))
+    ((_, here),) = run_batches(task, [1])
+    for name, values in vars(here).items():
+        np.testing.assert_array_equal(values, getattr(there, name))
+
+
 def test_an_address_where_nobody_answers_is_refused_at_once() -> None:
     pytest.importorskip("ray", reason="ray is not installed")
     with pytest.raises(
@@ -96,11 +150,11 @@ def test_an_address_where_nobody_answers_is_refused_at_once() -> None:
 
 
 def test_engines_that_there_are_not_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert cluster_of("processes", None, 2) is None
+    assert engine_of("processes", None, 2) == Processes(2)
     with pytest.raises(UsageError, match=r"^unknown engine 'steam'; expected processes or ray$"):
-        cluster_of("steam", None, 2)
+        engine_of("steam", None, 2)
     with pytest.raises(UsageError, match=r"^address auto: expected none with engine processes; engine ray has one$"):
-        cluster_of("processes", "auto", 2)
+        engine_of("processes", "auto", 2)
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(UsageError, match=r"^engine ray: Ray is not installed: pip install ehar\[cluster\]$"):
-        cluster_of("ray", None, 2)
+        engine_of("ray", None, 2)

@@ -11,6 +11,7 @@ from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
 from ehar.data.scenario import split_parts, windows
 from ehar.errors import ModelError, UsageError
+from ehar.processes import Processes
 from eval import benchmark
 from eval.records.config import KEYS, read_config
 from eval.running.run import read_run
@@ -181,7 +182,7 @@ def test_two_workers_roll_out_for_trainings_as_one_does(lab: Path) -> None:
     collected = CollectionTask(setting.runner, sequences, 8, trunk_pairs(setting.data, sequences), seed=0)
     demonstrated = DemonstrationTask(setting.runner, windows(setting.data, sequences, 8, 1), "oracle", None, (0,))
     for roll, task in ((run_batches, collected), (demonstrate, demonstrated)):
-        one, two = (dict(roll(task, [0, 1], workers=workers)) for workers in (1, 2))  # type: ignore[operator]
+        one, two = (dict(roll(task, [0, 1], engine=Processes(workers))) for workers in (1, 2))  # type: ignore[operator]
         for batch in (0, 1):
             for name, values in vars(one[batch]).items():
                 np.testing.assert_array_equal(values, getattr(two[batch], name))

@@ -12,6 +12,7 @@ from ehar.arrays import FloatArray
 from ehar.envs.observations import shown as shown_in_gymnasium
 from ehar.motion import GridMotion
 from ehar.planner import Planner
+from ehar.processes import Processes
 from ehar.rollout import Batch, Record, rollout
 from ehar.runner import Runner
 from ehar.sensors.perfect import PerfectSensor
@@ -201,8 +202,8 @@ def test_a_batch_depends_on_the_seed_and_its_index_only() -> None:
 @pytest.mark.slow
 def test_workers_decide_nothing() -> None:
     agent = untrained_network()
-    here = dict(demonstrate(task(agent=agent), range(3), workers=1))
-    there = dict(demonstrate(task(agent=agent), range(3), workers=2))
+    here = dict(demonstrate(task(agent=agent), range(3)))
+    there = dict(demonstrate(task(agent=agent), range(3), engine=Processes(2)))
     assert here.keys() == there.keys() == {0, 1, 2}
     for batch, piece in here.items():
         same(piece, there[batch])
@@ -226,11 +227,11 @@ def silent(what: str, done: int, whole: int) -> None:
 
 
 def test_a_folder_s_batches_are_not_run_again_and_more_are_added(tmp_path: Path, ran: list[int]) -> None:
-    whole = collect(task, 3, tmp_path / "through", workers=1, report=silent)
+    whole = collect(task, 3, tmp_path / "through", engine=Processes(), report=silent)
     ran.clear()
     heard: list[tuple[str, int, int]] = []
-    first = collect(task, 1, tmp_path / "kept", workers=1, report=silent)
-    again = collect(task, 3, tmp_path / "kept", workers=1, report=lambda *report: heard.append(report))
+    first = collect(task, 1, tmp_path / "kept", engine=Processes(), report=silent)
+    again = collect(task, 3, tmp_path / "kept", engine=Processes(), report=lambda *report: heard.append(report))
     assert ran == [0, 1, 2]
     assert heard == [("kept", 1, 3), ("kept", 2, 3), ("kept", 3, 3)]
     same(whole, again)
@@ -239,7 +240,7 @@ def test_a_folder_s_batches_are_not_run_again_and_more_are_added(tmp_path: Path,
 
 @pytest.mark.parametrize("damage", ["cut", "empty", "nonsense", "others"])
 def test_a_file_that_is_not_whole_is_written_anew(tmp_path: Path, ran: list[int], damage: str) -> None:
-    before = collect(task, 2, tmp_path, workers=1, report=silent)
+    before = collect(task, 2, tmp_path, engine=Processes(), report=silent)
     path = tmp_path / "1.safetensors"
     content = path.read_bytes()
     if damage == "others":
@@ -248,7 +249,7 @@ def test_a_file_that_is_not_whole_is_written_anew(tmp_path: Path, ran: list[int]
         path.write_bytes({"cut": content[:-40], "empty": b"", "nonsense": b"nonsense" * 9}[damage])
     assert read_batch(path) is None
     ran.clear()
-    same(collect(task, 2, tmp_path, workers=1, report=silent), before)
+    same(collect(task, 2, tmp_path, engine=Processes(), report=silent), before)
     assert ran == [1]
     assert path.read_bytes() == content
     assert sorted(kept.name for kept in tmp_path.iterdir()) == ["0.safetensors", "1.safetensors"]

@@ -15,6 +15,7 @@ from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import split_parts
 from ehar.errors import DataError, EharError, ModelError, UsageError
+from ehar.processes import Processes
 from ehar.viewpoint import POLAR
 from planners.place import fit
 from planners.place.config import FixedBestConfig
@@ -193,7 +194,7 @@ def test_workers_decide_nothing(config: FixedBestConfig, monkeypatch: pytest.Mon
     setting = load_setting(config.conditions)
     _, scenarios = validation_windows(setting)
     task = fit.PlaceTask(setting.runner, scenarios, candidate_places(tells_front=True), 0)
-    one, two = (dict(fit.each_batch(accuracy_at, task, [0, 1], workers)) for workers in (1, 2))
+    one, two = (dict(Processes(workers).each_batch(accuracy_at, task, [0, 1])) for workers in (1, 2))
     assert one == two
 
 

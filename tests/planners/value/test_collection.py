@@ -10,6 +10,7 @@ from ehar.data.motion_data import MotionData
 from ehar.errors import DataError
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner, Truth
+from ehar.processes import Processes
 from ehar.rollout import rollout
 from ehar.runner import Runner
 from ehar.sensors.registry import make_sensor
@@ -173,8 +174,8 @@ def test_the_seed_and_the_batch_decide_everything() -> None:
 
 def test_two_workers_give_the_same_numbers_as_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gain_collection, "EPISODES", 32)  # as in the workers, which import the module anew
-    alone = dict(run_batches(task(), [0, 3], workers=1))
-    together = dict(run_batches(task(), [0, 3], workers=2))
+    alone = dict(run_batches(task(), [0, 3]))
+    together = dict(run_batches(task(), [0, 3], engine=Processes(2)))
     assert sorted(together) == [0, 3]
     for index, collection in alone.items():
         assert_same(collection, together[index])
