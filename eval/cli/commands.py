@@ -11,6 +11,7 @@ from eval.cli.show import (
     save_data,
     save_stitched,
     show_conformance,
+    show_live,
     show_path,
     show_replay,
     show_result,
@@ -582,6 +583,26 @@ STUDY = CommandGroup(
         ),
     },
 )
+LIVE = Command(
+    "eval.live.start:live",
+    show_live,
+    text="""Watch people live, and say where a drone should fly.
+
+    A JSON object a line in, from a pose estimator; one out, with setpoints. See docs/live.md.
+
+    For example:
+        ehar live --models models/solo-stream --source udp:127.0.0.1:5005
+        ehar live --models models/solo-stream --rehearse solo-stream --page 8000
+    """,
+    flags={
+        "models": Flag(default=REQUIRED, metavar="PATH"),
+        "belief": Flag(hint="believe the recogniser"),
+        "mavlink": Flag(metavar="ADDRESS", hint="none"),
+        "origin": Flag(metavar="EAST NORTH UP"),
+        "page": Flag(metavar="PORT", hint="none"),
+        "rehearse": Flag(metavar="DATA", hint="none"),
+    },
+)
 COMMANDS = CommandGroup(
     """Embodied human activity recognition: which planner of views recognises earliest?
 
@@ -639,6 +660,7 @@ COMMANDS = CommandGroup(
                 **AS_RECORDED,
             },
         ),
+        "live": LIVE,
         "data": DATA,
         "train": TRAIN,
         "check": CHECK,
