@@ -588,11 +588,11 @@ LIVE = Command(
     show_live,
     text="""Watch people live, and say where a drone should fly.
 
-    A JSON object a line in, from a pose estimator; one out, with setpoints. See docs/live.md.
+    Frames of a pose estimator in, a JSON object a line; setpoints out.
 
     For example:
-        ehar live --models models/solo-stream --source udp:127.0.0.1:5005
-        ehar live --models models/solo-stream --rehearse solo-stream --page 8000
+        ehar live --models models/mine --source udp:127.0.0.1:5005
+        ehar live --models models/mine --rehearse mine.npz --page 8000
     """,
     flags={
         "models": Flag(default=REQUIRED, metavar="PATH"),
