@@ -82,6 +82,7 @@ class Loop:
         self._heard = time.monotonic()
         self._failure: BaseException | None = None
         self._counts: Counter[str] = Counter()
+        self._watcher_counts: Counter[str] = Counter()
         self._lines = self._setpoints = 0
         self._gap, self._latencies = 0.0, Latencies()
 
@@ -182,6 +183,7 @@ class Loop:
                 self._hears(answer)
             with self._changed:
                 self._answer = answer
+                self._watcher_counts = Counter(self._watcher.counts)  # a copy, as the watcher goes on counting
                 self._notes = [*self._notes, *answer.notes][-BACKLOG:]
                 watched = answer.joints is not None  # what is refused is not heard, and no setpoint answers it
                 self._decided = self._decided or watched or not self._watcher.setpoints.begun
@@ -227,7 +229,7 @@ class Loop:
             output(said)
 
     def _all_counts(self) -> dict[str, int]:
-        return dict(self._watcher.counts + self._counts)
+        return dict(self._watcher_counts + self._counts)
 
     def _rest(self) -> None:
         """Wait until the vehicle hovers."""

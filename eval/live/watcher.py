@@ -118,7 +118,10 @@ class Watcher:
         if due.refused:
             return self._answer(frame.time, notes)
         if due.anew:
-            self._start()
+            try:
+                self._start()
+            except EharError as error:  # of the planner's reset
+                self._fail(error, notes)
         placed = self._people.place(people, [person.id for person in frame.people], frame.time)
         if placed.left_out:
             notes.append(f"{LEFT_OUT}: {placed.left_out}")
@@ -236,14 +239,18 @@ class Watcher:
                 target = np.array(self.planner.act(observation), dtype=np.float64)
             if target.shape != (1, 3) or not np.isfinite(target).all():
                 raise UsageError(f"planner {self.planner.name!r}: expected a finite target (1, 3), got {target}")
-        except EharError as error:  # a flight does not end because a planner fails
-            notes.append(f"{PLANNER_FAILED}: {error}")
-            self.counts[PLANNER_FAILED] += 1
-            self._target = None
-            self.setpoints.brake()
+        except EharError as error:
+            self._fail(error, notes)
         else:
             self._target = self._world.workspace.clip(target[0])
             self.setpoints.aim(self._target)
+
+    def _fail(self, error: EharError, notes: list[str]) -> None:
+        """Say that the planner fails, and brake: a flight does not end because of a planner."""
+        notes.append(f"{PLANNER_FAILED}: {error}")
+        self.counts[PLANNER_FAILED] += 1
+        self._target = None
+        self.setpoints.brake()
 
     def _answer(self, time: float, notes: list[str], joints: FloatArray | None = None) -> Answer:
         belief = dict(zip(self.class_names, self._belief.probabilities.tolist(), strict=True))

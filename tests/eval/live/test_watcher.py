@@ -152,6 +152,8 @@ class Failing(Planner):
     name = "failing"
 
     def reset(self, context: Context) -> None:
+        if getattr(self, "calls", 0) > 30:
+            raise ValueError("not again")
         self.calls = 0
 
     def act(self, observation: Observation) -> FloatArray:
@@ -172,6 +174,8 @@ def test_a_planner_that_fails_makes_the_vehicle_brake(folder: Path) -> None:
         watcher.see(frame(at(number), person()))
         setpoint = watcher.setpoint()
     assert setpoint is not None and setpoint.velocity == (0, 0, 0)
+    anew = watcher.see(frame(99.0, person()))
+    assert "not again" in anew.notes[1] and sum(anew.belief.values()) == pytest.approx(1)
 
 
 def test_other_orders_of_joints_are_told_by_each_frame(folder: Path) -> None:
