@@ -69,7 +69,7 @@ def prepare_c3d(
 ) -> MotionData:
     """Read a folder of C3D files; needs ezc3d.
 
-    All markers that the files share become joints; bones join those that are nearest.
+    Markers that all files share become joints; bones join the nearest.
 
     For example:
         ehar data prepare c3d recordings mine.npz --pattern '{label}_{number}.c3d'
