@@ -173,10 +173,11 @@ class Player:
     """
 
     def __init__(self, setting: Setting, episodes: Episodes, watcher: Watcher, count: int, loss: float) -> None:
-        """Take memory for all that will be kept, so that none is taken later."""
-        self._setting, self._episodes, self._watcher, self._loss = setting, episodes, watcher, loss
+        """Take all memory and draw all noise now: later, that would take the time of the loop."""
+        self._setting, self._watcher, self._loss = setting, watcher, loss
         self.fps, self.length = setting.recordings.fps, episodes.scenarios.length
         self.chosen = np.arange(count) % len(episodes)
+        self._played = {int(episode): episodes.pick([int(episode)]) for episode in np.unique(self.chosen)}
         self.lossless = (np.arange(count) % 2 == 0) | (loss == 0)
         self.starts = np.zeros((count, 3))
         self.begins = np.full(count, np.inf)  # [s], times of first frames
@@ -197,7 +198,7 @@ class Player:
             if stream:
                 self._wait_for_rest()
                 self.memory.append(peak_megabytes())
-            batch = self._episodes.pick([int(episode)])
+            batch = self._played[int(episode)]
             setpoints = self._watcher.setpoints
             viewpoint = setpoints.state().viewpoint if setpoints.begun else batch.starts
             self.starts[stream] = viewpoint[0]
@@ -228,7 +229,7 @@ class Player:
 
     def batch(self, stream: int) -> Batch:
         """Return a stream as the benchmark shows it, from where the camera was."""
-        return replace(self._episodes.pick([int(self.chosen[stream])]), starts=self.starts[stream : stream + 1])
+        return replace(self._played[int(self.chosen[stream])], starts=self.starts[stream : stream + 1])
 
 
 def rehearse(

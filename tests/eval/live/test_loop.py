@@ -81,7 +81,7 @@ def people(count: int, begin: float = 0.0) -> list[dict[str, Any]]:
 
 
 def watcher_of(folder: Path, planner: str | Planner = "h-rotate") -> Watcher:
-    return Watcher(models=folder / "models", sensor="perfect", planner=planner)
+    return Watcher(models=folder / "models", sensor="perfect", planner=planner, vehicle="tracking-drone")
 
 
 def test_frames_go_in_setpoints_come_out_and_it_ends_at_rest(folder: Path) -> None:

@@ -4,12 +4,10 @@ import http.client
 import json
 import shutil
 from collections.abc import Iterator
-from io import BytesIO
 from typing import Any
 from urllib.parse import urlsplit
 from urllib.request import urlopen
 
-import matplotlib.image
 import numpy as np
 import pytest
 
@@ -88,19 +86,17 @@ def test_a_browser_shows_people_camera_belief_and_target(page: Page) -> None:
     complaints: list[str] = []
     asked: list[str] = []
     with playwright.sync_playwright() as running:
-        browser = running.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        browser = running.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"], timeout=120_000)
         tab = browser.new_page(viewport={"width": 1280, "height": 900})
         tab.on("pageerror", lambda error: complaints.append(str(error)))
         tab.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
         tab.on("request", lambda request: asked.append(request.url))
         tab.goto(page.address)
         assert tab.locator("#state").inner_text() == "waiting for frames"
-        empty = {name: picture(tab, name) for name in ("#image", "#map")}
+        assert painted(tab, "#image") == painted(tab, "#map") == 0
         page.show(said(0.25), 1.0)
         tab.wait_for_function("document.querySelector('#state').textContent === 'flying'")
-        drawn = {name: picture(tab, name) for name in ("#image", "#map")}
-        for name, before in empty.items():
-            assert (np.abs(drawn[name] - before).max(axis=-1) > 0.1).mean() > 0.001, name
+        assert painted(tab, "#image") > 500 and painted(tab, "#map") > 3000
         rows = tab.locator("#belief .row").all_inner_texts()
         assert [row.split("\n") for row in rows] == [["nod", "25 %"], ["<b>left</b>", "75 %"], ["no activity", "0 %"]]
         numbers = tab.locator("#numbers").inner_text()
@@ -114,6 +110,8 @@ def test_a_browser_shows_people_camera_belief_and_target(page: Page) -> None:
         browser.close()
 
 
-def picture(tab: Any, selector: str) -> np.ndarray:
-    image = matplotlib.image.imread(BytesIO(tab.locator(selector).screenshot()), format="png")
-    return np.asarray(image[..., :3])
+def painted(tab: Any, selector: str) -> int:
+    """Return how many pixels of a canvas are not as the first one."""
+    pixels = "(c => new Uint32Array(c.getContext('2d').getImageData(0, 0, c.width, c.height).data.buffer))({})"
+    canvas = f"document.querySelector('{selector}')"
+    return int(tab.evaluate(f"{pixels.format(canvas)}.reduce((n, one, _, all) => n + (one !== all[0]), 0)"))
