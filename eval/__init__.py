@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from eval.conformance.planner import check_planner as check_planner
     from eval.conformance.recogniser import check_recogniser as check_recogniser
     from eval.conformance.sensor import check_sensor as check_sensor
+    from eval.live.watcher import Watcher as Watcher
     from eval.reports.page import make_report as make_report
     from eval.running.benchmark import benchmark as benchmark
     from eval.running.run import read_run as read_run
@@ -20,6 +21,7 @@ else:
     __getattr__, __dir__, __all__ = lazy_exports(
         __name__,
         {
+            "Watcher": "eval.live.watcher",
             "benchmark": "eval.running.benchmark",
             "check_data": "eval.conformance.data",
             "check_motion": "eval.conformance.motion",

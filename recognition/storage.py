@@ -88,23 +88,40 @@ def load_recogniser(
         ModelError: the files are missing or malformed, or were made for other joints, classes, persons or rates, or
             in another world.
     """
-    directory, form = conditions.directory, conditions.form
+    directory = conditions.directory
     if directory is None and not (data.synthetic and (SHIPPED / data.name).is_dir()):
         raise ModelError(
             f"no weights are shipped for {data.name!r}: expected --models DIR, as made by "
             f"`ehar train recogniser {conditions.options} --out DIR`"
         )
     path = recogniser_path(directory or SHIPPED / data.name, conditions)
-    folder = "DIR" if directory is None else quote(str(directory))
+    recogniser = open_recogniser(path, conditions, device=device)
+    _check_fit(path, recogniser.spec, data)
+    check_world(path, recogniser.spec.world, conditions)
+    return recogniser
+
+
+def open_recogniser(
+    path: Path, conditions: Conditions, *, device: str = "cpu"
+) -> StreamingRecogniser | PrefixRecogniser:
+    """Load a trained recogniser without the data that it will be used on: its description says what it can see.
+
+    Args:
+        path: the safetensors file.
+        conditions: conditions of the training: folder, sensor, views and form.
+        device: a torch device.
+
+    Raises:
+        ModelError: the files are missing or malformed, or of another form.
+    """
+    folder = "DIR" if conditions.directory is None else quote(str(conditions.directory))
     made = f"ehar train recogniser {conditions.options} --out {folder}"
-    check_files(path, f"a recogniser, as made by `{made}`" + ("" if directory else ", and --models DIR"))
+    check_files(path, f"a recogniser, as made by `{made}`" + ("" if conditions.directory else ", and --models DIR"))
     file, what = description_path(path), "a recogniser, as `ehar train recogniser` writes it"
     description = read_json(file, RecogniserDescription, what, wrong=ModelError, optional=LATER)
     spec, temperature = description.spec, description.temperature
-    if spec.form != form:
-        raise ModelError(f"{file}: spec.form: expected {form!r}, got {spec.form!r}")
-    _check_fit(path, spec, data)
-    check_world(path, spec.world, conditions)
+    if spec.form != conditions.form:
+        raise ModelError(f"{file}: spec.form: expected {conditions.form!r}, got {spec.form!r}")
     network = spec.build()
     load_weights(path, network)
     digest = recogniser_sha256(path, temperature)

@@ -11,6 +11,7 @@ from eval.cli.show import (
     save_data,
     save_stitched,
     show_conformance,
+    show_live,
     show_path,
     show_replay,
     show_result,
@@ -601,6 +602,26 @@ STUDY = CommandGroup(
         ),
     },
 )
+LIVE = Command(
+    "eval.live.start:live",
+    show_live,
+    text="""Watch people live, and say where a drone should fly.
+
+    Frames of a pose estimator in, a JSON object a line; setpoints out.
+
+    For example:
+        ehar live --models models/mine --source udp:127.0.0.1:5005
+        ehar live --models models/mine --rehearse mine.npz --page 8000
+    """,
+    flags={
+        "models": Flag(default=REQUIRED, metavar="PATH"),
+        "belief": Flag(hint="believe the recogniser"),
+        "mavlink": Flag(metavar="ADDRESS", hint="none"),
+        "origin": Flag(metavar="EAST NORTH UP"),
+        "page": Flag(metavar="PORT", hint="none"),
+        "rehearse": Flag(metavar="DATA", hint="none"),
+    },
+)
 COMMANDS = CommandGroup(
     """Embodied human activity recognition: which planner of views recognises earliest?
 
@@ -660,6 +681,7 @@ COMMANDS = CommandGroup(
                 **AS_RECORDED,
             },
         ),
+        "live": LIVE,
         "data": DATA,
         "train": TRAIN,
         "check": CHECK,

@@ -1,5 +1,6 @@
 """Prints what the functions behind the commands return."""
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -11,6 +12,8 @@ if TYPE_CHECKING:
     from ehar.data.motion_data import MotionData
     from ehar.data.streams.data import StreamData
     from eval.conformance.checks import Conformance
+    from eval.live.figures import LoopFigures
+    from eval.live.rehearsal import Rehearsal
     from eval.render.tables import Table
     from eval.replays.replay import WrittenReplay
     from eval.running.run import Run
@@ -56,6 +59,16 @@ def show_tables(tables: "list[Table]") -> None:
 def show_result(result: HasTables) -> None:
     """Print the tables of a study."""
     print_tables(*result.tables())
+
+
+def show_live(result: "LoopFigures | Rehearsal") -> None:
+    """Print the tables of a rehearsal; of a loop, whose lines go to standard output, a line on standard error."""
+    from eval.live.figures import LoopFigures
+
+    if isinstance(result, LoopFigures):
+        print(result, file=sys.stderr)
+    else:
+        show_result(result)
 
 
 def show_speed(figures: dict[str, float]) -> None:

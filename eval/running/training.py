@@ -4,19 +4,22 @@ import shlex
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from ehar.conditions import Conditions
 from ehar.errors import ModelError
 from ehar.files import read_json
 from ehar.processes import cores
 from eval.running.outlook import outlook
-from planners.agents.config import PAPER_FORM, AgentTrainingConfig, Scale
+from planners.agents.config import PAPER_FORM, AgentTrainingConfig
 from planners.place.config import FixedBestConfig
 from planners.value.config import GainTrainingConfig
 from recognition.setting import load_motion_of, load_setting
 from recognition.training.config import PUBLISHED_BATCH, TrainingConfig
 
+Effort = Literal["tiny", "quick", "paper"]
+# A first try, which shows that everything runs on some data, and nothing more.
+TINY_CLIPS, TINY_INTERVAL, TINY_BATCHES, TINY_EPISODES = 640, 320, 1, 64
 PAPER_CLIPS = 200_000  # about as many as 32 views of each training scenario of ExPI (Sec. 4.2 and 5.1)
 
 if TYPE_CHECKING:
@@ -30,6 +33,7 @@ class _Run:
 
     data_sha256: str | None = None
     size: str | None = None
+    interval: int | None = None
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,8 @@ class TrainAllConfig:
         conditions: conditions of all trainings.
         out: folder to write to.
         seeds: the agents' training seeds, by name: 7 8 9.
-        setting: quick, for 2 CPU cores; paper, as published, for a GPU: it takes --views paper, and trains no field.
+        setting: tiny, a first try in a minute or two: recogniser, field and il; quick, for 2 CPU cores; paper, as
+            published, for a GPU: it takes --views paper, and trains no field.
         workers: number of processes; results do not depend on it.
         device: device of the recogniser's and of PPO's network: cpu or cuda.
     """
@@ -73,14 +78,14 @@ class TrainAllConfig:
     conditions: Conditions
     out: Path
     seeds: tuple[int, ...] = (0,)
-    setting: Scale = "quick"
+    setting: Effort = "quick"
     workers: int = field(default_factory=cores)
     device: str = "cpu"
 
     @property
     def told(self) -> Conditions:
         """The conditions of every training; in the paper setting, with the published form."""
-        return self.conditions if self.setting == "quick" else replace(self.conditions, form=PAPER_FORM)
+        return replace(self.conditions, form=PAPER_FORM) if self.setting == "paper" else self.conditions
 
     @property
     def with_models(self) -> Conditions:
@@ -99,20 +104,25 @@ class TrainAllConfig:
     @property
     def recogniser(self) -> TrainingConfig:
         """The configuration of the recogniser's training."""
+        paper, tiny = self.setting == "paper", self.setting == "tiny"
         return TrainingConfig(
             conditions=self.told,
             out=self.out,
-            size="small" if self.setting == "quick" else "published",
-            optimiser="adamw" if self.setting == "quick" else "published",
-            batch=TrainingConfig.batch if self.setting == "quick" else PUBLISHED_BATCH,
-            clips=TrainingConfig.clips if self.setting == "quick" else PAPER_CLIPS,
+            size="published" if paper else "small",
+            optimiser="published" if paper else "adamw",
+            batch=PUBLISHED_BATCH if paper else TrainingConfig.batch,
+            clips=PAPER_CLIPS if paper else TINY_CLIPS if tiny else TrainingConfig.clips,
+            interval=TINY_INTERVAL if tiny else TrainingConfig.interval,
             device=self.device,
         )
 
     @property
     def gain_field(self) -> GainTrainingConfig:
         """The configuration of the gain field's training."""
-        return GainTrainingConfig(conditions=self.with_models, workers=self.workers, device=self.device)
+        batches = TINY_BATCHES if self.setting == "tiny" else GainTrainingConfig.batches
+        return GainTrainingConfig(
+            conditions=self.with_models, batches=batches, workers=self.workers, device=self.device
+        )
 
     @property
     def fixed_best(self) -> FixedBestConfig:
@@ -122,10 +132,14 @@ class TrainAllConfig:
     @property
     def agents(self) -> AgentTrainingConfig:
         """The configuration of the agents' training."""
+        tiny = self.setting == "tiny"
         return AgentTrainingConfig(
             conditions=self.with_models,
             seeds=self.seeds,
-            setting=self.setting,
+            setting="paper" if self.setting == "paper" else "quick",
+            stages="il" if tiny else None,
+            episodes=TINY_EPISODES if tiny else None,
+            variations=0 if tiny else None,
             workers=self.workers,
             device=self.device,
         )
@@ -219,6 +233,8 @@ def train_all(config: TrainAllConfig) -> Trained:
     ]
     if config.setting == "paper":
         del stages[1:3]  # gain fields and places are for the causal form, and no part of the paper
+    if config.setting == "tiny":
+        del stages[2]  # it tries every place, which takes longer than all others
     paths: list[Path] = []
     for number, (name, is_there, train) in enumerate(stages, 1):
         kept = is_there(config)
@@ -249,6 +265,12 @@ def has_recogniser(config: TrainAllConfig) -> bool:
         raise ModelError(
             f"{description}: trained on another data set: its sha256 was {sha256[:12]}..., that of {data.name} is "
             f"{data.sha256[:12]}...: remove it to train again, or choose another --out"
+        )
+    tiny = run.interval == TINY_INTERVAL
+    if run.interval is not None and tiny != (config.setting == "tiny"):
+        raise ModelError(
+            f"{description}: got a recogniser {'of' if tiny else 'that is not of'} --setting tiny: "
+            "remove it to train again, or choose another --out"
         )
     wanted = config.recogniser.size
     if config.setting == "paper" and run.size not in (None, wanted):

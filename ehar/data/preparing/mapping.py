@@ -1,5 +1,6 @@
 """Maps motion from one skeleton to another by what joints are, so that it fits what a pose estimator sees."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal, get_args
 
@@ -31,13 +32,7 @@ def mapped(data: MotionData, target: Target) -> MotionData:
     if target not in get_args(Target):
         raise UsageError(f"skeleton: got {target!r}, expected one of {', '.join(get_args(Target))}")
     layout = LAYOUTS[target]
-    own, wanted = body_parts(data.skeleton.joint_names), body_parts(layout.joint_names)
-    part_of = {joint: part for part, joint in reversed(wanted.items())}
-    part_of |= {joint: name for joint, name in enumerate(layout.joint_names) if name in wanted}
-    sources = [
-        [own[part]] if part in own else [own[near] for near in _BETWEEN.get(part, ()) if near in own]
-        for _, part in sorted(part_of.items())
-    ]
+    sources = joint_sources(data.skeleton.joint_names, layout.joint_names)
     lacking = [name for name, source in zip(layout.joint_names, sources, strict=True) if not source]
     if lacking:
         hint = "; body12 needs no face, hands or feet" if target != "body12" else ""
@@ -54,3 +49,20 @@ def mapped(data: MotionData, target: Target) -> MotionData:
         skeleton=layout,
         notes=(*data.notes, *([f"{target}: {told}"] if told else [])),
     )
+
+
+def joint_sources(held: Sequence[str], wanted: Sequence[str]) -> list[list[int]]:
+    """Return the joints that each wanted joint is the middle of, by what joints are; none where there are none.
+
+    Args:
+        held: names of the joints that there are.
+        wanted: names of the joints that are needed.
+    """
+    own, parts = body_parts(held), body_parts(wanted)
+    part_of = {joint: part for part, joint in reversed(parts.items())}
+    part_of |= {joint: name for joint, name in enumerate(wanted) if name in parts}
+    found = []
+    for joint in range(len(wanted)):
+        part = part_of.get(joint, "")
+        found.append([own[part]] if part in own else [own[near] for near in _BETWEEN.get(part, ()) if near in own])
+    return found

@@ -7,6 +7,7 @@ of `ehar data prepare NAME`: a line, an example, and its arguments.
 READERS = {  # name: module:function, imported on demand
     "arrays": "ehar.data.readers.arrays:prepare_arrays",
     "bvh": "ehar.data.readers.bvh:prepare_bvh",
+    "c3d": "ehar.data.readers.c3d:prepare_c3d",
     "ntu": "ehar.data.readers.ntu:prepare_ntu",
     "nwucla": "ehar.data.readers.nwucla:prepare_nwucla",
     "utd-mhad": "ehar.data.readers.utd_mhad:prepare_utd_mhad",

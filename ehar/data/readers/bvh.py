@@ -6,7 +6,6 @@ and not part of the body: it is left out too.
 """
 
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from ehar.arrays import FloatArray
 from ehar.data.motion_data import MotionData
 from ehar.data.preparing.axes import Up, metres, up_rotation, upright
+from ehar.data.readers.names import compiled, label_of
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError, UsageError
@@ -52,14 +52,14 @@ def prepare_bvh(
         DataError: a file is malformed, differs in skeleton or frame time, or its name does not fit the pattern.
     """
     source = Path(source)
-    regex = _compile(pattern)
+    regex = compiled(pattern)
     if label_from not in ("name", "folder"):
         raise UsageError(f"label_from: got {label_from!r}, expected name or folder")
     metres(unit), up_rotation(up)  # a wrong option is told before anything is read
     files = sorted(file for file in source.rglob("*") if file.suffix.lower() == ".bvh" and file.is_file())
     if not files:
         raise DataError(f"{source}: got no .bvh files, expected a folder that holds some")
-    words = [file.parent.name if label_from == "folder" else _label(file, regex, pattern) for file in files]
+    words = [file.parent.name if label_from == "folder" else label_of(file, regex, pattern) for file in files]
     clips = [read_bvh(file) for file in files]
     for file, clip in zip(files, clips, strict=True):
         _check_alike(files[0], clips[0], file, clip)
@@ -251,23 +251,6 @@ def _parse_frames(file: Path, lines: list[str], first: int, channels: int) -> Fl
             raise DataError(f"{file}: line {number}: got {len(words)} numbers, expected {channels}, one a channel")
         rows.append([_float(file, number, word) for word in words])
     return np.array(rows).reshape(len(rows), channels)
-
-
-def _compile(pattern: str) -> re.Pattern[str]:
-    """Return the pattern of a file's name as a regular expression with the group `label`."""
-    pieces = re.split(r"\{(\w+)\}", pattern)
-    if pieces[1::2].count("label") != 1:
-        raise UsageError(f"pattern: got {pattern!r}, expected {{label}} in it once")
-    fields = [r"(?P<label>.+)" if field == "label" else ".+?" for field in pieces[1::2]]
-    literals = [re.escape(piece) for piece in pieces[0::2]]
-    return re.compile("".join(literal + field for literal, field in zip(literals, [*fields, ""], strict=True)))
-
-
-def _label(file: Path, regex: re.Pattern[str], pattern: str) -> str:
-    match = regex.fullmatch(file.name)
-    if match is None:
-        raise DataError(f"{file}: got a name that does not fit the pattern {pattern!r}")
-    return match["label"]
 
 
 def _check_alike(first_file: Path, first: Clip, file: Path, clip: Clip) -> None:

@@ -1,7 +1,7 @@
 """The belief in streams against the recogniser's own words, on people whom nobody has met, and without each part."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -129,7 +129,7 @@ def stream_belief_report(setting: Setting, *, out: str | Path | None, reporter: 
 
     Args:
         setting: the streams, and who sees them.
-        out: folder for config.json and table.md.
+        out: folder for config.json, belief.json, which `ehar live` takes, and table.md.
         reporter: receives progress.
 
     Raises:
@@ -171,6 +171,7 @@ def stream_belief_report(setting: Setting, *, out: str | Path | None, reporter: 
     )
     if out is not None:
         write_text(Path(out) / CONFIG, [json_text(config.to_json())])
+        write_text(Path(out) / "belief.json", [json_text(asdict(report.model))])
         write_text(Path(out) / "table.md", [markdown(*report.tables())])
     return report
 

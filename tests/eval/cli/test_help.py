@@ -26,7 +26,7 @@ HEAVY = (
     "pydantic",
     "pandas",
 )
-TOP = ("benchmark", "report", "replay", "data", "train", "check", "compare", "verify", "study", "bench")
+TOP = ("benchmark", "report", "replay", "live", "data", "train", "check", "compare", "verify", "study", "bench")
 LINES = {100: 40, 80: 50}  # of a screen, by its columns
 LINES_OF_ALL = 30  # for `ehar --help`
 

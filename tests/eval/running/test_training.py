@@ -84,6 +84,32 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return heard
 
 
+def test_tiny_is_a_first_try_of_what_planners_need_most(tmp_path: Path, calls: list[str]) -> None:
+    tiny = TrainAllConfig(conditions=DUO, out=tmp_path, setting="tiny")
+    train_all(tiny)
+    assert calls == ["recogniser", "gain field", "agents"]
+    assert (tiny.recogniser.clips, tiny.recogniser.interval, tiny.recogniser.size) == (640, 320, "small")
+    assert (tiny.gain_field.batches, tiny.agents.stage_names, tiny.agents.imitation("il").episodes) == (1, ("il",), 64)
+    usual = TrainAllConfig(conditions=DUO, out=tmp_path)
+    assert usual.recogniser.clips == TrainingConfig.clips and usual.gain_field.batches == GainTrainingConfig.batches
+    assert usual.agents.stage_names == ("il", "ppo", "il-ppo", "dagger")
+
+
+def test_a_first_try_is_not_taken_for_a_training_nor_a_training_for_a_first_try(
+    tmp_path: Path, calls: list[str]
+) -> None:
+    copy(RECOGNISERS / "duo", RECOGNISER, tmp_path)
+    description = tmp_path / f"{RECOGNISER}.json"
+    with pytest.raises(ModelError, match="that is not of --setting tiny: remove it to train again, or choose another"):
+        has_recogniser(TrainAllConfig(conditions=DUO, out=tmp_path, setting="tiny"))
+    held = json.loads(description.read_text())
+    held["training"]["run"]["interval"] = 320
+    description.write_text(json.dumps(held))
+    assert has_recogniser(TrainAllConfig(conditions=DUO, out=tmp_path, setting="tiny"))
+    with pytest.raises(ModelError, match="got a recogniser of --setting tiny: remove it"):
+        has_recogniser(TrainAllConfig(conditions=DUO, out=tmp_path))
+
+
 def test_everything_is_trained_in_order(tmp_path: Path, calls: list[str]) -> None:
     trained = train_all(TrainAllConfig(conditions=DUO, out=tmp_path))
     assert calls == ["recogniser", "gain field", "fixed-best", "agents"]

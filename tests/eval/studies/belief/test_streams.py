@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ehar.conditions import Conditions
+from eval import Watcher
 from eval.scores.planner_metrics import NLL
 from eval.studies.belief.streams import StreamBeliefReport
 from eval.studies.belief.study import belief_report
@@ -39,3 +40,5 @@ def test_every_reader_is_scored_on_the_same_episodes(folder: Path, tmp_path: Pat
     assert report.readers[1].better > 0
     assert "| no-act | belief |" in (tmp_path / "table.md").read_text()
     assert (tmp_path / "config.json").is_file()
+    watcher = Watcher(models=folder / "models", sensor="perfect", belief=tmp_path / "belief.json")
+    assert watcher.belief_model == report.model

@@ -1,0 +1,105 @@
+"""`ehar live`: frames from somewhere, setpoints to somewhere, or a rehearsal of both."""
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+from ehar.conditions import Conditions
+from ehar.planner import Planner
+from eval.live import rehearsal
+from eval.live.figures import LoopFigures
+from eval.live.loop import Loop, Said
+from eval.live.mavlink import Mavlink
+from eval.live.messages import Vector
+from eval.live.page import Page
+from eval.live.transports import Outbox, lines_of
+from eval.live.watcher import Watcher
+from recognition.torch_threads import one_torch_thread
+
+
+def live(
+    *,
+    models: str | Path,
+    vehicle: str = "px4-auto",
+    planner: str | Planner = "h-rotate",
+    source: str = "-",
+    sensor: str = "estimator",
+    views: str = "moving",
+    belief: Path | None = None,
+    sure: float = 0.9,
+    mavlink: str | None = None,
+    origin: Vector = (0.0, 0.0, 0.0),
+    page: int | None = None,
+    rehearse: str | None = None,
+    minutes: float = 1.0,
+    loss: float = 0.05,
+) -> LoopFigures | rehearsal.Rehearsal:
+    """Watch people through a pose estimator, and say where the camera should fly, until there are no more frames.
+
+    Args:
+        models: folder of weights that were trained on streams.
+        vehicle: px4-auto, px4-max, tracking-drone, ground-robot, or a vehicle file (.json).
+        planner: name of the planner, or your own: file.py:Class.
+        source: - for standard input, a file, or udp:HOST:PORT.
+        sensor: sensor that the weights were trained through.
+        views: views that the weights were trained on: moving or paper.
+        belief: JSON of the belief, as study belief writes it.
+        sure: least probability of an activity that is named.
+        mavlink: send setpoints there too, such as udpout:127.0.0.1:14540.
+        origin: where people are in the vehicle's local frame, for mavlink: east, north, up [m].
+        page: port on 127.0.0.1 of a page to look at.
+        rehearse: play these streams in real time instead, through the sensor: an .npz, or a built-in set.
+        minutes: how long to rehearse.
+        loss: share of frames that a rehearsal loses, and that come late, in every second stream.
+
+    Raises:
+        EharError: something is missing or malformed, or does not fit.
+    """
+    with ExitStack() as stack:
+        stack.enter_context(one_torch_thread())
+
+        def outputs(watcher: Watcher) -> Sequence[Callable[[Said], None]]:
+            """Return what takes what goes out, besides lines."""
+            found: list[Callable[[Said], None]] = []
+            if mavlink is not None:
+                link = Mavlink(mavlink, origin=origin)
+                stack.callback(link.close)
+                found.append(link.send)
+            if page is not None:
+                spec = watcher.recogniser.spec
+                shown = Page(page, class_names=spec.class_names, skeleton=spec.skeleton, world=spec.world)
+                stack.callback(shown.close)
+                _note(f"page: {shown.address}")
+                found.append(lambda said: shown.show(said, time.monotonic()))
+            return found
+
+        if rehearse is not None:
+            return rehearsal.rehearse(
+                Conditions(data=rehearse, models=models, sensor=sensor, views=views, track=vehicle),
+                planner=planner,
+                belief=belief,
+                sure=sure,
+                minutes=minutes,
+                loss=loss,
+                outputs=lambda watcher: [lambda said: _discard(said.line()), *outputs(watcher)],
+                note=_note,
+            )
+        watcher = Watcher(
+            models=models, vehicle=vehicle, planner=planner, sensor=sensor, views=views, belief=belief, sure=sure
+        )
+        box = Outbox(sys.stdout)
+        stack.callback(box.close)
+        # The autopilot first: a line on standard output can wait.
+        loop = Loop(watcher, [*outputs(watcher), lambda said: box.put(said.line())])
+        box.when_broken = loop.end
+        return loop.run(lines_of(source, loop.going))
+
+
+def _discard(line: str) -> None:
+    """Take a line that nobody reads: a rehearsal makes lines as the loop does, so that it takes as long."""
+
+
+def _note(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)

@@ -1,0 +1,67 @@
+"""A rehearsal in real time: what was recognised is the benchmark's where nothing was lost."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ehar.conditions import Conditions
+from ehar.errors import UsageError
+from eval.live import rehearsal
+from eval.live.figures import Latencies
+from eval.live.rehearsal import EQUAL, rehearse
+from tests.helpers.live_worlds import save_live_world
+
+
+def test_two_short_streams_one_of_which_loses_frames(tmp_path: Path) -> None:
+    folder = save_live_world(tmp_path)
+    told = Conditions(data=str(folder / "raising.npz"), models=folder / "models", track="px4-auto", length=30)
+    notes: list[str] = []
+    found = rehearse(
+        told,
+        planner="no-act",
+        belief=None,
+        sure=0.9,
+        minutes=2 / 60,
+        loss=0.2,
+        outputs=lambda _: [],
+        note=notes.append,
+    )
+    assert found.lossless.tolist() == [True, False]
+    assert found.apart[0] <= EQUAL and found.same[0] == 1 and found.right[0] == found.right_there[0]
+    assert 0.0 < found.figures.counts["frames"] < 60 and found.figures.counts["out of order"] > 0
+    assert max(found.limits.values()) <= 1
+    did, recognised = found.tables()
+    assert did.rows[0][2] == str(found.figures.lines) and [row[0] for row in recognised.rows] == [
+        "none lost",
+        "some lost",
+    ]
+    assert notes[0].endswith("2 streams of 1 s, in real time")
+
+
+def test_only_streams_are_rehearsed(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="expected streams, as `ehar data stitch` makes them, got trimmed sequences"):
+        rehearse(
+            Conditions(data="solo", track="px4-auto"),
+            planner="no-act",
+            belief=None,
+            sure=0.9,
+            minutes=1,
+            loss=0,
+            outputs=lambda _: [],
+            note=print,
+        )
+
+
+def test_percentiles_of_latencies_and_memory() -> None:
+    latencies = Latencies()
+    assert latencies.percentile(95) == 0
+    for milliseconds in np.random.default_rng(0).permutation(100):
+        latencies.add(float(milliseconds) / 1000)
+    latencies.add(60.0)
+    assert latencies.percentile(50) == pytest.approx(0.0501)
+    assert latencies.percentile(95) == pytest.approx(0.0951)
+    assert latencies.percentile(100) == pytest.approx(2.0, abs=1e-3)
+    before = rehearsal.peak_megabytes()
+    assert np.ones(8 << 20).sum() > 0
+    assert before > 50 and rehearsal.peak_megabytes() >= before

@@ -1,0 +1,91 @@
+"""Setpoints keep the vehicle's limits: to targets that jump, through braking, and after it."""
+
+import numpy as np
+import pytest
+
+from ehar.flight.vehicle import VEHICLES
+from ehar.viewpoint import Workspace, cartesian
+from eval.live.setpoints import Setpoint, Setpoints
+from tests.helpers.live_worlds import START
+
+FRAME_TIME = 1 / 30
+
+
+def flying(vehicle: str = "px4-auto") -> Setpoints:
+    setpoints = Setpoints(vehicle=VEHICLES[vehicle], workspace=Workspace(), frame_time=FRAME_TIME)
+    assert setpoints.begin(START)
+    return setpoints
+
+
+def test_limits_hold_whatever_is_wanted() -> None:
+    rng, setpoints, vehicle = np.random.default_rng(0), flying(), VEHICLES["px4-auto"]
+    flown: list[Setpoint] = []
+    for frame in range(240):
+        if frame % 7 == 0:
+            setpoints.aim(rng.uniform([0, -10, -1], [30, 10, 4]))
+        if frame % 60 == 40:
+            setpoints.brake()
+        flown.append(setpoints.next())
+    places = np.array([[*point.position] for point in flown])
+    for order, limit in ((1, vehicle.speed), (2, vehicle.acceleration), (3, vehicle.jerk)):
+        lengths = np.linalg.norm(np.diff(places, n=order, axis=0), axis=1) / FRAME_TIME**order
+        assert lengths.max() <= limit * (1 + 1e-6)
+    climbs = np.diff(places[:, 2]) / FRAME_TIME
+    assert climbs.max() <= vehicle.climb_speed and -climbs.min() <= vehicle.descent_speed
+    assert max(abs(point.yaw_rate) for point in flown) <= vehicle.yaw_rate
+    assert Workspace().contains(np.array([point.viewpoint for point in flown])).all()
+
+
+def test_velocity_acceleration_and_yaw_are_those_of_the_way() -> None:
+    setpoints = flying()
+    setpoints.aim(np.array([6.0, 2.5, 0.8]))
+    flown = [setpoints.next() for _ in range(40)]
+    places, rates = (np.array([getattr(point, name) for point in flown]) for name in ("position", "velocity"))
+    pulls = np.array([point.acceleration for point in flown])
+    np.testing.assert_allclose(np.gradient(places, FRAME_TIME, axis=0)[1:-1], rates[1:-1], atol=5e-3)
+    np.testing.assert_allclose(np.gradient(rates, FRAME_TIME, axis=0)[1:-1], pulls[1:-1], atol=0.1)
+    for point in flown:
+        to_people = -np.array(point.position)
+        assert point.yaw == pytest.approx(np.arctan2(to_people[1], to_people[0]))
+        assert point.position == pytest.approx(tuple(cartesian(np.array(point.viewpoint))))
+    assert [point.time for point in flown[:2]] == pytest.approx([FRAME_TIME, 2 * FRAME_TIME])
+
+
+def test_braking_is_sooner_at_rest_than_flying_on_and_then_it_hovers() -> None:
+    setpoints = flying()
+    setpoints.aim(np.array([8.0, 4.0, 1.2]))
+    for _ in range(60):
+        moving = setpoints.next()
+    speed = np.linalg.norm(moving.velocity)
+    assert speed > 2
+    setpoints.brake()
+    frames = 0
+    while not setpoints.resting:
+        frames += 1
+        assert setpoints.next().braking and frames < 150
+    assert frames * FRAME_TIME < 3.5  # 5 m/s at 3 m/s^2 and 4 m/s^3 takes 2.4 s
+    hover = setpoints.next()
+    assert hover.velocity == (0, 0, 0) and hover.position == setpoints.next().position
+    setpoints.aim(np.array([8.0, 4.0, 1.2]))
+    assert not [setpoints.next() for _ in range(30)][-1].braking
+    assert not setpoints.resting
+
+
+def test_nothing_begins_outside_of_the_workspace() -> None:
+    setpoints = Setpoints(vehicle=VEHICLES["px4-auto"], workspace=Workspace(), frame_time=FRAME_TIME)
+    assert not setpoints.begin(np.array([3.0, 0.0, 1.0])) and not setpoints.begun
+    assert setpoints.begin(START)
+    assert setpoints.begin(np.array([3.0, 0.0, 1.0])), "it has begun, and stays"
+
+
+def test_what_hovers_flies_as_if_it_had_just_begun() -> None:
+    old, new = flying(), flying()
+    for _ in range(50):
+        old.next()
+    old.settle()
+    for setpoints in (old, new):
+        setpoints.aim(np.array([12.0, 5.0, 0.4]))
+    for _ in range(60):
+        assert old.next().position == new.next().position
+    old.settle()  # in flight, it changes nothing
+    assert old.next().position == new.next().position
