@@ -79,7 +79,7 @@ class Brancher(Planner):
             truth = observation.truth
             assert isinstance(truth, Truth)
             self.worth, self.visited = follow_paths(
-                truth, observation, self.goals, self.workspace, frames=LENGTH - 1 - self.at
+                truth, observation, self.goals, self.workspace, frames=LENGTH - 1 - self.at, classes=3
             )
         return self.goals[:, self.path]
 
@@ -106,9 +106,9 @@ def test_forks_hold_what_their_paths_gave(monkeypatch: pytest.MonkeyPatch) -> No
     calls: list[tuple[Observation, FloatArray, FloatArray, FloatArray]] = []
 
     def watched(
-        truth: Truth, observation: Observation, goals: FloatArray, workspace: Workspace, *, frames: int
+        truth: Truth, observation: Observation, goals: FloatArray, workspace: Workspace, *, frames: int, classes: int
     ) -> tuple[FloatArray, FloatArray]:
-        worth, visited = follow_paths(truth, observation, goals, workspace, frames=frames)
+        worth, visited = follow_paths(truth, observation, goals, workspace, frames=frames, classes=classes)
         calls.append((observation, goals, worth, visited))
         return worth, visited
 
