@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -36,7 +37,7 @@ from recognition.setting import load_setting
 from recognition.storage import load_recogniser
 from recognition.training.config import TrainingConfig
 from recognition.training.trainer import train_recogniser
-from tests.helpers.fakes import tiny_context, tiny_data
+from tests.helpers.fakes import FakeRecogniser, tiny_context, tiny_data
 from tests.helpers.gain_models import model_of
 from tests.helpers.stream_worlds import save_stream_world
 from tests.helpers.tiny_benchmarks import Log, file_hash
@@ -213,3 +214,23 @@ def test_weights_of_clips_do_not_watch_streams(folder: Path) -> None:
     clips = tiny_data(fps=10.0)
     with pytest.raises(EharError, match="class_names do not fit tiny"):
         load_recogniser(Conditions(data=clips, models=folder / "models"), clips)
+
+
+def test_streams_are_an_environment_by_its_name(folder: Path) -> None:
+    told = Conditions(data=str(folder / "raising.npz"), models=folder / "models", length=LENGTH, part="policy")
+    env = gym.make("ehar/Stream-v0", conditions=told)
+    observation, _ = env.reset(seed=0)
+    assert observation["time"] == 0
+    flying = gym.make_vec(
+        "ehar/Stream-v0",
+        num_envs=2,
+        vectorization_mode="vector_entry_point",
+        conditions=replace(told, track="px4-auto"),
+    )
+    observations, _ = flying.reset(seed=0)
+    assert observations["velocity"].shape == (2, 3)
+    with pytest.raises(UsageError, match=r"tiny: expected streams, got trimmed sequences: `ehar/Grid-v0` takes them"):
+        clips = Conditions(data=tiny_data(), recogniser=FakeRecogniser())
+        gym.make("ehar/Stream-v0", conditions=clips)
+    with pytest.raises(UsageError, match="raising: expected trimmed sequences, got streams"):
+        gym.make("ehar/Grid-v0", conditions=told)
