@@ -177,7 +177,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256, length, device)
 
 
-def refuse_loss(path: Path, setting: Setting, load: Callable[[Conditions, MotionData, str], object]) -> None:
+def refuse_loss(path: Path, setting: Setting, load: Callable[[Conditions, Recordings, str], object]) -> None:
     """Raise a UsageError where what was trained for another recogniser would be lost to what is for your own.
 
     Args:
@@ -188,6 +188,6 @@ def refuse_loss(path: Path, setting: Setting, load: Callable[[Conditions, Motion
     if setting.conditions.recogniser is None or not path.is_file():
         return
     try:
-        load(replace(setting.conditions, models=path.parent), setting.data, setting.recogniser_sha256)
+        load(replace(setting.conditions, models=path.parent), setting.recordings, setting.recogniser_sha256)
     except ModelError as error:
         raise UsageError(f"{error}: remove it, or choose another --out") from error

@@ -88,6 +88,9 @@ class StreamingRecogniser(_Recogniser):
         temperature: the temperature, fitted on validation data.
         sha256: hash of weights and temperature, recorded beside results.
         device: a torch device.
+
+    Attributes:
+        memory: how long a frame counts for where evidence fades, the mean over features [s]; None where it does not.
     """
 
     def __init__(
@@ -95,6 +98,8 @@ class StreamingRecogniser(_Recogniser):
     ) -> None:
         """Put the network in evaluation mode on the device."""
         self._stepper = CausalStepper(network.eval())
+        fading = network.fading
+        self.memory = None if fading is None else float(fading.log_memory.detach().exp().mean()) / spec.fps
         super().__init__(self._stepper, spec, temperature, sha256, device)
         self.embedding_size = network.embedding_size
 

@@ -1,6 +1,7 @@
 """Scenarios: labelled windows of L frames, cut from sequences that are split into four parts."""
 
 from dataclasses import dataclass
+from typing import overload
 
 import numpy as np
 
@@ -72,8 +73,18 @@ class Parts:
     test: IntArray
 
 
-def windows(data: MotionData, sequences: IntArray, length: int, stride: int) -> Scenarios:
-    """Return the windows of `length` frames, `stride` frames apart, of some sequences.
+@overload
+def windows(data: MotionData, sequences: IntArray, length: int, stride: int) -> Scenarios: ...
+
+
+@overload
+def windows(data: StreamData, sequences: IntArray, length: int, stride: int) -> StreamScenarios: ...
+
+
+def windows(
+    data: MotionData | StreamData, sequences: IntArray, length: int, stride: int
+) -> Scenarios | StreamScenarios:
+    """Return the windows of `length` frames, `stride` frames apart, of some sequences or streams.
 
     Sequences shorter than `length` have none. Sec. 5.1: stride 1 to train and validate, L to test.
     """
@@ -84,6 +95,8 @@ def windows(data: MotionData, sequences: IntArray, length: int, stride: int) -> 
     sequence = np.repeat(sequences, counts)
     ends = np.cumsum(counts)
     first = (np.arange(len(sequence)) - np.repeat(ends - counts, counts)) * stride
+    if isinstance(data, StreamData):
+        return StreamScenarios(data, length, sequence, first)
     return Scenarios(data, length, sequence, first)
 
 

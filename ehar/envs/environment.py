@@ -16,8 +16,9 @@ from ehar.envs.task import reward as reward
 class EpisodeEnv(gym.Env[dict[str, Any], Any]):
     """One episode at a time of the task that `EpisodeTask` describes.
 
-    The last frame terminates an episode and does not truncate it. The task ends there by definition, and `ratio` tells
-    the agent when, so there is no later value to bootstrap from.
+    The last frame of a clip terminates an episode and does not truncate it. The task ends there by definition, and
+    `ratio` tells the agent when, so there is no later value to bootstrap from. A stream goes on: its episode is
+    truncated, and nothing that the agent sees tells it when.
 
     Args:
         episodes: the task.
@@ -42,7 +43,9 @@ class EpisodeEnv(gym.Env[dict[str, Any], Any]):
     def step(self, action: Any) -> tuple[Observations, float, bool, bool, dict[str, Any]]:
         """Carry out an action and see the next frame."""
         observations, rewards = self.episodes.step(np.asarray(action)[None])
-        return _only(observations), float(rewards[0]), self.episodes.over, False, _only(self.episodes.info)
+        ends = self.episodes.over
+        terminated, truncated = (False, ends) if self.episodes.in_streams else (ends, False)
+        return _only(observations), float(rewards[0]), terminated, truncated, _only(self.episodes.info)
 
 
 class EpisodeVectorEnv(gym.vector.VectorEnv[Observations, npt.NDArray[Any], npt.NDArray[Any]]):
@@ -81,8 +84,9 @@ class EpisodeVectorEnv(gym.vector.VectorEnv[Observations, npt.NDArray[Any], npt.
             observations = self.episodes.begin(self.num_envs, self.np_random)
         else:
             observations, rewards = self.episodes.step(np.asarray(actions))
-        terminated = np.full(self.num_envs, self.episodes.over)
-        return observations, rewards, terminated, np.zeros(self.num_envs, dtype=bool), self._masked_info()
+        ends, not_yet = np.full(self.num_envs, self.episodes.over), np.zeros(self.num_envs, dtype=bool)
+        terminated, truncated = (not_yet, ends) if self.episodes.in_streams else (ends, not_yet)
+        return observations, rewards, terminated, truncated, self._masked_info()
 
     def _masked_info(self) -> dict[str, Any]:
         """Return the info with the mask that Gymnasium keeps beside each key."""

@@ -17,9 +17,10 @@ def shown(
     viewpoint: FloatArray,
     log_probs: FloatArray,
     embedding: FloatArray,
-    ratio: float,
+    ratio: float | None,
     workspace: Workspace,
     camera: Camera,
+    time: float = 0.0,
 ) -> Observations:
     """Return the agent's observation of one frame of B episodes; every array is float32 and starts with B.
 
@@ -29,23 +30,25 @@ def shown(
         viewpoint: (B, 3).
         log_probs: (B, K), from the recogniser.
         embedding: (B, D), from the recogniser.
-        ratio: the share of the episode that has been observed, in (0, 1].
+        ratio: the share of the episode that has been observed, in (0, 1]; None in a stream.
         workspace: the bounds by which viewpoints are scaled.
         camera: the camera by whose image joints are scaled.
+        time: time since the first frame, which a stream shows [s].
 
     Returns:
         joints (B, P, J, 2) from the image centre in half image widths, confidence (B, P, J), viewpoint (B, 4),
-        probabilities (B, K), embedding (B, D) and ratio (B, 1).
+        probabilities (B, K), embedding (B, D), and ratio (B, 1) or in a stream time (B, 1).
     """
     centre = np.array([camera.width / 2, camera.height / 2])
     joints = (joints_2d - centre) / (camera.width / 2)
+    when = {"time": time} if ratio is None else {"ratio": ratio}
     return {
         "joints": joints.astype(np.float32),
         "confidence": confidence.astype(np.float32),
         "viewpoint": scaled_viewpoint(viewpoint, workspace),
         "probabilities": np.clip(np.exp(log_probs), 0, 1).astype(np.float32),
         "embedding": embedding.astype(np.float32),
-        "ratio": np.full((len(viewpoint), 1), ratio, dtype=np.float32),
+        **{name: np.full((len(viewpoint), 1), value, dtype=np.float32) for name, value in when.items()},
     }
 
 
@@ -57,7 +60,8 @@ def shown_to_agent(observation: Observation, context: Context) -> Observations:
         viewpoint=observation.viewpoint,
         log_probs=observation.log_probs,
         embedding=observation.embedding,
-        ratio=1.0 if observation.ratio is None else observation.ratio,  # a stream has no share that is left
+        ratio=observation.ratio,
+        time=observation.time,
         workspace=context.workspace,
         camera=context.world.camera,
     )

@@ -1,13 +1,15 @@
 """The task behind the Gymnasium environments: B episodes in lockstep, and the reward of the paper."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from ehar.arrays import BoolArray, FloatArray, read_only
+from ehar.arrays import BoolArray, FloatArray, IntArray, read_only
 from ehar.data.scenario import Scenarios
+from ehar.data.streams.scenario import StreamScenarios
 from ehar.envs.controls import Controls
 from ehar.envs.observations import Observations as Observations
 from ehar.envs.observations import shown
@@ -20,27 +22,45 @@ from ehar.sensors.sensor import Sensor, SensorNoise, draw_noise
 from ehar.world import PAPER, World
 
 
-def reward(correct_now: BoolArray, correct_before: BoolArray, length: int, *, first: bool) -> FloatArray:
+def reward(
+    correct_now: BoolArray, correct_before: BoolArray, length: int | IntArray, *, first: bool | BoolArray
+) -> FloatArray:
     """Return the reward of one frame, Eq. 1, (B,).
 
     Args:
         correct_now: whether the label is recognised after this frame, (B,).
         correct_before: whether it was recognised after the frame before, (B,); not used on the first frame.
-        length: L, frames in an episode.
-        first: whether this is the first frame, t = 1 in Eq. 1.
+        length: L, frames in an episode; in a stream those of the activity, (B,).
+        first: whether this is the first frame, t = 1 in Eq. 1; in a stream that of the activity, (B,).
     """
     accuracy = correct_now.astype(np.float64)
-    improvement = 0.0 if first else accuracy - correct_before
+    improvement = np.where(first, 0.0, accuracy - correct_before)
     total: FloatArray = accuracy / length + improvement
     return total
 
 
+def activity_frames(labels: IntArray) -> tuple[IntArray, BoolArray]:
+    """Return how many frames the activity of each frame has, and whether it begins there, both (B, L).
+
+    Args:
+        labels: (B, L), the class of each frame. Frames of one class in a row are one activity.
+    """
+    onset: BoolArray = np.ones(labels.shape, dtype=bool)
+    onset[:, 1:] = labels[:, 1:] != labels[:, :-1]
+    activity = np.cumsum(onset.ravel()) - 1
+    return np.bincount(activity)[activity].reshape(labels.shape), onset
+
+
 class EpisodeTask:
-    """B episodes in lockstep; an agent moves their cameras by its controls.
+    """B episodes in lockstep, of clips or of streams; an agent moves their cameras by its controls.
 
     An episode of L frames is a reset, which shows frame 1 from the start viewpoint, and L - 1 steps. Eq. 1 also rewards
     frame 1, before the agent has decided anything. That reward is added to the first step's, so the undiscounted return
     is the paper's sum over t = 1..L.
+
+    In a stream, each activity is rewarded as a clip is: L is the number of its frames, and its first frame, t = 1, is
+    no improvement. Frames that show no activity are worth 0. So the return is the sum of what Eq. 1 gives each
+    activity.
 
     An observation holds these float32 arrays, each with a leading B:
 
@@ -50,7 +70,8 @@ class EpisodeTask:
       them sine and cosine of the azimuth
     - `probabilities` (K,) of all classes, from the recogniser
     - `embedding` (D,), from the recogniser
-    - `ratio` (1,): the share of the episode that has been observed, in (0, 1]
+    - `ratio` (1,): the share of the episode that has been observed, in (0, 1]; in a stream, whose end nobody knows,
+      there is `time` (1,) instead: seconds since its first frame
     - the arrays that the controls add
 
     Args:
@@ -68,7 +89,7 @@ class EpisodeTask:
     def __init__(
         self,
         *,
-        scenarios: Scenarios,
+        scenarios: Scenarios | StreamScenarios,
         recogniser: Recogniser,
         sensor: Sensor,
         controls: Controls,
@@ -81,8 +102,8 @@ class EpisodeTask:
             raise UsageError(f"{data.name}: expected at least one scenario of {scenarios.length} frames, got none")
         if scenarios.length < 2:
             raise UsageError(f"{data.name}: expected episodes of at least 2 frames, got {scenarios.length}")
-        if tuple(recogniser.class_names) != data.class_names:
-            raise UsageError(f"{data.name}: expected a recogniser of its {len(data.class_names)} classes")
+        if tuple(recogniser.class_names) != data.recognised_names:
+            raise UsageError(f"{data.name}: expected a recogniser of its {len(data.recognised_names)} classes")
         self.scenarios = scenarios
         self.recogniser = recogniser
         self.sensor = sensor
@@ -93,18 +114,24 @@ class EpisodeTask:
         self.frame = -1  # no episode has begun
 
     @property
+    def in_streams(self) -> bool:
+        """Whether episodes are parts of streams, which go on after them."""
+        return isinstance(self.scenarios, StreamScenarios)
+
+    @property
     def observation_space(self) -> spaces.Dict:
         """The space of one episode's observations."""
         data = self.scenarios.data
         persons, joints = data.persons, len(data.skeleton.joint_names)
+        when = ("time", np.inf) if self.in_streams else ("ratio", 1)
         return spaces.Dict(
             {
                 "joints": spaces.Box(-np.inf, np.inf, (persons, joints, 2), np.float32),
                 "confidence": spaces.Box(0, 1, (persons, joints), np.float32),
                 "viewpoint": spaces.Box(np.array([0, -1, -1, 0], dtype=np.float32), np.ones(4, dtype=np.float32)),
-                "probabilities": spaces.Box(0, 1, (len(data.class_names),), np.float32),
+                "probabilities": spaces.Box(0, 1, (len(data.recognised_names),), np.float32),
                 "embedding": spaces.Box(-np.inf, np.inf, (self.recogniser.embedding_size,), np.float32),
-                "ratio": spaces.Box(0, 1, (1,), np.float32),
+                when[0]: spaces.Box(0, when[1], (1,), np.float32),
                 **self.controls.observation_spaces,
             }
         )
@@ -124,15 +151,20 @@ class EpisodeTask:
             raise UsageError(f"episodes: expected a multiple of {self.copies} copies, got {episodes}")
         data, drawn = self.scenarios.data, episodes // self.copies
         indices = rng.integers(0, len(self.scenarios), size=drawn).repeat(self.copies)
+        # The labels of all windows of streams would fill the memory, so those that are not drawn are left out first.
+        scenarios = replace(
+            self.scenarios, sequence=self.scenarios.sequence[indices], first=self.scenarios.first[indices]
+        )
         leading = (drawn, self.scenarios.length)
         noise = draw_noise(rng, leading, data.persons, len(data.skeleton.joint_names))
         self._batch = Batch(
-            positions=self.scenarios.positions(indices),
-            labels=self.scenarios.labels[indices],
+            positions=scenarios.positions(np.arange(episodes)),
+            labels=scenarios.labels,
             starts=self.workspace.clip(self.world.sample_starts(rng, drawn).repeat(self.copies, axis=0)),
             noise=SensorNoise(*(draws.repeat(self.copies, axis=0) for draws in noise)),
-            names=tuple(data.sequence_names[sequence] for sequence in self.scenarios.sequence[indices]),
+            names=tuple(data.sequence_names[sequence] for sequence in scenarios.sequence),
         )
+        self._frames_of_activity, self._onset = activity_frames(self._batch.frame_labels)
         self.frame = 0
         self.viewpoint = read_only(self._batch.starts)
         self.controls.motion.reset(self.viewpoint, 1 / data.fps)
@@ -149,19 +181,32 @@ class EpisodeTask:
         if self.over:
             raise EpisodeError(f"step after frame {self.frame + 1} of {self.scenarios.length}: expected a reset")
         targets = self.controls.targets(actions, self.viewpoint, f"frame {self.frame + 1}")
-        before, length = self.correct, self.scenarios.length
+        before = self.correct
         self.viewpoint = read_only(self.controls.motion.advance(targets))
         self.frame += 1
         observations = self._see()
-        rewards = reward(self.correct, before, length, first=False)
+        rewards = self._reward(before)
         if self.frame == 1:
-            rewards = rewards + reward(before, before, length, first=True)
+            rewards = rewards + self._reward_of_first(before)
         return observations, rewards
+
+    def _reward(self, before: BoolArray) -> FloatArray:
+        """Return the reward of the present frame, (B,), from whether the frame before was recognised (B,)."""
+        length, onset = self._frames_of_activity[:, self.frame], self._onset[:, self.frame]
+        return self._shows_activity(self.frame) * reward(self.correct, before, length, first=onset)
+
+    def _reward_of_first(self, correct: BoolArray) -> FloatArray:
+        """Return the reward of frame 0, (B,), from whether it was recognised (B,)."""
+        return self._shows_activity(0) * reward(correct, correct, self._frames_of_activity[:, 0], first=True)
+
+    def _shows_activity(self, frame: int) -> BoolArray:
+        """Return whether a frame shows an activity, (B,); a clip always does."""
+        return self._batch.frame_labels[:, frame] < len(self.scenarios.data.class_names)
 
     @property
     def info(self) -> dict[str, Any]:
-        """For analysis, not for the agent: the true labels (B,), and whether they are recognised (B,)."""
-        return {"label": self._batch.labels.copy(), "correct": self.correct.copy()}
+        """For analysis, not for the agent: the frame's true labels (B,), and whether they are recognised (B,)."""
+        return {"label": self._batch.frame_labels[:, self.frame].copy(), "correct": self.correct.copy()}
 
     def _see(self) -> Observations:
         """Sense and recognise the present frame."""
@@ -171,7 +216,7 @@ class EpisodeTask:
         with blamed(self.recogniser, f"recogniser {type(self.recogniser).__name__}, {where}"):
             recognition, self._state = self.recogniser.step(self._state, sensed, self.viewpoint)
         check_recognition(recognition, self.recogniser, len(self._batch.labels), where)
-        self.correct = np.argmax(recognition.log_probs, axis=1) == self._batch.labels
+        self.correct = np.argmax(recognition.log_probs, axis=1) == self._batch.frame_labels[:, self.frame]
         return {
             **shown(
                 joints_2d=sensed.joints_2d,
@@ -179,7 +224,8 @@ class EpisodeTask:
                 viewpoint=self.viewpoint,
                 log_probs=recognition.log_probs,
                 embedding=recognition.embedding,
-                ratio=(self.frame + 1) / self.scenarios.length,
+                ratio=None if self.in_streams else (self.frame + 1) / self.scenarios.length,
+                time=self.frame / self.scenarios.data.fps,
                 workspace=self.workspace,
                 camera=self.sensor.camera,
             ),

@@ -41,7 +41,7 @@ def check_planner(planner: str | Planner, conditions: Conditions | None = None) 
     specs = listed(planner)
     setting = load_setting(conditions or Conditions())
     chosen = choose_planners(specs, ModelPlace.of(setting), readout="recogniser", note=lambda _: None).planners[0]
-    world = PlannerWorld(setting.runner, small_batch(setting.data, setting.world))
+    world = PlannerWorld(setting.runner, small_batch(setting.recordings, setting.world))
     with one_torch_thread():
         return Conformance(f"planner {chosen.name}", tuple(_checks(chosen, world)))
 
@@ -200,9 +200,8 @@ def _hidden_truth(planner: Planner, world: PlannerWorld, batch: Batch, run: Plan
         )
     seen = [Sensed(observation.joints_2d, observation.confidence) for observation in run.recorder.observations]
     sensor = ReplayedSensor([*seen, seen[-1]], world.runner.sensor.camera)
-    hidden = replace(
-        batch, labels=(batch.labels + 1) % len(world.runner.data.class_names), positions=-2 * batch.positions[::-1] + 1
-    )
+    other_labels = (batch.labels + 1) % len(world.runner.data.recognised_names)
+    hidden = replace(batch, labels=other_labels, positions=-2 * batch.positions[::-1] + 1)
     return attempt(
         name,
         lambda: first_difference(

@@ -28,7 +28,8 @@ class PlannerWorld:
 
     def context(self, batch: Batch) -> Context:
         """Return the context of a planner, with a new generator of the same seed."""
-        episodes, length = batch.positions.shape[:2]
+        episodes, frames = batch.positions.shape[:2]
+        length = None if batch.labels.ndim > 1 else frames
         return self.runner.context(episodes, length, np.random.default_rng(SEED))
 
 
@@ -72,9 +73,9 @@ def replay(planner: Planner, world: PlannerWorld, shown: list[Observation], batc
             here = replace(observation, **{name: getattr(observation, name)[rows] for name in array_names(observation)})
             if planner.privileged:
                 _, state = recogniser.step(state, Sensed(here.joints_2d, here.confidence), here.viewpoint)
-                here = replace(
-                    here, truth=Truth(some.labels, recogniser, state, _imagination(world, some), some.frame_labels)
-                )
+                labels = some.frame_labels
+                truth = Truth(labels[:, here.frame + 1], recogniser, state, _imagination(world, some), labels)
+                here = replace(here, truth=truth)
             target = np.array(planner.act(here), dtype=np.float64)
             if target.shape != (len(rows), 3):
                 raise EpisodeError(f"{where}, frame {here.frame}: targets of shape {target.shape}")

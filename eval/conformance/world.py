@@ -8,6 +8,7 @@ from ehar.arrays import FloatArray
 from ehar.camera import Camera
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import TEST, part_of
+from ehar.data.streams.data import StreamData
 from ehar.errors import DataError
 from ehar.rollout import Batch
 from ehar.sensors.sensor import Sensed, SensorNoise, draw_noise
@@ -19,7 +20,7 @@ EPISODES = 14  # 7 to check, and 7 others to run beside or instead of them
 BATCH = 7  # episodes that run together
 
 
-def small_batch(data: MotionData, world: World = PAPER) -> Batch:
+def small_batch(data: MotionData | StreamData, world: World = PAPER) -> Batch:
     """Return 14 test episodes of 20 frames, spread over the data, from random starts of a world.
 
     Raises:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 READOUTS = ("recogniser", "belief")
 _CAUSAL_FIELDS = "gain fields are trained for the causal recogniser"
 _CAUSAL_PLACES = "fixed places are fitted for the causal recogniser"
-_NOT_ON_STREAMS = "nothing but a recogniser is trained on streams yet"
+_NOT_ON_STREAMS = "agents are not trained on streams"
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,6 @@ class ModelPlace:
 
         if self.conditions.form != "causal":
             raise ModelError(f"{_CAUSAL_FIELDS}, and this is {self.form}")
-        self._refuse_streams()
         if self._untrained:
             raise ModelError(self._no_gain_field)
         return load_gain_model(self.conditions, self.data, self.recogniser_sha256)
@@ -85,7 +84,6 @@ class ModelPlace:
 
         if self.conditions.form != "causal":
             raise ModelError(f"{_CAUSAL_PLACES}, and this is {self.form}")
-        self._refuse_streams()
         if self._untrained:
             what = f"that of {self._training('fixed-best')}"
             raise ModelError(f"no fixed place was fitted for this recogniser: expected {what}")

@@ -27,6 +27,7 @@ from eval.running.side_by_side import SideBySide
 
 if TYPE_CHECKING:
     from planners.value.belief import BeliefModel
+    from planners.value.stream_belief import StreamBeliefModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,7 @@ class Workload:
 
     runner: Runner
     episodes: Episodes
-    belief: "BeliefModel | None" = None
+    belief: "BeliefModel | StreamBeliefModel | None" = None
     together: int = 1
 
     def roll(self, planner: Planner, batch: Batch, chunk: int, motion: Motion) -> Record:
@@ -59,9 +60,11 @@ class Workload:
         with one_torch_thread():
             record = self.runner.roll(planner, batch, self.episodes.planner_rng(planner.name, chunk), motion)
             if self.belief is not None:
-                from planners.value.belief import readout  # imported here: it brings scipy, too slow for `ehar --help`
+                # Imported here: it brings scipy, too slow for `ehar --help`.
+                from planners.value.stream_belief import read_belief
 
-                record = replace(record, log_probs=readout(self.belief, record.log_probs, record.viewpoints))
+                said, seen_from, fps = record.log_probs, record.viewpoints, self.runner.data.fps
+                record = replace(record, log_probs=read_belief(self.belief, said, seen_from, fps=fps))
         return record
 
 

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import torch
 
+from ehar.arrays import BoolArray
 from ehar.data.scenario import Scenarios, split_parts, windows
+from ehar.data.streams.scenario import StreamScenarios
 from ehar.errors import DataError, EharError, UsageError
 from ehar.files import json_text, read_json, write_text
 from ehar.processes import Engine, Processes
@@ -19,7 +21,8 @@ from planners.place.config import FixedBestConfig
 from planners.place.go_to_place import GoToPlace, Place
 from planners.place.people import trunk_of
 from planners.place.storage import FIXED_BEST, fixed_place_path, load_fixed_place, save_fixed_place
-from recognition.setting import Setting, load_setting, refuse_loss
+from planners.value.situation import STREAM_WINDOW
+from recognition.setting import Setting, load_setting, refuse_loss, with_length
 
 # Shares of the way from the nearest to the farthest distance. On the grid a way of 4 m costs most of an episode, so
 # the camera may also keep its distance and make all of its moves around the people.
@@ -67,7 +70,7 @@ class PlaceTask:
     """
 
     runner: Runner
-    scenarios: Scenarios
+    scenarios: Scenarios | StreamScenarios
     places: tuple[Place, ...]
     seed: int
 
@@ -114,15 +117,17 @@ def fit_fixed_best(
     setting = load_setting(conditions, device=config.device)
     path = fixed_place_path(directory, conditions)
     refuse_loss(path, setting, load_fixed_place)
-    part, scenarios = validation_windows(setting)
-    places = candidate_places(tells_front=len(trunk_of(setting.data.skeleton)) > 0)
+    part, scenarios = validation_windows(setting, with_length(conditions, setting.recordings, STREAM_WINDOW).frames)
+    places = candidate_places(tells_front=len(trunk_of(setting.recordings.skeleton)) > 0)
     task = PlaceTask(setting.runner, scenarios, places, conditions.seed)
     told = setting.conditions
     history: dict[str, Any] = {
         **{name: getattr(told, name) for name in ("data", "models")},
         "out": None if config.out is None else str(config.out),
-        **{name: getattr(told, name) for name in ("sensor", "views", "length", "fps", "seed")},
-        "data_sha256": setting.data.sha256,
+        **{name: getattr(told, name) for name in ("sensor", "views")},
+        "length": scenarios.length,
+        **{name: getattr(told, name) for name in ("fps", "seed")},
+        "data_sha256": setting.recordings.sha256,
         "part": part,
         "windows": len(scenarios),
         "starts": STARTS,
@@ -140,8 +145,8 @@ def fit_fixed_best(
     return FixedPlaceFit(path, tried, part)
 
 
-def validation_windows(setting: Setting) -> tuple[str, Scenarios]:
-    """Return the part that places are tried on, and its windows, which do not overlap.
+def validation_windows(setting: Setting, length: int) -> tuple[str, Scenarios | StreamScenarios]:
+    """Return the part that places are tried on, and its windows of so many frames, which do not overlap.
 
     It is the validation part. If none of its sequences is long enough, it is the policy part, which the recogniser has
     not learned from either. The test part is never looked at.
@@ -149,16 +154,15 @@ def validation_windows(setting: Setting) -> tuple[str, Scenarios]:
     Raises:
         DataError: no sequence of these parts is long enough.
     """
-    data, conditions = setting.data, setting.conditions
+    data, conditions = setting.recordings, setting.conditions
     parts = split_parts(data)
     for part in ("validation", "policy"):
-        found = windows(data, getattr(parts, part), conditions.frames, stride=conditions.frames)
+        found = windows(data, getattr(parts, part), length, stride=length)
         if len(found):
             break
     else:
         raise DataError(
-            f"{data.name}: expected validation sequences of at least {conditions.frames} frames to try places on, "
-            "got none"
+            f"{data.name}: expected validation sequences of at least {length} frames to try places on, got none"
         )
     if len(found) > MOST_WINDOWS:
         rng = np.random.default_rng(conditions.seed)
@@ -168,18 +172,22 @@ def validation_windows(setting: Setting) -> tuple[str, Scenarios]:
 
 
 def accuracy_at(task: PlaceTask, index: int) -> float:
-    """Return the accuracy of one place, mean over frames and episodes; it depends only on the seed and the place."""
+    """Return the accuracy of one place, mean over frames and episodes; it depends only on the seed and the place.
+
+    Of streams, frames that show no activity do not count.
+    """
     torch.set_num_threads(1)
     rng = np.random.default_rng(task.seed)
     scenario = np.tile(np.arange(len(task.scenarios)), STARTS)
     starts = task.runner.world.sample_starts(rng, len(scenario))
     planner = GoToPlace(name=FIXED_BEST, place=task.places[index])
-    correct = []
+    correct: list[BoolArray] = []
     for first in range(0, len(scenario), EPISODES):
         some = slice(first, first + EPISODES)
         batch = task.runner.batch(task.scenarios, scenario[some], starts[some], rng)
         record = task.runner.roll(planner, batch, np.random.default_rng(task.seed))
-        correct.append(record.log_probs.argmax(axis=-1) == batch.labels[:, None])
+        right = record.log_probs.argmax(axis=-1) == batch.frame_labels
+        correct.append(right[batch.frame_labels < len(task.scenarios.data.class_names)])
     return float(np.concatenate(correct).mean())
 
 

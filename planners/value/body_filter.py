@@ -4,7 +4,7 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.camera import Camera, look_at_rotation
-from ehar.data.motion_data import MotionData
+from ehar.data.recordings import Recordings
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError
 from ehar.viewpoint import DISTANCE, POLAR, wrap_difference
@@ -35,7 +35,7 @@ def mirrored_pairs(skeleton: Skeleton) -> IntArray:
     return np.stack([left, mirror[left]], axis=1)
 
 
-def trunk_pairs(data: MotionData, sequences: IntArray) -> IntArray:
+def trunk_pairs(data: Recordings, sequences: IntArray) -> IntArray:
     """Return the pairs of joints that make up the trunk, (pairs, 2) of [left, right].
 
     These are the mirrored joints whose distance hardly changes over all frames: hips and shoulders, not hands. If no

@@ -18,12 +18,13 @@ from ehar.processes import Engine, Processes
 from ehar.runner import Runner
 from ehar.viewpoint import Workspace, apply_moves
 from planners.value.body_filter import BodyFilter
-from planners.value.situation import coming_gains
+from planners.value.situation import USUAL_MEMORY, coming_gains, frames_to_come
 from planners.value.view_basis import DistanceRange, basis_at
 
 EPISODES = 32  # episodes that run in lockstep
 PATHS = 8  # paths from a fork, one of which stays where it is
 FORK_SPANS = ((0.0, 0.12), (0.12, 0.35), (0.35, 0.7))  # shares of the episode, one fork each: early choices weigh most
+STREAM_SPANS = ((0.1, 0.4), (0.4, 0.7), (0.7, 1.0))  # of a window less what planners look ahead: all choices are alike
 WANDER = 0.6  # the share of episodes whose camera moves before it forks
 NEW_GOAL = 0.04  # the probability in each frame that a wandering camera picks a new goal
 
@@ -35,16 +36,17 @@ class Collection:
     Args:
         log_probs: (E, L, K), the recogniser's log-probabilities.
         viewpoints: (E, L, 3).
-        labels: (E,), the true classes.
+        labels: (E,), the true classes; in streams (E, L), those of each frame.
         sequences: (E,), the sequence of the data that each episode is cut from.
         episode: (N,), the episode of each fork.
         frame: (N,), the last frame before the paths part.
+        frames: (N,), the frames along the paths.
         facing: (N, P) [rad], the azimuths that people face, as estimated at the fork.
         facing_std: (N, P) [rad], their standard deviations.
         position: (N, P, 3) [m], the positions of people, as estimated at the fork.
         embedding: (N, D), the recogniser's embedding at the fork.
-        worth: (N, M), the mean probability of the true class along each path, over the remaining frames.
-        path: (N, M, 21), the view basis along each path, weighted by `frame_gains`.
+        worth: (N, M), the mean probability of the true class along each path; frames without activity count as 0.
+        path: (N, M, 21), the view basis along each path, weighted by `coming_gains`.
     """
 
     log_probs: FloatArray
@@ -53,6 +55,7 @@ class Collection:
     sequences: IntArray
     episode: IntArray
     frame: IntArray
+    frames: IntArray
     facing: FloatArray
     facing_std: FloatArray
     position: FloatArray
@@ -64,18 +67,23 @@ class Collection:
 class Forker(Planner):
     """Wanders or stays; at its forks it tries paths to random viewpoints until the end of the episode.
 
+    In a stream, the paths are as long as planners look ahead.
+
     Args:
         pairs: pairs of joints of the trunk, for the body filter.
         length: frames of an episode; in a stream, of a window.
+        memory: time that a view counts for in a stream [s].
         lead: a planner that it follows instead of wandering, so that it forks where that planner gets to.
     """
 
     name = "forker"
     privileged = True
 
-    def __init__(self, *, pairs: IntArray, length: int, lead: Planner | None = None) -> None:
+    def __init__(
+        self, *, pairs: IntArray, length: int, memory: float = USUAL_MEMORY, lead: Planner | None = None
+    ) -> None:
         """Create the planner."""
-        self.pairs, self.length, self.lead = pairs, length, lead
+        self.pairs, self.length, self.memory, self.lead = pairs, length, memory, lead
 
     def reset(self, context: Context) -> None:
         """Draw when to fork, and who wanders."""
@@ -83,7 +91,10 @@ class Forker(Planner):
         camera = context.world.camera
         self._body = BodyFilter(pairs=self.pairs, frame_time=context.frame_time, camera=camera)
         # There is no plan at the last frame, and a fork needs a frame after it.
-        spans = [sorted(int(share * (self.length - 2)) for share in span) for span in FORK_SPANS]
+        shares, last = FORK_SPANS, self.length - 2
+        if context.length is None:
+            shares, last = STREAM_SPANS, max(self.length - 1 - frames_to_come(context), 0)
+        spans = [sorted(int(share * last) for share in span) for span in shares]
         self._at = {int(context.rng.integers(low, high + 1)) for low, high in spans}
         self._wanders = context.rng.random(context.episodes) < WANDER
         self._goal = random_viewpoints(context.rng, (context.episodes,), context.workspace)
@@ -113,13 +124,17 @@ class Forker(Planner):
         workspace, here = self._context.workspace, observation.viewpoint
         goals = random_viewpoints(self._context.rng, (len(here), PATHS), workspace)
         goals[:, 0] = here
-        gains = coming_gains(observation, self._context)
-        gains = gains[: self.length - 1 - observation.frame]  # a window of a stream may end before a planner's horizon
-        worth, visited = follow_paths(observation.truth, observation, goals, workspace, frames=len(gains))
+        gains = coming_gains(observation, self._context, self.memory)
+        gains = gains[: self.length - 1 - observation.frame]  # a short window of a stream ends before
+        classes = len(self._context.class_names) - (self._context.length is None)  # without no activity
+        worth, visited = follow_paths(
+            observation.truth, observation, goals, workspace, frames=len(gains), classes=classes
+        )
         span = DistanceRange.of(self._context.world.workspace)
         return {
             "episode": np.arange(len(here)),
             "frame": np.full(len(here), observation.frame),
+            "frames": np.full(len(here), len(gains)),
             "facing": self._body.facing,
             "facing_std": self._body.facing_std,
             "position": self._body.position.copy(),
@@ -130,9 +145,17 @@ class Forker(Planner):
 
 
 def follow_paths(
-    truth: Truth, observation: Observation, goals: FloatArray, workspace: Workspace, *, frames: int
+    truth: Truth, observation: Observation, goals: FloatArray, workspace: Workspace, *, frames: int, classes: int
 ) -> tuple[FloatArray, FloatArray]:
     """Fly to goals (B, M, 3) by grid moves and stay there, for some frames from each episode's present state.
+
+    Args:
+        truth: the truth after the present frame.
+        observation: the observation of the present frame.
+        goals: (B, M, 3).
+        workspace: where the camera may be.
+        frames: number R of frames to come.
+        classes: number K of activities; frames that show none count as 0, as no benchmark asks for them.
 
     Returns:
         the mean probability of the true class over the frames to come, (B, M), and the viewpoints (B, M, R, 3).
@@ -148,7 +171,8 @@ def follow_paths(
         recognition, state = truth.recogniser.step(state, sensed, viewpoint)
         visited[:, :, step] = viewpoint
         labels = truth.frame_labels[:, observation.frame + 1 + step]
-        worth += np.exp(np.take_along_axis(recognition.log_probs, labels[:, None, None], axis=2)[..., 0])
+        of_true = np.exp(np.take_along_axis(recognition.log_probs, labels[:, None, None], axis=2)[..., 0])
+        worth += of_true * (labels < classes)[:, None]
     return worth / frames, visited
 
 
@@ -169,6 +193,7 @@ class CollectionTask:
         length: number L of frames of an episode.
         pairs: pairs of joints of the trunk.
         seed: seed of all random numbers.
+        memory: time that a view counts for in a stream [s].
         lead: a planner to follow instead of wandering.
     """
 
@@ -177,6 +202,7 @@ class CollectionTask:
     length: int
     pairs: IntArray
     seed: int
+    memory: float = USUAL_MEMORY
     lead: Planner | None = None
 
 
@@ -203,7 +229,7 @@ def collect_batch(task: CollectionTask, index: int) -> Collection:
     assert isinstance(data, MotionData | StreamData)
     scenarios = draw_scenarios(data, task.sequences, task.length, rng, EPISODES)
     batch = task.runner.batch(scenarios, np.arange(EPISODES), task.runner.world.sample_starts(rng, EPISODES), rng)
-    forker = Forker(pairs=task.pairs, length=task.length, lead=task.lead)
+    forker = Forker(pairs=task.pairs, length=task.length, memory=task.memory, lead=task.lead)
     record = task.runner.roll(forker, batch, rng)
     forks = {name: np.concatenate([fork[name] for fork in forker.forks]) for name in forker.forks[0]}
     return Collection(

@@ -74,5 +74,5 @@ class GainField:
 def feature_matrix(situation: Situation, parts: tuple[str, ...]) -> FloatArray:
     """Return a constant 1 and the features of some parts side by side, (B, 1 + F)."""
     features = situation.features("facing" in parts)
-    columns = [features[part] for part in PARTS if part in parts]
-    return np.concatenate([np.ones((len(situation.ratio), 1)), *columns], axis=1)
+    columns = [features[part] for part in PARTS if part in parts and part in features]
+    return np.concatenate([np.ones((len(situation.belief), 1)), *columns], axis=1)

@@ -10,7 +10,8 @@ from ehar.arrays import BoolArray, FloatArray, IntArray
 from planners.value.belief import BeliefModel, readout
 from planners.value.collection import Collection
 from planners.value.field import GainField, feature_matrix
-from planners.value.situation import PARTS, Situation
+from planners.value.situation import PARTS, STREAM_PARTS, Situation, frames_ahead, views_counted
+from planners.value.stream_belief import StreamBeliefModel, coming_shares, read_streams
 from planners.value.view_basis import BASIS_SIZE, SINES, basis_at, mean_direction, turned
 
 VARIANTS: dict[str, tuple[str, ...]] = {
@@ -19,6 +20,7 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     "no-embedding": tuple(part for part in PARTS if part != "embedding"),
     "no-facing": tuple(part for part in PARTS if part != "facing"),
 }
+STREAM_VARIANTS = {name: tuple(part for part in parts if part in STREAM_PARTS) for name, parts in VARIANTS.items()}
 EMBEDDING_DIRECTIONS = 12  # directions of most variance that the regression sees
 PENALTIES = (1.0, 3.0, 10.0, 30.0, 100.0)  # candidates, as a share of the mean curvature
 CONSTANT_SHARES = (0.003, 0.01, 0.03, 0.1, 0.3)  # candidates: share of the penalty for terms that do not vary
@@ -68,7 +70,7 @@ class _Moments(NamedTuple):
 
 
 def fork_situations(collection: Collection, belief: BeliefModel) -> Situation:
-    """Return the situations at all N forks of a collection."""
+    """Return the situations at all N forks of a collection of clips."""
     episode, frame = collection.episode, collection.frame
     believed = np.exp(readout(belief, collection.log_probs, collection.viewpoints))
     seen = np.cumsum(basis_at(collection.viewpoints, belief.span), axis=1)
@@ -83,18 +85,43 @@ def fork_situations(collection: Collection, belief: BeliefModel) -> Situation:
     )
 
 
+def stream_situations(collection: Collection, belief: StreamBeliefModel, *, fps: float, memory: float) -> Situation:
+    """Return the situations at all N forks of a collection of streams.
+
+    Args:
+        collection: the rollouts.
+        belief: the fitted belief.
+        fps: frames per second.
+        memory: time that a view counts for [s].
+    """
+    episode, frame = collection.episode, collection.frame
+    shares = coming_shares(belief, fps=fps, frames=frames_ahead(1 / fps))
+    expected = read_streams(belief, collection.log_probs, collection.viewpoints, fps=fps, shares=shares)
+    seen, keep = basis_at(collection.viewpoints, belief.span), float(np.exp(-1 / (fps * memory)))
+    for late in range(1, seen.shape[1]):
+        seen[:, late] += keep * seen[:, late - 1]
+    return Situation(
+        ratio=None,
+        belief=expected[episode, frame],
+        embedding=collection.embedding,
+        facing=collection.facing,
+        facing_std=collection.facing_std,
+        position=collection.position,
+        seen=seen[episode, frame] / views_counted(keep, frame + 1)[:, None],
+    )
+
+
 def fit_field(
-    collection: Collection, belief: BeliefModel, parts: tuple[str, ...], groups: IntArray | None = None
+    collection: Collection, situation: Situation, parts: tuple[str, ...], groups: IntArray | None = None
 ) -> Fit:
     """Fit a field that depends on some parts of the situation; penalties are chosen by grouped cross-validation.
 
     Args:
         collection: the rollouts.
-        belief: the fitted belief.
+        situation: the situations at its forks.
         parts: parts of the situation.
         groups: (E,), who performs in each episode, so that folds differ in people; None means the sequences.
     """
-    situation = fork_situations(collection, belief)
     raw = feature_matrix(situation, parts)
     standardise = _standardiser(raw, situation, parts)
     frames = [collection.path]
@@ -107,7 +134,7 @@ def fit_field(
         path=np.concatenate([(along[:, 1:] - along[:, :1])[..., 1:] for along in frames], axis=-1),
         spread=spread[:, 1:] - spread[:, :1],
         gain=collection.worth[:, 1:] - collection.worth[:, :1],
-        weight=(length - 1 - collection.frame) / length,
+        weight=collection.frames / length,
     )
     groups = collection.sequences if groups is None else groups
     penalties, scores = _cross_validate(rows, groups[collection.episode])
@@ -122,14 +149,14 @@ def fit_field(
     return Fit(GainField(parts, absolute, relative, max(spread_weight, 0.0)), penalties, scores)
 
 
-def score_field(field: GainField, collection: Collection, belief: BeliefModel) -> Scores:
-    """Return how well a field does on rollouts that it was not fitted on."""
-    weights = field.weights(fork_situations(collection, belief))
+def score_field(field: GainField, collection: Collection, situation: Situation) -> Scores:
+    """Return how well a field does on rollouts that it was not fitted on, in the situations at their forks."""
+    weights = field.weights(situation)
     value = np.einsum("nmk,nk->nm", collection.path, weights)
     value -= field.spread * (mean_direction(collection.path) ** 2).sum(axis=-1)
     length = collection.log_probs.shape[1]
     gain = collection.worth[:, 1:] - collection.worth[:, :1]
-    return _scores(value[:, 1:] - value[:, :1], gain, (length - 1 - collection.frame) / length)
+    return _scores(value[:, 1:] - value[:, :1], gain, collection.frames / length)
 
 
 def _scores(predicted: FloatArray, gain: FloatArray, weight: FloatArray) -> Scores:

@@ -16,6 +16,8 @@ from ehar.files import read_json
 from ehar.world import PAPER, World
 from planners.value.belief import BeliefModel
 from planners.value.field import GainField
+from planners.value.situation import USUAL_MEMORY
+from planners.value.stream_belief import StreamBeliefModel
 from recognition.weight_files import check_files, check_world, description_path, files_sha256, save_weights
 
 SHIPPED = Path(__file__).parents[1] / "weights"
@@ -28,17 +30,19 @@ class GainModel:
 
     Args:
         fields: gain fields by variant; `full` sees the whole situation, the others are for ablations.
-        belief: the parameters of the belief.
+        belief: the parameters of the belief, in clips or in streams.
         pairs: (pairs, 2) of [left, right], the joints of the trunk.
         sha256: hash of the files, recorded beside results.
-        length: number of frames of the episodes that it was trained on; None if that is not recorded.
+        length: number of frames of the clips that it was trained on; None in streams, or if that is not recorded.
+        memory: time that a view counts for in a stream [s]; of no use in clips.
     """
 
     fields: dict[str, GainField]
-    belief: BeliefModel
+    belief: BeliefModel | StreamBeliefModel
     pairs: IntArray
     sha256: str = ""
     length: int | None = None
+    memory: float = USUAL_MEMORY
 
     __repr__ = in_brief
 
@@ -59,23 +63,27 @@ class GainDescription:
         recogniser_sha256: hash of the recogniser whose outputs they were trained on.
         fields: the fields by variant.
         trunk: pairs of [left, right], the joints of the trunk.
-        belief: the parameters of the belief.
+        belief: the parameters of the belief in clips; None in streams.
         training: how they were trained; kept for people; only the length is read back.
         world: the world of the training.
+        stream_belief: the parameters of the belief in streams; None in clips.
+        memory: time that a view counts for in a stream [s].
     """
 
     recogniser_sha256: str
     fields: dict[str, FieldDescription]
     trunk: tuple[tuple[int, int], ...]
-    belief: BeliefModel
+    belief: BeliefModel | None
     training: dict[str, Any]
     world: World = PAPER
+    stream_belief: StreamBeliefModel | None = None
+    memory: float = USUAL_MEMORY
 
     @property
     def length(self) -> int | None:
-        """The number of frames of the training's episodes; None if it is not recorded."""
+        """The number of frames of the training's clips; None in streams, or if it is not recorded."""
         length = self.training.get("length")
-        return length if isinstance(length, int) else None
+        return length if isinstance(length, int) and self.stream_belief is None else None
 
 
 def gain_model_path(directory: Path, conditions: Conditions) -> Path:
@@ -104,9 +112,11 @@ def save_gain_model(
         recogniser_sha256=recogniser_sha256,
         fields={name: FieldDescription(field.parts, field.spread) for name, field in model.fields.items()},
         trunk=tuple((int(left), int(right)) for left, right in model.pairs),
-        belief=model.belief,
+        belief=model.belief if isinstance(model.belief, BeliefModel) else None,
         training=history,
         world=world,
+        stream_belief=model.belief if isinstance(model.belief, StreamBeliefModel) else None,
+        memory=model.memory,
     )
     save_weights(path, save(tensors), description)
 
@@ -128,7 +138,10 @@ def load_gain_model(conditions: Conditions, data: Recordings, recogniser_sha256:
         f"a gain field, as made by `ehar train gain-field {conditions.options} {conditions.models_option}`",
     )
     file, what = description_path(path), "a gain field, as `ehar train gain-field` writes it"
-    description = read_json(file, GainDescription, what, wrong=ModelError)
+    description = read_json(file, GainDescription, what, optional=("stream_belief", "memory"), wrong=ModelError)
+    belief = description.stream_belief or description.belief
+    if belief is None:
+        raise ModelError(f"{file}: belief: expected the parameters of one, got null")
     joints = range(len(data.skeleton.joint_names))
     if not description.trunk or any(joint not in joints for pair in description.trunk for joint in pair):
         got = str(description.trunk)[:80]
@@ -150,4 +163,4 @@ def load_gain_model(conditions: Conditions, data: Recordings, recogniser_sha256:
     if FULL not in fields:
         raise ModelError(f"{path}: expected a gain field {FULL!r}, got {', '.join(fields) or 'none'}")
     pairs = np.array(description.trunk, dtype=np.int64)
-    return GainModel(fields, description.belief, pairs, files_sha256(path), description.length)
+    return GainModel(fields, belief, pairs, files_sha256(path), description.length, description.memory)

@@ -5,14 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
+from ehar.errors import UsageError
 from ehar.planner import Context, Observation
 from planners.value.belief import Belief, BeliefModel
 from planners.value.body_filter import BodyFilter
+from planners.value.stream_belief import StreamBelief, StreamBeliefModel, coming_shares
 from planners.value.view_basis import BASIS_SIZE, DistanceRange, basis_at, turned
 
 PARTS = ("ratio", "history", "belief", "embedding", "facing")  # parts of a situation that a gain field may use
-STREAM_MEMORY = 1.0  # [s] that a view counts for in a stream, where evidence fades
+STREAM_PARTS = PARTS[1:]  # those that exist in a stream, whose end nobody knows
+USUAL_MEMORY = 0.5  # [s] that a view counts for in a stream, where the recogniser does not say
 STREAM_LOOKAHEAD = 2.0  # [s] that planners look ahead in a stream, whose end nobody knows
+STREAM_WINDOW = 8.0  # [s] of a stream, the usual length of an episode from which planners learn
 _HISTORY = (1, 2, 3, 4, 5, 6, 7, 8, 16)  # places in the basis: harmonics of degree 1 and 2, and the distance
 
 
@@ -21,8 +25,9 @@ class Situation:
     """What is known of B episodes after a frame.
 
     Args:
-        ratio: (B,) observation ratio; 1 in a stream.
-        belief: (B, K) probabilities; in a stream the recogniser's.
+        ratio: (B,) observation ratio; None in a stream.
+        belief: (B, K) probabilities; in a stream the expected share of each class, and last of no activity, in the
+            coming `STREAM_LOOKAHEAD` seconds, (B, K + 1).
         embedding: (B, D), the recogniser's embedding.
         facing: (B, P) [rad], the azimuths that people face.
         facing_std: (B, P) [rad], their standard deviations.
@@ -30,7 +35,7 @@ class Situation:
         seen: (B, 21), the mean of the view basis over the frames so far; in a stream late frames count more.
     """
 
-    ratio: FloatArray
+    ratio: FloatArray | None
     belief: FloatArray
     embedding: FloatArray
     facing: FloatArray
@@ -51,14 +56,14 @@ class Situation:
         return np.arctan2(way[:, 1], way[:, 0])
 
     def features(self, facing: bool = True) -> dict[str, FloatArray]:
-        """Return the numbers (B, size) that a gain field may depend on, for each of `PARTS`.
+        """Return the numbers (B, size) that a gain field may depend on, for each of `PARTS` that there is.
 
         Args:
             facing: whether azimuths of the history are counted from the reference, or as they are.
         """
         seen = turned(self.seen, self.reference) if facing else self.seen
         return {
-            "ratio": self.ratio[:, None],
+            **({} if self.ratio is None else {"ratio": self.ratio[:, None]}),
             "history": seen[:, _HISTORY],
             "belief": self.belief,
             "embedding": self.embedding,
@@ -79,31 +84,53 @@ class Tracker:
     """Tracks B episodes frame by frame: the belief, and where people are and face.
 
     Args:
-        belief: the fitted parameters of the belief.
+        belief: the fitted parameters of the belief, in clips or in streams.
         pairs: (pairs, 2) of [left, right], the joints of the trunk.
+        memory: time that a view counts for in a stream [s].
     """
 
-    def __init__(self, *, belief: BeliefModel, pairs: IntArray) -> None:
+    def __init__(
+        self, *, belief: BeliefModel | StreamBeliefModel, pairs: IntArray, memory: float = USUAL_MEMORY
+    ) -> None:
         """Create the tracker; `reset` it before the first frame."""
-        self._belief = Belief(belief)
+        self._model = belief
         self._pairs = pairs
+        self._memory = memory
 
     def reset(self, context: Context) -> None:
-        """Forget everything."""
+        """Forget everything.
+
+        Raises:
+            UsageError: the belief is for clips and these are streams, or the other way round.
+        """
         self.context = context
+        if isinstance(self._model, StreamBeliefModel) != (context.length is None):
+            kinds = ("clips", "streams") if context.length is None else ("streams", "clips")
+            raise UsageError(f"gain model: got one that was trained on {kinds[0]}, expected one for {kinds[1]}")
         camera = context.world.camera
         self._body = BodyFilter(pairs=self._pairs, frame_time=context.frame_time, camera=camera)
         self._span = DistanceRange.of(context.world.workspace)
-        self._belief.start(context.episodes, len(context.class_names))
+        self._belief: Belief | StreamBelief
+        if isinstance(self._model, StreamBeliefModel):
+            fps = 1 / context.frame_time
+            self._belief = StreamBelief(self._model, fps=fps)
+            self._belief.start(context.episodes)
+            self._shares = coming_shares(self._model, fps=fps, frames=frames_to_come(context))
+        else:
+            self._belief = Belief(self._model)
+            self._belief.start(context.episodes, len(context.class_names))
         self._seen = np.zeros((context.episodes, BASIS_SIZE))
-        self._keep = 1.0 if context.length is not None else float(np.exp(-context.frame_time / STREAM_MEMORY))
+        self._keep = 1.0 if context.length is not None else float(np.exp(-context.frame_time / self._memory))
 
     def update(self, observation: Observation) -> None:
         """Take in one more frame."""
         if observation.frame == 0:
             self._body.start(*observation.joints_2d.shape[:2])
         self._body.update(observation.joints_2d, observation.confidence, observation.viewpoint)
-        if observation.ratio is not None:
+        if isinstance(self._belief, StreamBelief):
+            self._belief.update(observation.log_probs, observation.viewpoint)
+        else:
+            assert observation.ratio is not None
             self._belief.update(observation.log_probs, observation.viewpoint, observation.ratio, observation.frame)
         self._seen = self._keep * self._seen + basis_at(observation.viewpoint, self._span)
         self.observation = observation
@@ -112,16 +139,32 @@ class Tracker:
     def situation(self) -> Situation:
         """The situation after the last frame."""
         observation = self.observation
-        in_stream = observation.ratio is None
+        believed = (
+            self._belief.expected(self._shares)
+            if isinstance(self._belief, StreamBelief)
+            else np.exp(self._belief.log_probs)
+        )
         return Situation(
-            ratio=np.full(len(observation.viewpoint), 1.0 if in_stream else observation.ratio),
-            belief=np.exp(observation.log_probs if in_stream else self._belief.log_probs),
+            ratio=None if observation.ratio is None else np.full(len(observation.viewpoint), observation.ratio),
+            belief=believed,
             embedding=observation.embedding,
             facing=self._body.facing,
             facing_std=self._body.facing_std,
             position=self._body.position,
-            seen=self._seen / (self._keep ** np.arange(observation.frame + 1)).sum(),
+            seen=self._seen / views_counted(self._keep, observation.frame + 1),
         )
+
+
+def views_counted(keep: float, frames: IntArray | int) -> FloatArray:
+    """Return how much the views of so many frames count together, where a frame keeps the share `keep` of those before.
+
+    Args:
+        keep: in (0, 1]; 1 in clips, where nothing fades.
+        frames: number of frames, of any shape.
+    """
+    count = np.asarray(frames, dtype=np.float64)
+    together: FloatArray = count if keep == 1 else (1 - keep**count) / (1 - keep)
+    return together
 
 
 def frame_gains(frame: int, length: int) -> FloatArray:
@@ -154,11 +197,22 @@ def fading_gains(frames: int, memory: float) -> FloatArray:
 
 def frames_to_come(context: Context) -> int:
     """Return the most frames that a planner looks ahead: to the end of an episode; of a stream, some seconds."""
-    return round(STREAM_LOOKAHEAD / context.frame_time) if context.length is None else context.length - 1
+    return frames_ahead(context.frame_time) if context.length is None else context.length - 1
 
 
-def coming_gains(observation: Observation, context: Context) -> FloatArray:
-    """Return the weight of the view in each frame to come, (R,); the weights sum to 1."""
+def frames_ahead(frame_time: float) -> int:
+    """Return the number of frames that planners look ahead in a stream, at least 1."""
+    return max(round(STREAM_LOOKAHEAD / frame_time), 1)
+
+
+def coming_gains(observation: Observation, context: Context, memory: float) -> FloatArray:
+    """Return the weight of the view in each frame to come, (R,); the weights sum to 1.
+
+    Args:
+        observation: the observation of the present frame.
+        context: the context of the episodes.
+        memory: time that a view counts for in a stream [s].
+    """
     if observation.length is not None:
         return frame_gains(observation.frame, observation.length)
-    return fading_gains(frames_to_come(context), STREAM_MEMORY / context.frame_time)
+    return fading_gains(frames_to_come(context), memory / context.frame_time)

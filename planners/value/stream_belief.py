@@ -8,11 +8,12 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import ModelError
-from planners.value.belief import NOISE_BASIS, noise_basis
+from planners.value.belief import NOISE_BASIS, BeliefModel, noise_basis, readout
 from planners.value.view_basis import PAPER_RANGE, DistanceRange
 
 VIEW_TERMS = NOISE_BASIS - 1  # the terms of `noise_basis` but the last: a stream has no observation ratio
 LEAST_LOG_PROB = -16.0  # log-probabilities below it count as it: the difference of two infinite ones is no evidence
+LEAST_PROBABILITY = 1e-12  # of a class that is read out; its logarithm is finite
 LEAST_LOG_LIKELIHOOD = -60.0  # below the likeliest class; filterpy's update divides by zero where every product is zero
 
 
@@ -252,6 +253,12 @@ class StreamBelief:
         """The believed probabilities of the K activities and, last, of none, (B, K + 1)."""
         return self._chain.classes
 
+    def expected(self, shares: FloatArray) -> FloatArray:
+        """Return the expected share of each class in the frames to come, (B, K + 1); `shares` are `coming_shares`."""
+        states = np.concatenate([part.reshape(len(part), -1) for part in self._chain], axis=1)
+        expected: FloatArray = states @ shares
+        return expected
+
 
 class OneStreamBelief:
     """The filter over a single stream, live: filterpy's discrete Bayes filter.
@@ -317,7 +324,34 @@ def transition_matrix(model: StreamBeliefModel, seconds: float) -> FloatArray:
     return np.concatenate([part.reshape(len(each), -1) for part in later], axis=1)
 
 
-def read_streams(model: StreamBeliefModel, log_probs: FloatArray, viewpoints: FloatArray, *, fps: float) -> FloatArray:
+def coming_shares(model: StreamBeliefModel, *, fps: float, frames: int) -> FloatArray:
+    """Return the share of the next frames that is expected to show each class, from each state, (S, K + 1).
+
+    Nothing is seen of them yet: the present activity goes on for as long as such ones last, and then comes what
+    follows it. States are those of `transition_matrix`.
+
+    Args:
+        model: the parameters.
+        fps: frames per second.
+        frames: number of frames to come.
+    """
+    step = transition_matrix(model, 1 / fps)
+    later = np.eye(model.classes + 1)[classes_of_states(model)]
+    total = np.zeros_like(later)
+    for _ in range(frames):
+        later = step @ later
+        total += later
+    return total / frames
+
+
+def read_streams(
+    model: StreamBeliefModel,
+    log_probs: FloatArray,
+    viewpoints: FloatArray,
+    *,
+    fps: float,
+    shares: FloatArray | None = None,
+) -> FloatArray:
     """Return the belief after every frame of recorded streams.
 
     Args:
@@ -325,6 +359,7 @@ def read_streams(model: StreamBeliefModel, log_probs: FloatArray, viewpoints: Fl
         log_probs: (B, T, K + 1), the recogniser's log-probabilities after every frame.
         viewpoints: (B, T, 3).
         fps: frames per second.
+        shares: `coming_shares`, for what is expected to come instead of what is shown now.
 
     Returns:
         probabilities (B, T, K + 1).
@@ -334,5 +369,22 @@ def read_streams(model: StreamBeliefModel, log_probs: FloatArray, viewpoints: Fl
     believed = np.empty(log_probs.shape)
     for frame in range(log_probs.shape[1]):
         belief.update(log_probs[:, frame], viewpoints[:, frame])
-        believed[:, frame] = belief.probabilities
+        believed[:, frame] = belief.probabilities if shares is None else belief.expected(shares)
+    return believed
+
+
+def read_belief(
+    model: BeliefModel | StreamBeliefModel, log_probs: FloatArray, viewpoints: FloatArray, *, fps: float
+) -> FloatArray:
+    """Return the believed log-probabilities after every frame of recorded rollouts, of clips or of streams.
+
+    Args:
+        model: the parameters.
+        log_probs: (B, L, K), the recogniser's log-probabilities after every frame.
+        viewpoints: (B, L, 3).
+        fps: frames per second.
+    """
+    if isinstance(model, BeliefModel):
+        return readout(model, log_probs, viewpoints)
+    believed: FloatArray = np.log(np.maximum(read_streams(model, log_probs, viewpoints, fps=fps), LEAST_PROBABILITY))
     return believed

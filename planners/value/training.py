@@ -12,21 +12,36 @@ from safetensors.numpy import load_file, save
 
 from ehar.arrays import IntArray
 from ehar.data.motion_data import MotionData
-from ehar.data.recordings import UNKNOWN_SUBJECT
+from ehar.data.recordings import UNKNOWN_SUBJECT, Recordings
 from ehar.data.scenario import split_parts
+from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.errors import DataError, UsageError
 from ehar.files import write_bytes
 from ehar.planner import Planner
 from ehar.processes import Engine, Processes
 from ehar.world import PAPER
+from planners.value.belief import BeliefModel
 from planners.value.belief_fit import fit_belief
 from planners.value.body_filter import trunk_pairs
 from planners.value.collection import Collection, CollectionTask, join, run_batches
 from planners.value.config import GainTrainingConfig
-from planners.value.fit import VARIANTS, Fit, Scores, fit_field, score_field
+from planners.value.field import GainField
+from planners.value.fit import (
+    STREAM_VARIANTS,
+    VARIANTS,
+    Fit,
+    Scores,
+    fit_field,
+    fork_situations,
+    score_field,
+    stream_situations,
+)
 from planners.value.model import FULL, GainModel, gain_model_path, load_gain_model, save_gain_model
+from planners.value.situation import STREAM_WINDOW, USUAL_MEMORY, Situation
+from planners.value.stream_belief import StreamBeliefModel
+from planners.value.stream_belief_fit import fit_evidence, learn_chain
 from planners.value.view_basis import DistanceRange
-from recognition.setting import Setting, load_setting, refuse_loss
+from recognition.setting import load_setting, refuse_loss, with_length
 
 LEAST_LENGTH = 3  # frames of an episode: views along a path spread only if there are two to come
 FIRST_BATCHES = 12  # of rollouts; then twice as many, and so on
@@ -79,6 +94,9 @@ def train_gain_field(
     planner that has the first round's field, so that the field also knows the places that such a planner gets to. The
     second round is kept if its field does better there, on the validation part.
 
+    In streams episodes are windows of 8 s, or as long as the conditions say, and paths are as long as planners look
+    ahead.
+
     Args:
         config: the settings of the training.
         lead: makes the planner that leads the second round from a model.
@@ -103,69 +121,75 @@ def train_gain_field(
     setting = load_setting(conditions, device=config.device)
     if setting.length_note is not None:
         note(f"warning: {setting.length_note}")
-    data, policy = setting.data, split_parts(setting.data).policy
-    sequences = policy[data.lengths[policy] >= conditions.frames]
+    data, policy = setting.recordings, split_parts(setting.recordings).policy
+    length = with_length(conditions, data, STREAM_WINDOW).frames
+    sequences = policy[data.lengths[policy] >= length]
     if len(sequences) < 2:  # a field is judged on sequences that it was not fitted on
         raise DataError(
-            f"{data.name}: expected at least 2 policy sequences of at least {conditions.frames} frames, "
-            f"got {len(sequences)}"
+            f"{data.name}: expected at least 2 policy sequences of at least {length} frames, got {len(sequences)}"
         )
     task = CollectionTask(
         runner=setting.runner,
         sequences=sequences,
-        length=conditions.frames,
+        length=length,
         pairs=trunk_pairs(data, sequences),
         seed=conditions.seed,
+        memory=getattr(setting.runner.recogniser, "memory", None) or USUAL_MEMORY,
     )
     path = gain_model_path(directory, conditions)
     refuse_loss(path, setting, load_gain_model)
-    key = f"{data.sha256} {setting.recogniser_sha256} {conditions.frames} {conditions.seed}"
+    key = f"{data.sha256} {setting.recogniser_sha256} {length} {conditions.seed}"
     key += "" if setting.sensor_sha256 is None else f" {setting.sensor_sha256}"
     world = setting.world
     key += "" if world.agrees_with(PAPER) else f" {asdict(world)}"
     rollouts = _Rollouts(config, path, key, report, engine or Processes(config.workers))
-    unseen_task = replace(task, sequences=_unseen_sequences(setting, sequences))
+    unseen_task = replace(task, sequences=_unseen_sequences(task, sequences))
     unseen = rollouts.run(unseen_task, rollouts.few, "validation rollouts", "unseen")
-    belief = fit_belief(
-        unseen.log_probs,
-        unseen.viewpoints,
-        unseen.labels,
-        unseen.sequences,
-        span=DistanceRange.of(world.workspace),
-    )
+    belief = _fitted_belief(data, policy, unseen, DistanceRange.of(world.workspace))
+    variants = VARIANTS if isinstance(belief, BeliefModel) else STREAM_VARIANTS
+
+    def situated(collection: Collection) -> Situation:
+        if isinstance(belief, BeliefModel):
+            return fork_situations(collection, belief)
+        return stream_situations(collection, belief, fps=data.fps, memory=task.memory)
 
     def fit(collection: Collection, parts: tuple[str, ...]) -> Fit:
-        return fit_field(collection, belief, parts, _performers(data, collection.sequences))
+        return fit_field(collection, situated(collection), parts, _performers(data, collection.sequences))
+
+    def model_of(fields: dict[str, GainField]) -> GainModel:
+        return GainModel(fields, belief, task.pairs, memory=task.memory)
 
     scores: dict[int, Scores] = {}
     while not _has_learned(scores) and config.batches not in scores:
         batches = min(FIRST_BATCHES * 2 ** len(scores), config.batches)
         collection = rollouts.run(task, batches, "rollouts", "")
-        full = fit(collection, VARIANTS[FULL])
-        scores[batches] = score_field(full.field, unseen, belief)
+        full = fit(collection, variants[FULL])
+        scores[batches] = score_field(full.field, unseen, situated(unseen))
 
-    leader = lead(GainModel({FULL: full.field}, belief, task.pairs))
+    leader = lead(model_of({FULL: full.field}))
     led_by = f"led by {hashlib.sha256(full.field.absolute.tobytes() + full.field.relative.tobytes()).hexdigest()}"
     led_unseen = rollouts.run(
         replace(unseen_task, lead=leader), rollouts.few, "led validation rollouts", f"{led_by} unseen"
     )
     both = join([collection, rollouts.run(replace(task, lead=leader), batches, "led rollouts", led_by)])
-    second = fit(both, VARIANTS[FULL])
-    before, after = (score_field(each.field, led_unseen, belief) for each in (full, second))
+    second = fit(both, variants[FULL])
+    before, after = (score_field(each.field, led_unseen, situated(led_unseen)) for each in (full, second))
     if after.chosen_gain > before.chosen_gain:
         collection, full = both, second
     fits: dict[str, Fit] = {}
-    for name, parts in VARIANTS.items():
-        report("regressions", len(fits), len(VARIANTS))
+    for name, parts in variants.items():
+        report("regressions", len(fits), len(variants))
         fits[name] = full if name == FULL else fit(collection, parts)
-    report("regressions", len(VARIANTS), len(VARIANTS))
+    report("regressions", len(variants), len(variants))
     trained = GainTraining(path, fits, scores, (before, after), not _has_learned(scores))
-    model = GainModel({name: fit.field for name, fit in fits.items()}, belief, task.pairs)
+    model = model_of({name: fit.field for name, fit in fits.items()})
     told = setting.conditions
     history: dict[str, Any] = {
         **{name: getattr(told, name) for name in ("data", "models")},
         "out": None if config.out is None else str(config.out),
-        **{name: getattr(told, name) for name in ("sensor", "views", "length", "fps")},
+        **{name: getattr(told, name) for name in ("sensor", "views")},
+        "length": length,
+        "fps": told.fps,
         "batches": batches,
         "stopped": trained.reason,
         "cut_short": trained.cut_short,
@@ -181,14 +205,27 @@ def train_gain_field(
     return trained
 
 
-def _unseen_sequences(setting: Setting, policy: IntArray) -> IntArray:
+def _unseen_sequences(task: CollectionTask, policy: IntArray) -> IntArray:
     """Return the sequences of the validation part that are long enough; those of the policy part if there are none."""
-    validation = split_parts(setting.data).validation
-    long_enough = validation[setting.data.lengths[validation] >= setting.conditions.frames]
+    data = task.runner.data
+    assert isinstance(data, MotionData | StreamData)
+    validation = split_parts(data).validation
+    long_enough = validation[data.lengths[validation] >= task.length]
     return long_enough if len(long_enough) else policy
 
 
-def _performers(data: MotionData, sequences: IntArray) -> IntArray:
+def _fitted_belief(
+    data: MotionData | StreamData, policy: IntArray, unseen: Collection, span: DistanceRange
+) -> BeliefModel | StreamBeliefModel:
+    """Return the belief that explains rollouts best; in streams durations and order are those of the policy part."""
+    if isinstance(data, MotionData):
+        return fit_belief(unseen.log_probs, unseen.viewpoints, unseen.labels, unseen.sequences, span=span)
+    labels = np.where(unseen.labels == len(data.class_names), NO_ACTIVITY, unseen.labels)
+    chain = learn_chain(data, policy)
+    return fit_evidence(chain, unseen.log_probs, unseen.viewpoints, labels, fps=data.fps, span=span)
+
+
+def _performers(data: Recordings, sequences: IntArray) -> IntArray:
     """Return who performs in each sequence, as numbers (E,); the sequences, if they are unknown or all the same."""
     people = np.sort(data.subjects[sequences], axis=1)
     if (people == UNKNOWN_SUBJECT).any():

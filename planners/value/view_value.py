@@ -30,7 +30,8 @@ class ViewValue:
         if variant not in model.fields:
             raise UsageError(f"unknown gain field {variant!r}; expected one of: {', '.join(model.fields)}")
         self.field = model.fields[variant]
-        self._tracker = Tracker(belief=model.belief, pairs=model.pairs)
+        self._tracker = Tracker(belief=model.belief, pairs=model.pairs, memory=model.memory)
+        self._memory = model.memory
 
     def reset(self, context: Context) -> None:
         """Forget everything."""
@@ -44,7 +45,7 @@ class ViewValue:
     @property
     def gains(self) -> FloatArray:
         """The weight of the view in each frame to come, (R,); the weights sum to 1."""
-        return coming_gains(self._tracker.observation, self._tracker.context)
+        return coming_gains(self._tracker.observation, self._tracker.context, self._memory)
 
     @property
     def situation(self) -> Situation:

@@ -1,9 +1,15 @@
 """Streams that are small enough to read: three of them, with activities, gaps and missing frames."""
 
-import numpy as np
+from typing import Any
 
-from ehar.data.streams.data import StreamData
-from tests.helpers.fakes import CLASS_NAMES, POSE, SKELETON
+import numpy as np
+from scipy.special import log_softmax
+
+from ehar.arrays import FloatArray
+from ehar.data.streams.data import NO_ACTIVITY_NAME, StreamData
+from ehar.recogniser import Recognition
+from ehar.sensors.sensor import Sensed
+from tests.helpers.fakes import CLASS_NAMES, POSE, SKELETON, FakeRecogniser, FakeState
 
 LENGTHS = (40, 30, 50)
 SEGMENTS = ((2, 10, 0), (10, 21, 1), (25, 40, 2), (40, 55, 1), (60, 70, 0), (75, 90, 2), (100, 120, 1), (70, 74, 0))
@@ -54,3 +60,14 @@ def tiny_streams() -> StreamData:
         segments=np.array(sorted(SEGMENTS)),
         missing=np.isin(np.arange(sum(LENGTHS)), [50, 51, 110]),
     )
+
+
+class StreamRecogniser(FakeRecogniser):
+    """A recogniser without a network that also knows no activity, and always finds it a little likely."""
+
+    class_names = (*CLASS_NAMES, NO_ACTIVITY_NAME)
+
+    def step(self, state: Any, sensed: Sensed, viewpoint: FloatArray) -> tuple[Recognition, FakeState]:
+        seen, after = super().step(state, sensed, viewpoint)
+        with_none = np.concatenate([seen.log_probs, np.full((*seen.log_probs.shape[:-1], 1), -1.0)], axis=-1)
+        return Recognition(log_softmax(with_none, axis=-1).astype(np.float32), seen.embedding), after

@@ -24,8 +24,8 @@ from eval.running.progress import ConsoleReporter, Reporter
 from eval.scores.metrics import ece, frame_at, nll
 from eval.studies.belief.streams import StreamBeliefReport, stream_belief_report
 from planners.heuristic import NoAct, Random
-from planners.value.belief import readout
 from planners.value.belief_fit import ablate_belief
+from planners.value.stream_belief import read_belief
 from recognition.setting import load_setting
 
 NLL_AT = tuple(range(10, 101, 10))  # observation ratios [%]
@@ -138,7 +138,7 @@ def belief_report(
         reporter.end()
     rows = []
     for name, rolled in test.items():
-        believed = readout(model.belief, rolled.log_probs, rolled.viewpoints)
+        believed = read_belief(model.belief, rolled.log_probs, rolled.viewpoints, fps=setting.data.fps)
         rows += [belief_row(name, "recogniser", rolled.log_probs, rolled.labels)]
         rows += [belief_row(name, "belief", believed, rolled.labels)]
     together = Rollouts(*(np.concatenate(arrays) for arrays in zip(*fitted, strict=True)))

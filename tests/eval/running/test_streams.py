@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -15,21 +16,33 @@ from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import DataError, EharError, UsageError
 from ehar.onsets import begins
 from ehar.planner import Context, Observation, Planner
-from eval import benchmark
+from eval import benchmark, check_planner
 from eval.records.config import read_config
 from eval.records.episodes import read_episodes
 from eval.records.run_files import EPISODES, SUMMARY
+from eval.running.choice import ModelPlace
 from eval.running.run import Run, read_run_of_clips
 from eval.scores.streams.scores import stream_scores
 from eval.scores.summary import read_summary
+from planners.place import fit as places
+from planners.place.config import FixedBestConfig
+from planners.place.fit import fit_fixed_best
+from planners.search.view_search import NextBestViewSearch
+from planners.value import collection, stream_belief_fit
+from planners.value import fit as fields
+from planners.value import training as gain_training
 from planners.value.config import GainTrainingConfig
+from planners.value.model import GainModel
+from planners.value.stream_belief import StreamBeliefModel
 from planners.value.training import train_gain_field
+from planners.value.view_value import ViewValue
 from recognition.setting import load_setting
 from recognition.storage import load_recogniser
 from recognition.training.config import TrainingConfig
 from recognition.training.trainer import train_recogniser
 from tests.helpers.commands import fails_with
-from tests.helpers.fakes import tiny_data
+from tests.helpers.fakes import FakeRecogniser, tiny_context, tiny_data
+from tests.helpers.gain_models import model_of
 from tests.helpers.stream_worlds import save_stream_world
 from tests.helpers.streams import raising_streams
 from tests.helpers.tiny_benchmarks import Log, file_hash
@@ -40,12 +53,41 @@ LENGTH = 50  # frames, 5 s
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with streams, raising.npz, and models that learned on them for a moment."""
-    return save_stream_world(tmp_path_factory.mktemp("streams"))
+    folder = save_stream_world(tmp_path_factory.mktemp("streams"))
+    learn_to_look(folder)
+    return folder
+
+
+def learn_to_look(folder: Path) -> None:
+    """Train a gain field, and find a place, with as little as will do."""
+    conditions = Conditions(data=str(folder / "raising.npz"), models=folder / "models", length=40)
+    with pytest.MonkeyPatch.context() as patch:
+        for module, name, value in (
+            (collection, "EPISODES", 6),
+            (fields, "PENALTIES", (1.0,)),
+            (fields, "FOLDS", 2),
+            (gain_training, "UNSEEN_BATCHES", 1),
+            (stream_belief_fit, "STEPS", 2),
+            (places, "POLARS", (1.0,)),
+            (places, "SIDES", (0.0,)),
+            (places, "STARTS", 1),
+        ):
+            patch.setattr(module, name, value)
+
+        def searching(model: GainModel) -> Planner:
+            return NextBestViewSearch(model=model)
+
+        trained = train_gain_field(
+            GainTrainingConfig(conditions=conditions, batches=1, workers=1), searching, lambda *_: None
+        )
+        fit_fixed_best(FixedBestConfig(conditions=conditions, workers=1), lambda *_: None)
+    assert all("ratio" not in fit.field.parts for fit in trained.fits.values())  # nobody knows it in a stream
 
 
 def watched(folder: Path, planners: Any, **options: Any) -> Run:
     told = {"data": str(folder / "raising.npz"), "models": folder / "models", "length": LENGTH}
-    told |= {name: options.pop(name) for name in ("starts", "seed", "fps", "onset", "length") if name in options}
+    of_conditions = ("starts", "seed", "fps", "onset", "length", "track")
+    told |= {name: options.pop(name) for name in of_conditions if name in options}
     return benchmark(planners, Conditions(**told), **{"reporter": Log(), **options})
 
 
@@ -105,15 +147,48 @@ def test_clips_have_no_onset_to_be_known(tmp_path: Path, capsys: pytest.CaptureF
     assert not list(tmp_path.iterdir())
 
 
-def test_planners_that_need_more_than_a_recogniser_are_left_out(folder: Path) -> None:
+def test_all_but_agents_watch_streams(folder: Path) -> None:
     log = Log()
     ran = watched(folder, None, reporter=log)
-    assert set(ran.records) >= {"no-act", "random", "front", "oracle"}
-    assert not set(ran.records) & {"nbv", "fixed-best", "il", "il-ppo"}
-    assert any("nothing but a recogniser is trained on streams yet" in line for line in log.notes)
-    for name in ("nbv", "fixed-best", "il"):
-        with pytest.raises(EharError, match="raising: nothing but a recogniser is trained on streams yet"):
-            watched(folder, (name,))
+    assert set(ran.records) >= {"no-act", "front", "fixed-best", "nbv-greedy", "nbv-search", "nbv", "oracle"}
+    assert not set(ran.records) & {"il", "il-ppo"}
+    assert any("agents are not trained on streams" in line for line in log.notes)
+    assert ran.config.length_note is None  # a window that planners learned from is no clip
+    with pytest.raises(EharError, match="raising: agents are not trained on streams"):
+        watched(folder, ("il",))
+
+
+def test_planners_over_the_field_move_and_fly(folder: Path) -> None:
+    for track in ("ideal", "px4-auto"):
+        ran = watched(folder, ("nbv-greedy", "nbv-search", "nbv"), track=track)
+        for name, held in ran.records.items():
+            assert np.ptp(held.viewpoint[:, :, 1:], axis=1).max() > 0.02, f"{name} stays on {track}"
+
+
+def test_the_belief_can_be_scored_and_moves_nothing(folder: Path) -> None:
+    said, believed = (watched(folder, ("nbv-search",), readout=readout) for readout in ("recogniser", "belief"))
+    one, other = said.records["nbv-search"], believed.records["nbv-search"]
+    np.testing.assert_array_equal(one.viewpoint, other.viewpoint)
+    assert (one.true_probability != other.true_probability).any()
+
+
+def test_a_field_of_streams_is_not_for_clips(folder: Path) -> None:
+    setting = load_setting(Conditions(data=str(folder / "raising.npz"), models=folder / "models"))
+    model = ModelPlace.of(setting).load_gain_model()
+    assert isinstance(model.belief, StreamBeliefModel)
+    assert model.memory == pytest.approx(setting.runner.recogniser.memory)  # type: ignore[attr-defined]
+    assert model.length is None
+    with pytest.raises(UsageError, match="got one that was trained on streams, expected one for clips"):
+        ViewValue(model).reset(tiny_context())
+    with pytest.raises(UsageError, match="got one that was trained on clips, expected one for streams"):
+        ViewValue(model_of(np.zeros(21))).reset(replace(tiny_context(), length=None))
+
+
+def test_the_kit_checks_planners_on_streams(folder: Path) -> None:
+    told = Conditions(data=str(folder / "raising.npz"), models=folder / "models")
+    for planner in ("nbv-search", "oracle"):
+        found = check_planner(planner, told)
+        assert found.passed, str(found)
 
 
 def test_workers_make_no_difference(folder: Path, tmp_path: Path) -> None:
@@ -170,9 +245,6 @@ def test_episodes_in_which_no_activity_begins_and_ends(folder: Path, tmp_path: P
 
 
 def test_what_knows_clips_only_refuses_streams(folder: Path, tmp_path: Path) -> None:
-    conditions = Conditions(data=str(folder / "raising.npz"), models=folder / "models", length=40)
-    with pytest.raises(UsageError, match="raising: expected trimmed sequences, got streams"):
-        train_gain_field(GainTrainingConfig(conditions=conditions), lambda model: Watcher(), lambda *_: None)
     with pytest.raises(UsageError, match="form: expected causal for raising, which holds streams, got ctrgcn"):
         published = Conditions(data=str(folder / "raising.npz"), length=40, form="ctrgcn")
         train_recogniser(TrainingConfig(conditions=published, out=tmp_path))
@@ -196,3 +268,23 @@ def test_weights_of_clips_do_not_watch_streams(folder: Path) -> None:
     clips = tiny_data(fps=10.0)
     with pytest.raises(EharError, match="class_names do not fit tiny"):
         load_recogniser(Conditions(data=clips, models=folder / "models"), clips)
+
+
+def test_streams_are_an_environment_by_its_name(folder: Path) -> None:
+    told = Conditions(data=str(folder / "raising.npz"), models=folder / "models", length=LENGTH, part="policy")
+    env = gym.make("ehar/Stream-v0", conditions=told)
+    observation, _ = env.reset(seed=0)
+    assert observation["time"] == 0
+    flying = gym.make_vec(
+        "ehar/Stream-v0",
+        num_envs=2,
+        vectorization_mode="vector_entry_point",
+        conditions=replace(told, track="px4-auto"),
+    )
+    observations, _ = flying.reset(seed=0)
+    assert observations["velocity"].shape == (2, 3)
+    with pytest.raises(UsageError, match=r"tiny: expected streams, got trimmed sequences: `ehar/Grid-v0` takes them"):
+        clips = Conditions(data=tiny_data(), recogniser=FakeRecogniser())
+        gym.make("ehar/Stream-v0", conditions=clips)
+    with pytest.raises(UsageError, match="raising: expected trimmed sequences, got streams"):
+        gym.make("ehar/Grid-v0", conditions=told)

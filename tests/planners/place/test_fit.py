@@ -150,7 +150,7 @@ def test_a_stopped_fit_goes_on_where_it_was(config: FixedBestConfig, monkeypatch
 
 
 def test_only_the_validation_part_is_looked_at(config: FixedBestConfig) -> None:
-    part, scenarios = validation_windows(load_setting(config.conditions))
+    part, scenarios = validation_windows(load_setting(config.conditions), LENGTH)
     assert part == "validation"
     assert set(scenarios.sequence) == set(split_parts(DATA).validation)
 
@@ -164,17 +164,17 @@ def test_without_long_validation_sequences_the_policy_part_says_and_the_test_par
         return replace(DATA, positions=np.concatenate(pieces), offsets=np.cumsum([0, *lengths]))
 
     told = Conditions(data=cut([parts.validation]), length=LENGTH)
-    part, scenarios = validation_windows(load_setting(told))
+    part, scenarios = validation_windows(load_setting(told), told.length)
     assert part == "policy"
     assert set(scenarios.sequence) == set(parts.policy)
     with pytest.raises(DataError, match="tiny: expected validation sequences of at least 8 frames to try places on"):
-        validation_windows(load_setting(replace(told, data=cut([parts.validation, parts.policy]))))
+        validation_windows(load_setting(replace(told, data=cut([parts.validation, parts.policy]))), told.length)
 
 
 def test_a_long_validation_part_is_drawn_from(config: FixedBestConfig, monkeypatch: pytest.MonkeyPatch) -> None:
-    _, scenarios = validation_windows(load_setting(config.conditions))
+    _, scenarios = validation_windows(load_setting(config.conditions), LENGTH)
     monkeypatch.setattr(fit, "MOST_WINDOWS", 3)
-    drawn = [validation_windows(load_setting(replace(config.conditions, seed=seed)))[1] for seed in (0, 0, 1)]
+    drawn = [validation_windows(load_setting(replace(config.conditions, seed=seed)), LENGTH)[1] for seed in (0, 0, 1)]
     chosen = [list(zip(some.sequence.tolist(), some.first.tolist(), strict=True)) for some in drawn]
     assert len(chosen[0]) == 3 < len(scenarios)
     assert chosen[0] == chosen[1] != chosen[2]
@@ -192,7 +192,7 @@ def test_where_left_and_right_are_not_named_azimuths_are_the_world_s(config: Fix
 def test_workers_decide_nothing(config: FixedBestConfig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fit, "STARTS", 4)  # as in the workers, which import the module anew
     setting = load_setting(config.conditions)
-    _, scenarios = validation_windows(setting)
+    _, scenarios = validation_windows(setting, LENGTH)
     task = fit.PlaceTask(setting.runner, scenarios, candidate_places(tells_front=True), 0)
     one, two = (dict(Processes(workers).each_batch(accuracy_at, task, [0, 1])) for workers in (1, 2))
     assert one == two

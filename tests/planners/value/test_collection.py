@@ -16,6 +16,7 @@ from ehar.runner import Runner
 from ehar.sensors.registry import make_sensor
 from ehar.viewpoint import Workspace, wrap_difference
 from planners.value import collection as gain_collection
+from planners.value import situation
 from planners.value.collection import (
     Collection,
     CollectionTask,
@@ -29,6 +30,7 @@ from planners.value.situation import frame_gains
 from planners.value.view_basis import PAPER_RANGE, basis_at
 from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context, tiny_data
 from tests.helpers.gain_models import PAIRS
+from tests.helpers.streams import StreamRecogniser, raising_streams
 
 LENGTH = 10
 
@@ -80,7 +82,7 @@ class Brancher(Planner):
             truth = observation.truth
             assert isinstance(truth, Truth)
             self.worth, self.visited = follow_paths(
-                truth, observation, self.goals, self.workspace, frames=LENGTH - 1 - self.at
+                truth, observation, self.goals, self.workspace, frames=LENGTH - 1 - self.at, classes=3
             )
         return self.goals[:, self.path]
 
@@ -107,9 +109,9 @@ def test_forks_hold_what_their_paths_gave(monkeypatch: pytest.MonkeyPatch) -> No
     calls: list[tuple[Observation, FloatArray, FloatArray, FloatArray]] = []
 
     def watched(
-        truth: Truth, observation: Observation, goals: FloatArray, workspace: Workspace, *, frames: int
+        truth: Truth, observation: Observation, goals: FloatArray, workspace: Workspace, *, frames: int, classes: int
     ) -> tuple[FloatArray, FloatArray]:
-        worth, visited = follow_paths(truth, observation, goals, workspace, frames=frames)
+        worth, visited = follow_paths(truth, observation, goals, workspace, frames=frames, classes=classes)
         calls.append((observation, goals, worth, visited))
         return worth, visited
 
@@ -235,3 +237,22 @@ def test_a_led_camera_follows_and_its_leader_is_not_told_the_truth() -> None:
     away[..., 1] = np.abs(wrap_difference(led.viewpoints[moved][:, [0, -1], 1] - 1.0))
     assert (away[:, 1] <= away[:, 0] + 1e-9).all()
     np.testing.assert_array_equal(led.labels, alone.labels)
+
+
+def test_paths_in_a_stream_are_as_long_as_planners_look_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(situation, "STREAM_LOOKAHEAD", 0.8)
+    data = raising_streams()
+    runner = Runner(data, StreamRecogniser(quality=nearness), make_sensor("perfect", data))
+    collection = collect_batch(CollectionTask(runner, np.arange(4), 40, PAIRS, seed=0, memory=0.3), 0)
+    assert (collection.frames == 8).all()
+    assert collection.frame.max() <= 40 - 1 - 8
+    assert collection.labels.shape == (6, 40)
+    # What is right in a frame without activity is worth nothing: staying is as good as its activities are recognised.
+    for fork, (episode, frame) in enumerate(zip(collection.episode, collection.frame, strict=True)):
+        labels = collection.labels[episode, frame + 1 : frame + 9]
+        said = np.exp(collection.log_probs[episode, frame + 1 : frame + 9])
+        moved = np.ptp(collection.viewpoints[episode, frame : frame + 9], axis=0).any()
+        if not moved:
+            worth = np.where(labels < 3, said[np.arange(8), labels], 0).mean()
+            assert collection.worth[fork, 0] == pytest.approx(worth, abs=1e-6)
+        assert collection.worth[fork].max() <= (labels < 3).mean() + 1e-6

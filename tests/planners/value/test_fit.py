@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ehar.arrays import FloatArray
+from ehar.arrays import FloatArray, IntArray
 from planners.value import fit as gain_fit
 from planners.value.belief import BeliefModel
 from planners.value.collection import Collection
 from planners.value.field import GainField
-from planners.value.fit import VARIANTS, fit_field, fork_situations, score_field
+from planners.value.fit import VARIANTS, Fit, Scores, fork_situations
 from planners.value.situation import PARTS
 from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, basis_at, field_value, mean_direction
 from tests.helpers.gain_models import random_situation
@@ -18,6 +18,16 @@ from tests.helpers.gain_models import random_situation
 BELIEF = BeliefModel()
 LENGTH = 12
 PATHS = 5
+
+
+def fit_field(
+    collection: Collection, belief: BeliefModel, parts: tuple[str, ...], groups: IntArray | None = None
+) -> Fit:
+    return gain_fit.fit_field(collection, fork_situations(collection, belief), parts, groups)
+
+
+def score_field(field: GainField, collection: Collection, belief: BeliefModel) -> Scores:
+    return gain_fit.score_field(field, collection, fork_situations(collection, belief))
 
 
 def random_viewpoints(rng: np.random.Generator, *leading: int) -> FloatArray:
@@ -39,6 +49,7 @@ def collected(rng: np.random.Generator, *, forks: int = 300, persons: int = 1) -
         sequences=rng.integers(0, 60, forks),
         episode=np.arange(forks),
         frame=frame,
+        frames=LENGTH - 1 - frame,
         facing=drawn.facing,
         facing_std=drawn.facing_std,
         position=drawn.position,

@@ -8,18 +8,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ehar.arrays import FloatArray
+from ehar.data.scenario import windows
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import Batch, Record, rollout
+from ehar.runner import Runner
 from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import wrap_difference
 from planners.value.belief import BeliefModel, readout
 from planners.value.body_filter import BodyFilter
-from planners.value.situation import PARTS, Situation, Tracker, fading_gains, frame_gains
+from planners.value.collection import Collection
+from planners.value.fit import stream_situations
+from planners.value.situation import PARTS, STREAM_PARTS, Situation, Tracker, fading_gains, frame_gains
+from planners.value.stream_belief import StreamBeliefModel
 from planners.value.view_basis import PAPER_RANGE, basis_at, turned
 from tests.helpers.fakes import CLASS_NAMES, FakeRecogniser, tiny_batch, tiny_context
 from tests.helpers.gain_models import PAIRS, random_situation
+from tests.helpers.streams import StreamRecogniser, raising_streams
 
+KEPT = ("facing", "facing_std", "position", "embedding")  # of a situation, as rollouts keep them
 BELIEF = BeliefModel(noise_weights=(0.5, 0.1, 0.2, 0.0, -0.3), process_noise=0.01, correlation=0.4)
 
 
@@ -62,8 +69,8 @@ class Follower(Planner):
 
     name = "follower"
 
-    def __init__(self) -> None:
-        self.tracker = Tracker(belief=BELIEF, pairs=PAIRS)
+    def __init__(self, belief: BeliefModel | StreamBeliefModel = BELIEF) -> None:
+        self.tracker = Tracker(belief=belief, pairs=PAIRS, memory=0.3)
 
     def reset(self, context: Context) -> None:
         self.tracker.reset(context)
@@ -109,6 +116,42 @@ def test_the_tracker_finds_where_people_are_and_face() -> None:
     way = last.position[:, 1] - last.position[:, 0]
     np.testing.assert_allclose(way, np.tile([0, 0.8, 0], (6, 1)), atol=0.15)
     np.testing.assert_allclose(last.reference, np.pi / 2, atol=0.2)
+
+
+def test_the_tracker_follows_a_stream_as_the_fit_reads_it() -> None:
+    chain = StreamBeliefModel(
+        follows=((0.0, 0.6, 0.4), (0.5, 0.0, 0.5), (0.2, 0.8, 0.0)),
+        rates=(1.0, 0.5, 0.8),
+        gap_share=(0.9, 0.8, 0.7),
+        gap_rate=1.2,
+        share=(0.2, 0.2, 0.2, 0.4),
+        phases=2,
+    )
+    data, follower, rng = raising_streams(), Follower(chain), np.random.default_rng(0)
+    runner = Runner(data, StreamRecogniser(), PerfectSensor())
+    batch = runner.batch(windows(data, np.arange(4), 30, 30), np.arange(4), runner.world.sample_starts(rng, 4), rng)
+    record = runner.roll(follower, batch, rng)
+    frame = np.array([0, 1, 9, 28])
+    one = [follower.situations[at] for at in frame]
+    kept = {name: np.stack([getattr(each, name)[row] for row, each in enumerate(one)]) for name in KEPT}
+    nothing = np.zeros((4, 1))
+    collection = Collection(
+        log_probs=record.log_probs,
+        viewpoints=record.viewpoints,
+        labels=batch.labels,
+        sequences=np.arange(4),
+        episode=np.arange(4),
+        frame=frame,
+        frames=frame,
+        worth=nothing,
+        path=nothing,
+        **kept,
+    )
+    read = stream_situations(collection, chain, fps=data.fps, memory=0.3).features()
+    assert tuple(read) == STREAM_PARTS
+    for part, columns in read.items():
+        tracked = np.stack([each.features()[part][row] for row, each in enumerate(one)])
+        np.testing.assert_allclose(tracked, columns, atol=1e-6, err_msg=part)
 
 
 def test_a_reset_forgets() -> None:

@@ -20,6 +20,7 @@ from planners.value.stream_belief import (
     advance,
     begin,
     classes_of_states,
+    coming_shares,
     read_streams,
     transition_matrix,
 )
@@ -217,3 +218,24 @@ def test_the_model_is_json() -> None:
 def test_parameters_out_of_range_are_named(changes: dict[str, object], message: str) -> None:
     with pytest.raises(ModelError, match=message):
         replace(LEARNED, **changes)
+
+
+@pytest.mark.parametrize("frames", [1, 7])
+def test_what_is_expected_to_come_is_the_mean_of_all_predictions(frames: int) -> None:
+    log_probs, viewpoints = recognised()
+    belief = StreamBelief(LEARNED, fps=FPS)
+    belief.start(len(log_probs))
+    for frame in range(log_probs.shape[1]):
+        belief.update(log_probs[:, frame], viewpoints[:, frame])
+    later, predicted = belief._chain, []
+    for _ in range(frames):
+        later = advance(LEARNED, later, 1 / FPS)
+        predicted.append(later.classes)
+    expected = belief.expected(coming_shares(LEARNED, fps=FPS, frames=frames))
+    np.testing.assert_allclose(expected, np.mean(predicted, axis=0), atol=1e-12)
+    np.testing.assert_allclose(expected.sum(axis=1), 1)
+
+
+def test_far_ahead_the_present_activity_says_nothing() -> None:
+    shares = coming_shares(LEARNED, fps=FPS, frames=5000)
+    np.testing.assert_allclose(shares, np.broadcast_to(shares[0], shares.shape), atol=0.01)
