@@ -134,8 +134,8 @@ def headroom(
     motion, parts = setting.data, split_parts(setting.data)
     references = make_planners(REFERENCES).planners
     config = run_config(setting, [planner_config(planner) for planner in references])
-    if config.length_note is not None:
-        reporter.note(f"warning: {config.length_note}")
+    for warning in config.warnings:
+        reporter.note(f"warning: {warning}")
     written = {**config.to_json(), "distance": distance, "azimuths": azimuths, "polars": polars}
     if out is not None:
         check_out(Path(out), written)

@@ -13,7 +13,7 @@ from ehar.conditions import Conditions
 from ehar.data.recordings import Recordings
 from ehar.errors import ModelError
 from ehar.files import read_json
-from ehar.world import PAPER, World
+from ehar.world import LATER, PAPER, World
 from planners.value.belief import BeliefModel
 from planners.value.field import GainField
 from recognition.weight_files import check_files, check_world, description_path, files_sha256, save_weights
@@ -128,7 +128,7 @@ def load_gain_model(conditions: Conditions, data: Recordings, recogniser_sha256:
         f"a gain field, as made by `ehar train gain-field {conditions.options} {conditions.models_option}`",
     )
     file, what = description_path(path), "a gain field, as `ehar train gain-field` writes it"
-    description = read_json(file, GainDescription, what, wrong=ModelError)
+    description = read_json(file, GainDescription, what, wrong=ModelError, optional=LATER)
     joints = range(len(data.skeleton.joint_names))
     if not description.trunk or any(joint not in joints for pair in description.trunk for joint in pair):
         got = str(description.trunk)[:80]
