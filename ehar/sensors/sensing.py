@@ -4,13 +4,20 @@ from typing import Any
 
 import numpy as np
 
-from ehar.arrays import FloatArray
+from ehar.arrays import BoolArray, FloatArray
 from ehar.errors import EpisodeError
 from ehar.plugins.blame import blamed
 from ehar.sensors.sensor import Sensed, Sensor, SensorNoise
 
 
-def sense(sensor: Sensor, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise, frame: str = "") -> Sensed:
+def sense(
+    sensor: Sensor,
+    positions: FloatArray,
+    viewpoint: FloatArray,
+    noise: SensorNoise,
+    frame: str = "",
+    hidden: BoolArray | None = None,
+) -> Sensed:
     """Sense joints (..., P, J, 3) [m] from viewpoints (..., 3), and check the result.
 
     Args:
@@ -19,13 +26,15 @@ def sense(sensor: Sensor, positions: FloatArray, viewpoint: FloatArray, noise: S
         viewpoint: viewpoints, as in `Sensor.sense`.
         noise: random draws, as in `Sensor.sense`.
         frame: name of the frame in errors: "frame 3".
+        hidden: joints that are hidden, as in `Sensor.sense`.
 
     Raises:
         EpisodeError: the sensor raised an error, or its arrays have other shapes or are not finite.
     """
     where = f"sensor {type(sensor).__name__}" + (f", {frame}" if frame else "")
     with blamed(sensor, where):
-        sensed: Any = sensor.sense(positions, viewpoint, noise)
+        told = () if hidden is None else (hidden,)  # a sensor of your own need not know of obstacles elsewhere
+        sensed: Any = sensor.sense(positions, viewpoint, noise, *told)
     if not isinstance(sensed, tuple) or len(sensed) != 2:
         raise EpisodeError(f"{where}: expected Sensed(joints_2d, confidence), got {type(sensed).__name__}")
     leading = np.broadcast_shapes(positions.shape[:-3], viewpoint.shape[:-1])
