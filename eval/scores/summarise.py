@@ -7,6 +7,7 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.errors import DataError
 from eval.records.config import RunConfig
+from eval.records.contacts import ContactSummary, join_contacts, summarise_contacts
 from eval.records.episodes import EpisodeRecords
 from eval.records.flights import FlightSummary, join_flights, summarise_flights
 from eval.records.solves import Solves, join_solves
@@ -82,6 +83,7 @@ def summarise(
             accuracy_kept=float(kept[row]) if np.isfinite(kept[row]) else None,
             accuracy_kept_ci95=pair(kept_ends[row]) if np.isfinite(kept[row]) else None,
             solves=None if solves is None else join_solves([solves[name] for name in group.records]),
+            contacts=_contacts([whole[name] for name in group.records]),
         )
         for row, (group, trained, held) in enumerate(zip(groups, trainings, compared, strict=True))
     )
@@ -105,6 +107,12 @@ def _flights(trainings: Sequence[EpisodeRecords]) -> FlightSummary | None:
     """Return the demands of all flights of a planner; None if it did not fly."""
     flights = [episodes.flight for episodes in trainings if episodes.flight is not None]
     return summarise_flights(join_flights(flights)) if flights else None
+
+
+def _contacts(trainings: Sequence[EpisodeRecords]) -> ContactSummary | None:
+    """Return how often cameras of a planner were too near to obstacles; None in a world without any."""
+    contacts = [episodes.contacts for episodes in trainings if episodes.contacts is not None]
+    return summarise_contacts(join_contacts(contacts)) if contacts else None
 
 
 def _iqm_interval(held: PlannerAccuracy, resamples: Resamples) -> FloatArray:
