@@ -84,6 +84,23 @@ class FreeSpace:
         numbers = np.array(np.unravel_index(np.array(cells, dtype=np.int64), self.free.shape)).T
         return self.workspace.from_cells(numbers)
 
+    def ways(self, viewpoint: FloatArray, goals: FloatArray) -> FloatArray:
+        """Return the cells of the shortest ways from a viewpoint (3,) to goals (G, 3), (G, N, 3), from the first on.
+
+        N is the longest way; shorter ones stay at their goal. A goal that no way leads to is not left for.
+        """
+        numbers = np.ravel_multi_index(tuple(self.workspace.to_cells(goals).T), self.free.shape)
+        before, here = self._ways_to(self._number(viewpoint)), self._number(viewpoint)
+        back = [np.where((before[numbers] < 0) & (numbers != here), here, numbers)]
+        while (back[-1] != here).any():
+            back.append(np.where(back[-1] == here, here, before[back[-1]]))
+        cells = np.stack(back[::-1], axis=1)  # shorter ways wait here at first: they come to the front
+        waits = (cells == here).sum(axis=1) - 1
+        order = np.minimum(np.arange(cells.shape[1]) + waits[:, None], cells.shape[1] - 1)
+        forward = np.take_along_axis(cells, order, axis=1)
+        found = np.stack(np.unravel_index(forward, self.free.shape), axis=-1)
+        return self.workspace.from_cells(found)
+
     def _number(self, viewpoint: FloatArray) -> int:
         return int(np.ravel_multi_index(tuple(self.workspace.to_cells(viewpoint)), self.free.shape))
 

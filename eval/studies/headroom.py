@@ -127,7 +127,10 @@ def headroom(
     """
     conditions, reporter = conditions or Conditions(), reporter or ConsoleReporter()
     check_workers(workers)
-    workspace = load_world(conditions.world).workspace
+    world = load_world(conditions.world)
+    if not world.is_open:
+        raise UsageError(f"world: expected a world without obstacles, got {world}: fixed cameras may stand in them")
+    workspace = world.workspace
     distance = (workspace.distance_min + workspace.distance_max) / 2 if distance is None else distance
     viewpoints = viewpoint_map(workspace, distance, azimuths, polars)
     setting = load_setting(conditions)

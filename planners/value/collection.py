@@ -13,10 +13,12 @@ from ehar.data.scenario import draw_scenarios
 from ehar.data.streams.data import StreamData
 from ehar.errors import DataError, EpisodeError
 from ehar.motion import move_towards
+from ehar.obstacles.free_space import FreeSpace
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.processes import each_batch
 from ehar.runner import Runner
 from ehar.viewpoint import Workspace, apply_moves
+from planners.heading import free_space
 from planners.value.body_filter import BodyFilter
 from planners.value.situation import coming_gains
 from planners.value.view_basis import DistanceRange, basis_at
@@ -115,7 +117,8 @@ class Forker(Planner):
         goals[:, 0] = here
         gains = coming_gains(observation, self._context)
         gains = gains[: self.length - 1 - observation.frame]  # a window of a stream may end before a planner's horizon
-        worth, visited = follow_paths(observation.truth, observation, goals, workspace, frames=len(gains))
+        space = free_space(self._context)
+        worth, visited = follow_paths(observation.truth, observation, goals, workspace, frames=len(gains), space=space)
         span = DistanceRange.of(self._context.world.workspace)
         return {
             "episode": np.arange(len(here)),
@@ -130,9 +133,17 @@ class Forker(Planner):
 
 
 def follow_paths(
-    truth: Truth, observation: Observation, goals: FloatArray, workspace: Workspace, *, frames: int
+    truth: Truth,
+    observation: Observation,
+    goals: FloatArray,
+    workspace: Workspace,
+    *,
+    frames: int,
+    space: FreeSpace | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Fly to goals (B, M, 3) by grid moves and stay there, for some frames from each episode's present state.
+
+    Among obstacles a camera stays before the first move that does not lead to a free cell of `space`.
 
     Returns:
         the mean probability of the true class over the frames to come, (B, M), and the viewpoints (B, M, R, 3).
@@ -143,7 +154,8 @@ def follow_paths(
     visited = np.empty((*goals.shape[:2], frames, 3))
     worth = np.zeros(goals.shape[:2])
     for step in range(frames):
-        viewpoint = apply_moves(viewpoint, move_towards(viewpoint, goals, workspace), workspace)
+        moves = move_towards(viewpoint, goals, workspace)
+        viewpoint = apply_moves(viewpoint, moves, workspace) if space is None else space.after(viewpoint, moves)
         sensed = truth.sense(observation.frame + 1 + step, viewpoint)
         recognition, state = truth.recogniser.step(state, sensed, viewpoint)
         visited[:, :, step] = viewpoint

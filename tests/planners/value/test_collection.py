@@ -106,7 +106,7 @@ def test_forks_hold_what_their_paths_gave(monkeypatch: pytest.MonkeyPatch) -> No
     calls: list[tuple[Observation, FloatArray, FloatArray, FloatArray]] = []
 
     def watched(
-        truth: Truth, observation: Observation, goals: FloatArray, workspace: Workspace, *, frames: int
+        truth: Truth, observation: Observation, goals: FloatArray, workspace: Workspace, *, frames: int, space: None
     ) -> tuple[FloatArray, FloatArray]:
         worth, visited = follow_paths(truth, observation, goals, workspace, frames=frames)
         calls.append((observation, goals, worth, visited))
