@@ -184,6 +184,7 @@ def rollout(
     with blamed(recogniser, f"{seeing}, start"):
         state = recogniser.start(episodes)
     trail = [viewpoint] * (LEAD + 1)
+    passers = None if world.surroundings is None else world.surroundings.passers
     for frame in range(length):
         noise = world.noise.frame(frame)
         hidden = world.hidden(frame, viewpoint)
@@ -209,6 +210,7 @@ def rollout(
             if privileged
             else None,
             time=frame * context.frame_time,
+            passers=None if passers is None else read_only(passers.tracked[:, frame]),
         )
         begin = time.perf_counter()
         with blamed(planner, f"{planning}, frame {frame}"):

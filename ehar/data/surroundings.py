@@ -10,6 +10,7 @@ from ehar.world import PASSER_RADIUS, World
 
 WALKING = (1.0, 1.6)  # [m/s], from the slowest to the fastest passer-by
 NEAREST = (0.7, 2.0)  # [m], between the people's centre and the nearest point of a passer-by's way
+TRACKED = (0.05, 0.1)  # [m], [m/s], standard deviation of what planners are told on each axis, in each frame anew
 LOOKED_AT = 8  # frames of a sequence by which the height of a person is told
 
 
@@ -54,9 +55,12 @@ def _passers(
     east, north = np.cos(direction)[:, None], np.sin(direction)[:, None]
     aside = aside[:, None]
     place = np.stack([along * east - aside * north, along * north + aside * east], axis=-1)
+    velocity = np.gradient(place, 1 / scenarios.data.fps, axis=1)
+    error = rng.standard_normal((*place.shape[:-1], 4)) * np.repeat(TRACKED, 2)
+    tracked = np.concatenate([place, velocity], axis=-1) + error
     floor = scenarios.positions(chosen)[:, 0, ..., 2].min(axis=(1, 2))
     low = np.repeat(floor[:, None], world.passers_by, axis=1).astype(np.float64)
-    return Passers(place, low, low + _heights(scenarios, chosen, shape, rng), PASSER_RADIUS)
+    return Passers(place, low, low + _heights(scenarios, chosen, shape, rng), PASSER_RADIUS, tracked)
 
 
 def _heights(

@@ -21,12 +21,15 @@ class Passers:
         low: (B, W) height of their feet [m].
         high: (B, W) height of the top of their heads [m].
         radius: their radius [m].
+        tracked: (B, L, W, 4) what planners are told in each frame: where they are thought to be [m] and how fast they
+            walk [m/s], each along x and y.
     """
 
     place: FloatArray
     low: FloatArray
     high: FloatArray
     radius: float
+    tracked: FloatArray
 
     __repr__ = in_brief
 
@@ -75,9 +78,8 @@ class Surroundings:
         moved = None if self.moved is None else self.moved[rows, :frames]
         passers = self.passers
         if passers is not None:
-            passers = replace(
-                passers, place=passers.place[rows, :frames], low=passers.low[rows], high=passers.high[rows]
-            )
+            place, tracked = passers.place[rows, :frames], passers.tracked[rows, :frames]
+            passers = replace(passers, place=place, low=passers.low[rows], high=passers.high[rows], tracked=tracked)
         return Surroundings(self.obstacles, moved, passers)
 
     @staticmethod
@@ -90,10 +92,10 @@ class Surroundings:
         walkers = [piece.passers for piece in held if piece.passers is not None]
         passers = held[0].passers
         if passers is not None:
-            place, low, high = (
-                np.concatenate([getattr(one, name) for one in walkers]) for name in ("place", "low", "high")
+            place, low, high, tracked = (
+                np.concatenate([getattr(one, name) for one in walkers]) for name in ("place", "low", "high", "tracked")
             )
-            passers = Passers(place, low, high, passers.radius)
+            passers = Passers(place, low, high, passers.radius, tracked)
         return Surroundings(held[0].obstacles, np.concatenate(moved) if moved else None, passers)
 
     def _moved(self, frames: Frames, cameras: FloatArray) -> FloatArray:

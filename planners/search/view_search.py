@@ -45,7 +45,7 @@ class NextBestViewGreedy(Planner):
         here = np.repeat(observation.viewpoint[:, None], len(MOVES), axis=1)
         there = heading(self._context, here, np.broadcast_to(np.arange(len(MOVES)), here.shape[:2]))
         values = np.einsum("bmk,bk->bm", basis_at(there, self._value.span), self._value.weights)
-        values *= self._value.seen(there)
+        values *= self._value.seen(there, self._context.frame_time)
         _check_finite(values, self.name, observation.frame)
         best = np.argmax(values + 1e-12 * (MOVES == 0).all(axis=1), axis=1)  # a tie is no reason to move
         chosen: FloatArray = there[np.arange(len(best)), best]
@@ -122,8 +122,10 @@ def search_goals(value: ViewValue, observation: Observation, context: Context) -
     needed = needed * ways.longer
     along = np.zeros((*goals.shape[:2], BASIS_SIZE))
     for node in np.flatnonzero(gains).tolist():
-        there = ways.at(share_made((node + 1) * node_frames, needed, ramp))
-        along += gains[node] * value.seen(there)[..., None] * basis_at(there, value.span)
+        frames = (node + 1) * node_frames
+        there = ways.at(share_made(frames, needed, ramp))
+        seen = value.seen(there, frames * context.frame_time)
+        along += gains[node] * seen[..., None] * basis_at(there, value.span)
     collected: FloatArray = np.einsum("bgk,bk->bg", along, value.weights)
     collected -= value.field.spread * (mean_direction(along) ** 2).sum(axis=-1)
     return ways.goals, collected

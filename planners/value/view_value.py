@@ -43,6 +43,7 @@ class ViewValue:
         self._tracker.reset(context)
         # In a stream obstacles are not where they were, relative to people.
         self._obstacles = context.world.obstacles if context.length is not None else Obstacles()
+        self._hides = bool(self._obstacles) or context.world.passers_by > 0
         self._everywhere = basis_at(coarse_grid(context.workspace), self.span)
 
     def update(self, observation: Observation) -> None:
@@ -63,19 +64,25 @@ class ViewValue:
     def weights(self) -> FloatArray:
         """The field's weights, (B, 21), see `view_basis.field_value`.
 
-        Among obstacles the field's least value over the workspace is 0, so that it can be multiplied by `seen`: what is
-        not seen tells as little as the worst view. Elsewhere only differences between views have a meaning.
+        Where something is in the way the field's least value over the workspace is 0, so that it can be multiplied by
+        `seen`: what is not seen tells as little as the worst view. Elsewhere only differences between views count.
         """
         weights = self.field.weights(self.situation)
-        if self._obstacles:
+        if self._hides:
             weights = weights - (self._everywhere @ weights.T).min(axis=0)[:, None] * (np.arange(BASIS_SIZE) == 0)
         return weights
 
-    def seen(self, viewpoint: FloatArray) -> FloatArray:
-        """Return the share of people that is seen from viewpoints (B, ..., 3), (B, ...); 1 where nothing stands."""
-        if not self._obstacles:
+    def seen(self, viewpoint: FloatArray, ahead: float) -> FloatArray:
+        """Return the share of people that is seen from viewpoints (B, ..., 3), (B, ...); 1 where nothing is in the way.
+
+        Args:
+            viewpoint: the viewpoints.
+            ahead: how far ahead cameras will be there [s].
+        """
+        if not self._hides:
             return np.ones(viewpoint.shape[:-1])
-        return seen_share(viewpoint, self.situation.position, self._obstacles)
+        position, passers = self.situation.position, self._tracker.observation.passers
+        return seen_share(viewpoint, position, self._obstacles, passers, ahead)
 
 
 def coarse_grid(workspace: Workspace) -> FloatArray:

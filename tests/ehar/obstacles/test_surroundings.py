@@ -141,6 +141,10 @@ def test_passers_by_walk_straight_past_people_and_never_where_cameras_are() -> N
     turns = np.abs(np.diff(walked.place, n=2, axis=1)).max(axis=-1) > 1e-9
     assert turns.mean() < 0.03
     assert (walked.high - walked.low > 1.2).all() and (walked.low < -0.8).all()
+    error = walked.tracked[..., :2] - walked.place
+    assert error.std() == pytest.approx(0.05, rel=0.1) and abs(error.mean()) < 0.005
+    ahead = walked.tracked[:, :-5, :, :2] + 0.2 * walked.tracked[:, :-5, :, 2:] - walked.place[:, 5:]
+    assert np.median(np.linalg.norm(ahead, axis=-1)) < 0.1
     np.testing.assert_array_equal(passers().place, walked.place)
     assert not np.array_equal(passers(1).place, walked.place)
 
@@ -148,7 +152,7 @@ def test_passers_by_walk_straight_past_people_and_never_where_cameras_are() -> N
 def test_a_passer_by_hides_what_is_behind_it_while_it_is_there() -> None:
     place = np.zeros((1, 2, 1, 2))
     place[0, :, 0] = [[2.0, 0.0], [2.0, 1.0]]
-    around = Surroundings(Obstacles(), None, Passers(place, np.array([[-0.9]]), np.array([[0.8]]), 0.25))
+    around = Surroundings(Obstacles(), None, Passers(place, np.array([[-0.9]]), np.array([[0.8]]), 0.25, place))
     joints = np.array([[[[0, 0, 0.0], [0, 0, 0.75], [0, 0.8, 0.0]]]]).reshape(1, 1, 3, 3)
     assert around.hide(BEHIND[None], joints, 0)[0, 0].tolist() == [True, True, False]
     assert around.hide(BEHIND[None], joints, 1)[0, 0].tolist() == [False, False, False]

@@ -37,6 +37,14 @@ def test_a_table_hides_a_third_of_a_person() -> None:
     assert seen_share(np.array([[6.0, 0.0, 0.3]]), CENTRE, table)[0] == 1
 
 
+def test_a_passer_by_is_expected_to_walk_straight_on() -> None:
+    walker = np.array([[[2.5, -1.0, 0.0, 1.0]]])  # a second from the line of sight
+    shares = [float(seen_share(BEHIND[None], CENTRE, Obstacles(), walker, ahead)[0]) for ahead in (0.0, 1.0, 2.0)]
+    assert shares == [1, pytest.approx(0, abs=0.4), 1]
+    views = np.stack([BEHIND, ASIDE])[None]
+    assert seen_share(views, CENTRE, Obstacles(), walker, 1.0).tolist() == [[shares[1], 1]]
+
+
 def context_in(obstacles: Obstacles) -> Context:
     context = tiny_context(episodes=3, length=30)
     return replace(context, world=replace(PAPER, name="own", obstacles=obstacles))
@@ -52,7 +60,7 @@ def test_in_an_open_world_values_are_as_they_were() -> None:
             for one in (value, among):
                 one.update(observation)
             shown.append((value.weights, among.weights))
-            assert (value.seen(observation.viewpoint) == 1).all()
+            assert (value.seen(observation.viewpoint, 0.0) == 1).all()
             return observation.viewpoint
 
     value.reset(tiny_context(episodes=3, length=5))
