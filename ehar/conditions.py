@@ -44,7 +44,7 @@ class Conditions:
         views: cameras the recogniser was trained on: moving, paper, or recorded (the real ones).
         form: causal (streams) or ctrgcn (as published, on each prefix).
         recogniser: your own: file.py:Class.
-        world: paper, indoor, or a world file (.json).
+        world: paper, indoor, room, crowd, or a world file (.json).
 
     Raises:
         UsageError: a word is unknown, or a number is too small.

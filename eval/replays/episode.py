@@ -1,13 +1,14 @@
 """One replayed episode: the people, and what one or two planners' cameras did, saw and recognised."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
 from ehar.camera import Camera
 from ehar.data.skeleton import Skeleton
+from ehar.obstacles.shapes import Obstacles
 from ehar.viewpoint import Workspace, cartesian
 from eval.render.field_map import gain_over_directions
 from eval.replays.rerun import PlannerReplay, replay_run
@@ -70,6 +71,7 @@ class EpisodeReplay:
         camera: the intrinsics of all cameras.
         cameras: cameras of the planners.
         notes: what is missing, one sentence each.
+        obstacles: what stands there.
     """
 
     index: int
@@ -83,6 +85,7 @@ class EpisodeReplay:
     camera: Camera
     cameras: tuple[CameraReplay, ...]
     notes: tuple[str, ...]
+    obstacles: Obstacles = field(default_factory=Obstacles)
 
     @property
     def frames(self) -> int:
@@ -128,6 +131,7 @@ def replay_episode(
         camera=replays.camera,
         cameras=tuple(_camera(record, replays.planners[record], run.config.world.workspace) for record in records),
         notes=replays.notes,
+        obstacles=run.config.world.obstacles,
     )
 
 

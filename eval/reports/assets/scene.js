@@ -22,6 +22,7 @@ function drawScene(canvas, episode, cast, frame) {
   const floor = lowest(people);
   drawGround(pen, at, reach, floor);
   drawDome(pen, at, reach);
+  replays.obstacles.forEach((line) => stroke(pen, line.map(at), colour("@neutral/0.9"), 1.2));
   cast.forEach(({ of, look }) => drawPath(pen, at, of, look, frame));
   drawPeople(pen, at, people, frame);
   cast.forEach(({ of, look, name }, index) => drawCamera(pen, at, of, look, frame, name, index, reach));
