@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -53,7 +53,7 @@ class EpisodeRecords:
     top_probability: FloatArray
     flight: FlightRecords | None = None
     second_probability: FloatArray | None = None
-    contacts: ContactRecords | None = None
+    contacts: ContactRecords | None = field(default=None, repr=False)
 
     __repr__ = in_brief
 
