@@ -45,7 +45,7 @@ class Conditions:
         views: cameras the recogniser was trained on: moving, paper, or recorded (the real ones).
         form: causal (streams) or ctrgcn (as published, on each prefix).
         recogniser: your own: file.py:Class.
-        world: paper, indoor, or a world file (.json).
+        world: paper, indoor, room, crowd, or a world file (.json).
         onset: unknown; or known: in streams the recogniser is told when an activity begins, and forgets what was.
 
     Raises:

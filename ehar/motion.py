@@ -1,11 +1,13 @@
 """The contract of a motion, which carries the camera, and `GridMotion`: the paper's 7 moves."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from ehar.arrays import FloatArray, IntArray
-from ehar.viewpoint import AZIMUTH, DISTANCE, HOVER, POLAR, Workspace, apply_moves
+from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.obstacles.free_space import FreeSpace, needed_clearance
+from ehar.obstacles.surroundings import Surroundings
+from ehar.viewpoint import AZIMUTH, DISTANCE, HOVER, MOVES, POLAR, Workspace, apply_moves, neighbours
 
 
 class Motion(Protocol):
@@ -31,6 +33,21 @@ class Motion(Protocol):
         ...
 
 
+@runtime_checkable
+class KeepsClear(Protocol):
+    """A motion that keeps clear of obstacles: those of ehar do."""
+
+    def keep_clear(self, surroundings: Surroundings | None) -> None:
+        """Take what stands around the episodes to come, before a reset; None is an open world."""
+        ...
+
+
+def keep_clear(motion: Motion, surroundings: Surroundings | None) -> None:
+    """Tell a motion what stands around the episodes to come; your own motion need not know."""
+    if isinstance(motion, KeepsClear):
+        motion.keep_clear(surroundings)
+
+
 def move_towards(viewpoint: FloatArray, target: FloatArray, workspace: Workspace) -> IntArray:
     """Return the moves (...,) that lower the largest remaining axis error, counted in cells.
 
@@ -50,22 +67,81 @@ def move_towards(viewpoint: FloatArray, target: FloatArray, workspace: Workspace
 
 
 class GridMotion:
-    """The paper's ideal camera: one of 7 moves per frame, at any frame rate (Sec. 3)."""
+    """The paper's ideal camera: one of 7 moves per frame, at any frame rate (Sec. 3).
+
+    Among obstacles it takes the shortest free way: `move_towards` as long as that leads to the target, or else a
+    shortest way through free cells. A target in no free cell stands for the nearest free one. Where the centre moves,
+    as it does in streams, the free cells change in every frame; then it makes the free move that gets nearest to the
+    target, and without any the one that keeps clearest.
+    """
 
     def __init__(self, *, workspace: Workspace | None = None) -> None:
         """Create the motion; `workspace` has the grid, and defaults to the paper's."""
         self.workspace = workspace or Workspace()
         self._viewpoint: FloatArray = np.empty((0, 3))
+        self._surroundings: Surroundings | None = None
+
+    def keep_clear(self, surroundings: Surroundings | None) -> None:
+        """Keep clear of obstacles from the next reset on; None is an open world."""
+        self._surroundings = surroundings
 
     def reset(self, viewpoint: FloatArray, frame_time: float) -> None:
         """Begin at viewpoints (B, 3); the frame time does not matter to the grid."""
         self._viewpoint = np.array(viewpoint)
+        self._frame = 0
+        self._direct: BoolArray = np.zeros(len(viewpoint), dtype=bool)  # which moves to the targets of before were free
+        self._target = np.full(self._viewpoint.shape, np.nan)
 
     def advance(self, target: FloatArray) -> FloatArray:
-        """Make the move that `move_towards` picks and return the viewpoints reached, (B, 3)."""
-        moves = move_towards(self._viewpoint, target, self.workspace)
-        self._viewpoint = apply_moves(self._viewpoint, moves, self.workspace)
+        """Make a move towards targets and return the viewpoints reached, (B, 3)."""
+        self._frame += 1
+        around = self._surroundings
+        if around is None or not around.obstacles:
+            moves = move_towards(self._viewpoint, target, self.workspace)
+            self._viewpoint = apply_moves(self._viewpoint, moves, self.workspace)
+        elif around.moved is None:
+            self._viewpoint = self._by_free_cells(target, FreeSpace.of(self.workspace, around.obstacles))
+        else:
+            self._viewpoint = self._by_clearance(target, around)
         return self._viewpoint
+
+    def _by_free_cells(self, target: FloatArray, space: FreeSpace) -> FloatArray:
+        """Return the next viewpoints on shortest free ways to targets (B, 3)."""
+        target = space.nearest(self.workspace.clip(target))
+        asked = ~(self._direct & (target == self._target).all(axis=1))
+        self._direct[asked] = self._leads_there(self._viewpoint[asked], target[asked], space)
+        self._target = target
+        moves = move_towards(self._viewpoint, target, self.workspace)
+        reached = space.after(self._viewpoint, moves)
+        for row in np.flatnonzero(~self._direct):
+            way = space.way(self._viewpoint[row], target[row], 1)
+            reached[row] = way[0] if len(way) else self._viewpoint[row]
+        return reached
+
+    def _leads_there(self, viewpoint: FloatArray, target: FloatArray, space: FreeSpace) -> BoolArray:
+        """Return from which viewpoints (B, 3) `move_towards` leads to targets (B, 3) through free cells only."""
+        free: BoolArray = np.ones(len(viewpoint), dtype=bool)
+        moving = np.flatnonzero(free)
+        here = viewpoint.copy()
+        while len(moving):
+            moves = move_towards(here[moving], target[moving], self.workspace)
+            here[moving] = apply_moves(here[moving], moves, self.workspace)
+            free[moving] = space.is_free(here[moving])
+            moving = moving[(moves != HOVER) & free[moving]]
+        return free
+
+    def _by_clearance(self, target: FloatArray, around: Surroundings) -> FloatArray:
+        """Return the next viewpoints towards targets (B, 3) where free cells change from frame to frame."""
+        there = neighbours(self._viewpoint, self.workspace)  # (B, 7, 3)
+        clearance = around.clearance(there, self._frame)
+        free = clearance >= needed_clearance(there, self.workspace)
+        way = self.workspace.to_cells(self.workspace.clip(target))[:, None] - self.workspace.to_cells(there)
+        turn = self.workspace.cells[AZIMUTH]
+        way[..., AZIMUTH] = (way[..., AZIMUTH] + turn // 2) % turn - turn // 2
+        left = np.abs(way).sum(axis=-1).astype(np.float64)
+        preferred = move_towards(self._viewpoint, target, self.workspace)[:, None] == np.arange(len(MOVES))
+        worth = np.where(free, -left + 0.5 * preferred, clearance - left.max() - 1e3)
+        return np.take_along_axis(there, worth.argmax(axis=1)[:, None, None], axis=1)[:, 0]
 
     @property
     def velocity(self) -> FloatArray:

@@ -66,6 +66,7 @@ class Observation:
     acceleration: FloatArray  # (B, 3): derivatives of `velocity` [m/s^2], [rad/s^2]; 0 on the ideal track
     truth: Truth | None = field(default=None, repr=False)  # privileged planners only
     time: float = 0.0  # [s] since the first frame
+    passers: FloatArray | None = None  # (B, W, 4): place [m] and velocity [m/s] of passers-by along x and y, as tracked
 
     __repr__ = in_brief
 

@@ -7,13 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from ehar.arrays import FloatArray, IntArray, in_brief, read_only
+from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief, read_only
 from ehar.data.scenario import Scenarios
 from ehar.data.skeleton import Skeleton
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.window import Windows
 from ehar.errors import EpisodeError
-from ehar.motion import Motion
+from ehar.motion import Motion, keep_clear
+from ehar.obstacles.shapes import MARGIN
+from ehar.obstacles.surroundings import Surroundings, too_near
 from ehar.onsets import Onset, ToldOnsets, begins
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.plugins.blame import blamed
@@ -35,6 +37,7 @@ class Batch:
         starts: (B, 3) start viewpoints.
         noise: (B, L, ...) random draws of the sensor.
         names: names of the episodes in error messages.
+        surroundings: what stands and walks around people; None in an open world.
     """
 
     positions: FloatArray
@@ -42,11 +45,18 @@ class Batch:
     starts: FloatArray
     noise: SensorNoise
     names: tuple[str, ...]
+    surroundings: Surroundings | None = None
 
     __repr__ = in_brief
 
     @staticmethod
-    def of(scenarios: Scenarios | StreamScenarios, chosen: IntArray, starts: FloatArray, noise: SensorNoise) -> "Batch":
+    def of(
+        scenarios: Scenarios | StreamScenarios,
+        chosen: IntArray,
+        starts: FloatArray,
+        noise: SensorNoise,
+        surroundings: Surroundings | None = None,
+    ) -> "Batch":
         """Return episodes of scenarios chosen by index (B,)."""
         sequences = (scenarios.data.sequence_names[sequence] for sequence in scenarios.sequence[chosen])
         begins = zip(sequences, scenarios.first[chosen], strict=True)
@@ -56,6 +66,7 @@ class Batch:
             starts=starts,
             noise=noise,
             names=tuple(f"{name} from frame {first}" for name, first in begins),
+            surroundings=surroundings,
         )
 
     @staticmethod
@@ -69,6 +80,7 @@ class Batch:
                 *(np.concatenate(draws) for draws in zip(*(piece.noise for piece in pieces), strict=True))
             ),
             names=tuple(name for piece in pieces for name in piece.names),
+            surroundings=Surroundings.joined([piece.surroundings for piece in pieces]),
         )
 
     def select(self, rows: IntArray | slice, frames: int | None = None) -> "Batch":
@@ -79,6 +91,7 @@ class Batch:
             starts=self.starts[rows],
             noise=SensorNoise(*(draws[rows, :frames] for draws in self.noise)),
             names=tuple(np.array(self.names, dtype=object)[rows]),
+            surroundings=None if self.surroundings is None else self.surroundings.select(rows, frames),
         )
 
     @property
@@ -90,7 +103,20 @@ class Batch:
     def protected(self) -> "Batch":
         """Return a copy that nobody can write into."""
         noise = SensorNoise(*(read_only(draws) for draws in self.noise))
-        return Batch(read_only(self.positions), read_only(self.labels), read_only(self.starts), noise, self.names)
+        arrays = read_only(self.positions), read_only(self.labels), read_only(self.starts)
+        return Batch(*arrays, noise, self.names, self.surroundings)
+
+    def hidden(self, frame: int, viewpoint: FloatArray) -> BoolArray | None:
+        """Return which joints are hidden from cameras in a frame, (B, P, J) or (B, F, P, J); None in an open world.
+
+        Args:
+            frame: the frame.
+            viewpoint: (B, 3), or of forks (B, F, 3).
+        """
+        if self.surroundings is None:
+            return None
+        joints = self.positions[:, frame] if viewpoint.ndim == 2 else self.positions[:, None, frame]
+        return self.surroundings.hide(viewpoint, joints, frame)
 
     def first_change(self, before: "Batch") -> str | None:
         """Return the name of the first part that is not what it was; None if there is none."""
@@ -154,22 +180,26 @@ def rollout(
 
     def imagine(frame: int, candidates: FloatArray) -> Sensed:
         noise = world.noise.frame(frame).forked()
-        sensed = sense(sensor, world.positions[:, None, frame], candidates, noise, f"frame {frame}, as imagined")
+        hidden, where = world.hidden(frame, candidates), f"frame {frame}, as imagined"
+        sensed = sense(sensor, world.positions[:, None, frame], candidates, noise, where, hidden)
         return Sensed(*(read_only(array) for array in sensed))
 
     planning, privileged = f"planner {planner.name!r}", bool(planner.privileged)
     seeing, fingerprint = f"recogniser {type(recogniser).__name__}", _fingerprint(recogniser)
     moving, steps = f"motion {type(motion).__name__}", StepLimits.of(motion, context.frame_time)
     with blamed(motion, f"{moving}, reset"):
+        keep_clear(motion, world.surroundings)
         motion.reset(viewpoint.copy(), context.frame_time)
     with blamed(planner, f"{planning}, reset"):
         planner.reset(_own_context(context))
     with blamed(recogniser, f"{seeing}, start"):
         state = watching.start(episodes)
     trail = [viewpoint] * (LEAD + 1)
+    passers = None if world.surroundings is None else world.surroundings.passers
     for frame in range(length):
         noise = world.noise.frame(frame)
-        sensed = sense(sensor, world.positions[:, frame], viewpoint, noise, f"frame {frame}")
+        hidden = world.hidden(frame, viewpoint)
+        sensed = sense(sensor, world.positions[:, frame], viewpoint, noise, f"frame {frame}", hidden)
         with blamed(recogniser, f"{seeing}, frame {frame}"):
             recognition, state = watching.step(state, sensed, viewpoint)
         viewpoints[:, frame] = viewpoint
@@ -191,6 +221,7 @@ def rollout(
             if privileged
             else None,
             time=frame * context.frame_time,
+            passers=None if passers is None else read_only(passers.tracked[:, frame]),
         )
         begin = time.perf_counter()
         with blamed(planner, f"{planning}, frame {frame}"):
@@ -298,6 +329,14 @@ def _check_starts(batch: Batch, context: Context) -> None:
             f"episode {batch.names[bad]!r}: expected a start viewpoint within {context.workspace}, "
             f"got {batch.starts[bad].tolist()}"
         )
+    if batch.surroundings is not None:
+        near = too_near(batch.surroundings.clearance(batch.starts, 0))
+        if near.any():
+            bad = int(np.argmax(near))
+            raise EpisodeError(
+                f"episode {batch.names[bad]!r}: expected a start viewpoint at least {MARGIN:g} m from obstacles, "
+                f"got {batch.starts[bad].tolist()}"
+            )
 
 
 def _checked(target: FloatArray, planner: Planner, batch: Batch, frame: int) -> FloatArray:

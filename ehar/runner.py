@@ -8,6 +8,7 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.data.recordings import Recordings
 from ehar.data.scenario import Scenarios
 from ehar.data.streams.scenario import StreamScenarios
+from ehar.data.surroundings import surroundings_of
 from ehar.motion import Motion
 from ehar.onsets import Onset
 from ehar.planner import Context, Planner
@@ -57,9 +58,10 @@ class Runner:
             scenarios: the motions.
             chosen: (B,) index into `scenarios`.
             starts: (B, 3) start viewpoints.
-            rng: draws the sensor's noise.
+            rng: draws the sensor's noise, and passers-by.
         """
-        return Batch.of(scenarios, chosen, starts, noise_of(scenarios, len(chosen), rng))
+        noise = noise_of(scenarios, len(chosen), rng)
+        return Batch.of(scenarios, chosen, starts, noise, surroundings_of(scenarios, chosen, self.world, rng))
 
     def context(
         self, episodes: int, length: int | None, rng: np.random.Generator, workspace: Workspace | None = None

@@ -1,9 +1,9 @@
-"""Worlds: where a camera may be, how it moves on the grid, where episodes begin, and its lens; two named, and files."""
+"""Worlds: where a camera may be, how it moves on the grid, where episodes begin, its lens, and what is in the way."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Gt
@@ -12,9 +12,17 @@ from ehar.arrays import FloatArray
 from ehar.camera import Camera
 from ehar.errors import UsageError
 from ehar.files import read_json
+from ehar.obstacles.free_space import FreeSpace
+from ehar.obstacles.shapes import MARGIN, Box, Cylinder, Obstacles
 from ehar.viewpoint import Workspace
 
 SAME = 1e-9  # share of a number by which two worlds may differ and be the same: degrees become radians
+
+PASSER_RADIUS = 0.25  # [m]
+PASSER_ROOM = PASSER_RADIUS + MARGIN  # [m], between the ways of passers-by and the nearest cameras
+LEAST_REACH = 2.0  # [m]; with less room passers-by would walk through people
+LATER = ("obstacles", "passers_by")  # what files from before there were obstacles do not have
+OPTIONAL = (*LATER, "walls", "boxes", "cylinders", "yaw_deg")  # keys of files that have a usual value
 
 Positive = Annotated[float, Gt(0)]
 Count = Annotated[int, Ge(1)]
@@ -30,18 +38,22 @@ class World:
         camera: intrinsics of all cameras.
         start_cells: number of cells along distance, azimuth and polar angle that episodes begin in, counted from the
             first; None takes all cells of the workspace.
+        obstacles: what stands there. It hides people, and cameras keep clear of it.
+        passers_by: number of people who walk past those that are watched, and hide them.
 
     Raises:
-        UsageError: there are no such start cells.
+        UsageError: there are no such start cells, or passers-by have no room between people and cameras.
     """
 
     name: str
     workspace: Workspace
     camera: Camera
     start_cells: tuple[int, int, int] | None = None
+    obstacles: Obstacles = field(default_factory=Obstacles)
+    passers_by: int = 0
 
     def __post_init__(self) -> None:
-        """Check that the start cells are cells."""
+        """Check that the start cells are cells, and that there is room for passers-by."""
         cells = self.workspace.cells
         starts = cells if self.start_cells is None else self.start_cells
         if len(starts) != 3 or not all(1 <= start <= most for start, most in zip(starts, cells, strict=True)):
@@ -49,31 +61,87 @@ class World:
                 f"world {self.name}: start_cells: expected 3 numbers from 1 to {', '.join(map(str, cells))}, "
                 f"the cells along distance, azimuth and polar angle, got {list(starts)}"
             )
+        if self.passers_by < 0 or (self.passers_by and self.passing_reach < LEAST_REACH):
+            raise UsageError(
+                f"world {self.name}: passers_by: expected at least 0, and 0 unless distance_min is at least "
+                f"{LEAST_REACH + PASSER_ROOM:g} m, as they pass between people and cameras; got {self.passers_by} and "
+                f"{self.workspace.distance_min:g} m"
+            )
+
+    @property
+    def passing_reach(self) -> float:
+        """How far passers-by get from people [m]: never to where cameras may be."""
+        return self.workspace.distance_min - PASSER_ROOM
+
+    @property
+    def is_open(self) -> bool:
+        """Whether there is nothing but people in it."""
+        return not self.obstacles and not self.passers_by
+
+    @property
+    def opened(self) -> "World":
+        """The same world with nothing but people in it."""
+        return replace(self, obstacles=Obstacles(), passers_by=0)
+
+    @property
+    def free_space(self) -> FreeSpace | None:
+        """The cells that keep clear of obstacles; None if there are none, and all cells do.
+
+        Raises:
+            UsageError: no cell is free, or obstacles hide everything.
+        """
+        if not self.obstacles:
+            return None
+        try:
+            return FreeSpace.of(self.workspace, self.obstacles)
+        except UsageError as error:
+            raise UsageError(f"world {self.name}: {error}") from error
 
     def sample_starts(self, rng: np.random.Generator, count: int) -> FloatArray:
-        """Return start viewpoints (count, 3), uniform over the start cells."""
+        """Return start viewpoints (count, 3), uniform over the start cells that are free.
+
+        Raises:
+            UsageError: none is free.
+        """
         cells = np.array(self.start_cells or self.workspace.cells)
-        return self.workspace.from_cells(rng.integers(0, cells, size=(count, 3)))
+        space = self.free_space
+        if space is None:
+            return self.workspace.from_cells(rng.integers(0, cells, size=(count, 3)))
+        free = np.argwhere(space.free[tuple(map(slice, cells))])
+        if not len(free):
+            raise UsageError(
+                f"world {self.name}: start_cells: expected a free one, obstacles are in or near all of them"
+            )
+        return self.workspace.from_cells(free[rng.integers(len(free), size=count)])
 
     def agrees_with(self, other: "World") -> bool:
         """Return whether two worlds are the same, whatever their names."""
-        return bool(np.allclose(_numbers(self), _numbers(other), rtol=SAME, atol=SAME))
+        one, two = _numbers(self), _numbers(other)
+        return len(one) == len(two) and bool(np.allclose(one, two, rtol=SAME, atol=SAME))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the world for files; an open one as before there were obstacles."""
+        held = asdict(self)
+        return {name: value for name, value in held.items() if not (self.is_open and name in LATER)}
 
     def __str__(self) -> str:
         """Return the world on one line."""
         space = self.workspace
         low, high, turn = (math.degrees(angle) for angle in (space.polar_min, space.polar_max, space.angle_step))
         starts = " x ".join(map(str, self.start_cells or space.cells))
+        inside = f", {self.obstacles}" if self.obstacles else ""
+        inside += f", {self.passers_by} passers-by" if self.passers_by else ""
         return (
             f"{self.name} ({space.distance_min:g} to {space.distance_max:g} m, polar {low:g} to {high:g} deg, "
-            f"steps of {space.distance_step:g} m and {turn:g} deg, {starts} starts, {self.camera})"
+            f"steps of {space.distance_step:g} m and {turn:g} deg, {starts} starts, {self.camera}{inside})"
         )
 
 
 def _numbers(world: World) -> list[float]:
     """Return all numbers of a world."""
     parts = [getattr(part, field.name) for part in (world.workspace, world.camera) for field in fields(part)]
-    return [float(value) for value in (*parts, *(world.start_cells or world.workspace.cells))]
+    starts = world.start_cells or world.workspace.cells
+    return [float(value) for value in (*parts, *starts, world.passers_by, *world.obstacles.numbers)]
 
 
 # Sec. 5.1: |P_0| = 100 * 100 * 25 = 250,000. The paper's ranges are half open for starts.
@@ -95,7 +163,24 @@ INDOOR = World(
     Camera(width=640, height=480, focal_length=525.0),
 )
 
-WORLDS = {world.name: world for world in (PAPER, INDOOR)}
+FLOOR = -0.95  # [m], below the middle of people who stand
+
+# A gym around the paper's people: a wall 9 m away on two sides and 7 m on the others, two pillars, and a table.
+ROOM = replace(
+    PAPER,
+    name="room",
+    obstacles=Obstacles(
+        walls=Box(centre=(0.0, 0.0, FLOOR + 3.25), size=(18.0, 14.0, 6.5)),
+        boxes=(Box(centre=(1.5, 0.4, FLOOR + 0.375), size=(0.8, 1.8, 0.75), yaw_deg=15.0),),
+        cylinders=(
+            Cylinder(centre=(-1.9, 1.3, FLOOR + 3.25), radius=0.4, height=6.5),
+            Cylinder(centre=(0.5, -2.2, FLOOR + 3.25), radius=0.4, height=6.5),
+        ),
+    ),
+)
+CROWD = replace(PAPER, name="crowd", passers_by=4)
+
+WORLDS = {world.name: world for world in (PAPER, INDOOR, ROOM, CROWD)}
 
 
 def by_name(world: World) -> str | World:
@@ -124,6 +209,8 @@ class WorldFile:
     angle_step_deg: Positive
     camera: CameraFile
     start_cells: tuple[Count, Count, Count] | None = None
+    obstacles: Obstacles = field(default_factory=Obstacles)
+    passers_by: Annotated[int, Ge(0)] = 0
 
     def world(self, name: str) -> World:
         """Return the world under a name."""
@@ -135,14 +222,15 @@ class WorldFile:
             distance_step=self.distance_step,
             angle_step=math.radians(self.angle_step_deg),
         )
-        return World(name, workspace, Camera(**vars(self.camera)), self.start_cells)
+        camera = Camera(**vars(self.camera))
+        return World(name, workspace, camera, self.start_cells, self.obstacles, self.passers_by)
 
 
 def load_world(world: str | Path | World) -> World:
     """Return the world that a name or an object means, or read a world file.
 
-    A world file is a JSON object, whose keys are the fields of `WorldFile`; `start_cells` may be left out. The name of
-    the file, without `.json`, is the name of the world.
+    A world file is a JSON object, whose keys are the fields of `WorldFile`; `start_cells`, `obstacles` and `passers_by`
+    may be left out. The name of the file, without `.json`, is the name of the world.
 
     Raises:
         UsageError: there is no such world or file; or a key is missing or unknown, or a value is impossible.
@@ -156,8 +244,10 @@ def load_world(world: str | Path | World) -> World:
         raise UsageError(f"unknown world {str(world)!r}; expected one of: {', '.join(WORLDS)}, or a .json file")
     if path.stem in WORLDS:
         raise UsageError(f"{path}: expected another name of a world file, {path.stem!r} is a world of ehar")
-    held = read_json(path, WorldFile, "a world file", optional=("start_cells",), wrong=UsageError)
+    held = read_json(path, WorldFile, "a world file", optional=("start_cells", *OPTIONAL), wrong=UsageError)
     try:
-        return held.world(path.stem)
+        made = held.world(path.stem)
+        _ = made.free_space
+        return made
     except UsageError as error:
         raise UsageError(f"{path}: {error}") from error

@@ -4,6 +4,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.flight.vehicle import Vehicle
+from ehar.obstacles.free_space import FreeSpace
 from ehar.planner import Context
 from ehar.viewpoint import DISTANCE, MOVES, apply_moves
 
@@ -20,6 +21,22 @@ def axis_speeds(vehicle: Vehicle, viewpoint: FloatArray) -> FloatArray:
     return np.stack([speed, np.minimum(rate, vehicle.yaw_rate), rate], axis=-1)
 
 
+def free_space(context: Context) -> FreeSpace | None:
+    """Return the cells that keep clear of obstacles; None if all do.
+
+    In a stream obstacles are not where they were, relative to people: planners there do without, and the motion keeps
+    clear.
+    """
+    obstacles = context.world.obstacles
+    return FreeSpace.of(context.workspace, obstacles) if obstacles and context.length is not None else None
+
+
+def moved(context: Context, viewpoint: FloatArray, moves: IntArray) -> FloatArray:
+    """Return where moves (...,) lead from viewpoints (..., 3); one to where the camera cannot be has no effect."""
+    space = free_space(context)
+    return apply_moves(viewpoint, moves, context.workspace) if space is None else space.after(viewpoint, moves)
+
+
 def heading(context: Context, viewpoint: FloatArray, moves: IntArray) -> FloatArray:
     """Return targets (..., 3) in the direction of moves (...,): the next cell, or for a vehicle a second's way.
 
@@ -29,6 +46,6 @@ def heading(context: Context, viewpoint: FloatArray, moves: IntArray) -> FloatAr
         moves: indices into `MOVES`.
     """
     if context.vehicle is None:
-        return apply_moves(viewpoint, moves, context.workspace)
+        return moved(context, viewpoint, moves)
     way = MOVES[moves] * HEADING_TIME * axis_speeds(context.vehicle, viewpoint)
     return context.workspace.clip(viewpoint + way)

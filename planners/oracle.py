@@ -11,8 +11,8 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import EpisodeError, UsageError
 from ehar.planner import Context, Observation, Planner, Truth
-from ehar.viewpoint import MOVES, Workspace, apply_moves, neighbours
-from planners.heading import heading
+from ehar.viewpoint import MOVES
+from planners.heading import heading, moved
 
 
 class Oracle(Planner):
@@ -29,7 +29,7 @@ class Oracle(Planner):
         """Return the best of the 7 neighbouring viewpoints of each episode; a vehicle heads a second that way."""
         truth = truth_of(self, observation)
         frame = observation.frame + 1
-        _, _, best, _ = try_moves(truth, truth.state, frame, observation.viewpoint, self._context.workspace)
+        _, _, best, _ = try_moves(truth, truth.state, frame, observation.viewpoint, self._context)
         return heading(self._context, observation.viewpoint, best)
 
 
@@ -60,7 +60,7 @@ class OracleLookahead(Planner):
     def reset(self, context: Context) -> None:
         """Forget the path."""
         self._in_flight = context.vehicle is not None
-        self._workspace = context.workspace
+        self._context = context
         self._path: FloatArray = np.empty((context.episodes, 0, 3))
         self._planned_at = 0
 
@@ -93,7 +93,7 @@ class OracleLookahead(Planner):
         worth = np.zeros((episodes, len(MOVES)))
         for step in range(horizon):
             frame = observation.frame + 1 + step
-            viewpoint = apply_moves(viewpoint, moves, self._workspace)
+            viewpoint = moved(self._context, viewpoint, moves)
             recognition, state = truth.recogniser.step(state, truth.sense(frame, viewpoint), viewpoint)
             path[:, :, step] = viewpoint
             worth += frame_worth(recognition.log_probs, truth)
@@ -107,7 +107,7 @@ class OracleLookahead(Planner):
         worth = np.zeros(len(episodes))
         for step in range(horizon):
             frame = observation.frame + 1 + step
-            candidates, log_probs, best, forked = try_moves(truth, state, frame, viewpoint, self._workspace)
+            candidates, log_probs, best, forked = try_moves(truth, state, frame, viewpoint, self._context)
             viewpoint, state = candidates[episodes, best], forked.select(best)
             path[:, step] = viewpoint
             worth += frame_worth(log_probs, truth)[episodes, best]
@@ -122,7 +122,7 @@ def truth_of(planner: Planner, observation: Observation) -> Truth:
 
 
 def try_moves(
-    truth: Truth, state: Any, frame: int, viewpoint: FloatArray, workspace: Workspace
+    truth: Truth, state: Any, frame: int, viewpoint: FloatArray, context: Context
 ) -> tuple[FloatArray, FloatArray, IntArray, Any]:
     """Try all moves from viewpoints (B, 3).
 
@@ -130,7 +130,8 @@ def try_moves(
         the candidates (B, 7, 3), the log-probabilities after `frame` is seen from them (B, 7, K), the candidate with
         the lowest cross-entropy (B,), and the forked state.
     """
-    candidates = neighbours(viewpoint, workspace)
+    here = np.repeat(viewpoint[:, None], len(MOVES), axis=1)
+    candidates = moved(context, here, np.broadcast_to(np.arange(len(MOVES)), here.shape[:2]))
     recognition, forked = truth.recogniser.step(state.fork(len(MOVES)), truth.sense(frame, candidates), candidates)
     best = np.argmax(true_log_probs(recognition.log_probs, truth), axis=1)
     return candidates, recognition.log_probs, best, forked

@@ -32,6 +32,7 @@ class Setting:
         sensor_sha256: hash of the file and arguments of your own sensor; None for a sensor of ehar.
         trained_length: number of frames of the clips that the recogniser was trained on; None for your own.
         device: torch device of our recogniser.
+        trained_open: whether our recogniser was trained in the world without its obstacles and passers-by.
     """
 
     conditions: Conditions
@@ -41,6 +42,7 @@ class Setting:
     sensor_sha256: str | None = None
     trained_length: int | None = None
     device: str = "cpu"
+    trained_open: bool = False
 
     @property
     def world(self) -> World:
@@ -174,7 +176,8 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     trained = load_recogniser(told, data, device=device)  # whose errors suggest what was told
     runner = Runner(data, trained, loaded.sensor, track, world, conditions.onset)
     length = None if trained.spec.fading else trained.spec.length  # what fades is not meant for one length
-    return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256, length, device)
+    opened = not world.is_open and trained.spec.world.is_open
+    return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256, length, device, opened)
 
 
 def refuse_loss(path: Path, setting: Setting, load: Callable[[Conditions, Recordings, str], object]) -> None:

@@ -10,6 +10,7 @@ from ehar.conditions import Conditions
 from ehar.data.recordings import Recordings
 from ehar.errors import ModelError
 from ehar.files import read_json
+from ehar.world import LATER as OBSTACLES
 from recognition.calibration import Temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network, NetworkSpec
@@ -24,7 +25,7 @@ from recognition.weight_files import (
 )
 
 SHIPPED = Path(__file__).parent / "weights"
-LATER = ("fading",)  # fields that descriptions from before streams do not have
+LATER = ("fading", *OBSTACLES)  # fields that descriptions from before streams and obstacles do not have
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,13 @@ from gymnasium import spaces
 from ehar.arrays import BoolArray, FloatArray, IntArray, read_only
 from ehar.data.scenario import Scenarios
 from ehar.data.streams.scenario import StreamScenarios
+from ehar.data.surroundings import surroundings_of
 from ehar.envs.controls import Controls
 from ehar.envs.observations import Observations as Observations
 from ehar.envs.observations import shown
 from ehar.errors import EpisodeError, UsageError
+from ehar.motion import keep_clear
+from ehar.obstacles.surroundings import Surroundings
 from ehar.plugins.blame import blamed
 from ehar.recogniser import Recogniser
 from ehar.rollout import Batch, check_recognition
@@ -163,10 +166,12 @@ class EpisodeTask:
             starts=self.workspace.clip(self.world.sample_starts(rng, drawn).repeat(self.copies, axis=0)),
             noise=SensorNoise(*(draws.repeat(self.copies, axis=0) for draws in noise)),
             names=tuple(data.sequence_names[sequence] for sequence in scenarios.sequence),
+            surroundings=self._surroundings(scenarios, rng),
         )
         self._frames_of_activity, self._onset = activity_frames(self._batch.frame_labels)
         self.frame = 0
         self.viewpoint = read_only(self._batch.starts)
+        keep_clear(self.controls.motion, self._batch.surroundings)
         self.controls.motion.reset(self.viewpoint, 1 / data.fps)
         with blamed(self.recogniser, f"recogniser {type(self.recogniser).__name__}, start"):
             self._state = self.recogniser.start(episodes)
@@ -208,11 +213,18 @@ class EpisodeTask:
         """For analysis, not for the agent: the frame's true labels (B,), and whether they are recognised (B,)."""
         return {"label": self._batch.frame_labels[:, self.frame].copy(), "correct": self.correct.copy()}
 
+    def _surroundings(self, scenarios: Scenarios | StreamScenarios, rng: np.random.Generator) -> Surroundings | None:
+        """Return what stands and walks around scenarios (B,); copies of an episode have the same passers-by."""
+        copies = np.arange(len(scenarios))
+        drawn = surroundings_of(scenarios, copies[:: self.copies], self.world, rng)
+        return None if drawn is None else drawn.select(copies // self.copies)
+
     def _see(self) -> Observations:
         """Sense and recognise the present frame."""
         noise = self._batch.noise.frame(self.frame)
         where = f"frame {self.frame}"
-        sensed = sense(self.sensor, self._batch.positions[:, self.frame], self.viewpoint, noise, where)
+        hidden = self._batch.hidden(self.frame, self.viewpoint)
+        sensed = sense(self.sensor, self._batch.positions[:, self.frame], self.viewpoint, noise, where, hidden)
         with blamed(self.recogniser, f"recogniser {type(self.recogniser).__name__}, {where}"):
             recognition, self._state = self.recogniser.step(self._state, sensed, self.viewpoint)
         check_recognition(recognition, self.recogniser, len(self._batch.labels), where)

@@ -6,6 +6,7 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.errors import EpisodeError
+from ehar.flight.clearance import first_towards, keeps_clear
 from ehar.flight.kinematics import SphericalState
 from ehar.flight.limits import keeps_limits
 from ehar.flight.profile import JerkProfile, Phases
@@ -13,6 +14,8 @@ from ehar.flight.proposals import BRAKING, PROPOSALS, limits_to_rest, limits_to_
 from ehar.flight.telemetry import FlightTelemetry
 from ehar.flight.time_optimal import PHASES, AxisLimits, TimeOptimal
 from ehar.flight.vehicle import Vehicle
+from ehar.obstacles.free_space import FreeSpace
+from ehar.obstacles.surroundings import Surroundings
 from ehar.viewpoint import AZIMUTH, Workspace, wrap_difference
 
 SAMPLE_TIME = 1e-3  # [s], between samples of the telemetry
@@ -31,6 +34,10 @@ class FlightMotion:
     to the target is replaced only by one that arrives sooner. If no valid proposal leads to the target, the camera
     brakes or keeps its plan. So a flight always keeps all limits, and it reaches any target that is held.
 
+    Among obstacles a proposal is valid only if it also keeps clear of them until it is at rest. Where the straight way
+    to the target does not, the camera flies first to a place on a free way that is in sight. In streams obstacles are
+    taken to be where they are now relative to people, and there are no such places.
+
     Args:
         vehicle: the vehicle that carries the camera.
         workspace: where it may be; the paper's by default.
@@ -41,6 +48,11 @@ class FlightMotion:
         self.vehicle = vehicle
         self.workspace = workspace or Workspace()
         self._time_optimal = TimeOptimal()
+        self._surroundings: Surroundings | None = None
+
+    def keep_clear(self, surroundings: Surroundings | None) -> None:
+        """Keep clear of obstacles from the next reset on; None is an open world."""
+        self._surroundings = surroundings if surroundings is not None and surroundings.obstacles else None
 
     def reset(self, viewpoint: FloatArray, frame_time: float) -> None:
         """Begin at rest at viewpoints (B, 3); a frame lasts `frame_time` [s].
@@ -71,7 +83,7 @@ class FlightMotion:
 
     def advance(self, target: FloatArray) -> FloatArray:
         """Fly for one frame towards targets (B, 3) and return the viewpoints reached, (B, 3)."""
-        way = self.workspace.clip(target) - self._state.viewpoint
+        way = self._towards(self.workspace.clip(target)) - self._state.viewpoint
         way[:, AZIMUTH] = wrap_difference(way[:, AZIMUTH])
         off = self._plan.end.viewpoint - self._state.viewpoint - way
         off[:, AZIMUTH] = wrap_difference(off[:, AZIMUTH])
@@ -102,6 +114,22 @@ class FlightMotion:
     def sample(self, times: FloatArray) -> SphericalState:
         """Return the states (B, S, 3) at times (S,) [s] of the last frame, from 0 to the frame time."""
         return self._plan.at(self._flown[:, None] - self._frame_time + times)
+
+    def _towards(self, target: FloatArray) -> FloatArray:
+        """Return where to fly first to get to targets (B, 3)."""
+        around = self._surroundings
+        if around is None or around.moved is not None:
+            return target
+        here = self.workspace.clip(self._state.viewpoint)
+        return first_towards(here, target, FreeSpace.of(self.workspace, around.obstacles))
+
+    def _clear(self, rows: IntArray, plan: JerkProfile) -> BoolArray:
+        """Return which flights (n,) of rows (n,) keep clear of obstacles."""
+        around = self._surroundings
+        if around is None:
+            return np.ones(len(rows), dtype=bool)
+        moved = np.zeros((len(rows), 3)) if around.moved is None else around.moved[rows, self._frames]
+        return keeps_clear(plan, around.obstacles, moved, self.vehicle.speed)
 
     def _replan(self, way: FloatArray, planned: BoolArray) -> None:
         """Find plans to targets that lie `way` (B, 3) from here; plans where `planned` (B,) already lead there.
@@ -153,6 +181,7 @@ class FlightMotion:
     def _keep(self, rows: IntArray, plan: JerkProfile, found: BoolArray) -> IntArray:
         """Make the soonest valid ones of flights (n,) the plans of rows (n,); return which are valid."""
         kept = np.flatnonzero(found & keeps_limits(plan, self.vehicle, self.workspace))
+        kept = kept[self._clear(rows[kept], plan.select(kept))]
         # The last, soonest plan of each row stays. Ties keep their order, so no row depends on the rows beside it.
         kept = kept[np.argsort(-plan.duration[kept], kind="stable")]
         self._plan.replace(rows[kept], plan.select(kept))

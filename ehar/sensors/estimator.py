@@ -28,9 +28,9 @@ class EstimatorSensor:
     seen from straight above counts with the extent that is seen.
 
     Confidence is 1 for a joint in plain view, `occluded_confidence` for a joint hidden behind a limb, and 0 for a
-    missing joint. A missing joint lies at the image centre. A joint is missing if it is outside the image or
-    behind the near plane. Each joint of a person smaller than `smallest_height` is also missing with probability
-    1 - h / `smallest_height`.
+    missing joint. A missing joint lies at the image centre. A joint is missing if it is outside the image, behind
+    the near plane, or hidden by an obstacle. Each joint of a person smaller than `smallest_height` is also missing
+    with probability 1 - h / `smallest_height`.
 
     All joints of a person change sides together, with their confidences. The probability rises linearly, from 0
     if `swap_width` of the body's width is seen, to `swap_probability` if the body is seen edge-on.
@@ -82,7 +82,9 @@ class EstimatorSensor:
         self.trunk_radius = trunk_radius
         self.occlusion_margin = occlusion_margin
 
-    def sense(self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise) -> Sensed:
+    def sense(
+        self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise, hidden: BoolArray | None = None
+    ) -> Sensed:
         """Sense joints (..., P, J, 3) [m] from viewpoints (..., 3); leading axes broadcast."""
         *_, persons, joints, _ = positions.shape
         leading = np.broadcast_shapes(positions.shape[:-3], viewpoint.shape[:-1], noise.swap.shape[:-1])
@@ -98,15 +100,17 @@ class EstimatorSensor:
         joints_2d = np.empty((frames, persons, joints, 2), dtype=np.float32)
         confidence = np.empty((frames, persons, joints), dtype=np.float32)
         radii = self._capsule_radii(persons)
+        cut = np.broadcast_to(False if hidden is None else hidden, (*leading, persons, joints))
+        cut = cut.reshape(frames, persons, joints)
         for begin in range(0, frames, CHUNK_FRAMES):
             chunk = slice(begin, begin + CHUNK_FRAMES)
             joints_2d[chunk], confidence[chunk] = self._sense_chunk(
-                positions[chunk], viewpoint[chunk], SensorNoise(*(draw[chunk] for draw in draws)), radii
+                positions[chunk], viewpoint[chunk], SensorNoise(*(draw[chunk] for draw in draws)), radii, cut[chunk]
             )
         return Sensed(joints_2d.reshape(*leading, persons, joints, 2), confidence.reshape(*leading, persons, joints))
 
     def _sense_chunk(
-        self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise, radii: FloatArray
+        self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise, radii: FloatArray, hidden: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
         """Sense frames (n, ...); `radii` is a result of `_capsule_radii`."""
         pixels, depth = project(positions, viewpoint, self.camera)
@@ -118,7 +122,7 @@ class EstimatorSensor:
         joints_2d = pixels + scale[..., None] * noise.localisation
 
         outside = (pixels < 0) | (pixels >= np.array([self.camera.width, self.camera.height]))
-        missing = outside[..., 0] | outside[..., 1] | (depth < NEAR_PLANE)
+        missing = outside[..., 0] | outside[..., 1] | (depth < NEAR_PLANE) | hidden
         missing |= noise.dropout < (1 - height / self.smallest_height)[:, :, None]
         joints_2d[missing] = (self.camera.width / 2, self.camera.height / 2)
         confidence = np.where(occluded, np.float32(self.occluded_confidence), np.float32(1.0))

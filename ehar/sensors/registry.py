@@ -1,5 +1,6 @@
 """The sensors: those of ehar by name, and a user's own."""
 
+import inspect
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -55,7 +56,8 @@ def load_sensor(sensor: str | Sensor, data: Recordings, world: World) -> LoadedS
         world: the world whose camera it has.
 
     Raises:
-        UsageError: the name is unknown, or your own class cannot be made, is no sensor, or has another camera.
+        UsageError: the name is unknown, or your own class cannot be made, is no sensor, has another camera, or cannot
+            be told what obstacles hide, in a world that has some.
     """
     if isinstance(sensor, str):
         if sensor in SENSORS:
@@ -73,6 +75,10 @@ def load_sensor(sensor: str | Sensor, data: Recordings, world: World) -> LoadedS
         raise UsageError(
             f"{own.what}: camera: expected that of the world {world.name}, {world.camera}, got {own.made.camera}; "
             "a constructor with an argument `camera` is handed it, or a world file can name another"
+        )
+    if not world.is_open and "hidden" not in inspect.signature(own.made.sense).parameters:
+        raise UsageError(
+            f"{own.what}: sense: expected an argument `hidden`, the joints that are hidden in the world {world.name}"
         )
     return LoadedSensor(own.made, own.spec if isinstance(sensor, str) else name, own.sha256)
 

@@ -4,7 +4,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ehar.arrays import FloatArray
+from ehar.arrays import BoolArray, FloatArray
 from ehar.camera import Camera
 
 
@@ -50,6 +50,16 @@ class Sensor(Protocol):
     name: str
     camera: Camera
 
-    def sense(self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise) -> Sensed:
-        """Sense joints (..., P, J, 3) [m] from viewpoints (..., 3); leading axes broadcast."""
+    def sense(
+        self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise, hidden: BoolArray | None = None
+    ) -> Sensed:
+        """Sense joints (..., P, J, 3) [m] from viewpoints (..., 3); leading axes broadcast.
+
+        Args:
+            positions: the joints.
+            viewpoint: the viewpoints.
+            noise: the random draws.
+            hidden: (..., P, J) joints that an obstacle or a passer-by hides; None means none. In a world without any
+                it is not given.
+        """
         ...

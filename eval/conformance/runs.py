@@ -86,7 +86,8 @@ def replay(planner: Planner, world: PlannerWorld, shown: list[Observation], batc
 def _imagination(world: PlannerWorld, batch: Batch) -> Callable[[int, FloatArray], Sensed]:
     def imagine(frame: int, candidates: FloatArray) -> Sensed:
         noise = batch.noise.frame(frame).forked()
-        return sense(world.runner.sensor, batch.positions[:, None, frame], candidates, noise, f"frame {frame}")
+        hidden = batch.hidden(frame, candidates)
+        return sense(world.runner.sensor, batch.positions[:, None, frame], candidates, noise, f"frame {frame}", hidden)
 
     return imagine
 

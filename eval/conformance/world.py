@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ehar.arrays import FloatArray
+from ehar.arrays import BoolArray, FloatArray
 from ehar.camera import Camera
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import TEST, part_of
@@ -32,7 +32,7 @@ def small_batch(data: MotionData | StreamData, world: World = PAPER) -> Batch:
         raise DataError(f"{data.name}: expected a test sequence of at least 3 frames, the longest has {shortest}")
     episodes = random_starts(scenarios, starts=-(-EPISODES // len(scenarios)), seed=0, world=world)
     spread = np.linspace(0, len(episodes) - 1, EPISODES).astype(np.int64)
-    some = type(episodes)(scenarios, episodes.scenario[spread], episodes.starts[spread], seed=0)
+    some = type(episodes)(scenarios, episodes.scenario[spread], episodes.starts[spread], seed=0, world=world)
     return some.batch(0)
 
 
@@ -66,7 +66,9 @@ class ReplayedSensor:
     name: str = "replayed"
     frame: int = field(default=-1, init=False)
 
-    def sense(self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise) -> Sensed:
+    def sense(
+        self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise, hidden: BoolArray | None = None
+    ) -> Sensed:
         """Return the joints of the next frame."""
         self.frame += 1
         return self.seen[self.frame]

@@ -58,6 +58,7 @@ class RunConfig:
         trained_lengths: number of frames of an episode in the training of the recogniser, the gain field and each
             agent, as far as they are known; None in runs from before it was recorded.
         device: torch device of the recogniser; another one rounds otherwise.
+        trained_open: whether the recogniser was trained in the world without its obstacles and passers-by.
     """
 
     conditions: Conditions
@@ -76,6 +77,7 @@ class RunConfig:
     track_sha256: str | None = None
     trained_lengths: dict[str, int] | None = None
     device: str = "cpu"
+    trained_open: bool = False
 
     @property
     def world(self) -> World:
@@ -86,6 +88,12 @@ class RunConfig:
     def length_note(self) -> str | None:
         """The line that names the weights that were trained at another length; None if there are none."""
         return length_note(self.conditions.frames, self.trained_lengths or {})
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The lines that a reader of results must not miss."""
+        opened = f"the recogniser was trained in the world {self.world.name} without what is in the way there"
+        return (*filter(None, (self.length_note,)), *((opened,) * self.trained_open))
 
     @property
     def in_world(self) -> str:
@@ -106,7 +114,7 @@ class RunConfig:
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of config.json: one flat object."""
-        told = vars(self.conditions) | {"world": asdict(self.world)}
+        told = vars(self.conditions) | {"world": self.world.to_json()}
         own = {name: value for name, value in asdict(self).items() if name != "conditions"}
         held = {name: own[name] if name in own else told[_TOLD.get(name, name)] for name in KEYS}
         if held["onset"] == LATER["onset"]:
@@ -120,6 +128,7 @@ KEYS = (  # of config.json, in the order of the file
     *("schema", "source", "data", "data_sha256", "models", "recogniser_sha256", "sensor", "views", "form", "track"),
     *("vehicle", "readout", "part", "gain_model_sha256", "starts", "seed", "length", "fps", "ideal", "planners"),
     *("versions", "recogniser", "sensor_sha256", "track_sha256", "world", "trained_lengths", "device", "onset"),
+    "trained_open",
 )
 LATER: dict[str, Any] = {  # a file without one of these means its default
     "schema": SCHEMA,
@@ -131,6 +140,7 @@ LATER: dict[str, Any] = {  # a file without one of these means its default
     "trained_lengths": None,
     "device": "cpu",
     "onset": "unknown",
+    "trained_open": False,
 }
 
 
@@ -164,6 +174,7 @@ def run_config(
         track_sha256=setting.track_sha256,
         trained_lengths={name: frames for name, frames in trained.items() if frames is not None},
         device=setting.device,
+        trained_open=setting.trained_open,
     )
 
 

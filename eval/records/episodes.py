@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -14,6 +14,7 @@ from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import DataError
 from ehar.rollout import Record
+from eval.records.contacts import CONTACTS, ContactRecords, join_contacts
 from eval.records.flights import KEYS, FlightRecords, join_flights
 from eval.records.one_by_one import OneByOne
 
@@ -38,6 +39,8 @@ class EpisodeRecords:
         flight: the demands of the flights on a vehicle; None on the ideal track. The file has them in the same lines.
         second_probability: (N, L), the probability of the second most probable class; None in a run from before it was
             recorded.
+        contacts: the frames in which the camera was too near to obstacles; None in a world without any. The file has
+            them in the same lines.
     """
 
     sequence: tuple[str, ...]
@@ -51,6 +54,7 @@ class EpisodeRecords:
     top_probability: FloatArray
     flight: FlightRecords | None = None
     second_probability: FloatArray | None = None
+    contacts: ContactRecords | None = field(default=None, repr=False)
 
     __repr__ = in_brief
 
@@ -71,7 +75,9 @@ class EpisodeRecords:
 
 
 SECOND = "second_probability"
-COLUMNS = tuple(field.name for field in fields(EpisodeRecords) if field.name not in ("flight", SECOND))  # of every run
+COLUMNS = tuple(
+    field.name for field in fields(EpisodeRecords) if field.name not in ("flight", SECOND, "contacts")
+)  # of every run
 
 
 def record_episodes(
@@ -83,6 +89,7 @@ def record_episodes(
     label: IntArray,
     subjects: IntArray,
     flight: FlightRecords | None = None,
+    contacts: ContactRecords | None = None,
 ) -> EpisodeRecords:
     """Return the records of a rollout, rounded as in the file.
 
@@ -94,6 +101,7 @@ def record_episodes(
         label: (N,) true classes; of streams (N, L), where the class after all others is no activity.
         subjects: (N, P) who performs.
         flight: the demands of the flights.
+        contacts: the frames too near to obstacles.
     """
     probabilities = np.exp(record.log_probs.astype(np.float64))
     every = np.broadcast_to(label if label.ndim == 2 else label[:, None], probabilities.shape[:2])
@@ -115,6 +123,7 @@ def record_episodes(
         top_probability=np.minimum(probabilities.max(axis=-1), 1.0).round(DIGITS),
         flight=flight,
         second_probability=second.round(DIGITS),
+        contacts=contacts,
     )
 
 
@@ -131,11 +140,13 @@ def join_records(pieces: Sequence[EpisodeRecords]) -> EpisodeRecords:
         name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in COLUMNS if name != "sequence"
     }
     flights = [piece.flight for piece in pieces if piece.flight is not None]
+    contacts = [piece.contacts for piece in pieces if piece.contacts is not None]
     seconds = [piece.second_probability for piece in pieces if piece.second_probability is not None]
     return EpisodeRecords(
         sequence=tuple(name for piece in pieces for name in piece.sequence),
         flight=join_flights(flights) if flights else None,
         second_probability=np.concatenate(seconds) if len(seconds) == len(pieces) else None,
+        contacts=join_contacts(contacts) if contacts else None,
         **joined,
     )
 
@@ -148,6 +159,8 @@ def episode_lines(records: Mapping[str, EpisodeRecords]) -> Iterable[str]:
             columns[SECOND] = episodes.second_probability
         if episodes.flight is not None:
             columns |= {key: getattr(episodes.flight, key) for key in KEYS}
+        if episodes.contacts is not None:
+            columns |= {key: getattr(episodes.contacts, key) for key in CONTACTS}
         for first in range(0, len(episodes), LISTED):
             some = {name: values[first : first + LISTED] for name, values in columns.items()}
             listed = {name: values if name == "sequence" else values.tolist() for name, values in some.items()}
@@ -286,6 +299,7 @@ _KINDS = {
     "top_probability": _Kind(("L",), False, 0, 1),
     SECOND: _Kind(("L",), False, 0, 1),
     **dict.fromkeys(KEYS, _Kind((), False, 0)),
+    **dict.fromkeys(CONTACTS, _Kind((), True, 0)),
 }
 _OF_STREAMS = _KINDS | dict.fromkeys(("label", "predicted"), _Kind(("L",), True, NO_ACTIVITY))
 
@@ -304,31 +318,34 @@ def _parsed_line(line: str, where: str) -> dict[str, Any]:
     for name, what in (("predicted", "frame"), ("subjects", "person")):
         if not isinstance(row[name], list) or not row[name]:
             raise DataError(f"{where}: {name}: expected a list of at least one {what}")
-    flown = row.keys() & set(KEYS)
-    if flown and len(flown) < len(KEYS):
-        raise DataError(f"{where}: expected all of the fields {', '.join(KEYS)}, or none")
+    for together in (KEYS, CONTACTS):
+        if 0 < len(row.keys() & set(together)) < len(together):
+            raise DataError(f"{where}: expected all of the fields {', '.join(together)}, or none")
     return row
 
 
 def _episodes(rows: Sequence[_Row]) -> EpisodeRecords:
     """Return the records of one planner from its lines, or raise a DataError if they do not fit together."""
-    flown, second = KEYS[0] in rows[0].fields, SECOND in rows[0].fields
+    flown, second, near = (name in rows[0].fields for name in (KEYS[0], SECOND, CONTACTS[0]))
     for row in rows:
         if (KEYS[0] in row.fields) != flown:
             raise DataError(f"{row.where}: some episodes were flown, and others were not")
         if (SECOND in row.fields) != second:
             raise DataError(f"{row.where}: some episodes have a {SECOND}, and others have none")
+        if (CONTACTS[0] in row.fields) != near:
+            raise DataError(f"{row.where}: some episodes have {', '.join(CONTACTS)}, and others have none")
     columns: dict[str, Any] = {name: _column(name, rows) for name in COLUMNS if name != "sequence"}
     flight = FlightRecords(**{key: _column(key, rows) for key in KEYS}) if flown else None
     return EpisodeRecords(
         sequence=tuple(row.fields["sequence"] for row in rows),
         flight=flight,
         second_probability=_column(SECOND, rows) if second else None,
+        contacts=ContactRecords(**{key: _column(key, rows) for key in CONTACTS}) if near else None,
         **columns,
     )
 
 
-def _column(name: str, rows: Sequence[_Row]) -> FloatArray:
+def _column(name: str, rows: Sequence[_Row]) -> Any:
     """Return one field of all episodes, (N, ...), or raise a DataError that names the first line that is off."""
     kind = (_OF_STREAMS if isinstance(rows[0].fields["label"], list) else _KINDS)[name]
     sizes = {"L": len(rows[0].fields["predicted"]), "P": len(rows[0].fields["subjects"])}

@@ -12,6 +12,7 @@ from ehar.arrays import FloatArray
 from ehar.errors import EharError
 from ehar.viewpoint import Workspace, wrap_azimuth
 from eval.render.field_map import gain_over_directions
+from eval.render.outlines import outlines
 from eval.replays.choice import Chosen
 from eval.replays.episode import lowest_polar, map_polars
 from eval.replays.rerun import PlannerReplay, Replays, replay_run
@@ -82,6 +83,7 @@ def replay_data(
         "classes": list(replays.class_names),
         "distances": [workspace.distance_min, workspace.distance_max],
         "lowest": lowest_polar(workspace, MAP_STEP),
+        "obstacles": [line.round(2).tolist() for line in outlines(run.config.world.obstacles)],
         "map": [len(_AROUND), len(_down(workspace))],
     }
 

@@ -1,13 +1,14 @@
 """One replayed episode: the people, and what one or two planners' cameras did, saw and recognised."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.camera import Camera
 from ehar.data.skeleton import Skeleton
+from ehar.obstacles.shapes import Obstacles
 from ehar.viewpoint import Workspace, cartesian
 from eval.render.field_map import gain_over_directions
 from eval.replays.rerun import PlannerReplay, replay_run
@@ -86,6 +87,7 @@ class EpisodeReplay:
         centres: (L, 3) [m], where the centre is in a stream, relative to its first frame; None in a clip.
         first: the number of the first frame in the episode.
         length: the number of frames of the episode, if these are only some of them.
+        obstacles: what stands there.
     """
 
     index: int
@@ -102,6 +104,7 @@ class EpisodeReplay:
     centres: FloatArray | None = None
     first: int = 0
     length: int | None = None
+    obstacles: Obstacles = field(default_factory=Obstacles)
 
     @property
     def frames(self) -> int:
@@ -180,6 +183,7 @@ def replay_episode(
         camera=replays.camera,
         cameras=tuple(_camera(record, replays.planners[record], run.config.world.workspace) for record in records),
         notes=replays.notes,
+        obstacles=run.config.world.obstacles,
     )
 
 

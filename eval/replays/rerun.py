@@ -190,7 +190,13 @@ def _replay(
     if difference is not None:
         raise DataError(difference)
     frames = [
-        sense(sensor, batch.positions[:, frame], record.viewpoints[:, frame], batch.noise.frame(frame))
+        sense(
+            sensor,
+            batch.positions[:, frame],
+            record.viewpoints[:, frame],
+            batch.noise.frame(frame),
+            hidden=batch.hidden(frame, record.viewpoints[:, frame]),
+        )
         for frame in range(way.shape[1])
     ]
     astray: BoolArray = np.asarray(motion.elsewhere.any(axis=1))

@@ -12,6 +12,7 @@ from ehar.arrays import FloatArray
 from ehar.camera import look_at_rotation
 from ehar.viewpoint import DISTANCE, cartesian
 from eval.render.figures import outlined, shortened
+from eval.render.outlines import outlines
 from eval.render.palette import EDGE, FAINT, LINE, PAIR, STRONG, THIN, Look, bone_colours
 from eval.replays.episode import CameraReplay, EpisodeReplay
 
@@ -51,6 +52,8 @@ class Scene:
         self._walked = LineCollection([], colors=EDGE, linewidths=THIN, zorder=2)
         axes.add_collection(self._walked)
         self._draw_ground(extent)
+        lines = [line @ self._to_plane.T for line in outlines(replay.obstacles)]
+        axes.add_collection(LineCollection(lines, colors=EDGE, linewidths=THIN, zorder=2))
         colours = bone_colours(replay.positions.shape[1], len(replay.skeleton.bones))
         self._bones = LineCollection([], colors=colours, linewidths=STRONG, capstyle="round", zorder=3)
         axes.add_collection(self._bones)

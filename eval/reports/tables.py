@@ -41,8 +41,8 @@ def what_ran(data: ReportData) -> str:
         "Seeds": f"run {told.seed}" + (f"; trainings: {trained}" if trained else ""),
         "Frame rate": "the data's own" if told.fps is None else f"{told.fps:g} frames/s",
     }
-    if config.length_note is not None:
-        facts["Warning"] = config.length_note
+    if config.warnings:
+        facts["Warning"] = "; ".join(config.warnings)
     listed = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in facts.items())
     versions = ", ".join(f"{name} {value}" for name, value in data.run.config.versions.items())
     hashes = f"data {config.data_sha256[:12]}, recogniser {config.recogniser_sha256[:12]}"

@@ -86,8 +86,8 @@ def benchmark(
         ideal=None if ideal is None else Path(ideal),
         lengths=choice.lengths,
     )
-    if config.length_note is not None:
-        reporter.note(f"warning: {config.length_note}")
+    for warning in config.warnings:
+        reporter.note(f"warning: {warning}")
     if directory is not None:
         check_out(directory, config.to_json())
     on_ideal = None if ideal is None else read_ideal_run(Path(ideal), config)

@@ -12,9 +12,10 @@ from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios, windows
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.data.streams.scenario import StreamScenarios
+from ehar.data.surroundings import surroundings_of
 from ehar.errors import DataError
 from ehar.rollout import Batch, noise_of
-from ehar.world import World
+from ehar.world import PAPER, World
 from eval.scores.streams.activities import activity_frames
 
 # Episodes that run in lockstep; fixed, so that results do not depend on the number of workers. 128 are no faster,
@@ -37,12 +38,14 @@ class Episodes:
         scenario: (N,) index into `scenarios`.
         starts: (N, 3) start viewpoints.
         seed: seed of the sensor's noise and of the planners' generators.
+        world: what stands and walks around people.
     """
 
     scenarios: Scenarios | StreamScenarios
     scenario: IntArray
     starts: FloatArray
     seed: int
+    world: World = PAPER
 
     __repr__ = in_brief
 
@@ -58,7 +61,7 @@ class Episodes:
     def chunk(self, index: int, count: int = 1) -> "Episodes":
         """Return the episodes of one chunk, or of `count` chunks from there on."""
         part = slice(index * CHUNK, (index + count) * CHUNK)
-        return Episodes(self.scenarios, self.scenario[part], self.starts[part], self.seed)
+        return Episodes(self.scenarios, self.scenario[part], self.starts[part], self.seed, self.world)
 
     @property
     def sequence_names(self) -> tuple[str, ...]:
@@ -84,8 +87,10 @@ class Episodes:
     def batch(self, index: int) -> Batch:
         """Return one chunk, ready to run; its noise depends on the seed and the chunk only."""
         part = self.chunk(index)
-        noise = noise_of(self.scenarios, len(part), np.random.default_rng([self.seed, _NOISE, index]))
-        return Batch.of(self.scenarios, part.scenario, part.starts, noise)
+        rng = np.random.default_rng([self.seed, _NOISE, index])
+        noise = noise_of(self.scenarios, len(part), rng)
+        around = surroundings_of(self.scenarios, part.scenario, self.world, rng)
+        return Batch.of(self.scenarios, part.scenario, part.starts, noise, around)
 
     def batches(self, chunks: Sequence[int]) -> Batch:
         """Return chunks that run in lockstep, with the noise that each has alone."""
@@ -167,7 +172,8 @@ def _cut_streams(data: StreamData, streams: IntArray, length: int, note: Callabl
 def random_starts(scenarios: Scenarios | StreamScenarios, starts: int, seed: int, world: World) -> Episodes:
     """Return episodes from `starts` start viewpoints a scenario, uniform over those of the world."""
     count = len(scenarios)
-    return Episodes(scenarios, np.tile(np.arange(count), starts), draw_starts(starts * count, seed, world), seed)
+    scenario = np.tile(np.arange(count), starts)
+    return Episodes(scenarios, scenario, draw_starts(starts * count, seed, world), seed, world)
 
 
 def draw_starts(count: int, seed: int, world: World) -> FloatArray:

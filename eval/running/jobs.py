@@ -17,6 +17,7 @@ from ehar.planner import Planner
 from ehar.processes import Engine, Processes, payload
 from ehar.rollout import Batch, Record
 from ehar.runner import Runner
+from eval.records.contacts import contacts_of
 from eval.records.episodes import EpisodeRecords, join_records, record_episodes
 from eval.records.flights import flights_of
 from eval.records.one_by_one import OneByOne
@@ -187,7 +188,8 @@ def _run_chunks(workload: Workload, planner: Planner, first: int) -> Done:
         generators = [workload.episodes.planner_rng(planner.name, chunk) for chunk in together]
         rolled = SideBySide(planners, [len(part) for part in parts], generators)
     motion = workload.runner.new_motion()
-    record = workload.roll(rolled, workload.episodes.batches(together), first, motion)
+    batch = workload.episodes.batches(together)
+    record = workload.roll(rolled, batch, first, motion)
     episodes = workload.episodes.chunk(first, len(parts))
     records = record_episodes(
         record,
@@ -197,6 +199,7 @@ def _run_chunks(workload: Workload, planner: Planner, first: int) -> Done:
         label=episodes.labels,
         subjects=episodes.subjects,
         flight=flights_of(motion),
+        contacts=contacts_of(batch.surroundings, record.viewpoints),
     )
     return Done(records, record.plan_seconds, join_solves([solves_of(one) for one in planners]))
 

@@ -205,6 +205,7 @@ def _columns(planner: str, episodes: EpisodeRecords, class_names: tuple[str, ...
         "start_azimuth_deg": np.degrees(episodes.start[:, 1]),
         "start_polar_deg": np.degrees(episodes.start[:, 2]),
         **({} if episodes.flight is None else vars(episodes.flight)),
+        **({} if episodes.contacts is None else vars(episodes.contacts)),
     }
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from ehar.errors import DataError
 from ehar.files import parse_json
+from eval.records.contacts import CONTACTS, ContactSummary, contact_numbers
 from eval.records.flights import KEYS, FlightSummary, flight_numbers
 from eval.records.solves import Solves
 from eval.scores.metrics import ACC_AT
@@ -45,6 +46,7 @@ class PlannerSummary:
         accuracy_kept_ci95: its 95 % interval, over the resamples in which the planner gained on the ideal track.
         solves: counts of its plans by status, over all seeds; None for a planner that does not count them.
         streams: scores of streams, over all seeds; None in clips, whose summary.json has no such key.
+        contacts: frames in which its cameras were too near to obstacles, over all seeds; None in a world without any.
     """
 
     name: str
@@ -65,18 +67,23 @@ class PlannerSummary:
     accuracy_kept_ci95: Interval | None = None
     solves: Solves | None = None
     streams: StreamScores | None = None
+    contacts: ContactSummary | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Return the planner's flat object in summary.json; its keys are the same for every planner and track."""
+        """Return the planner's flat object in summary.json; its keys are the same for every planner and track.
+
+        In a world without obstacles there are no contacts.
+        """
         values: dict[str, Any] = {}
         for name, value in asdict(self).items():
             if name == "metrics":
                 values |= value
-            elif name not in ("flight", "solves") and not (name == "streams" and value is None):
+            elif name not in ("flight", "solves", "contacts") and not (name == "streams" and value is None):
                 values[name] = value
         return {
             **values,
             **flight_numbers(self.flight),
+            **contact_numbers(self.contacts),
             "solves": None if self.solves is None else self.solves.counts,
             "fallback_share": None if self.solves is None else self.solves.fallback_share,
         }
@@ -91,7 +98,9 @@ def parse_planner(held: dict[str, Any], where: str) -> PlannerSummary:
     metrics = {metric.key: held[metric.key] for metric in METRICS if metric.key in held}
     flown = {key: held.get(key) for key in KEYS}
     solves = held.get("solves")
-    nested: dict[str, Any] = {name: value for name, value in held.items() if name not in (*KEYS, *metrics)}
+    flat = (*KEYS, *CONTACTS, *metrics)
+    nested: dict[str, Any] = {name: value for name, value in held.items() if name not in flat}
+    nested["contacts"] = {key: held.get(key) for key in CONTACTS} if CONTACTS[0] in held else None
     nested["metrics"] = metrics
     nested["flight"] = None if all(value is None for value in flown.values()) else flown
     if isinstance(solves, dict):  # the file has the share of plans that fell back, not their number

@@ -8,6 +8,7 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.errors import DataError
 from eval.records.config import RunConfig
+from eval.records.contacts import ContactRecords, ContactSummary, join_contacts, summarise_contacts
 from eval.records.episodes import EpisodeRecords, join_records
 from eval.records.flights import FlightRecords, FlightSummary, join_flights, summarise_flights
 from eval.records.solves import Solves, join_solves
@@ -89,6 +90,7 @@ def summarise(
             streams=stream_scores(join_records([stored[name] for name in group.records]), fps)
             if of_streams and fps is not None
             else None,
+            contacts=_contacts([told[name].contacts for name in group.records]),
         )
         for row, (group, trained, held) in enumerate(zip(groups, trainings, compared, strict=True))
     )
@@ -116,12 +118,13 @@ class _Told(NamedTuple):
     metrics: dict[str, float]
     step_ms: float
     flight: FlightRecords | None
+    contacts: ContactRecords | None
     solves: Solves | None
 
     @staticmethod
     def of(records: EpisodeRecords, step_ms: float, solves: Solves | None) -> "_Told":
         metrics = {metric.key: metric.of_records(records) for metric in METRICS}
-        return _Told(len(records), records.of_streams, metrics, step_ms, records.flight, solves)
+        return _Told(len(records), records.of_streams, metrics, step_ms, records.flight, records.contacts, solves)
 
 
 def _answers(name: str, records: EpisodeRecords, reference: EpisodeRecords | None) -> EpisodeRecords:
@@ -158,6 +161,12 @@ def _flights(trainings: Sequence[FlightRecords | None]) -> FlightSummary | None:
     """Return the demands of all flights of a planner; None if it did not fly."""
     flights = [flight for flight in trainings if flight is not None]
     return summarise_flights(join_flights(flights)) if flights else None
+
+
+def _contacts(trainings: Sequence[ContactRecords | None]) -> ContactSummary | None:
+    """Return how often cameras of a planner were too near to obstacles; None in a world without any."""
+    contacts = [one for one in trainings if one is not None]
+    return summarise_contacts(join_contacts(contacts)) if contacts else None
 
 
 def _iqm_interval(held: PlannerAccuracy, resamples: Resamples) -> FloatArray:

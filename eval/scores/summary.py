@@ -90,9 +90,8 @@ class Summary:
         tables = summary_tables(
             self.title, self.config.data, self.planners, self.differences, basis_lines(self.basis, self.no_intervals)
         )
-        note = self.config.length_note
-        if note is not None:
-            tables[0] = tables[0]._replace(footnotes=(f"Warning: {note}.", *tables[0].footnotes))
+        warnings = (f"Warning: {line}." for line in self.config.warnings)
+        tables[0] = tables[0]._replace(footnotes=(*warnings, *tables[0].footnotes))
         return tables
 
     def __repr__(self) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from ehar.obstacles.shapes import MARGIN
 from eval.render.tables import (
     NONE,
     PRIVILEGED,
@@ -20,6 +21,7 @@ from eval.scores.resampling.resamples import Basis
 TOGETHER = "Intervals are corrected together: all of them cover in 95 of 100 such tables."
 _SPREAD = "±"
 _KEPT = ("kept % [95 %]",)
+_CONTACTS = ("frames near", "hit")
 _FLIGHT = ("peak [m/s]", "[m/s^2]", "[m/s^3]", "effort [m^2/s^3]", "at limit %")
 
 
@@ -76,9 +78,11 @@ def benchmark_table(title: str, planners: Sequence[PlannerSummary], basis: Basis
     header = ("planner", *(f"acc@{percent}" for percent in ACC_AT), "mean acc [95 %]", "gap closed % [95 %]")
     flown = any(planner.flight is not None for planner in planners)
     compared = any(planner.accuracy_kept is not None for planner in planners)
+    beside = any(planner.contacts is not None for planner in planners)
+    own = (*(_CONTACTS * beside), *(_FLIGHT * flown), "ms/step")
     return Table(
         title=title,
-        header=(*header, *(_KEPT * compared), *(metric.header for metric in METRICS), *(_FLIGHT * flown), "ms/step"),
+        header=(*header, *(_KEPT * compared), *(metric.header for metric in METRICS), *own),
         rows=tuple(_row(planner, compared) for planner in planners),
         footnotes=(*basis.footnotes, *_footnotes(planners, flown=flown, compared=compared)),
         notice=basis.notice,
@@ -106,6 +110,8 @@ def _footnotes(planners: Sequence[PlannerSummary], *, flown: bool, compared: boo
             "Peaks are Cartesian, the largest of all episodes; effort is the mean integral of the squared "
             "acceleration; at limit is the share of frames in which 99 % of some limit is used."
         )
+    if any(planner.contacts is not None for planner in planners):
+        yield f"Frames near: all those in which a camera was less than {MARGIN:g} m from an obstacle; hit: in it."
     if compared:
         yield "Kept: (accuracy in flight - that of no-act) / (accuracy on the ideal track - that of no-act)."
     for planner in planners:
@@ -143,6 +149,7 @@ def _row(planner: PlannerSummary, compared: bool) -> tuple[str, ...]:
         share_text(planner.gap_closed, planner.gap_closed_ci95),
         *((share_text(planner.accuracy_kept, planner.accuracy_kept_ci95),) * compared),
         *(_metric(planner, metric) for metric in METRICS),
+        *(() if planner.contacts is None else map(str, vars(planner.contacts).values())),
         *flight,
         f"{planner.step_ms:.3f}",
     )

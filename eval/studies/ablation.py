@@ -105,8 +105,8 @@ def ablation(
         gain_model_sha256=model.sha256,
         lengths={"gain field": model.length},
     )
-    if config.length_note is not None:
-        reporter.note(f"warning: {config.length_note}")
+    for warning in config.warnings:
+        reporter.note(f"warning: {warning}")
     written = {**config.to_json(), "groups": list(groups), "tracks": names[1:]}
     if out is not None:
         check_out(Path(out), written)

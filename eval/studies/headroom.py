@@ -127,15 +127,18 @@ def headroom(
     """
     conditions, reporter = conditions or Conditions(), reporter or ConsoleReporter()
     check_workers(workers)
-    workspace = load_world(conditions.world).workspace
+    world = load_world(conditions.world)
+    if not world.is_open:
+        raise UsageError(f"world: expected a world without obstacles, got {world}: fixed cameras may stand in them")
+    workspace = world.workspace
     distance = (workspace.distance_min + workspace.distance_max) / 2 if distance is None else distance
     viewpoints = viewpoint_map(workspace, distance, azimuths, polars)
     setting = load_setting(conditions)
     motion, parts = setting.data, split_parts(setting.data)
     references = make_planners(REFERENCES).planners
     config = run_config(setting, [planner_config(planner) for planner in references])
-    if config.length_note is not None:
-        reporter.note(f"warning: {config.length_note}")
+    for warning in config.warnings:
+        reporter.note(f"warning: {warning}")
     written = {**config.to_json(), "distance": distance, "azimuths": azimuths, "polars": polars}
     if out is not None:
         check_out(Path(out), written)

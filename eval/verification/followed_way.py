@@ -3,7 +3,8 @@
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
-from ehar.motion import GridMotion, Motion
+from ehar.motion import GridMotion, Motion, keep_clear
+from ehar.obstacles.surroundings import Surroundings
 from ehar.plugins.blame import blamed
 from ehar.viewpoint import AZIMUTH, wrap_difference
 from eval.records.episodes import DIGITS
@@ -28,6 +29,10 @@ class FollowedWay:
         self._way = way
         self._frame = 0
         self._frame_time = 0.0
+
+    def keep_clear(self, surroundings: Surroundings | None) -> None:
+        """Tell the motion what stands around the episodes."""
+        keep_clear(self._motion, surroundings)
 
     def reset(self, viewpoint: FloatArray, frame_time: float) -> None:
         """Begin at viewpoints (B, 3)."""

@@ -19,11 +19,12 @@ from ehar.files import write_bytes
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.processes import Engine, Processes
 from ehar.runner import Runner
-from ehar.viewpoint import HOVER, MOVES, apply_moves
+from ehar.viewpoint import HOVER, MOVES
 from planners.agents.agent import decide
 from planners.agents.config import Teacher
 from planners.agents.inputs import POSITION, RECOGNITION, VISION, AgentInputs, Inputs
 from planners.agents.network import AgentNetwork
+from planners.heading import moved
 from planners.oracle import frame_worth, true_log_probs, truth_of, try_moves
 from planners.value.collection import random_viewpoints
 
@@ -92,15 +93,14 @@ class Demonstrator(Planner):
             best, _ = decide(self.agent, inputs)
         elif self.teacher == "oracle-lookahead":
             return self._wander(observation)
-        return apply_moves(observation.viewpoint, best, self._context.workspace)
+        return moved(self._context, observation.viewpoint, best)
 
     def _ask(self, observation: Observation, inputs: Inputs) -> IntArray:
         """Return the teacher's best moves (B,), and keep its answer; on frames without one, return hover."""
         truth = truth_of(self, observation)
         if self.teacher == "oracle":
-            _, log_probs, best, _ = try_moves(
-                truth, truth.state, observation.frame + 1, observation.viewpoint, self._context.workspace
-            )
+            frame = observation.frame + 1
+            _, log_probs, best, _ = try_moves(truth, truth.state, frame, observation.viewpoint, self._context)
             values = true_log_probs(log_probs, truth)
         elif observation.frame % EVERY == EVERY // 2 and observation.frame < truth.length - 2:
             values = look_ahead(truth, observation, self._context)
@@ -127,7 +127,7 @@ def look_ahead(truth: Truth, observation: Observation, context: Context) -> Floa
     state = truth.state.fork(len(MOVES))
     values = np.zeros((episodes, len(MOVES)))
     for step in range(min(HORIZON, truth.length - 1 - observation.frame)):
-        viewpoint = apply_moves(viewpoint, moves, context.workspace)
+        viewpoint = moved(context, viewpoint, moves)
         sensed = truth.sense(observation.frame + 1 + step, viewpoint)
         recognition, state = truth.recogniser.step(state, sensed, viewpoint)
         values += frame_worth(recognition.log_probs, truth, on_top=0.5)

@@ -284,7 +284,7 @@ def _identity(config: AgentTrainingConfig, world: TrainingWorld, stage: Stage, s
     if world.setting.sensor_sha256 is not None:
         decisive["sensor_sha256"] = world.setting.sensor_sha256
     if not world.setting.world.agrees_with(PAPER):
-        decisive["world"] = asdict(world.setting.world)
+        decisive["world"] = world.setting.world.to_json()
     if stage != "ppo":
         decisive["imitation"] = asdict(config.imitation(stage))
     if stage in ("ppo", "il-ppo"):

@@ -11,7 +11,7 @@ from ehar.conditions import Conditions
 from ehar.data.recordings import Recordings
 from ehar.errors import ModelError
 from ehar.files import read_json
-from ehar.world import PAPER, World
+from ehar.world import LATER, PAPER, World
 from planners.agents.agent import Agent
 from planners.agents.network import AgentNetwork, AgentSpec
 from planners.value.model import SHIPPED
@@ -126,7 +126,7 @@ def load_agent(conditions: Conditions, data: Recordings, name: str, *, recognise
         f"an agent, as made by `ehar train agent {conditions.options} {conditions.models_option}`",
     )
     what = "an agent, as `ehar train agent` writes it"
-    held = read_json(description_path(path), AgentDescription, what, wrong=ModelError)
+    held = read_json(description_path(path), AgentDescription, what, wrong=ModelError, optional=LATER)
     check_world(path, held.world, conditions)
     _check_fit(path, held, data, recogniser_sha256)
     return Agent(name=name, network=_load_network(path, held), sha256=files_sha256(path), length=held.length)

@@ -94,7 +94,7 @@ def demonstrations_of(
     )
     setting_key = f"{key} {world.setting.data.sha256} {world.setting.recogniser_sha256}"
     setting_key += "" if world.setting.sensor_sha256 is None else f" {world.setting.sensor_sha256}"
-    setting_key += "" if world.setting.world.agrees_with(PAPER) else f" {asdict(world.setting.world)}"
+    setting_key += "" if world.setting.world.agrees_with(PAPER) else f" {world.setting.world.to_json()}"
     digest = hashlib.sha256(setting_key.encode()).hexdigest()
     batches = max(1, round(setting.episodes / EPISODES / setting.rounds))
     rounds: list[Demonstrations] = []

@@ -131,7 +131,7 @@ def fit_fixed_best(
         "part": part,
         "windows": len(scenarios),
         "starts": STARTS,
-        "world": asdict(setting.world),
+        "world": setting.world.to_json(),
     }
     own = {"recogniser": told.recogniser, "sensor_sha256": setting.sensor_sha256}
     history |= {name: value for name, value in own.items() if value is not None}

@@ -5,14 +5,14 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.errors import EpisodeError, UsageError
 from ehar.planner import Context, Observation, Planner
-from ehar.viewpoint import AZIMUTH, MOVES, Workspace, wrap_difference
-from planners.heading import heading
+from ehar.viewpoint import MOVES
+from planners.heading import free_space, heading
 from planners.search.limits import camera_limits
+from planners.search.ways import Ways
 from planners.value.model import GainModel
 from planners.value.view_basis import BASIS_SIZE, basis_at, mean_direction
-from planners.value.view_value import ViewValue, node_gains
+from planners.value.view_value import ViewValue, coarse_grid, node_gains
 
-GOALS = (4, 16, 6)  # distances, azimuths, polar angles of the grid of goals
 WAY_POINTS = 15  # nodes along a straight way, over the rest of the episode
 LEAST_FRAMES = 1e-9  # takes the place of 0, because we divide by it
 
@@ -45,6 +45,7 @@ class NextBestViewGreedy(Planner):
         here = np.repeat(observation.viewpoint[:, None], len(MOVES), axis=1)
         there = heading(self._context, here, np.broadcast_to(np.arange(len(MOVES)), here.shape[:2]))
         values = np.einsum("bmk,bk->bm", basis_at(there, self._value.span), self._value.weights)
+        values *= self._value.seen(there, self._context.frame_time)
         _check_finite(values, self.name, observation.frame)
         best = np.argmax(values + 1e-12 * (MOVES == 0).all(axis=1), axis=1)  # a tie is no reason to move
         chosen: FloatArray = there[np.arange(len(best)), best]
@@ -97,18 +98,11 @@ def _check_finite(values: FloatArray, name: str, frame: int) -> None:
         )
 
 
-def goal_grid(workspace: Workspace) -> FloatArray:
-    """Return a grid of goals over the workspace, (G, 3)."""
-    distances = np.linspace(workspace.distance_min, workspace.distance_max, GOALS[0])
-    azimuths = np.arange(GOALS[1]) * 2 * np.pi / GOALS[1]
-    polars = np.linspace(workspace.polar_min, workspace.polar_max, GOALS[2])
-    return np.stack(np.meshgrid(distances, azimuths, polars, indexing="ij"), axis=-1).reshape(-1, 3)
-
-
 def search_goals(value: ViewValue, observation: Observation, context: Context) -> tuple[FloatArray, FloatArray]:
-    """Return the gain of straight ways to a grid of goals; the first goal is to stay.
+    """Return the gain of ways to a grid of goals; the first goal is to stay.
 
-    The ways are straight in the three coordinates. They go from rest to rest, at the pace of the grid or the vehicle.
+    The ways are straight in the three coordinates, or lead around obstacles. They go from rest to rest, at the pace of
+    the grid or the vehicle. A view counts as far as it shows people.
 
     Args:
         value: the value of views after the present frame.
@@ -119,20 +113,22 @@ def search_goals(value: ViewValue, observation: Observation, context: Context) -
         goals (B, G, 3), and the gain along the way to each, (B, G), in the field's unit.
     """
     here = observation.viewpoint
-    grid = np.broadcast_to(goal_grid(context.workspace), (len(here), int(np.prod(GOALS)), 3))
-    goals = np.concatenate([here[:, None], grid], axis=1)
-    way = goals - here[:, None]
-    way[..., AZIMUTH] = wrap_difference(way[..., AZIMUTH])
+    grid = coarse_grid(context.workspace)
+    goals = np.concatenate([here[:, None], np.broadcast_to(grid, (len(here), *grid.shape))], axis=1)
+    ways = Ways.to(goals, here, free_space(context))
     node_frames = -(-len(value.gains) // WAY_POINTS)
     gains = node_gains(value.gains, WAY_POINTS, node_frames)
-    needed, ramp = _frames_needed(way, here, context)
+    needed, ramp = _frames_needed(ways.straight, here, context)
+    needed = needed * ways.longer
     along = np.zeros((*goals.shape[:2], BASIS_SIZE))
     for node in np.flatnonzero(gains).tolist():
-        share = share_made((node + 1) * node_frames, needed, ramp)
-        along += gains[node] * basis_at(here[:, None] + share[..., None] * way, value.span)
+        frames = (node + 1) * node_frames
+        there = ways.at(share_made(frames, needed, ramp))
+        seen = value.seen(there, frames * context.frame_time)
+        along += gains[node] * seen[..., None] * basis_at(there, value.span)
     collected: FloatArray = np.einsum("bgk,bk->bg", along, value.weights)
     collected -= value.field.spread * (mean_direction(along) ** 2).sum(axis=-1)
-    return goals, collected
+    return ways.goals, collected
 
 
 def _frames_needed(way: FloatArray, here: FloatArray, context: Context) -> tuple[FloatArray, float]:

@@ -13,10 +13,12 @@ from ehar.data.scenario import draw_scenarios
 from ehar.data.streams.data import StreamData
 from ehar.errors import DataError, EpisodeError
 from ehar.motion import move_towards
+from ehar.obstacles.free_space import FreeSpace
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.processes import Engine, Processes
 from ehar.runner import Runner
 from ehar.viewpoint import Workspace, apply_moves
+from planners.heading import free_space
 from planners.value.body_filter import BodyFilter
 from planners.value.situation import USUAL_MEMORY, coming_gains, frames_to_come
 from planners.value.view_basis import DistanceRange, basis_at
@@ -127,8 +129,9 @@ class Forker(Planner):
         gains = coming_gains(observation, self._context, self.memory)
         gains = gains[: self.length - 1 - observation.frame]  # a short window of a stream ends before
         classes = len(self._context.class_names) - (self._context.length is None)  # without no activity
+        space = free_space(self._context)
         worth, visited = follow_paths(
-            observation.truth, observation, goals, workspace, frames=len(gains), classes=classes
+            observation.truth, observation, goals, workspace, frames=len(gains), classes=classes, space=space
         )
         span = DistanceRange.of(self._context.world.workspace)
         return {
@@ -145,7 +148,14 @@ class Forker(Planner):
 
 
 def follow_paths(
-    truth: Truth, observation: Observation, goals: FloatArray, workspace: Workspace, *, frames: int, classes: int
+    truth: Truth,
+    observation: Observation,
+    goals: FloatArray,
+    workspace: Workspace,
+    *,
+    frames: int,
+    classes: int,
+    space: FreeSpace | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Fly to goals (B, M, 3) by grid moves and stay there, for some frames from each episode's present state.
 
@@ -156,6 +166,7 @@ def follow_paths(
         workspace: where the camera may be.
         frames: number R of frames to come.
         classes: number K of activities; frames that show none count as 0, as no benchmark asks for them.
+        space: among obstacles, what is free: a camera stays before the first move that does not lead to a free cell.
 
     Returns:
         the mean probability of the true class over the frames to come, (B, M), and the viewpoints (B, M, R, 3).
@@ -166,7 +177,8 @@ def follow_paths(
     visited = np.empty((*goals.shape[:2], frames, 3))
     worth = np.zeros(goals.shape[:2])
     for step in range(frames):
-        viewpoint = apply_moves(viewpoint, move_towards(viewpoint, goals, workspace), workspace)
+        moves = move_towards(viewpoint, goals, workspace)
+        viewpoint = apply_moves(viewpoint, moves, workspace) if space is None else space.after(viewpoint, moves)
         sensed = truth.sense(observation.frame + 1 + step, viewpoint)
         recognition, state = truth.recogniser.step(state, sensed, viewpoint)
         visited[:, :, step] = viewpoint

@@ -13,7 +13,7 @@ from ehar.conditions import Conditions
 from ehar.data.recordings import Recordings
 from ehar.errors import ModelError
 from ehar.files import read_json
-from ehar.world import PAPER, World
+from ehar.world import LATER, PAPER, World
 from planners.value.belief import BeliefModel
 from planners.value.field import GainField
 from planners.value.situation import USUAL_MEMORY
@@ -138,7 +138,7 @@ def load_gain_model(conditions: Conditions, data: Recordings, recogniser_sha256:
         f"a gain field, as made by `ehar train gain-field {conditions.options} {conditions.models_option}`",
     )
     file, what = description_path(path), "a gain field, as `ehar train gain-field` writes it"
-    description = read_json(file, GainDescription, what, optional=("stream_belief", "memory"), wrong=ModelError)
+    description = read_json(file, GainDescription, what, optional=(*LATER, "stream_belief", "memory"), wrong=ModelError)
     belief = description.stream_belief or description.belief
     if belief is None:
         raise ModelError(f"{file}: belief: expected the parameters of one, got null")

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -141,7 +141,7 @@ def train_gain_field(
     key = f"{data.sha256} {setting.recogniser_sha256} {length} {conditions.seed}"
     key += "" if setting.sensor_sha256 is None else f" {setting.sensor_sha256}"
     world = setting.world
-    key += "" if world.agrees_with(PAPER) else f" {asdict(world)}"
+    key += "" if world.agrees_with(PAPER) else f" {world.to_json()}"
     rollouts = _Rollouts(config, path, key, report, engine or Processes(config.workers))
     unseen_task = replace(task, sequences=_unseen_sequences(task, sequences))
     unseen = rollouts.run(unseen_task, rollouts.few, "validation rollouts", "unseen")

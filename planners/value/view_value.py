@@ -4,10 +4,15 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError
+from ehar.obstacles.shapes import Obstacles
 from ehar.planner import Context, Observation
+from ehar.viewpoint import Workspace
+from planners.value.line_of_sight import seen_share
 from planners.value.model import FULL, GainModel
 from planners.value.situation import Situation, Tracker, coming_gains
-from planners.value.view_basis import DistanceRange
+from planners.value.view_basis import BASIS_SIZE, DistanceRange, basis_at
+
+GRID = (4, 16, 6)  # distances, azimuths, polar angles of a coarse grid over the workspace
 
 
 class ViewValue:
@@ -37,6 +42,10 @@ class ViewValue:
         """Forget everything."""
         self.span = DistanceRange.of(context.world.workspace)
         self._tracker.reset(context)
+        # In a stream obstacles are not where they were, relative to people.
+        self._obstacles = context.world.obstacles if context.length is not None else Obstacles()
+        self._hides = bool(self._obstacles) or context.world.passers_by > 0
+        self._everywhere = basis_at(coarse_grid(context.workspace), self.span)
 
     def update(self, observation: Observation) -> None:
         """Take in one more frame."""
@@ -54,8 +63,35 @@ class ViewValue:
 
     @property
     def weights(self) -> FloatArray:
-        """The field's weights, (B, 21), see `view_basis.field_value`."""
-        return self.field.weights(self.situation)
+        """The field's weights, (B, 21), see `view_basis.field_value`.
+
+        Where something is in the way the field's least value over the workspace is 0, so that it can be multiplied by
+        `seen`: what is not seen tells as little as the worst view. Elsewhere only differences between views count.
+        """
+        weights = self.field.weights(self.situation)
+        if self._hides:
+            weights = weights - (self._everywhere @ weights.T).min(axis=0)[:, None] * (np.arange(BASIS_SIZE) == 0)
+        return weights
+
+    def seen(self, viewpoint: FloatArray, ahead: float) -> FloatArray:
+        """Return the share of people that is seen from viewpoints (B, ..., 3), (B, ...); 1 where nothing is in the way.
+
+        Args:
+            viewpoint: the viewpoints.
+            ahead: how far ahead cameras will be there [s].
+        """
+        if not self._hides:
+            return np.ones(viewpoint.shape[:-1])
+        position, passers = self.situation.position, self._tracker.observation.passers
+        return seen_share(viewpoint, position, self._obstacles, passers, ahead)
+
+
+def coarse_grid(workspace: Workspace) -> FloatArray:
+    """Return a grid of viewpoints over a workspace, (G, 3)."""
+    distances = np.linspace(workspace.distance_min, workspace.distance_max, GRID[0])
+    azimuths = np.arange(GRID[1]) * 2 * np.pi / GRID[1]
+    polars = np.linspace(workspace.polar_min, workspace.polar_max, GRID[2])
+    return np.stack(np.meshgrid(distances, azimuths, polars, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
 def node_gains(gains: FloatArray, nodes: int, node_frames: int) -> FloatArray:

@@ -6,12 +6,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ehar.arrays import FloatArray, IntArray
+from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import draw_scenarios
 from ehar.data.skeleton_tree import parents
 from ehar.data.streams.data import StreamData
+from ehar.data.surroundings import surroundings_of
 from ehar.errors import DataError
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensor, draw_noise
@@ -92,12 +93,16 @@ class ClipSource:
             viewpoints = recorded_viewpoints(scenarios.centres(every), self._length)
         else:
             viewpoints = training_viewpoints(self._views, self._world, rng, clips, self._length)
-        return Clips(self._see(positions, viewpoints, rng), torch.from_numpy(scenarios.labels.astype(np.int64)))
+        around = surroundings_of(scenarios, every, self._world, rng)
+        hidden = None if around is None else around.hide(viewpoints, positions, slice(None))
+        return Clips(self._see(positions, viewpoints, rng, hidden), torch.from_numpy(scenarios.labels.astype(np.int64)))
 
-    def _see(self, positions: FloatArray, viewpoints: FloatArray, rng: np.random.Generator) -> Tensor:
+    def _see(
+        self, positions: FloatArray, viewpoints: FloatArray, rng: np.random.Generator, hidden: BoolArray | None
+    ) -> Tensor:
         """Return the features (B, L, P, J, C) of the clips as the sensor sees them."""
         noise = draw_noise(rng, positions.shape[:2], *positions.shape[2:4])
-        sensed = sense(self._sensor, positions, viewpoints, noise)
+        sensed = sense(self._sensor, positions, viewpoints, noise, hidden=hidden)
         cameras = torch.from_numpy(viewpoints.astype(np.float32))
         seen = features(
             torch.from_numpy(sensed.joints_2d.astype(np.float32, copy=False)),

@@ -165,7 +165,7 @@ class _Run:
         if loaded.sha256 is not None:
             self.identity["sensor_sha256"] = loaded.sha256
         if not world.agrees_with(PAPER):
-            self.identity["world"] = as_json(asdict(world))
+            self.identity["world"] = as_json(world.to_json())
         self.optimiser = make_optimiser(
             self.network, config.optimiser, learning_rate=config.learning_rate, weight_decay=config.weight_decay
         )

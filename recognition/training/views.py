@@ -63,10 +63,14 @@ def training_viewpoints(regime: str, world: World, rng: np.random.Generator, cli
         raise UsageError(f"unknown --views {regime!r}: expected moving or paper")
     viewpoints = np.empty((clips, length, 3))
     viewpoints[:, 0] = world.sample_starts(rng, clips)
-    moving = rng.random(clips) >= STATIC_SHARE
+    moving, space = rng.random(clips) >= STATIC_SHARE, world.free_space
     hover = len(MOVES) - 1
     moves = rng.integers(hover, size=clips)
     for frame in range(1, length):
         moves = np.where(rng.random(clips) < TURN_PROBABILITY, rng.integers(hover, size=clips), moves)
-        viewpoints[:, frame] = apply_moves(viewpoints[:, frame - 1], np.where(moving, moves, hover), world.workspace)
+        made = np.where(moving, moves, hover)
+        before = viewpoints[:, frame - 1]
+        viewpoints[:, frame] = (
+            apply_moves(before, made, world.workspace) if space is None else space.after(before, made)
+        )
     return viewpoints

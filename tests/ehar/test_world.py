@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from ehar import Camera, EharError, GridMotion, Workspace, World
 from ehar.motion import move_towards
+from ehar.obstacles import MARGIN, Box, Cylinder, Obstacles
 from ehar.viewpoint import AZIMUTH, HOVER, MOVES, apply_moves, cartesian, wrap_difference
-from ehar.world import INDOOR, PAPER, WORLDS, by_name, load_world
+from ehar.world import INDOOR, PAPER, ROOM, WORLDS, by_name, load_world
 
 CONTENT = {
     "distance_min": 2,
@@ -156,13 +157,77 @@ def test_what_is_wrong_with_a_file_is_said_in_one_line(tmp_path: Path, changes: 
     assert str(tmp_path / "lab.json") in str(error.value) and "\n" not in str(error.value)
 
 
+TABLE = {"centre": [1.2, 0, -0.6], "size": [0.5, 0.5, 0.7], "yaw_deg": 30}
+ROUND_TABLE = {"centre": [1.2, 0, -0.6], "radius": 0.5, "height": 0.7}
+
+
+def test_a_world_file_with_obstacles(tmp_path: Path) -> None:
+    inside = {"boxes": [TABLE], "cylinders": [ROUND_TABLE]}
+    world = load_world(written(tmp_path, CONTENT | {"obstacles": inside}))
+    assert world.obstacles == Obstacles(
+        boxes=(Box(centre=(1.2, 0.0, -0.6), size=(0.5, 0.5, 0.7), yaw_deg=30.0),),
+        cylinders=(Cylinder(centre=(1.2, 0.0, -0.6), radius=0.5, height=0.7),),
+    )
+    assert str(world).endswith("focal length 300 px, 1 box, 1 cylinder)")
+    opened = load_world(written(tmp_path, CONTENT))
+    assert world.opened == opened and not world.agrees_with(opened) and not world.is_open
+    assert "obstacles" in world.to_json() and "obstacles" not in opened.to_json()
+
+
+def ring(low: float, high: float) -> list[dict[str, Any]]:
+    """Return boxes that stand around the people, from one distance to another."""
+    size, middle = [high - low, 2 * high, 9], (low + high) / 2
+    angles = (0, 90, 180, 270)
+    return [
+        {
+            "centre": [round(middle * math.cos(math.radians(a)), 6), round(middle * math.sin(math.radians(a)), 6), 0],
+            "size": size,
+            "yaw_deg": a,
+        }
+        for a in angles
+    ]
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"obstacles": {"boxes": [TABLE | {"size": [1, 0, 1]}]}}, r"size\[1\]: expected a number above 0, got 0"),
+        ({"obstacles": {"boxes": [{"size": [1, 1, 1]}]}}, r"obstacles.boxes\[0\]: missing centre"),
+        ({"obstacles": {"spheres": []}}, "obstacles: unknown spheres; expected walls, boxes, cylinders"),
+        ({"obstacles": {"walls": {"centre": [0, 0, 0], "size": [2, 2, 2]}}}, "expected free space for cameras, all"),
+        ({"obstacles": {"boxes": ring(0.5, 1.0)}}, "expected a cell that sees somebody at the centre, they hide"),
+        ({"passers_by": -1}, "passers_by: expected at least 0, got -1"),
+        ({"passers_by": 2}, r"passers_by: expected at least 0, and 0 unless distance_min is at least 2.55 m"),
+    ],
+)
+def test_obstacles_that_cannot_be_are_refused_in_one_line(
+    tmp_path: Path, changes: dict[str, Any], complaint: str
+) -> None:
+    with pytest.raises(EharError, match=complaint) as error:
+        load_world(written(tmp_path, CONTENT | changes))
+    assert str(tmp_path / "lab.json") in str(error.value) and "\n" not in str(error.value)
+
+
+def test_starts_are_free_and_where_none_is_free_this_is_said() -> None:
+    starts = ROOM.sample_starts(np.random.default_rng(0), 500)
+    assert (ROOM.obstacles.clearance(cartesian(starts)) >= MARGIN - 1e-6).all()
+    assert not (ROOM.obstacles.clearance(cartesian(PAPER.sample_starts(np.random.default_rng(0), 500))) > 0).all()
+    near = replace(ROOM, obstacles=Obstacles(cylinders=(Cylinder(centre=(5.0, 0.0, 0.0), radius=2.0, height=99.0),)))
+    with pytest.raises(EharError, match="start_cells: expected a free one, obstacles are in or near all of them"):
+        replace(near, start_cells=(3, 2, 2), workspace=replace(near.workspace, polar_min=1.2)).sample_starts(
+            np.random.default_rng(0), 1
+        )
+
+
 def test_a_missing_key_a_missing_file_and_an_unknown_name(tmp_path: Path) -> None:
     without = {key: value for key, value in CONTENT.items() if key != "distance_step"}
     with pytest.raises(EharError, match="missing distance_step"):
         load_world(written(tmp_path, without))
     with pytest.raises(EharError, match="expected a world file"):
         load_world(tmp_path / "nowhere.json")
-    with pytest.raises(EharError, match=r"unknown world 'outdoor'; expected one of: paper, indoor, or a \.json file"):
+    with pytest.raises(
+        EharError, match=r"unknown world 'outdoor'; expected one of: paper, indoor, room, crowd, or a \.json file"
+    ):
         load_world("outdoor")
     with pytest.raises(EharError, match="expected another name of a world file, 'indoor' is a world of ehar"):
         load_world(written(tmp_path, CONTENT, "indoor"))
@@ -178,6 +243,6 @@ def test_names_do_not_matter_to_agreement_but_every_number_does() -> None:
 
 
 def test_worlds_of_ehar_go_by_their_name() -> None:
-    assert [by_name(world) for world in WORLDS.values()] == ["paper", "indoor"]
+    assert [by_name(world) for world in WORLDS.values()] == ["paper", "indoor", "room", "crowd"]
     mine = replace(INDOOR, name="mine")
     assert by_name(mine) is mine

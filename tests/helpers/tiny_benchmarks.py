@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ehar.conditions import Conditions
+from ehar.world import PAPER
 from eval import benchmark
 from eval.records.run_files import SUMMARY
 from eval.running.run import Run
@@ -28,7 +29,7 @@ TOLD = {field.name for field in fields(Conditions)}
 
 class HashedRecogniser(FakeRecogniser):
     sha256 = "fake"
-    spec = SimpleNamespace(length=None, fading=False)  # trained at any length
+    spec = SimpleNamespace(length=None, fading=False, world=PAPER)  # trained at any length
 
 
 @dataclass

@@ -23,6 +23,7 @@ function drawScene(canvas, episode, cast, frame) {
   if (centre === null) drawGround(pen, at, reach, floor);
   else drawWalkedGround(pen, at, reach, floor, centre, frame);
   drawDome(pen, at, reach);
+  replays.obstacles.forEach((line) => stroke(pen, line.map(at), colour("@neutral/0.9"), 1.2));
   cast.forEach(({ of, look }) => (centre === null ? drawPath(pen, at, of, look, frame) : drawTrail(pen, at, of, look, centre, frame)));
   drawPeople(pen, at, people, frame);
   cast.forEach(({ of, look, name }, index) => drawCamera(pen, at, of, look, frame, name, index, reach));

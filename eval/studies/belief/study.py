@@ -120,8 +120,8 @@ def belief_report(
         gain_model_sha256=model.sha256,
         lengths={"gain field": model.length},
     )
-    if config.length_note is not None:
-        reporter.note(f"warning: {config.length_note}")
+    for warning in config.warnings:
+        reporter.note(f"warning: {warning}")
     if out is not None:
         check_out(Path(out), config.to_json())
     length, starts, seed = conditions.frames, conditions.starts, conditions.seed

@@ -16,17 +16,10 @@ from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import MOVES, Workspace, wrap_difference
 from ehar.world import PAPER
-from planners.search.view_search import (
-    GOALS,
-    NextBestViewGreedy,
-    NextBestViewSearch,
-    goal_grid,
-    search_goals,
-    share_made,
-)
+from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch, search_goals, share_made
 from planners.value.situation import frame_gains
 from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, field_value, mean_direction, view_basis
-from planners.value.view_value import ViewValue
+from planners.value.view_value import GRID, ViewValue, coarse_grid
 from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context
 from tests.helpers.gain_models import model_of, peak_weights
 
@@ -58,8 +51,8 @@ def searched(weights: FloatArray, start: FloatArray, *, at: int, length: int, sp
 
 
 def test_goals_span_the_workspace() -> None:
-    grid = goal_grid(Workspace())
-    assert grid.shape == (np.prod(GOALS), 3)
+    grid = coarse_grid(Workspace())
+    assert grid.shape == (np.prod(GRID), 3)
     np.testing.assert_allclose(grid.min(axis=0), [5, 0, 0])
     np.testing.assert_allclose(grid.max(axis=0), [15, 2 * np.pi * 15 / 16, np.pi / 2])
     assert len(np.unique(grid.round(9), axis=0)) == len(grid)
@@ -72,7 +65,7 @@ def test_what_is_collected_is_the_field_along_the_way(at: int, length: int) -> N
     searcher = searched(weights, start, at=at, length=length, spread=0.3)
     gains = frame_gains(at, length)
     np.testing.assert_array_equal(searcher.goals[0, 0], start)
-    np.testing.assert_array_equal(searcher.goals[0, 1:], goal_grid(Workspace()))
+    np.testing.assert_array_equal(searcher.goals[0, 1:], coarse_grid(Workspace()))
     for goal, collected in zip(searcher.goals[0, ::29], searcher.collected[0, ::29], strict=True):
         way = goal - start
         way[1] = wrap_difference(way[1])

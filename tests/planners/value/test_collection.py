@@ -109,7 +109,14 @@ def test_forks_hold_what_their_paths_gave(monkeypatch: pytest.MonkeyPatch) -> No
     calls: list[tuple[Observation, FloatArray, FloatArray, FloatArray]] = []
 
     def watched(
-        truth: Truth, observation: Observation, goals: FloatArray, workspace: Workspace, *, frames: int, classes: int
+        truth: Truth,
+        observation: Observation,
+        goals: FloatArray,
+        workspace: Workspace,
+        *,
+        frames: int,
+        classes: int,
+        space: None,
     ) -> tuple[FloatArray, FloatArray]:
         worth, visited = follow_paths(truth, observation, goals, workspace, frames=frames, classes=classes)
         calls.append((observation, goals, worth, visited))

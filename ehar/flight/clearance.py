@@ -1,0 +1,70 @@
+"""Keeps flights clear of obstacles: whether a flight does, and where to fly first if the straight way does not."""
+
+import numpy as np
+
+from ehar.arrays import BoolArray, FloatArray
+from ehar.flight.profile import JerkProfile
+from ehar.obstacles.free_space import FreeSpace
+from ehar.obstacles.shapes import MARGIN, Obstacles
+from ehar.viewpoint import AZIMUTH, cartesian, wrap_difference
+
+PLANNED = MARGIN + 0.05  # [m] that plans keep, so that the margin also holds between samples
+FINEST = 0.06  # [m], the longest way between two samples of a flight
+COARSEST = 8  # samples of a flight in the first pass
+WAY_SAMPLES = np.linspace(0, 1, 33)  # of a straight way
+CORNERS = 24  # places on a way around obstacles that may be flown to first
+LONGEST = 400  # cells of such a way
+
+
+def keeps_clear(profile: JerkProfile, obstacles: Obstacles, moved: FloatArray, speed: float) -> BoolArray:
+    """Return which flights keep clear of obstacles until they are at rest, (B,).
+
+    A camera gets no farther between two samples than its speed allows. So a flight with large clearance needs few
+    samples, and only those that come near are sampled more finely. A flight that begins nearer to an obstacle than
+    plans keep may not get nearer.
+
+    Args:
+        profile: B flights.
+        obstacles: what stands there.
+        moved: (B, 3) how far people's centre, around which cameras fly, is from the obstacles' origin [m].
+        speed: the highest that a camera reaches [m/s].
+    """
+    keeps: BoolArray = np.ones(len(profile.duration), dtype=bool)
+    undecided, samples = np.flatnonzero(keeps), COARSEST
+    while len(undecided):
+        part = profile.select(undecided)
+        times = part.duration[:, None] * np.linspace(0, 1, samples + 1)
+        clearance = obstacles.clearance(cartesian(part.at(times).viewpoint) + moved[undecided, None])
+        least = np.minimum(PLANNED, clearance[:, 0] - 1e-6)
+        keeps[undecided[clearance.min(axis=1) < least]] = False
+        farthest = speed * part.duration / samples
+        open_still = (clearance.min(axis=1) >= least) & (clearance.min(axis=1) - farthest / 2 < least)
+        undecided, samples = undecided[open_still & (farthest > FINEST)], 4 * samples
+    return keeps
+
+
+def first_towards(here: FloatArray, target: FloatArray, space: FreeSpace) -> FloatArray:
+    """Return where cameras fly first to get to their targets, (B, 3): there, or as far as a free way is in sight.
+
+    Args:
+        here: (B, 3) viewpoints.
+        target: (B, 3) viewpoints; one too near to an obstacle stands for the nearest free cell.
+        space: the free space.
+    """
+    near = space.obstacles.clearance(cartesian(target)) < PLANNED
+    goals = np.where(near[:, None], space.nearest(target), target)
+    for row in np.flatnonzero(~_in_sight(here, goals, space.obstacles)):
+        way = space.way(space.nearest(here[row]), goals[row], LONGEST)
+        corners = way[np.unique(np.linspace(0, len(way) - 1, CORNERS).astype(np.int64))] if len(way) else way
+        seen = np.flatnonzero(_in_sight(np.broadcast_to(here[row], corners.shape), corners, space.obstacles))
+        goals[row] = corners[seen[-1]] if len(seen) else (corners[0] if len(corners) else here[row])
+    return goals
+
+
+def _in_sight(here: FloatArray, there: FloatArray, obstacles: Obstacles) -> BoolArray:
+    """Return between which viewpoints (B, 3) the straight way, in their coordinates, keeps clear, (B,)."""
+    way = there - here
+    way[:, AZIMUTH] = wrap_difference(way[:, AZIMUTH])
+    along = here[:, None] + WAY_SAMPLES[:, None] * way[:, None]
+    clearance = obstacles.clearance(cartesian(along))
+    return np.asarray(clearance.min(axis=1) >= np.minimum(PLANNED, clearance[:, 0] - 1e-6))

@@ -1,0 +1,220 @@
+"""Boxes and upright cylinders: how far a point is from them, and whether they stand between a camera and a joint.
+
+All places are in metres in the frame of an episode: its origin is people's centre in the first frame, z points up.
+"""
+
+from dataclasses import dataclass, fields
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt
+
+from ehar.arrays import BoolArray, FloatArray
+from ehar.errors import UsageError
+
+MARGIN = 0.3  # [m] that cameras keep from obstacles
+NO_WAY = 1e-9  # [m]; takes the place of a way of no length along an axis, because we divide by it
+
+Positive = Annotated[float, Gt(0)]
+Place = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box:
+    """A box that stands upright.
+
+    Args:
+        centre: its middle [m].
+        size: its length along its own x, y and z axis [m].
+        yaw_deg: how far it is turned about the z axis, from x towards y [deg].
+
+    Raises:
+        UsageError: a number is not finite, or a length is not above 0.
+    """
+
+    centre: Place
+    size: tuple[Positive, Positive, Positive]
+    yaw_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        _check(self, (*self.centre, *self.size, self.yaw_deg), self.size)
+
+    def clearance(self, points: FloatArray) -> FloatArray:
+        """Return how far points (..., 3) are from the box [m], (...,); inside it is negative: the way out."""
+        beyond = np.stack([np.abs(axis) - size / 2 for axis, size in zip(self._own(points), self.size, strict=True)])
+        outside = np.sqrt((np.maximum(beyond, 0) ** 2).sum(axis=0))
+        distance: FloatArray = outside + np.minimum(beyond.max(axis=0), 0)
+        return distance
+
+    def cuts(self, begin: FloatArray, end: FloatArray) -> BoolArray:
+        """Return which straight ways, (..., 3) to (..., 3), leave the box before they end, (...,): the slab test."""
+        entered: FloatArray | float = -np.inf
+        left: FloatArray | float = np.inf
+        for first, last, size in zip(self._own(begin), self._own(end), self.size, strict=True):
+            entered, left = _between(first, last, -size / 2, size / 2, entered, left)
+        return _is_cut(entered, left)
+
+    def _own(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the coordinates of points (..., 3) along the axes of the box, from its middle."""
+        x, y, z = (points[..., axis] - self.centre[axis] for axis in range(3))
+        if not self.yaw_deg:
+            return x, y, z
+        cos, sin = np.cos(np.radians(self.yaw_deg)), np.sin(np.radians(self.yaw_deg))
+        return cos * x + sin * y, cos * y - sin * x, z
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cylinder:
+    """An upright cylinder.
+
+    Args:
+        centre: its middle [m].
+        radius: its radius [m].
+        height: its height [m].
+
+    Raises:
+        UsageError: a number is not finite, or radius or height is not above 0.
+    """
+
+    centre: Place
+    radius: Positive
+    height: Positive
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        _check(self, (*self.centre, self.radius, self.height), (self.radius, self.height))
+
+    def clearance(self, points: FloatArray) -> FloatArray:
+        """Return how far points (..., 3) are from the cylinder [m], (...,); inside it is negative: the way out."""
+        x, y, z = (points[..., axis] - self.centre[axis] for axis in range(3))
+        beyond = np.stack([np.hypot(x, y) - self.radius, np.abs(z) - self.height / 2])
+        outside = np.sqrt((np.maximum(beyond, 0) ** 2).sum(axis=0))
+        distance: FloatArray = outside + np.minimum(beyond.max(axis=0), 0)
+        return distance
+
+    def cuts(self, begin: FloatArray, end: FloatArray) -> BoolArray:
+        """Return which straight ways, (..., 3) to (..., 3), leave the cylinder before they end, (...,)."""
+        x, y, z = self.centre
+        return cylinder_cuts(
+            begin - (x, y, 0.0), end - (x, y, 0.0), z - self.height / 2, z + self.height / 2, self.radius
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Obstacles:
+    """What stands in a world.
+
+    Args:
+        walls: the room's inside as a box: cameras stay in it. Walls hide nobody, as people are inside too.
+        boxes: boxes.
+        cylinders: upright cylinders.
+    """
+
+    walls: Box | None = None
+    boxes: tuple[Box, ...] = ()
+    cylinders: tuple[Cylinder, ...] = ()
+
+    def __bool__(self) -> bool:
+        """Whether there is any."""
+        return bool(self.walls or self.boxes or self.cylinders)
+
+    def clearance(self, points: FloatArray) -> FloatArray:
+        """Return how far points (..., 3) are from the nearest obstacle [m], (...,); inside one it is negative."""
+        nearest = np.full(points.shape[:-1], np.inf)
+        for shape in self._shapes:
+            nearest = np.minimum(nearest, shape.clearance(points))
+        return nearest if self.walls is None else np.minimum(nearest, -self.walls.clearance(points))
+
+    def hide(self, cameras: FloatArray, joints: FloatArray) -> BoolArray:
+        """Return which joints (..., P, J, 3) are hidden from cameras (..., 3), (..., P, J); leading axes broadcast.
+
+        An obstacle does not hide what is inside it: recorded people walk through furniture.
+        """
+        begin, end = cameras[..., None, None, :].astype(np.float32), joints.astype(np.float32, copy=False)
+        hidden = np.zeros(np.broadcast_shapes(begin.shape, end.shape)[:-1], dtype=bool)
+        for shape in self._shapes:
+            hidden |= shape.cuts(begin, end)
+        return hidden
+
+    @property
+    def _shapes(self) -> tuple[Box | Cylinder, ...]:
+        """What stands within the walls."""
+        return (*self.boxes, *self.cylinders)
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """All numbers, with how many shapes of each kind there are."""
+        shapes = (*(() if self.walls is None else (self.walls,)), *self._shapes)
+        return (
+            *(self.walls is not None, len(self.boxes), len(self.cylinders)),
+            *(float(number) for shape in shapes for number in _numbers(shape)),
+        )
+
+    def __str__(self) -> str:
+        """Return what there is in words."""
+        boxes, cylinders = len(self.boxes), len(self.cylinders)
+        parts = ["walls"] * (self.walls is not None)
+        parts += [f"{boxes} box{'es' * (boxes > 1)}"] * (boxes > 0)
+        parts += [f"{cylinders} cylinder{'s' * (cylinders > 1)}"] * (cylinders > 0)
+        return ", ".join(parts)
+
+
+def cylinder_cuts(
+    begin: FloatArray,
+    end: FloatArray,
+    low: FloatArray | float,
+    high: FloatArray | float,
+    radius: float,
+) -> BoolArray:
+    """Return which straight ways, (..., 3) to (..., 3), leave an upright cylinder about the z axis before they end.
+
+    A way is inside the circle between the roots of a quadratic, and between bottom and top as in the slab test.
+
+    Args:
+        begin: where the ways begin [m].
+        end: where they end [m].
+        low: height of the bottom [m].
+        high: height of the top [m].
+        radius: of the cylinder [m].
+    """
+    x, y = begin[..., 0], begin[..., 1]
+    way_x, way_y = end[..., 0] - x, end[..., 1] - y
+    square = np.maximum(way_x**2 + way_y**2, NO_WAY**2)
+    nearest = -(x * way_x + y * way_y) / square  # the share of the way that comes nearest to the axis
+    half = nearest**2 - (x**2 + y**2 - radius**2) / square
+    root = np.sqrt(np.maximum(half, 0))
+    never = half <= 0
+    entered, left = np.where(never, np.inf, nearest - root), np.where(never, -np.inf, nearest + root)
+    return _is_cut(*_between(begin[..., 2], end[..., 2], low, high, entered, left))
+
+
+def _between(
+    first: FloatArray,
+    last: FloatArray,
+    low: FloatArray | float,
+    high: FloatArray | float,
+    entered: FloatArray | float,
+    left: FloatArray | float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the shares of ways at which they enter and leave a slab, and what they entered and left before."""
+    way = last - first
+    way = np.where(np.abs(way) < NO_WAY, NO_WAY, way)
+    one, other = (low - first) / way, (high - first) / way
+    return np.maximum(entered, np.minimum(one, other)), np.minimum(left, np.maximum(one, other))
+
+
+def _is_cut(entered: FloatArray | float, left: FloatArray | float) -> BoolArray:
+    return np.asarray((entered < left) & (left > 0) & (left < 1))
+
+
+def _numbers(shape: Box | Cylinder) -> tuple[float, ...]:
+    """Return all numbers of a shape."""
+    held = (getattr(shape, part.name) for part in fields(shape))
+    return tuple(number for value in held for number in (value if isinstance(value, tuple) else (value,)))
+
+
+def _check(shape: Box | Cylinder, numbers: tuple[float, ...], lengths: tuple[float, ...]) -> None:
+    """Raise a UsageError unless numbers are finite and lengths above 0."""
+    if not (np.isfinite(numbers).all() and min(lengths) > 0):
+        raise UsageError(f"obstacle: expected finite numbers, and lengths above 0, got {shape}")

@@ -1,0 +1,96 @@
+"""Flights among obstacles: none comes too near, none through, and all arrive."""
+
+import numpy as np
+import pytest
+
+from ehar.flight.clearance import PLANNED, first_towards, keeps_clear
+from ehar.flight.kinematics import SphericalState
+from ehar.flight.motion import FlightMotion
+from ehar.flight.profile import JerkProfile
+from ehar.flight.time_optimal import AxisLimits, TimeOptimal
+from ehar.flight.vehicle import VEHICLES
+from ehar.obstacles import MARGIN, Cylinder, FreeSpace, Obstacles, Surroundings
+from ehar.viewpoint import Workspace, cartesian
+from ehar.world import ROOM
+
+PILLARS = Obstacles(
+    cylinders=tuple(Cylinder(centre=(7 * np.cos(a), 7 * np.sin(a), 0), radius=0.6, height=30) for a in (0.3, 2.0, 4.4))
+)
+SPACE = Workspace(distance_max=9.0, polar_min=0.9, distance_step=0.2)
+FREE = FreeSpace.of(SPACE, PILLARS)
+
+
+def anywhere(rng: np.random.Generator, count: int) -> np.ndarray:
+    cells = np.argwhere(FREE.free)
+    return SPACE.from_cells(cells[rng.integers(len(cells), size=count)])
+
+
+def test_a_flight_keeps_clear_if_all_its_points_do() -> None:
+    rng = np.random.default_rng(0)
+    start, target = anywhere(rng, 200), anywhere(rng, 200)
+    rest = np.zeros((200, 3))
+    state = SphericalState(start, rest, rest, rest)
+    limits = AxisLimits(*(np.full((200, 3), value) for value in (1.5, 1.0, 1.5)))
+    phases, found = TimeOptimal().to_target(state, target, limits)
+    assert found.all()
+    profile = JerkProfile.from_phases(state, phases)
+    moved = np.zeros((200, 3))
+    moved[100:, 0] = 1.0
+    kept = keeps_clear(profile, PILLARS, moved, 15.0)
+    places = cartesian(profile.at(profile.duration[:, None] * np.linspace(0, 1, 3001)).viewpoint) + moved[:, None]
+    clearance = PILLARS.clearance(places)
+    assert 0.2 < kept.mean() < 0.9
+    began_clear = clearance[:, 0] > PLANNED
+    assert (clearance[kept & began_clear].min(axis=1) > PLANNED - 0.03).all()
+    assert (clearance[~kept & began_clear].min(axis=1) < PLANNED + 0.03).all()
+
+
+def test_a_flight_that_begins_too_near_may_leave_and_not_come_nearer() -> None:
+    near = np.array([[7.0, 0.3 + 0.85 / 7, np.pi / 2]])  # 0.25 m from the pillar
+    rest = np.zeros((2, 3))
+    start = SphericalState(np.repeat(near, 2, axis=0), rest, rest, rest)
+    target = start.viewpoint + np.array([[0, 0.2, 0], [0, -0.05, 0]])
+    limits = AxisLimits(*(np.ones((2, 3)) for _ in range(3)))
+    profile = JerkProfile.from_phases(start, TimeOptimal().to_target(start, target, limits)[0])
+    assert keeps_clear(profile, PILLARS, rest, 5.0).tolist() == [True, False]
+
+
+def test_the_way_around_begins_in_sight_and_leads_there() -> None:
+    rng = np.random.default_rng(1)
+    here, target = anywhere(rng, 60), anywhere(rng, 60)
+    first = first_towards(here, target, FREE)
+    direct = (first == target).all(axis=1)
+    assert 0.4 < direct.mean() < 1
+    for _ in range(12):
+        here = first_towards(here, target, FREE)
+    np.testing.assert_allclose(here[direct], target[direct])
+    assert (np.linalg.norm(cartesian(here) - cartesian(target), axis=1) < 0.5).mean() > 0.95
+    blocked = np.array([[7.0, 0.3, 1.5]])
+    assert FREE.is_free(first_towards(target[:1], blocked, FREE)).all()
+
+
+@pytest.mark.parametrize("name", ["px4-auto", "tracking-drone"])
+def test_cameras_that_fly_in_a_room_keep_the_margin_and_arrive(name: str) -> None:
+    rng = np.random.default_rng(2)
+    start, target = ROOM.sample_starts(rng, 12), ROOM.sample_starts(rng, 12)
+    motion = FlightMotion(vehicle=VEHICLES[name], workspace=ROOM.workspace)
+    motion.keep_clear(Surroundings(ROOM.obstacles))
+    motion.reset(start, 0.04)
+    for _ in range(300):
+        reached = motion.advance(target)
+        between = motion.sample(np.linspace(0, 0.04, 6)).viewpoint
+        assert (ROOM.obstacles.clearance(cartesian(between)) >= MARGIN - 1e-3).all()
+    assert (np.linalg.norm(cartesian(reached) - cartesian(target), axis=1) < 0.5).all()
+    assert (motion.telemetry.peak_speed <= VEHICLES[name].speed).all()
+
+
+def test_without_obstacles_nothing_changes() -> None:
+    rng = np.random.default_rng(3)
+    start, target = anywhere(rng, 5), anywhere(rng, 5)
+    flown = []
+    for around in (None, Surroundings(Obstacles())):
+        motion = FlightMotion(vehicle=VEHICLES["px4-auto"])
+        motion.keep_clear(around)
+        motion.reset(start, 0.04)
+        flown.append([motion.advance(target) for _ in range(20)])
+    np.testing.assert_array_equal(*flown)

@@ -1,0 +1,210 @@
+"""A world with obstacles, end to end with a random network: run, records, verification, and what is refused."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ehar import Conditions, EharError
+from ehar.viewpoint import cartesian
+from ehar.world import CROWD, PAPER, ROOM, load_world
+from eval import benchmark, headroom, read_run, verify
+from eval.cli.main import main
+from eval.running.run import Run
+from planners.value.model import gain_model_path, load_gain_model, save_gain_model
+from recognition.environments import make_vector_env
+from recognition.setting import load_setting
+from tests.helpers.gain_models import model_of, peak_weights
+from tests.helpers.random_networks import save_random_world
+from tests.helpers.settings import tiny_conditions
+from tests.helpers.tiny_benchmarks import Log
+
+LENGTH = 8
+FILE = {
+    "distance_min": 5,
+    "distance_max": 9,
+    "polar_min_deg": 60,
+    "polar_max_deg": 95,
+    "distance_step": 0.2,
+    "angle_step_deg": 7.2,
+    "camera": {"width": 320, "height": 240, "focal_length": 300},
+}
+PILLARS = [{"centre": [x, y, 0], "radius": 1.0, "height": 20} for x, y in ((6.5, 0.0), (-2.5, 0.0), (0.0, 7.0))]
+OWN = """
+from ehar.sensors.perfect import PerfectSensor
+from ehar.motion import GridMotion
+from ehar.planner import Planner
+
+class Unaware(PerfectSensor):
+    name = "unaware"
+    def sense(self, positions, viewpoint, noise):
+        return super().sense(positions, viewpoint, noise)
+
+class Reckless(GridMotion):
+    def keep_clear(self, surroundings):
+        pass
+
+class Circles(Planner):
+    name = "circles"
+    def reset(self, context):
+        pass
+    def act(self, observation):
+        return observation.viewpoint + [0, 0.2, 0]
+"""
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a world with pillars, and weights of the same world without them."""
+    folder = tmp_path_factory.mktemp("pillars")
+    (folder / "open.json").write_text(json.dumps(FILE), encoding="utf-8")
+    inside = {"obstacles": {"cylinders": PILLARS}, "passers_by": 2}
+    (folder / "lab.json").write_text(json.dumps(FILE | inside), encoding="utf-8")
+    (folder / "own_lab.py").write_text(OWN, encoding="utf-8")
+    world = load_world(folder / "open.json")
+    save_random_world(folder, LENGTH, world)
+    setting = load_setting(tiny_conditions(folder, world=world))
+    save_gain_model(
+        gain_model_path(folder / "models", Conditions()),
+        model_of(peak_weights(np.array([6.0, 1.0, 1.3]))),
+        recogniser_sha256=setting.recogniser_sha256,
+        history={"length": LENGTH},
+        world=world,
+    )
+    return folder
+
+
+def told(folder: Path, **changes: Any) -> Conditions:
+    return tiny_conditions(folder, **{"length": LENGTH, "world": str(folder / "lab.json"), "starts": 2, **changes})
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    return Log()
+
+
+@pytest.fixture(scope="module")
+def run(lab: Path, log: Log) -> Run:
+    planners = ["no-act", "random", "h-rotate", "nbv-greedy", "nbv-search", "nbv", "oracle"]
+    return benchmark(planners, told(lab), out=lab / "run", reporter=log)
+
+
+def test_no_camera_comes_too_near_and_the_records_and_the_table_say_so(lab: Path, run: Run) -> None:
+    world = load_world(lab / "lab.json")
+    for name, records in run.records.items():
+        assert (world.obstacles.clearance(cartesian(records.viewpoint)) >= 0.3 - 1e-4).all(), name
+        assert records.contacts is not None and records.contacts.near_frames.shape == (len(records),)
+    table = run.summary.tables()[0]
+    columns = [table.header.index(name) for name in ("frames near", "hit")]
+    assert {row[column] for row in table.rows for column in columns} == {"0"}
+    assert (np.diff(run.records["h-rotate"].viewpoint, axis=1) != 0).any()
+
+
+def test_weights_of_the_open_world_will_do_and_that_is_said_aloud(lab: Path, run: Run, log: Log) -> None:
+    said = "the recogniser was trained in the world lab without what is in the way there"
+    assert f"warning: {said}" in log.notes
+    assert f"Warning: {said}." in run.summary.tables()[0].footnotes
+    opened = benchmark(["no-act"], told(lab, world=str(lab / "open.json")), reporter=Log())
+    assert not opened.config.warnings and opened.records["no-act"].contacts is None
+    assert "frames near" not in opened.summary.tables()[0].header
+    assert "near_frames" not in opened.summary.to_json()["planners"][0]
+
+
+def test_weights_of_a_world_with_obstacles_are_not_those_of_the_open_one(lab: Path, tmp_path: Path) -> None:
+    save_random_world(tmp_path, LENGTH, load_world(lab / "lab.json"))
+    load_setting(told(lab, models=str(tmp_path / "models")))
+    with pytest.raises(EharError, match=r"trained in the world lab .* 3 cylinders, 2 passers-by\), asked for open"):
+        load_setting(told(lab, models=str(tmp_path / "models"), world=str(lab / "open.json")))
+    setting = load_setting(told(lab))
+    other = replace(setting.conditions, world=replace(load_world(lab / "lab.json"), passers_by=0))
+    assert load_gain_model(other, setting.data, setting.recogniser_sha256)
+
+
+def test_a_run_among_obstacles_is_verified(lab: Path, run: Run, tmp_path: Path) -> None:
+    read = read_run(lab / "run")
+    assert read.config == run.config and read.config.world == load_world(lab / "lab.json")
+    held = read.records["oracle"].contacts
+    assert held is not None and not held.hit_frames.any()
+    found = verify(lab / "run", rerun_episodes=8, reporter=Log())
+    assert found.difference is None
+    assert [check.name for check in found.checks if check.result == "not checked"] == []
+
+
+def test_passers_by_hide_people_and_are_the_same_for_all_planners(lab: Path) -> None:
+    crowded, opened = (
+        benchmark(["no-act", "random"], told(lab, world=world, starts=1), reporter=Log())
+        for world in (replace(load_world(lab / "open.json"), passers_by=5), str(lab / "open.json"))
+    )
+    first = [run.records[name].true_probability[:, 0] for run in (crowded, opened) for name in ("no-act", "random")]
+    np.testing.assert_array_equal(first[0], first[1])
+    assert (first[0] != first[2]).any()
+    assert crowded.records["no-act"].contacts is None  # nothing stands there that a camera could hit
+
+
+def test_a_motion_of_ones_own_that_does_not_know_of_obstacles_is_counted(lab: Path) -> None:
+    reckless = f"{lab / 'own_lab.py'}:Reckless"
+    circles = f"{lab / 'own_lab.py'}:Circles"
+    found = benchmark([circles], told(lab, track=reckless, starts=4, length=20), reporter=Log()).summary
+    contacts = found.planner("circles").contacts
+    assert contacts is not None and contacts.near_frames > contacts.hit_frames > 0
+
+
+def test_a_vehicle_keeps_clear(lab: Path) -> None:
+    found = benchmark(["h-rotate", "oracle"], told(lab, track="tracking-drone", length=20), reporter=Log())
+    for planner in found.summary.planners:
+        assert planner.contacts is not None and planner.contacts.near_frames == 0
+        assert planner.flight is not None
+
+
+def test_environments_and_trainings_follow_the_world(lab: Path) -> None:
+    world = load_world(lab / "lab.json")
+    env = make_vector_env(4, conditions=told(lab, part="policy", sensor="perfect"))
+    missing = 0
+    for seed in range(6):
+        observations, _ = env.reset(seed=seed)
+        for _ in range(LENGTH - 1):
+            missing += int((observations["confidence"] == 0).sum())
+            observations, *_ = env.step(env.action_space.sample())
+            assert (world.obstacles.clearance(cartesian(env.episodes.viewpoint)) >= 0.3 - 1e-6).all()
+    assert missing > 0
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"obstacles": {"walls": {"centre": [0, 0, 0], "size": [3, 3, 3]}}}, "expected free space for cameras"),
+        (
+            {"obstacles": {"cylinders": [{"centre": [0, 0, 0], "radius": 1, "height": 2}]}, "passers_by": -1},
+            "passers_by: expected at least 0",
+        ),
+        ({"obstacles": {"boxes": [{"centre": [0, 0], "size": [1, 1, 1]}]}}, "boxes[0].centre: expected 3 items"),
+    ],
+)
+def test_what_cannot_be_ends_in_one_line_and_exit_code_2(
+    lab: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], change: dict[str, Any], complaint: str
+) -> None:
+    (tmp_path / "bad.json").write_text(json.dumps(FILE | change), encoding="utf-8")
+    options = ["--data", str(lab / "tiny.npz"), "--models", str(lab / "models"), "--world", str(tmp_path / "bad.json")]
+    with pytest.raises(SystemExit) as ended:
+        main(["benchmark", "no-act", *options, "--length", str(LENGTH)])
+    error = capsys.readouterr().err.strip()
+    assert ended.value.code == 2 and complaint in error and len(error.splitlines()) == 1
+
+
+def test_a_sensor_that_cannot_be_told_what_is_hidden_is_refused(lab: Path) -> None:
+    unaware = f"{lab / 'own_lab.py'}:Unaware"
+    with pytest.raises(EharError, match="sense: expected an argument `hidden`, the joints that are hidden"):
+        load_setting(told(lab, sensor=unaware))
+
+
+def test_headroom_needs_an_open_world(lab: Path) -> None:
+    with pytest.raises(EharError, match="expected a world without obstacles, got lab"):
+        headroom(told(lab), reporter=Log())
+
+
+def test_the_worlds_with_obstacles_are_the_paper_s_but_for_these() -> None:
+    for world in (ROOM, CROWD):
+        assert world.opened.agrees_with(PAPER) and not world.is_open
