@@ -232,11 +232,11 @@ class Loop:
         return dict(self._watcher_counts + self._counts)
 
     def _rest(self) -> None:
-        """Wait until the vehicle hovers."""
+        """Wait until the vehicle hovers, and all has been said."""
         until = time.monotonic() + COMING_TO_REST
         setpoints = self._watcher.setpoints
         with self._changed:
             while setpoints.begun and not self._stopped and time.monotonic() < until:
-                if setpoints.braking and setpoints.resting:
+                if setpoints.braking and setpoints.resting and not self._notes:
                     return
                 self._changed.wait(1 / self._watcher.setpoint_rate)

@@ -216,4 +216,5 @@ def test_the_command_reads_a_file_and_writes_lines(
     figures = live(models=folder / "models", sensor="perfect", planner="no-act", source=str(file))
     lines = [json.loads(line) for line in written.getvalue().splitlines()]
     assert len(lines) >= 10 and lines[-1]["counts"]["frames"] == 10
+    assert any("nothing heard for a second" in line["notes"] for line in lines), "it says so before it ends"
     assert "10 lines in" in str(figures) and "ms in the median" in str(figures)
