@@ -221,7 +221,7 @@ def train_all(config: TrainAllConfig) -> Trained:
             long enough, are told before anything begins.
     """
     config.agents.check()
-    # Streams are refused here, before anything begins: only a recogniser learns on them.
+    # Streams are refused here, before anything begins: agents do not learn on them.
     for line in outlook(load_motion_of(config.told), config.told.frames):
         print(line, flush=True)
     agents = " and ".join(", ".join(config.agents.stage_names).rsplit(", ", 1))
