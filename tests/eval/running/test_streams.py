@@ -1,6 +1,7 @@
 """Streams from end to end: a recogniser learns on them, planners watch them, and what knows clips only refuses them."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from ehar.data.source import load_data
 from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import DataError, EharError, UsageError
 from ehar.planner import Context, Observation, Planner
+from ehar.world import ROOM
 from eval import benchmark
 from eval.records.episodes import read_episodes
 from eval.records.run_files import EPISODES
@@ -39,7 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def watched(folder: Path, planners: Any, **options: Any) -> Run:
     told = {"data": str(folder / "raising.npz"), "models": folder / "models", "length": LENGTH}
-    told |= {name: options.pop(name) for name in ("starts", "seed", "fps") if name in options}
+    told |= {name: options.pop(name) for name in ("starts", "seed", "fps", "world") if name in options}
     return benchmark(planners, Conditions(**told), **{"reporter": Log(), **options})
 
 
@@ -60,6 +62,15 @@ def test_planners_watch_streams_and_activities_are_scored(folder: Path, tmp_path
     np.testing.assert_array_equal(back.predicted, held.predicted)
     config = json.loads((tmp_path / "config.json").read_text())
     assert (config["fps"], config["length"]) == (10.0, LENGTH)
+
+
+def test_streams_are_watched_among_obstacles_and_passers_by(folder: Path) -> None:
+    both = replace(ROOM, name="both", passers_by=2)
+    summary = watched(folder, ("no-act", "h-rotate", "oracle"), world=both).summary
+    for planner in summary.planners:
+        assert planner.contacts is not None and planner.contacts.near_frames == 0
+    opened = watched(folder, "no-act").summary
+    assert summary.planner("no-act").metrics["nll"] != opened.planner("no-act").metrics["nll"]
 
 
 def test_planners_that_need_more_than_a_recogniser_are_left_out(folder: Path) -> None:
