@@ -268,7 +268,7 @@ def rehearse(
     watcher = Watcher(
         models=recogniser, vehicle=vehicle, planner=planner, belief=belief, sure=sure, seed=conditions.seed
     )
-    scenarios = cut_scenarios(streams, part_of(streams, conditions.part), setting.conditions.length, note)
+    scenarios = cut_scenarios(streams, part_of(streams, conditions.part), setting.conditions.frames, note)
     episodes = random_starts(scenarios, 1, conditions.seed, setting.world)
     count = max(round(60 * minutes * streams.fps / scenarios.length), 1)
     player = Player(setting, episodes, watcher, count, loss)

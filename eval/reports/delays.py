@@ -7,7 +7,7 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from eval.records.episodes import EpisodeRecords
 from eval.scores.streams.activities import activity_frames
-from eval.scores.streams.table import delays
+from eval.scores.streams.alarms import delays
 
 
 class ClassDelays(NamedTuple):

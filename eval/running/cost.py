@@ -55,7 +55,7 @@ def steps_of(config: TrainAllConfig, kind: str, agent: str | None = None) -> Ste
         most = config.gain_field.batches
         return Steps(*(ROLLOUTS * (2 * batches + BEFORE_AND_AFTER) for batches in (min(LEAST_BATCHES, most), most)))
     if kind == "fixed-best":
-        data, length = load_motion_of(config.told), config.told.length
+        data, length = load_motion_of(config.told), config.told.frames
         held = min(len(windows(data, split_parts(data).validation, length, stride=length)), MOST_WINDOWS)
         return Steps(*2 * (PLACE * PLACES * held,))
     if kind == "demonstrations" and agent is not None:

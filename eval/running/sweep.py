@@ -300,7 +300,7 @@ def train_sets(config: SweepConfig) -> Trained:
         return train_all(only)
     for name, one in sets.items():
         one.agents.check()
-        for line in outlook(load_motion_of(one.told), one.told.length):
+        for line in outlook(load_motion_of(one.told), one.told.frames):
             print(f"{name}: {line}", flush=True)
     graph = stages_of(sets)
     print(_outlook(sets, graph, config), flush=True)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ehar import Conditions, EharError
+from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import cartesian
 from ehar.world import CROWD, PAPER, ROOM, load_world
 from eval import benchmark, headroom, read_run, verify
@@ -16,7 +17,9 @@ from eval.cli.main import main
 from eval.running.run import Run
 from planners.value.model import gain_model_path, load_gain_model, save_gain_model
 from recognition.environments import make_vector_env
+from recognition.networks.features import JOINT_CHANNELS
 from recognition.setting import load_setting
+from recognition.training.clips import ClipSource
 from tests.helpers.gain_models import model_of, peak_weights
 from tests.helpers.random_networks import save_random_world
 from tests.helpers.settings import tiny_conditions
@@ -159,7 +162,7 @@ def test_a_vehicle_keeps_clear(lab: Path) -> None:
         assert planner.flight is not None
 
 
-def test_environments_and_trainings_follow_the_world(lab: Path) -> None:
+def test_environments_follow_the_world(lab: Path) -> None:
     world = load_world(lab / "lab.json")
     env = make_vector_env(4, conditions=told(lab, part="policy", sensor="perfect"))
     missing = 0
@@ -170,6 +173,19 @@ def test_environments_and_trainings_follow_the_world(lab: Path) -> None:
             observations, *_ = env.step(env.action_space.sample())
             assert (world.obstacles.clearance(cartesian(env.episodes.viewpoint)) >= 0.3 - 1e-6).all()
     assert missing > 0
+
+
+def test_a_recogniser_learns_with_what_is_hidden_in_its_world(lab: Path) -> None:
+    data = load_setting(told(lab)).data
+    confidence = {}
+    for name in ("lab", "open"):
+        world = load_world(lab / f"{name}.json")
+        options = {"length": LENGTH, "views": "moving", "form": "causal", "augment": True, "world": world}
+        sensor = PerfectSensor(camera=world.camera)
+        source = ClipSource(data=data, sequences=np.arange(6), sensor=sensor, **options)
+        confidence[name] = source.draw(np.random.default_rng(0), 64).features[..., JOINT_CHANNELS - 1]
+    assert (confidence["open"] == 1).all()
+    assert 0.02 < float((confidence["lab"] == 0).float().mean()) < 0.5
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import DataError, EharError, UsageError
 from ehar.onsets import begins
 from ehar.planner import Context, Observation, Planner
+from ehar.world import ROOM
 from eval import benchmark, check_planner
 from eval.records.config import read_config
 from eval.records.episodes import read_episodes
@@ -86,7 +87,7 @@ def learn_to_look(folder: Path) -> None:
 
 def watched(folder: Path, planners: Any, **options: Any) -> Run:
     told = {"data": str(folder / "raising.npz"), "models": folder / "models", "length": LENGTH}
-    of_conditions = ("starts", "seed", "fps", "onset", "length", "track")
+    of_conditions = ("starts", "seed", "fps", "onset", "length", "track", "world")
     told |= {name: options.pop(name) for name in of_conditions if name in options}
     return benchmark(planners, Conditions(**told), **{"reporter": Log(), **options})
 
@@ -145,6 +146,15 @@ def test_clips_have_no_onset_to_be_known(tmp_path: Path, capsys: pytest.CaptureF
     with pytest.raises(UsageError, match="unknown onset 'late'; expected one of: unknown, known"):
         Conditions(onset="late")  # type: ignore[arg-type]
     assert not list(tmp_path.iterdir())
+
+
+def test_streams_are_watched_among_obstacles_and_passers_by(folder: Path) -> None:
+    both = replace(ROOM, name="both", passers_by=2)
+    summary = watched(folder, ("no-act", "h-rotate", "oracle"), world=both).summary
+    for planner in summary.planners:
+        assert planner.contacts is not None and planner.contacts.near_frames == 0
+    opened = watched(folder, "no-act").summary
+    assert summary.planner("no-act").metrics["nll"] != opened.planner("no-act").metrics["nll"]
 
 
 def test_all_but_agents_watch_streams(folder: Path) -> None:
