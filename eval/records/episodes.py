@@ -37,6 +37,8 @@ class EpisodeRecords:
         flight: the demands of the flights on a vehicle; None on the ideal track. The file has them in the same lines.
         second_probability: (N, L), the probability of the second most probable class; None in a run from before it was
             recorded.
+        tracking_error: (N, L) [m], how far the camera was from its planner's path in each frame; None for a planner
+            that gave no paths.
     """
 
     sequence: tuple[str, ...]
@@ -50,6 +52,7 @@ class EpisodeRecords:
     top_probability: FloatArray
     flight: FlightRecords | None = None
     second_probability: FloatArray | None = None
+    tracking_error: FloatArray | None = None
 
     __repr__ = in_brief
 
@@ -69,8 +72,11 @@ class EpisodeRecords:
         return right
 
 
-SECOND = "second_probability"
-COLUMNS = tuple(field.name for field in fields(EpisodeRecords) if field.name not in ("flight", SECOND))  # of every run
+SECOND, TRACKING = "second_probability", "tracking_error"
+OPTIONAL = (SECOND, TRACKING)  # columns that a run may not have
+COLUMNS = tuple(
+    field.name for field in fields(EpisodeRecords) if field.name not in ("flight", *OPTIONAL)
+)  # of every run
 
 
 def record_episodes(
@@ -82,6 +88,7 @@ def record_episodes(
     label: IntArray,
     subjects: IntArray,
     flight: FlightRecords | None = None,
+    tracking_error: FloatArray | None = None,
 ) -> EpisodeRecords:
     """Return the records of a rollout, rounded as in the file.
 
@@ -93,6 +100,7 @@ def record_episodes(
         label: (N,) true classes; of streams (N, L), where the class after all others is no activity.
         subjects: (N, P) who performs.
         flight: the demands of the flights.
+        tracking_error: (N, L) [m] from the planner's paths.
     """
     probabilities = np.exp(record.log_probs.astype(np.float64))
     every = np.broadcast_to(label if label.ndim == 2 else label[:, None], probabilities.shape[:2])
@@ -114,20 +122,22 @@ def record_episodes(
         top_probability=np.minimum(probabilities.max(axis=-1), 1.0).round(DIGITS),
         flight=flight,
         second_probability=second.round(DIGITS),
+        tracking_error=None if tracking_error is None else tracking_error.round(DIGITS),
     )
 
 
 def join_records(pieces: Sequence[EpisodeRecords]) -> EpisodeRecords:
     """Return the records of several batches of one planner as one."""
-    joined = {
+    joined: dict[str, Any] = {
         name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in COLUMNS if name != "sequence"
     }
     flights = [piece.flight for piece in pieces if piece.flight is not None]
-    seconds = [piece.second_probability for piece in pieces if piece.second_probability is not None]
+    for name in OPTIONAL:
+        parts = [getattr(piece, name) for piece in pieces]
+        joined[name] = None if any(part is None for part in parts) else np.concatenate(parts)
     return EpisodeRecords(
         sequence=tuple(name for piece in pieces for name in piece.sequence),
         flight=join_flights(flights) if flights else None,
-        second_probability=np.concatenate(seconds) if len(seconds) == len(pieces) else None,
         **joined,
     )
 
@@ -136,8 +146,7 @@ def episode_lines(records: Mapping[str, EpisodeRecords]) -> Iterable[str]:
     """Yield the lines of episodes.jsonl: planner by planner, in the order given; keys are the fields' names."""
     for planner, episodes in records.items():
         columns = {name: getattr(episodes, name) for name in COLUMNS}
-        if episodes.second_probability is not None:
-            columns[SECOND] = episodes.second_probability
+        columns |= {name: getattr(episodes, name) for name in OPTIONAL if getattr(episodes, name) is not None}
         if episodes.flight is not None:
             columns |= {key: getattr(episodes.flight, key) for key in KEYS}
         for first in range(0, len(episodes), LISTED):
@@ -209,6 +218,7 @@ _KINDS = {
     "true_probability": _Kind(("L",), False, 0, 1),
     "top_probability": _Kind(("L",), False, 0, 1),
     SECOND: _Kind(("L",), False, 0, 1),
+    TRACKING: _Kind(("L",), False, 0),
     **dict.fromkeys(KEYS, _Kind((), False, 0)),
 }
 _OF_STREAMS = _KINDS | dict.fromkeys(("label", "predicted"), _Kind(("L",), True, NO_ACTIVITY))
@@ -236,18 +246,18 @@ def _parsed_line(line: str, where: str) -> dict[str, Any]:
 
 def _episodes(rows: Sequence[_Row]) -> EpisodeRecords:
     """Return the records of one planner from its lines, or raise a DataError if they do not fit together."""
-    flown, second = KEYS[0] in rows[0].fields, SECOND in rows[0].fields
+    flown, held = KEYS[0] in rows[0].fields, [name for name in OPTIONAL if name in rows[0].fields]
     for row in rows:
         if (KEYS[0] in row.fields) != flown:
             raise DataError(f"{row.where}: some episodes were flown, and others were not")
-        if (SECOND in row.fields) != second:
-            raise DataError(f"{row.where}: some episodes have a {SECOND}, and others have none")
-    columns: dict[str, Any] = {name: _column(name, rows) for name in COLUMNS if name != "sequence"}
+        for name in OPTIONAL:
+            if (name in row.fields) != (name in held):
+                raise DataError(f"{row.where}: some episodes have a {name}, and others have none")
+    columns: dict[str, Any] = {name: _column(name, rows) for name in (*COLUMNS, *held) if name != "sequence"}
     flight = FlightRecords(**{key: _column(key, rows) for key in KEYS}) if flown else None
     return EpisodeRecords(
         sequence=tuple(row.fields["sequence"] for row in rows),
         flight=flight,
-        second_probability=_column(SECOND, rows) if second else None,
         **columns,
     )
 

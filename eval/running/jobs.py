@@ -18,7 +18,7 @@ from ehar.processes import each_batch, payload
 from ehar.rollout import Batch, Record
 from ehar.runner import Runner
 from eval.records.episodes import EpisodeRecords, join_records, record_episodes
-from eval.records.flights import flights_of
+from eval.records.flights import flights_of, tracking_of
 from eval.records.solves import Solves, join_solves, solves_of
 from eval.running.cluster import Cluster
 from eval.running.episodes import Episodes
@@ -198,6 +198,7 @@ def _run_chunks(workload: Workload, planner: Planner, first: int) -> Done:
         label=episodes.labels,
         subjects=episodes.subjects,
         flight=flights_of(motion),
+        tracking_error=tracking_of(motion),
     )
     return Done(records, record.plan_seconds, join_solves([solves_of(one) for one in planners]))
 

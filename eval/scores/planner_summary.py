@@ -42,6 +42,9 @@ class PlannerSummary:
             no-act), mean accuracies over frames. None if not all of its seeds ran on the ideal track, or if the planner
             gained nothing there.
         accuracy_kept_ci95: its 95 % interval, over the resamples in which the planner gained on the ideal track.
+        tracking_error_median: how far cameras were from the planner's paths [m], the median over all frames; None for
+            a planner that gave none.
+        tracking_error_p95: the 95th percentile.
         solves: counts of its plans by status, over all seeds; None for a planner that does not count them.
     """
 
@@ -61,6 +64,8 @@ class PlannerSummary:
     flight: FlightSummary | None = None
     accuracy_kept: float | None = None
     accuracy_kept_ci95: Interval | None = None
+    tracking_error_median: float | None = None
+    tracking_error_p95: float | None = None
     solves: Solves | None = None
 
     def to_json(self) -> dict[str, Any]:

@@ -81,6 +81,8 @@ def summarise(
             flight=_flights([whole[name] for name in group.records]),
             accuracy_kept=float(kept[row]) if np.isfinite(kept[row]) else None,
             accuracy_kept_ci95=pair(kept_ends[row]) if np.isfinite(kept[row]) else None,
+            tracking_error_median=_tracking([whole[name] for name in group.records], 50),
+            tracking_error_p95=_tracking([whole[name] for name in group.records], 95),
             solves=None if solves is None else join_solves([solves[name] for name in group.records]),
         )
         for row, (group, trained, held) in enumerate(zip(groups, trainings, compared, strict=True))
@@ -105,6 +107,12 @@ def _flights(trainings: Sequence[EpisodeRecords]) -> FlightSummary | None:
     """Return the demands of all flights of a planner; None if it did not fly."""
     flights = [episodes.flight for episodes in trainings if episodes.flight is not None]
     return summarise_flights(join_flights(flights)) if flights else None
+
+
+def _tracking(trainings: Sequence[EpisodeRecords], percentile: float) -> float | None:
+    """Return a percentile of the tracking errors of all frames but the first [m]; None without paths."""
+    errors = [episodes.tracking_error[:, 1:] for episodes in trainings if episodes.tracking_error is not None]
+    return float(np.percentile(np.concatenate(errors), percentile)) if errors and errors[0].size else None
 
 
 def _iqm_interval(held: PlannerAccuracy, resamples: Resamples) -> FloatArray:
