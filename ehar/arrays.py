@@ -1,7 +1,7 @@
 """Array types. Axis letters: B batch, T frames, P persons, J joints, K classes, D embedding, F forks."""
 
 from dataclasses import fields
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,18 @@ FloatArray = npt.NDArray[np.floating[Any]]
 IntArray = npt.NDArray[np.integer[Any]]
 BoolArray = npt.NDArray[np.bool_]
 Scalar = TypeVar("Scalar", bound=np.generic)
+
+
+class Trigonometry(Protocol):
+    """The functions that a formula takes from numpy or CasADi; the argument is the module."""
+
+    @property
+    def sin(self) -> Any:
+        """The sine of an angle [rad]."""
+
+    @property
+    def cos(self) -> Any:
+        """The cosine of an angle [rad]."""
 
 
 def read_only(array: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:

@@ -5,6 +5,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.data.streams.following import CentreMotion
 from ehar.obstacles.free_space import FreeSpace, needed_clearance
 from ehar.obstacles.surroundings import Surroundings
 from ehar.viewpoint import AZIMUTH, DISTANCE, HOVER, MOVES, POLAR, Workspace, apply_moves, neighbours
@@ -46,6 +47,42 @@ def keep_clear(motion: Motion, surroundings: Surroundings | None) -> None:
     """Tell a motion what stands around the episodes to come; your own motion need not know."""
     if isinstance(motion, KeepsClear):
         motion.keep_clear(surroundings)
+
+
+@runtime_checkable
+class FollowingMotion(Protocol):
+    """A motion that can also be told how to move."""
+
+    def follow(self, states: FloatArray) -> FloatArray:
+        """Move for one frame along a path and return the viewpoints reached, (B, 3).
+
+        Args:
+            states: (B, F, 3, 3) after each of the next F frames: viewpoint, velocity, acceleration.
+        """
+        ...
+
+
+@runtime_checkable
+class CarriedMotion(Protocol):
+    """A motion around a centre that may move, which counts for what it demands of a vehicle."""
+
+    centre: CentreMotion | None  # each (B, L, 3); set before the reset
+
+
+def heading(targets: FloatArray) -> FloatArray:
+    """Return where targets (B, 3), or paths (B, F, 3, 3), lead to in the end, (B, 3)."""
+    given = np.array(targets, dtype=np.float64, ndmin=1)
+    return given[:, -1, 0] if given.ndim == 4 and given.shape[1] else given
+
+
+def move(motion: Motion, targets: FloatArray) -> FloatArray:
+    """Move for one frame, to targets (B, 3) or along paths (B, F, 3, 3), and return the viewpoints reached, (B, 3).
+
+    A motion that follows no paths heads for their first viewpoints.
+    """
+    if targets.ndim == 2:
+        return motion.advance(targets)
+    return motion.follow(targets) if isinstance(motion, FollowingMotion) else motion.advance(targets[:, 0, 0])
 
 
 def move_towards(viewpoint: FloatArray, target: FloatArray, workspace: Workspace) -> IntArray:

@@ -29,6 +29,7 @@ class Context:
     rng: np.random.Generator  # the planner's generator, the same for the same episodes
     vehicle: Vehicle | None = None  # what carries the camera; None on the ideal track
     world: World = PAPER  # the world, with the cameras' intrinsics
+    follows: bool = False  # whether the motion follows paths, not only targets
 
     __repr__ = in_brief
 
@@ -90,5 +91,9 @@ class Planner(Protocol):
         """Prepare for a new batch of episodes."""
 
     def act(self, observation: Observation) -> FloatArray:
-        """Return target viewpoints (B, 3); the motion decides how far the camera gets in one frame."""
+        """Return target viewpoints (B, 3); the motion decides how far the camera gets in one frame.
+
+        Where `Context.follows`, a planner may instead return paths (B, F, 3, 3): the states in which cameras should be
+        after each of the next F frames, each a viewpoint, its velocity and its acceleration.
+        """
         ...

@@ -10,10 +10,11 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief, read_only
 from ehar.data.scenario import Scenarios
 from ehar.data.skeleton import Skeleton
+from ehar.data.streams.following import CentreMotion
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.window import Windows
 from ehar.errors import EpisodeError
-from ehar.motion import Motion, keep_clear
+from ehar.motion import Motion, keep_clear, move
 from ehar.obstacles.shapes import MARGIN
 from ehar.obstacles.surroundings import Surroundings, too_near
 from ehar.onsets import Onset, ToldOnsets, begins
@@ -38,6 +39,8 @@ class Batch:
         noise: (B, L, ...) random draws of the sensor.
         names: names of the episodes in error messages.
         surroundings: what stands and walks around people; None in an open world.
+        centre: the motion of the centre that a vehicle follows, each (B, L, 3); None where the centre rests, or cameras
+            follow it at once.
     """
 
     positions: FloatArray
@@ -46,6 +49,7 @@ class Batch:
     noise: SensorNoise
     names: tuple[str, ...]
     surroundings: Surroundings | None = None
+    centre: CentreMotion | None = None
 
     __repr__ = in_brief
 
@@ -67,6 +71,7 @@ class Batch:
             noise=noise,
             names=tuple(f"{name} from frame {first}" for name, first in begins),
             surroundings=surroundings,
+            centre=scenarios.centre_motion(chosen) if isinstance(scenarios, StreamScenarios) else None,
         )
 
     @staticmethod
@@ -81,6 +86,7 @@ class Batch:
             ),
             names=tuple(name for piece in pieces for name in piece.names),
             surroundings=Surroundings.joined([piece.surroundings for piece in pieces]),
+            centre=_joined([piece.centre for piece in pieces if piece.centre is not None]),
         )
 
     def select(self, rows: IntArray | slice, frames: int | None = None) -> "Batch":
@@ -92,6 +98,7 @@ class Batch:
             noise=SensorNoise(*(draws[rows, :frames] for draws in self.noise)),
             names=tuple(np.array(self.names, dtype=object)[rows]),
             surroundings=None if self.surroundings is None else self.surroundings.select(rows, frames),
+            centre=None if self.centre is None else CentreMotion(*(part[rows, :frames] for part in self.centre)),
         )
 
     @property
@@ -103,8 +110,13 @@ class Batch:
     def protected(self) -> "Batch":
         """Return a copy that nobody can write into."""
         noise = SensorNoise(*(read_only(draws) for draws in self.noise))
-        arrays = read_only(self.positions), read_only(self.labels), read_only(self.starts)
-        return Batch(*arrays, noise, self.names, self.surroundings)
+        return replace(
+            self,
+            positions=read_only(self.positions),
+            labels=read_only(self.labels),
+            starts=read_only(self.starts),
+            noise=noise,
+        )
 
     def hidden(self, frame: int, viewpoint: FloatArray) -> BoolArray | None:
         """Return which joints are hidden from cameras in a frame, (B, P, J) or (B, F, P, J); None in an open world.
@@ -127,6 +139,10 @@ class Batch:
         return next(
             (name for name, array in now.items() if not np.array_equal(array, then[name], equal_nan=True)), None
         )
+
+
+def _joined(centres: Sequence[CentreMotion]) -> CentreMotion | None:
+    return CentreMotion(*(np.concatenate(parts) for parts in zip(*centres, strict=True))) if centres else None
 
 
 def noise_of(scenarios: Windows, episodes: int, rng: np.random.Generator) -> SensorNoise:
@@ -229,7 +245,7 @@ def rollout(
         plan_seconds += time.perf_counter() - begin
         targets = _checked(target, planner, batch, frame)
         with blamed(motion, f"{moving}, frame {frame}"):
-            reached = motion.advance(targets)
+            reached = move(motion, targets)
         viewpoint = read_only(finite_viewpoints(reached, episodes, f"{moving}, frame {frame}"))
         trail = [*trail[-LEAD - 1 :], viewpoint]
         if steps is not None:
@@ -340,25 +356,24 @@ def _check_starts(batch: Batch, context: Context) -> None:
 
 
 def _checked(target: FloatArray, planner: Planner, batch: Batch, frame: int) -> FloatArray:
-    """Return the targets as float64; raise an error that names planner, episode and frame if they are wrong."""
+    """Return targets or paths as float64; raise an error that names planner, episode and frame if they are wrong."""
     expected = (len(batch.labels), 3)
+    what = f"expected target viewpoints of shape {expected}"
     try:
         targets = np.array(target, dtype=np.float64)  # a copy: the planner may keep what it returned
     except (TypeError, ValueError) as error:
-        raise EpisodeError(
-            f"planner {planner.name!r}, frame {frame}: "
-            f"expected target viewpoints of shape {expected}, got {type(target).__name__}"
-        ) from error
-    if targets.shape != expected:
+        raise EpisodeError(f"planner {planner.name!r}, frame {frame}: {what}, got {type(target).__name__}") from error
+    paths = targets.ndim == 4 and targets.shape[1] > 0 and (len(targets), *targets.shape[2:]) == (*expected, 3)
+    if targets.shape != expected and not paths:
         raise EpisodeError(
             f"planner {planner.name!r}, episode {batch.names[0]!r} and those beside it, frame {frame}: "
-            f"expected target viewpoints of shape {expected}, got {targets.shape}"
+            f"{what}, or paths ({expected[0]}, F, 3, 3), got {targets.shape}"
         )
-    finite = np.isfinite(targets).all(axis=1)
+    finite = np.isfinite(targets).reshape(len(targets), -1).all(axis=1)
     if not finite.all():
         bad = int(np.argmin(finite))
         raise EpisodeError(
             f"planner {planner.name!r}, episode {batch.names[bad]!r}, frame {frame}: "
-            f"expected a finite target viewpoint, got {targets[bad].tolist()}"
+            f"expected a finite target viewpoint, got {targets[bad, ..., :3].reshape(-1, 3)[0].tolist()}"
         )
     return targets

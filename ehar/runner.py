@@ -1,15 +1,18 @@
 """Sets up and runs rollouts: the planner's context, the batch of episodes, and the motion."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.data.recordings import Recordings
 from ehar.data.scenario import Scenarios
+from ehar.data.streams.data import StreamData
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.surroundings import surroundings_of
-from ehar.motion import Motion
+from ehar.errors import UsageError
+from ehar.flight.centre import around_centre, centre_limits
+from ehar.motion import CarriedMotion, FollowingMotion, Motion
 from ehar.onsets import Onset
 from ehar.planner import Context, Planner
 from ehar.recogniser import Recogniser
@@ -18,6 +21,8 @@ from ehar.sensors.sensor import Sensor
 from ehar.track import Track
 from ehar.viewpoint import Workspace
 from ehar.world import PAPER, World
+
+LOST = 0.5  # share of the nearest distance; people who are farther from the centre are not in the middle any more
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,7 +52,7 @@ class Runner:
 
     def new_motion(self) -> Motion:
         """Return a new motion of the track, in the world's workspace."""
-        return self.track.new_motion(self.world.workspace)
+        return self.track.new_motion(self.world.workspace, moving_centre=self._follows_people)
 
     def batch(
         self, scenarios: Scenarios | StreamScenarios, chosen: IntArray, starts: FloatArray, rng: np.random.Generator
@@ -59,12 +64,25 @@ class Runner:
             chosen: (B,) index into `scenarios`.
             starts: (B, 3) start viewpoints.
             rng: draws the sensor's noise, and passers-by.
+
+        Raises:
+            UsageError: people move too fast for the vehicle.
         """
+        if isinstance(scenarios, StreamScenarios) and self._follows_people:
+            assert self.track.vehicle is not None
+            scenarios = replace(scenarios, limits=centre_limits(self.track.vehicle))
+            self._check_followed(scenarios, chosen)
         noise = noise_of(scenarios, len(chosen), rng)
         return Batch.of(scenarios, chosen, starts, noise, surroundings_of(scenarios, chosen, self.world, rng))
 
     def context(
-        self, episodes: int, length: int | None, rng: np.random.Generator, workspace: Workspace | None = None
+        self,
+        episodes: int,
+        length: int | None,
+        rng: np.random.Generator,
+        workspace: Workspace | None = None,
+        *,
+        follows: bool = False,
     ) -> Context:
         """Return what a planner is told before a batch begins.
 
@@ -73,7 +91,11 @@ class Runner:
             length: L, frames in an episode; None in a stream.
             rng: the planner's generator.
             workspace: where the camera may be; None means all of the world's.
+            follows: whether the motion follows paths.
         """
+        vehicle = self.track.vehicle
+        if vehicle is not None and self._follows_people:
+            vehicle = around_centre(vehicle)
         return Context(
             episodes=episodes,
             length=length,
@@ -83,8 +105,9 @@ class Runner:
             workspace=workspace or self.world.workspace,
             track=self.track.name,
             rng=rng,
-            vehicle=self.track.vehicle,
+            vehicle=vehicle,
             world=self.world,
+            follows=follows,
         )
 
     def roll(self, planner: Planner, batch: Batch, rng: np.random.Generator, motion: Motion | None = None) -> Record:
@@ -100,7 +123,27 @@ class Runner:
             EpisodeError: see `ehar.rollout.rollout`.
         """
         body = self.new_motion() if motion is None else motion
+        if isinstance(body, CarriedMotion):
+            body.centre = batch.centre
         episodes, frames = batch.positions.shape[:2]
         length = None if batch.labels.ndim > 1 else frames
-        context = self.context(episodes, length, rng, body.workspace)
+        context = self.context(episodes, length, rng, body.workspace, follows=isinstance(body, FollowingMotion))
         return rollout(planner, batch, self.recogniser, self.sensor, body, context, self.onset)
+
+    @property
+    def _follows_people(self) -> bool:
+        """Whether a vehicle flies around a centre that moves; your own motion says nothing about how it follows."""
+        return isinstance(self.data, StreamData) and self.track.vehicle is not None and self.track.own is None
+
+    def _check_followed(self, scenarios: StreamScenarios, chosen: IntArray) -> None:
+        """Raise an error that names the stream if people get away from the vehicle."""
+        most = LOST * self.world.workspace.distance_min
+        behind = np.linalg.norm(scenarios.centres(chosen) - replace(scenarios, limits=None).centres(chosen), axis=-1)
+        if behind.max() > most:
+            episode, frame = np.unravel_index(np.argmax(behind), behind.shape)
+            name = self.data.sequence_names[scenarios.sequence[chosen[episode]]]
+            raise UsageError(
+                f"track {self.track.name}: too slow for the people of {name!r}, frame "
+                f"{scenarios.first[chosen[episode]] + frame}: expected to stay within {most:g} m of them, "
+                f"got {behind.max():.1f} m"
+            )

@@ -36,11 +36,12 @@ class Track:
         """Its name in records."""
         return self.name if self.spec is None else self.spec
 
-    def new_motion(self, workspace: Workspace) -> Motion:
+    def new_motion(self, workspace: Workspace, *, moving_centre: bool = False) -> Motion:
         """Return a new motion: on the grid, in flight, or your own.
 
         Args:
             workspace: where the camera may be; your own motion brings its own.
+            moving_centre: whether the vehicle also follows people.
 
         Raises:
             UsageError: your own motion cannot be made.
@@ -51,7 +52,7 @@ class Track:
             return GridMotion(workspace=workspace)
         from ehar.flight.motion import FlightMotion  # imported here: too slow for `ehar --help`
 
-        return FlightMotion(vehicle=self.vehicle, workspace=workspace)
+        return FlightMotion(vehicle=self.vehicle, workspace=workspace, moving_centre=moving_centre)
 
 
 def load_track(track: str | Path | Vehicle | Motion, workspace: Workspace | None = None) -> Track:

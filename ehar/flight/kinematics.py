@@ -1,11 +1,11 @@
 """The motion of a camera in space: Cartesian velocity, acceleration and jerk of viewpoints that change in time."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ehar.arrays import FloatArray
+from ehar.arrays import FloatArray, Trigonometry
 from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR
 
 
@@ -29,19 +29,34 @@ class CartesianMotion(NamedTuple):
 def local_motion(state: SphericalState) -> CartesianMotion:
     """Return the exact derivatives on three axes: horizontally away from the centre, horizontally across that, and up.
 
-    They come from two rotations in a plane. The first, by the polar angle, gives the camera's height and its horizontal
-    radius; the second is by the azimuth about the z axis. All centripetal, Coriolis and Euler terms are included.
+    All centripetal, Coriolis and Euler terms are included.
     """
     distance, azimuth, polar = ([part[..., axis] for part in state] for axis in (DISTANCE, AZIMUTH, POLAR))
-    cos, sin = np.cos(polar[0]), np.sin(polar[0])
+    return CartesianMotion(*(np.stack(vector, axis=-1) for vector in local_vectors(distance, azimuth, polar, np)))
+
+
+def local_vectors(
+    distance: Sequence[Any], azimuth: Sequence[Any], polar: Sequence[Any], ops: Trigonometry
+) -> list[tuple[Any, Any, Any]]:
+    """Return velocity, acceleration and jerk, each as its components on the axes of `local_motion`.
+
+    They come from two rotations in a plane. The first, by the polar angle, gives the camera's height and its horizontal
+    radius; the second is by the azimuth about the z axis. One formula for numpy and CasADi.
+
+    Args:
+        distance: the distance and its first three derivatives.
+        azimuth: the azimuth and its first three derivatives; the azimuth itself does not matter.
+        polar: the polar angle and its first three derivatives.
+        ops: where sin and cos come from: `numpy` or `casadi`.
+    """
+    cos, sin = ops.cos(polar[0]), ops.sin(polar[0])
     upright = [(along * cos - across * sin, along * sin + across * cos) for along, across in _turning(distance, polar)]
     outwards = [distance[0] * sin, *(out for _, out in upright)]
     level = _turning(outwards, azimuth)
-    vectors = (np.stack([*plane, up], axis=-1) for plane, (up, _) in zip(level, upright, strict=True))
-    return CartesianMotion(*vectors)
+    return [(*plane, up) for plane, (up, _) in zip(level, upright, strict=True)]
 
 
-def _turning(radius: Sequence[FloatArray], angle: Sequence[FloatArray]) -> list[tuple[FloatArray, FloatArray]]:
+def _turning(radius: Sequence[Any], angle: Sequence[Any]) -> list[tuple[Any, Any]]:
     """Return the first three derivatives of a point r e^(ia) in the plane, each along the ray and across it.
 
     They follow by Leibniz's rule from r, the derivatives of r, and the derivatives of a.

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
-from ehar.flight.kinematics import SphericalState, local_motion
+from ehar.flight.kinematics import CartesianMotion, SphericalState, local_motion
 from ehar.flight.profile import JerkProfile
 from ehar.flight.vehicle import Vehicle
 from ehar.viewpoint import AZIMUTH, Workspace
@@ -12,13 +12,26 @@ HEADROOM = 0.995  # share of a limit that samples may use, so that the limit als
 BLOCK = 64  # flights at a time, so that their samples stay in the cache
 
 
-def limit_shares(vehicle: Vehicle, state: SphericalState) -> FloatArray:
+def limit_shares(vehicle: Vehicle, state: SphericalState, centre: CartesianMotion | None = None) -> FloatArray:
     """Return the share of each limit that states (..., 3) use, (..., 5); 1 is the whole limit.
 
     The order is speed, acceleration, jerk, climb or descent speed, yaw rate. A camera that looks at the centre turns
     about the vertical axis as fast as its azimuth changes.
+
+    Args:
+        vehicle: the vehicle.
+        state: the states around the centre.
+        centre: the motion of the centre in the world's frame, each (..., 3); None if it rests.
     """
     motion = local_motion(state)
+    if centre is not None:
+        cos, sin = np.cos(state.viewpoint[..., AZIMUTH]), np.sin(state.viewpoint[..., AZIMUTH])
+        motion = CartesianMotion(
+            *(
+                own + np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=-1)
+                for own, (x, y, z) in zip(motion, (np.moveaxis(part, -1, 0) for part in centre), strict=True)
+            )
+        )
     speed, acceleration, jerk = (np.sqrt((vector**2).sum(axis=-1)) for vector in motion)
     upwards = motion.velocity[..., 2]
     return np.stack(

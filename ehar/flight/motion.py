@@ -5,21 +5,26 @@ from typing import NamedTuple
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.data.streams.following import CentreMotion
 from ehar.errors import EpisodeError
+from ehar.flight.centre import around_centre
 from ehar.flight.clearance import first_towards, keeps_clear
-from ehar.flight.kinematics import SphericalState
-from ehar.flight.limits import keeps_limits
-from ehar.flight.profile import JerkProfile, Phases
-from ehar.flight.proposals import BRAKING, PROPOSALS, limits_to_rest, limits_to_target
+from ehar.flight.kinematics import CartesianMotion, SphericalState
+from ehar.flight.limits import keeps_limits, limit_shares
+from ehar.flight.profile import JerkProfile, Phases, coasted, phases_along, phases_between, phases_to_rest
+from ehar.flight.proposals import BRAKING, PROPOSALS, limits_to_rest, limits_to_target, stopping_time
 from ehar.flight.telemetry import FlightTelemetry
 from ehar.flight.time_optimal import PHASES, AxisLimits, TimeOptimal
 from ehar.flight.vehicle import Vehicle
 from ehar.obstacles.free_space import FreeSpace
 from ehar.obstacles.surroundings import Surroundings
-from ehar.viewpoint import AZIMUTH, Workspace, wrap_difference
+from ehar.viewpoint import AZIMUTH, Workspace, cartesian, wrap_difference
 
 SAMPLE_TIME = 1e-3  # [s], between samples of the telemetry
 WORTH_WHILE = 0.01  # [s]; a flight that arrives sooner by less is not worth a check
+# In how many frames to get to a path, and how many of its frames to fly; None is all.
+JOINS = ((1, None), (1, 12), (4, None), (12, None), (36, None))
+STOPS = (0.7, 1.0, 1.4, 2.0, 2.8)  # times the usual time of a stop, in which a camera tries to stop
 NEW_TURN = 5  # [frames]; a new target always costs a check, so another proposal is tried only this often
 SAME_PLACE = 1e-9  # [m], [rad]
 
@@ -38,14 +43,24 @@ class FlightMotion:
     to the target does not, the camera flies first to a place on a free way that is in sight. In streams obstacles are
     taken to be where they are now relative to people, and there are no such places.
 
+    Around a moving centre, a flight has what following the centre leaves of the vehicle's limits: see
+    `ehar.flight.centre`.
+
     Args:
         vehicle: the vehicle that carries the camera.
         workspace: where it may be; the paper's by default.
+        moving_centre: whether the centre moves.
+
+    Attributes:
+        vehicle: the limits of flights around the centre.
+        centre: the motion of the centre, each (B, L, 3), for the telemetry; None if it rests.
     """
 
-    def __init__(self, *, vehicle: Vehicle, workspace: Workspace | None = None) -> None:
+    def __init__(self, *, vehicle: Vehicle, workspace: Workspace | None = None, moving_centre: bool = False) -> None:
         """Create the motion; it flies after a reset."""
-        self.vehicle = vehicle
+        self.vehicle = around_centre(vehicle) if moving_centre else vehicle
+        self.centre: CentreMotion | None = None
+        self._whole = vehicle
         self.workspace = workspace or Workspace()
         self._time_optimal = TimeOptimal()
         self._surroundings: Surroundings | None = None
@@ -88,12 +103,73 @@ class FlightMotion:
         off = self._plan.end.viewpoint - self._state.viewpoint - way
         off[:, AZIMUTH] = wrap_difference(off[:, AZIMUTH])
         self._replan(way, np.all(np.abs(off) < SAME_PLACE, axis=1))
+        return self._fly(np.full(way.shape, np.nan))
+
+    def follow(self, states: FloatArray) -> FloatArray:
+        """Fly for one frame along a path and return the viewpoints reached, (B, 3).
+
+        A camera that is off its path gets back to it within some frames. It stops after the path, if that does not end
+        at rest. A path is flown if the whole flight is valid; if no valid flight leads along it, the camera brakes.
+
+        Args:
+            states: (B, F, 3, 3) after each of the next F frames: viewpoint, velocity, acceleration. The jerk is
+                constant within a frame.
+        """
+        path = np.array(states)
+        turns = wrap_difference(
+            np.diff(path[:, :, 0, AZIMUTH], axis=1, prepend=self._state.viewpoint[:, None, AZIMUTH])
+        )
+        path[:, :, 0, AZIMUTH] = self._state.viewpoint[:, None, AZIMUTH] + np.cumsum(turns, axis=1)
+        pending = np.flatnonzero(~self._leads_along(path))
+        for lead, frames in JOINS:
+            pending = pending[~self._join(pending, path[pending, :frames], lead)]
+        self._brake(pending)
+        return self._fly(cartesian(path[:, 0, 0]))
+
+    def _leads_along(self, path: FloatArray) -> BoolArray:
+        """Return which plans already lead along paths (B, F, 3, 3) to their ends, (B,)."""
+        frames = 1 + np.array([0, path.shape[1] - 1])
+        planned = np.stack(self._plan.at(self._flown[:, None] + self._frame_time * frames)[:3], axis=2)
+        off = np.abs(planned - path[:, [0, -1]]).max(axis=(1, 2, 3))
+        ends = self._plan.duration < self._flown + self._frame_time * (frames[-1] + 0.5)
+        leads: BoolArray = np.less(off, SAME_PLACE) & ends
+        return leads
+
+    def _join(self, rows: IntArray, path: FloatArray, lead: int) -> BoolArray:
+        """Plan flights that are on paths (R, F, 3, 3) after `lead` frames; return in which of the rows that is valid.
+
+        A path that is shorter goes on at constant acceleration.
+        """
+        start, time = _rows(self._state, rows), self._frame_time
+        joined = min(lead, path.shape[1]) - 1
+        ahead, end = (coasted(_state(path[:, frame]), (lead - 1 - joined) * time) for frame in (joined, -1))
+        along = phases_along(path[:, joined:, 2], time)
+        usual = stopping_time(self.vehicle, end)
+        at_rest = not path[:, -1, 1:].any()
+        kept = np.zeros(len(rows), dtype=bool)
+        for factor in STOPS[:1] if at_rest else STOPS:
+            left = np.flatnonzero(~kept)
+            parts = [phases_between(_rows(start, left), _rows(ahead, left), lead * time), along.select(left)]
+            if not at_rest:
+                parts.append(phases_to_rest(_rows(end, left), factor * usual[left]))
+            plan = JerkProfile.from_phases(_rows(start, left), Phases.joined(parts))
+            kept[left[self._keep(rows[left], plan, np.ones(len(left), dtype=bool))]] = True
+        return kept
+
+    def _fly(self, wanted: FloatArray) -> FloatArray:
+        """Fly the plans for one frame and return the viewpoints reached, (B, 3).
+
+        Args:
+            wanted: where the cameras should then be, (B, 3) [m] relative to the centre; NaN if that was not said.
+        """
         self._flown += self._frame_time
         self._frames += 1
         self._state = SphericalState(*(part[:, 0] for part in self._plan.at(self._flown[:, None])))
-        steps = int(np.ceil(self._frame_time / SAMPLE_TIME))
-        states = self.sample(np.linspace(0, self._frame_time, steps + 1))
-        self._telemetry = self._telemetry.after(self.vehicle, states, self._frame_time)
+        times = np.linspace(0, self._frame_time, int(np.ceil(self._frame_time / SAMPLE_TIME)) + 1)
+        states = self.sample(times)
+        error = np.linalg.norm(cartesian(self._state.viewpoint) - wanted, axis=-1)
+        shares = limit_shares(self._whole, states, self._centre_motion(times))
+        self._telemetry = self._telemetry.after(self._whole, shares, self._frame_time, error)
         return self.workspace.clip(self._state.viewpoint)
 
     @property
@@ -130,6 +206,18 @@ class FlightMotion:
             return np.ones(len(rows), dtype=bool)
         moved = np.zeros((len(rows), 3)) if around.moved is None else around.moved[rows, self._frames]
         return keeps_clear(plan, around.obstacles, moved, self.vehicle.speed)
+
+    def _centre_motion(self, times: FloatArray) -> CartesianMotion | None:
+        """Return the motion of the centre at times (S,) [s] of the last frame, each (B, S, 3); None if it rests."""
+        if self.centre is None:
+            return None
+        _, velocity, acceleration, jerk = (part[:, self._frames - 1, None] for part in self.centre)
+        after = times[:, None]
+        return CartesianMotion(
+            velocity + after * (acceleration + after / 2 * jerk),
+            acceleration + after * jerk,
+            np.broadcast_to(jerk, (len(jerk), len(times), 3)),
+        )
 
     def _replan(self, way: FloatArray, planned: BoolArray) -> None:
         """Find plans to targets that lie `way` (B, 3) from here; plans where `planned` (B,) already lead there.
@@ -182,6 +270,8 @@ class FlightMotion:
         """Make the soonest valid ones of flights (n,) the plans of rows (n,); return which are valid."""
         kept = np.flatnonzero(found & keeps_limits(plan, self.vehicle, self.workspace))
         kept = kept[self._clear(rows[kept], plan.select(kept))]
+        longest = max(plan.times.shape[1], self._plan.times.shape[1])
+        plan, self._plan = plan.padded(longest), self._plan.padded(longest)
         # The last, soonest plan of each row stays. Ties keep their order, so no row depends on the rows beside it.
         kept = kept[np.argsort(-plan.duration[kept], kind="stable")]
         self._plan.replace(rows[kept], plan.select(kept))
@@ -200,3 +290,8 @@ class _Task(NamedTuple):
 
 def _rows(state: SphericalState, rows: IntArray) -> SphericalState:
     return SphericalState(*(part[rows] for part in state))
+
+
+def _state(states: FloatArray) -> SphericalState:
+    """Return states (B, 3, 3) of a path in parts."""
+    return SphericalState(states[:, 0], states[:, 1], states[:, 2], np.zeros_like(states[:, 2]))

@@ -1,5 +1,6 @@
 """Flights of piecewise constant jerk that end at rest: B at a time, each axis has its own phases."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
@@ -9,7 +10,11 @@ from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.flight.kinematics import SphericalState
 
 SAME_TIME = 1e-9  # [s]; times that differ by less are equal, so that rounding does not separate the axes
+SAME_JERK = 1e-6  # [m/s^3], [rad/s^3]
 SAMPLES = 4  # of each piece, both ends included
+PIECES = 3  # of equal length in `phases_between`; as many as a state has parts
+# What the jerk of each piece adds to acceleration, velocity and position at the end, for pieces of length 1.
+_EFFECTS = np.array([[1, 1, 1], [5 / 2, 3 / 2, 1 / 2], [19 / 6, 7 / 6, 1 / 6]])
 
 
 class Phases(NamedTuple):
@@ -18,12 +23,74 @@ class Phases(NamedTuple):
     durations: FloatArray  # (B, N, 3) [s], from 0
     jerks: FloatArray  # (B, N, 3)
 
+    def select(self, flights: IntArray) -> "Phases":
+        """Return the phases of some flights."""
+        return Phases(*(part[flights] for part in self))
+
+    @staticmethod
+    def joined(parts: Sequence["Phases"]) -> "Phases":
+        """Return the phases of all parts, one part after another."""
+        return Phases(*(np.concatenate(arrays, axis=1) for arrays in zip(*parts, strict=True)))
+
 
 class Samples(NamedTuple):
     """States at some times of the flights of a profile."""
 
     flight: IntArray  # (n,), which of the B flights
     state: SphericalState  # each (n, SAMPLES, 3)
+
+
+def phases_between(start: SphericalState, end: SphericalState, time: float) -> Phases:
+    """Return phases from states (B, 3) to states (B, 3), all in the same time [s]: (B, `PIECES`, 3).
+
+    Each axis has pieces of equal length. If a constant jerk leads from one state to the other, all have that jerk.
+    """
+    step = time / PIECES
+    missing = np.stack(
+        [
+            (end.acceleration - start.acceleration) / step,
+            (end.velocity - start.velocity - time * start.acceleration) / step**2,
+            (end.viewpoint - start.viewpoint - time * (start.velocity + time / 2 * start.acceleration)) / step**3,
+        ],
+        axis=1,
+    )
+    jerks = np.linalg.inv(_EFFECTS) @ missing
+    return Phases(np.full(jerks.shape, step), jerks)
+
+
+def phases_along(acceleration: FloatArray, time: float) -> Phases:
+    """Return the phases between states that are `time` [s] apart, from their accelerations (B, F, 3).
+
+    Phases in which no jerk changes are joined.
+    """
+    jerks = np.diff(acceleration, axis=1) / time
+    changes = (np.abs(np.diff(jerks, axis=1)) > SAME_JERK).any(axis=(0, 2))
+    begins = np.concatenate([[0], np.flatnonzero(changes) + 1]) if jerks.shape[1] else np.zeros(0, dtype=np.int64)
+    frames = np.diff(begins, append=jerks.shape[1])
+    jerks = np.diff(acceleration[:, np.append(begins, jerks.shape[1])], axis=1) / (frames * time)[:, None]
+    return Phases(np.broadcast_to((frames * time)[:, None], jerks.shape), jerks)
+
+
+def coasted(state: SphericalState, time: float) -> SphericalState:
+    """Return states (..., 3) after some time [s] at constant acceleration."""
+    viewpoint, velocity, acceleration, _ = state
+    return state._replace(
+        viewpoint=viewpoint + time * (velocity + time / 2 * acceleration), velocity=velocity + time * acceleration
+    )
+
+
+def phases_to_rest(start: SphericalState, time: FloatArray) -> Phases:
+    """Return the smoothest phases from states (B, 3) to rest in times (B,) [s], wherever that is: (B, `PIECES`, 3).
+
+    Each axis has pieces of equal length. Of all jerks that end velocity and acceleration, they have the least sum of
+    squares, so all axes stop together and the camera hardly changes its direction.
+    """
+    step = time[:, None] / PIECES
+    missing = np.stack(
+        [-start.acceleration / step, -(start.velocity + time[:, None] * start.acceleration) / step**2], axis=1
+    )
+    jerks = np.linalg.pinv(_EFFECTS[:2]) @ missing
+    return Phases(np.broadcast_to(step[:, None], jerks.shape), jerks)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +150,18 @@ class JerkProfile:
     def select(self, flights: IntArray | BoolArray) -> "JerkProfile":
         """Return some of the flights."""
         return JerkProfile(*(getattr(self, field.name)[flights] for field in fields(self)))
+
+    def padded(self, phases: int) -> "JerkProfile":
+        """Return the same flights with so many phases: those that are added begin, like the last one, at rest."""
+        more = phases - self.times.shape[1]
+        if more == 0:
+            return self
+        return JerkProfile(
+            *(
+                np.concatenate([part, np.repeat(part[:, -1:], more, axis=1)], axis=1)
+                for part in (getattr(self, field.name) for field in fields(self))
+            )
+        )
 
     def replace(self, flights: IntArray, other: "JerkProfile") -> None:
         """Replace some flights by those of another profile."""

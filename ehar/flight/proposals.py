@@ -55,7 +55,18 @@ def limits_to_target(vehicle: Vehicle, state: SphericalState, way: FloatArray) -
 
 def limits_to_rest(vehicle: Vehicle, state: SphericalState) -> AxisLimits:
     """Return the limits of `BRAKING`, (K, B, 3), for flights from states (B, 3) to rest at any place."""
-    return _shared_out(vehicle, state, state.velocity, state.viewpoint[:, None], BRAKING)
+    # An axis that has just begun to speed up has no velocity yet, but an acceleration that has to end too.
+    build_up = vehicle.acceleration / vehicle.jerk
+    heading = np.copysign(np.abs(state.velocity) + build_up * np.abs(state.acceleration), state.velocity)
+    return _shared_out(vehicle, state, heading, state.viewpoint[:, None], BRAKING)
+
+
+def stopping_time(vehicle: Vehicle, state: SphericalState) -> FloatArray:
+    """Return about how long stops from states (B, 3) take, (B,) [s]."""
+    motion = local_motion(state)
+    speed, acceleration = (np.linalg.norm(vector, axis=-1) for vector in motion[:2])
+    time: FloatArray = speed / vehicle.acceleration + (vehicle.acceleration + acceleration) / vehicle.jerk
+    return time
 
 
 def _shared_out(

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.flight.kinematics import SphericalState
-from ehar.flight.limits import limit_shares
 from ehar.flight.vehicle import Vehicle
 
 AT_LIMIT = 0.99  # share of a limit
@@ -22,12 +20,13 @@ class FlightTelemetry:
     peak_jerk: FloatArray  # (B,) [m/s^3]
     effort: FloatArray  # (B,) [m^2/s^3], the integral of the squared acceleration
     frames_at_limit: IntArray  # (B,), in which at least 99 % of some limit is used
+    tracking_error: FloatArray  # (B, frames) [m], from where the planner's states were; NaN where it gave none
 
     @classmethod
     def none(cls, episodes: int) -> "FlightTelemetry":
         """Return the telemetry of `episodes` flights that have not begun."""
         zero = np.zeros(episodes)
-        return cls(0, zero, zero, zero, zero, np.zeros(episodes, dtype=np.int64))
+        return cls(0, zero, zero, zero, zero, np.zeros(episodes, dtype=np.int64), np.empty((episodes, 0)))
 
     @property
     def share_at_limit(self) -> FloatArray:
@@ -35,9 +34,17 @@ class FlightTelemetry:
         share: FloatArray = self.frames_at_limit / max(self.frames, 1)
         return share
 
-    def after(self, vehicle: Vehicle, state: SphericalState, frame_time: float) -> "FlightTelemetry":
-        """Return the telemetry after one more frame, given its states (B, S, 3) at equal steps, both ends included."""
-        shares = limit_shares(vehicle, state)
+    def after(
+        self, vehicle: Vehicle, shares: FloatArray, frame_time: float, tracking_error: FloatArray
+    ) -> "FlightTelemetry":
+        """Return the telemetry after one more frame.
+
+        Args:
+            vehicle: the vehicle.
+            shares: (B, S, 5) shares of its limits, see `limit_shares`, at equal steps, both ends included.
+            frame_time: how long the frame lasted [s].
+            tracking_error: (B,) [m], how far the cameras ended from the planner's states.
+        """
         peaks = shares.max(axis=1)
         acceleration = shares[..., 1] * vehicle.acceleration
         step = frame_time / (acceleration.shape[1] - 1)
@@ -48,4 +55,5 @@ class FlightTelemetry:
             peak_jerk=np.maximum(self.peak_jerk, peaks[:, 2] * vehicle.jerk),
             effort=self.effort + np.trapezoid(acceleration**2, dx=step, axis=1),
             frames_at_limit=self.frames_at_limit + (peaks.max(axis=1) >= AT_LIMIT),
+            tracking_error=np.column_stack([self.tracking_error, tracking_error]),
         )

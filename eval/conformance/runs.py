@@ -8,6 +8,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import EpisodeError
+from ehar.motion import heading
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.plugins.blame import blamed
 from ehar.rollout import Batch
@@ -76,7 +77,7 @@ def replay(planner: Planner, world: PlannerWorld, shown: list[Observation], batc
                 labels = some.frame_labels
                 truth = Truth(labels[:, here.frame + 1], recogniser, state, _imagination(world, some), labels)
                 here = replace(here, truth=truth)
-            target = np.array(planner.act(here), dtype=np.float64)
+            target = heading(planner.act(here))
             if target.shape != (len(rows), 3):
                 raise EpisodeError(f"{where}, frame {here.frame}: targets of shape {target.shape}")
             targets.append(target)

@@ -41,6 +41,8 @@ class EpisodeRecords:
             recorded.
         contacts: the frames in which the camera was too near to obstacles; None in a world without any. The file has
             them in the same lines.
+        tracking_error: (N, L) [m], how far the camera was from its planner's path in each frame; None for a planner
+            that gave no paths.
     """
 
     sequence: tuple[str, ...]
@@ -55,6 +57,7 @@ class EpisodeRecords:
     flight: FlightRecords | None = None
     second_probability: FloatArray | None = None
     contacts: ContactRecords | None = field(default=None, repr=False)
+    tracking_error: FloatArray | None = None
 
     __repr__ = in_brief
 
@@ -74,9 +77,10 @@ class EpisodeRecords:
         return right
 
 
-SECOND = "second_probability"
+SECOND, TRACKING = "second_probability", "tracking_error"
+OPTIONAL = (SECOND, TRACKING)  # columns that a run may not have
 COLUMNS = tuple(
-    field.name for field in fields(EpisodeRecords) if field.name not in ("flight", SECOND, "contacts")
+    field.name for field in fields(EpisodeRecords) if field.name not in ("flight", "contacts", *OPTIONAL)
 )  # of every run
 
 
@@ -90,6 +94,7 @@ def record_episodes(
     subjects: IntArray,
     flight: FlightRecords | None = None,
     contacts: ContactRecords | None = None,
+    tracking_error: FloatArray | None = None,
 ) -> EpisodeRecords:
     """Return the records of a rollout, rounded as in the file.
 
@@ -102,6 +107,7 @@ def record_episodes(
         subjects: (N, P) who performs.
         flight: the demands of the flights.
         contacts: the frames too near to obstacles.
+        tracking_error: (N, L) [m] from the planner's paths.
     """
     probabilities = np.exp(record.log_probs.astype(np.float64))
     every = np.broadcast_to(label if label.ndim == 2 else label[:, None], probabilities.shape[:2])
@@ -124,6 +130,7 @@ def record_episodes(
         flight=flight,
         second_probability=second.round(DIGITS),
         contacts=contacts,
+        tracking_error=None if tracking_error is None else tracking_error.round(DIGITS),
     )
 
 
@@ -136,16 +143,17 @@ def join_records(pieces: Sequence[EpisodeRecords]) -> EpisodeRecords:
     """Return the records of several batches of one planner as one."""
     if len(pieces) == 1:
         return pieces[0]  # not a copy: records are large
-    joined = {
+    joined: dict[str, Any] = {
         name: np.concatenate([getattr(piece, name) for piece in pieces]) for name in COLUMNS if name != "sequence"
     }
-    flights = [piece.flight for piece in pieces if piece.flight is not None]
     contacts = [piece.contacts for piece in pieces if piece.contacts is not None]
-    seconds = [piece.second_probability for piece in pieces if piece.second_probability is not None]
+    flights = [piece.flight for piece in pieces if piece.flight is not None]
+    for name in OPTIONAL:
+        parts = [getattr(piece, name) for piece in pieces]
+        joined[name] = None if any(part is None for part in parts) else np.concatenate(parts)
     return EpisodeRecords(
         sequence=tuple(name for piece in pieces for name in piece.sequence),
         flight=join_flights(flights) if flights else None,
-        second_probability=np.concatenate(seconds) if len(seconds) == len(pieces) else None,
         contacts=join_contacts(contacts) if contacts else None,
         **joined,
     )
@@ -155,8 +163,7 @@ def episode_lines(records: Mapping[str, EpisodeRecords]) -> Iterable[str]:
     """Yield the lines of episodes.jsonl: planner by planner, in the order given; keys are the fields' names."""
     for planner, episodes in records.items():
         columns = {name: getattr(episodes, name) for name in COLUMNS}
-        if episodes.second_probability is not None:
-            columns[SECOND] = episodes.second_probability
+        columns |= {name: getattr(episodes, name) for name in OPTIONAL if getattr(episodes, name) is not None}
         if episodes.flight is not None:
             columns |= {key: getattr(episodes.flight, key) for key in KEYS}
         if episodes.contacts is not None:
@@ -298,6 +305,7 @@ _KINDS = {
     "true_probability": _Kind(("L",), False, 0, 1),
     "top_probability": _Kind(("L",), False, 0, 1),
     SECOND: _Kind(("L",), False, 0, 1),
+    TRACKING: _Kind(("L",), False, 0),
     **dict.fromkeys(KEYS, _Kind((), False, 0)),
     **dict.fromkeys(CONTACTS, _Kind((), True, 0)),
 }
@@ -326,20 +334,21 @@ def _parsed_line(line: str, where: str) -> dict[str, Any]:
 
 def _episodes(rows: Sequence[_Row]) -> EpisodeRecords:
     """Return the records of one planner from its lines, or raise a DataError if they do not fit together."""
-    flown, second, near = (name in rows[0].fields for name in (KEYS[0], SECOND, CONTACTS[0]))
+    flown, near = (name in rows[0].fields for name in (KEYS[0], CONTACTS[0]))
+    held = [name for name in OPTIONAL if name in rows[0].fields]
     for row in rows:
         if (KEYS[0] in row.fields) != flown:
             raise DataError(f"{row.where}: some episodes were flown, and others were not")
-        if (SECOND in row.fields) != second:
-            raise DataError(f"{row.where}: some episodes have a {SECOND}, and others have none")
         if (CONTACTS[0] in row.fields) != near:
             raise DataError(f"{row.where}: some episodes have {', '.join(CONTACTS)}, and others have none")
-    columns: dict[str, Any] = {name: _column(name, rows) for name in COLUMNS if name != "sequence"}
+        for name in OPTIONAL:
+            if (name in row.fields) != (name in held):
+                raise DataError(f"{row.where}: some episodes have a {name}, and others have none")
+    columns: dict[str, Any] = {name: _column(name, rows) for name in (*COLUMNS, *held) if name != "sequence"}
     flight = FlightRecords(**{key: _column(key, rows) for key in KEYS}) if flown else None
     return EpisodeRecords(
         sequence=tuple(row.fields["sequence"] for row in rows),
         flight=flight,
-        second_probability=_column(SECOND, rows) if second else None,
         contacts=ContactRecords(**{key: _column(key, rows) for key in CONTACTS}) if near else None,
         **columns,
     )

@@ -59,6 +59,15 @@ def flights_of(motion: Motion) -> FlightRecords | None:
     )
 
 
+def tracking_of(motion: Motion) -> FloatArray | None:
+    """Return how far the cameras were from their planner's paths in each frame, (N, L) [m]; None without paths."""
+    telemetry = getattr(motion, "telemetry", None)
+    if not isinstance(telemetry, FlightTelemetry) or not telemetry.frames:
+        return None
+    error = telemetry.tracking_error
+    return None if np.isnan(error).any() else np.column_stack([np.zeros(len(error)), error])
+
+
 def join_flights(pieces: Sequence[FlightRecords]) -> FlightRecords:
     """Return the records of several batches as one."""
     return FlightRecords(**{key: np.concatenate([getattr(piece, key) for piece in pieces]) for key in KEYS})

@@ -19,7 +19,7 @@ from ehar.rollout import Batch, Record
 from ehar.runner import Runner
 from eval.records.contacts import contacts_of
 from eval.records.episodes import EpisodeRecords, join_records, record_episodes
-from eval.records.flights import flights_of
+from eval.records.flights import flights_of, tracking_of
 from eval.records.one_by_one import OneByOne
 from eval.records.solves import Solves, join_solves, solves_of
 from eval.running.episodes import Episodes
@@ -200,6 +200,7 @@ def _run_chunks(workload: Workload, planner: Planner, first: int) -> Done:
         subjects=episodes.subjects,
         flight=flights_of(motion),
         contacts=contacts_of(batch.surroundings, record.viewpoints),
+        tracking_error=tracking_of(motion),
     )
     return Done(records, record.plan_seconds, join_solves([solves_of(one) for one in planners]))
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ehar.arrays import FloatArray
+from ehar.motion import heading
 from ehar.planner import Context, Observation, Planner
 from ehar.plugins.blame import blamed
 
@@ -23,7 +24,7 @@ class Recorder(Planner):
     Attributes:
         context: context of the batch.
         observations: observation of each frame so far, without the truth, as it was before the planner saw it.
-        targets: targets of each frame so far, (B, 3) if the planner keeps its contract.
+        targets: targets of each frame so far, (B, 3) if the planner keeps its contract; of paths their ends.
         seconds: time that the planner took for its answers [s].
     """
 
@@ -52,7 +53,7 @@ class Recorder(Planner):
             target = self.planner.act(shown)
         self.seconds += time.perf_counter() - begin
         self.observations.append(replace(kept, truth=None))
-        self.targets.append(np.array(target, dtype=np.float64, ndmin=1))
+        self.targets.append(heading(target))
         if self._answered is not None:
             self._answered(shown)
         return target

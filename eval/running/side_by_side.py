@@ -8,6 +8,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.errors import EpisodeError
+from ehar.motion import heading
 from ehar.planner import Context, Observation, Planner
 
 
@@ -48,7 +49,7 @@ class SideBySide(Planner):
         for planner, rows in zip(self.planners, self._rows, strict=True):
             target = planner.act(replace(observation, **{name: array[rows] for name, array in arrays.items()}))
             expected = (rows.stop - rows.start, 3)
-            if np.shape(target) != expected:
+            if heading(target).shape != expected:
                 where = f"planner {self.name!r}, frame {observation.frame}"
                 raise EpisodeError(f"{where}: expected target viewpoints of shape {expected}, got {np.shape(target)}")
             targets.append(target)

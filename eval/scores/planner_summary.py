@@ -44,6 +44,9 @@ class PlannerSummary:
             no-act), mean accuracies over frames. None if not all of its seeds ran on the ideal track, or if the planner
             gained nothing there.
         accuracy_kept_ci95: its 95 % interval, over the resamples in which the planner gained on the ideal track.
+        tracking_error_median: how far cameras were from the planner's paths [m], the median over all frames; None for
+            a planner that gave none.
+        tracking_error_p95: the 95th percentile.
         solves: counts of its plans by status, over all seeds; None for a planner that does not count them.
         streams: scores of streams, over all seeds; None in clips, whose summary.json has no such key.
         contacts: frames in which its cameras were too near to obstacles, over all seeds; None in a world without any.
@@ -65,6 +68,8 @@ class PlannerSummary:
     flight: FlightSummary | None = None
     accuracy_kept: float | None = None
     accuracy_kept_ci95: Interval | None = None
+    tracking_error_median: float | None = None
+    tracking_error_p95: float | None = None
     solves: Solves | None = None
     streams: StreamScores | None = None
     contacts: ContactSummary | None = None

@@ -91,6 +91,8 @@ def summarise(
             if of_streams and fps is not None
             else None,
             contacts=_contacts([told[name].contacts for name in group.records]),
+            tracking_error_median=_tracking([told[name].tracking for name in group.records], 50),
+            tracking_error_p95=_tracking([told[name].tracking for name in group.records], 95),
         )
         for row, (group, trained, held) in enumerate(zip(groups, trainings, compared, strict=True))
     )
@@ -119,12 +121,16 @@ class _Told(NamedTuple):
     step_ms: float
     flight: FlightRecords | None
     contacts: ContactRecords | None
+    tracking: FloatArray | None  # (N, L - 1) [m]
     solves: Solves | None
 
     @staticmethod
     def of(records: EpisodeRecords, step_ms: float, solves: Solves | None) -> "_Told":
         metrics = {metric.key: metric.of_records(records) for metric in METRICS}
-        return _Told(len(records), records.of_streams, metrics, step_ms, records.flight, records.contacts, solves)
+        tracking = None if records.tracking_error is None else records.tracking_error[:, 1:]
+        return _Told(
+            len(records), records.of_streams, metrics, step_ms, records.flight, records.contacts, tracking, solves
+        )
 
 
 def _answers(name: str, records: EpisodeRecords, reference: EpisodeRecords | None) -> EpisodeRecords:
@@ -167,6 +173,12 @@ def _contacts(trainings: Sequence[ContactRecords | None]) -> ContactSummary | No
     """Return how often cameras of a planner were too near to obstacles; None in a world without any."""
     contacts = [one for one in trainings if one is not None]
     return summarise_contacts(join_contacts(contacts)) if contacts else None
+
+
+def _tracking(trainings: Sequence[FloatArray | None], percentile: float) -> float | None:
+    """Return a percentile of the tracking errors of all frames but the first [m]; None without paths."""
+    errors = [held for held in trainings if held is not None]
+    return float(np.percentile(np.concatenate(errors), percentile)) if errors and errors[0].size else None
 
 
 def _iqm_interval(held: PlannerAccuracy, resamples: Resamples) -> FloatArray:

@@ -115,6 +115,11 @@ def _footnotes(planners: Sequence[PlannerSummary], *, flown: bool, compared: boo
     if compared:
         yield "Kept: (accuracy in flight - that of no-act) / (accuracy on the ideal track - that of no-act)."
     for planner in planners:
+        if planner.tracking_error_median is not None and planner.tracking_error_p95 is not None:
+            yield (
+                f"{planner.name}: flown {planner.tracking_error_median:.3f} m from its paths in the median, "
+                f"{planner.tracking_error_p95:.3f} m in the 95th percentile of frames."
+            )
         if planner.solves is not None and planner.solves.fallbacks:
             counts = ", ".join(f"{status} {count}" for status, count in planner.solves.counts.items())
             yield f"{planner.name}: {planner.solves.fallbacks} of {planner.solves.total} plans fell back ({counts})."

@@ -25,7 +25,7 @@ from planners.agents.inputs import InputSizes
 from planners.agents.network import AgentNetwork, AgentSpec
 from planners.agents.ppo import PPOProgress, train_ppo
 from planners.search.limits import camera_limits
-from planners.search.next_best_view import DEFAULT_HORIZON, FLIGHT_PLAN_TIME
+from planners.search.next_best_view import DEFAULT_HORIZON, FLIGHT_HORIZON
 from planners.search.solver import SolverStatistics, TrajectorySolver
 from planners.search.task import TrajectoryLimits, TrajectoryTask
 from planners.value.view_basis import BASIS_SIZE
@@ -42,7 +42,7 @@ def time_solves(data: MotionData, effort: Effort) -> dict[str, float]:
     """Return how long solves take on the grid and in flight together, and the share of plans that fell back."""
     grid_node = math.ceil((effort.length - 1) / DEFAULT_HORIZON) / data.fps
     seconds, plans, fallbacks = [], 0, 0
-    for vehicle, node_time in ((None, grid_node), (VEHICLE, FLIGHT_PLAN_TIME / DEFAULT_HORIZON)):
+    for vehicle, node_time in ((None, grid_node), (VEHICLE, FLIGHT_HORIZON[1] / DEFAULT_HORIZON)):
         rng = np.random.default_rng(0)
         context = Context(
             episodes=1,
@@ -59,7 +59,7 @@ def time_solves(data: MotionData, effort: Effort) -> dict[str, float]:
         in_a_row = min(15, effort.plans)
         statistics = measure_solves(
             rng,
-            TrajectorySolver(horizon=DEFAULT_HORIZON),
+            TrajectorySolver(horizon=DEFAULT_HORIZON, flown=vehicle is not None),
             limits,
             node_time=node_time,
             episodes=effort.plans // in_a_row,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
-from ehar.motion import GridMotion, Motion, keep_clear
+from ehar.motion import FollowingMotion, GridMotion, Motion, keep_clear, move
 from ehar.obstacles.surroundings import Surroundings
 from ehar.plugins.blame import blamed
 from ehar.viewpoint import AZIMUTH, wrap_difference
@@ -29,6 +29,8 @@ class FollowedWay:
         self._way = way
         self._frame = 0
         self._frame_time = 0.0
+        if isinstance(motion, FollowingMotion):
+            self.follow = self.advance
 
     def keep_clear(self, surroundings: Surroundings | None) -> None:
         """Tell the motion what stands around the episodes."""
@@ -47,7 +49,7 @@ class FollowedWay:
         """
         self._frame += 1
         with blamed(self._motion, f"motion {type(self._motion).__name__}, frame {self._frame - 1}"):
-            reached = np.array(self._motion.advance(target), dtype=np.float64)
+            reached = np.array(move(self._motion, target), dtype=np.float64)
         recorded = self._way[:, self._frame]
         if reached.shape != recorded.shape:
             return reached  # the rollout raises an error for it

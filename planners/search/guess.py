@@ -42,7 +42,6 @@ def _duration(way: FloatArray, task: TrajectoryTask) -> FloatArray:
     """Return the durations (G,) [s] of quintics over ways (G, 3) within the limits, at least two nodes."""
     limits, far = task.limits, task.workspace.distance_max
     along = np.abs(way)
-    path = np.linalg.norm(way * np.array([1.0, far, far]), axis=1)
     stopping = 2 * np.abs(task.velocity) / limits.acceleration
     duration: FloatArray = np.max(
         [
@@ -53,9 +52,11 @@ def _duration(way: FloatArray, task: TrajectoryTask) -> FloatArray:
         ],
         axis=(0, 2),
     )
-    if limits.shared:
-        duration = np.maximum(duration, PEAK_VELOCITY * np.linalg.norm(along / limits.velocity, axis=1))
-    at_least: FloatArray = np.maximum(PEAK_VELOCITY * path / limits.speed, 2 * task.node_time)
+    if limits.vehicle is None:
+        together = (along / limits.velocity).sum(axis=1)
+    else:
+        together = np.linalg.norm(way * np.array([1.0, far, far]), axis=1) / limits.vehicle.speed
+    at_least: FloatArray = np.maximum(PEAK_VELOCITY * together, 2 * task.node_time)
     return np.maximum(duration, at_least)
 
 
@@ -65,19 +66,23 @@ def moved_on(trajectory: Trajectory, elapsed: float, task: TrajectoryTask) -> Tr
     The azimuth is moved by full turns to the task's azimuth, which may have been wrapped in between.
     """
     times = elapsed + np.arange(task.horizon + 1) * task.node_time
-    node = np.minimum((times / task.node_time + 1e-9).astype(int), task.horizon)
-    after = (times - node * task.node_time)[:, None]
-    # At the last node, the motion has ended.
-    ended = (node == task.horizon)[:, None]
+    position, velocity, acceleration = states_at(trajectory, times, task.node_time)
+    turns = np.rint((task.position[AZIMUTH] - position[0, AZIMUTH]) / (2 * np.pi))
+    position[:, AZIMUTH] += 2 * np.pi * turns
+    return Trajectory(position, velocity, acceleration, np.diff(acceleration, axis=0) / task.node_time)
+
+
+def states_at(trajectory: Trajectory, times: FloatArray, node_time: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return position, velocity and acceleration of a trajectory at times (n,) [s], (n, 3) each; its end is at rest."""
+    last = len(trajectory.jerk)
+    node = np.minimum((times / node_time + 1e-9).astype(int), last)
+    after = (times - node * node_time)[:, None]
+    ended = (node == last)[:, None]
     velocity = np.where(ended, 0.0, trajectory.velocity[node])
     acceleration = np.where(ended, 0.0, trajectory.acceleration[node])
     jerk = np.vstack([trajectory.jerk, np.zeros(3)])[node]
     position = trajectory.position[node] + after * (velocity + after * (acceleration / 2 + after * jerk / 6))
-    velocity = velocity + after * (acceleration + after * jerk / 2)
-    acceleration = acceleration + after * jerk
-    turns = np.rint((task.position[AZIMUTH] - position[0, AZIMUTH]) / (2 * np.pi))
-    position[:, AZIMUTH] += 2 * np.pi * turns
-    return Trajectory(position, velocity, acceleration, np.diff(acceleration, axis=0) / task.node_time)
+    return position, velocity + after * (acceleration + after * jerk / 2), acceleration + after * jerk
 
 
 def at_rest_at_the_end(trajectory: Trajectory, task: TrajectoryTask) -> Trajectory:

@@ -8,13 +8,15 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError
 from ehar.planner import Context, Observation, Planner
+from planners.search.guess import moved_on, states_at
 from planners.search.limits import camera_limits
-from planners.search.solver import Solution, SolverStatistics, TrajectorySolver
+from planners.search.solver import Solution, SolverStatistics, SolveStatus, TrajectorySolver
 from planners.search.start import stoppable
 from planners.search.task import TrajectoryTask
 from planners.search.view_search import search_goals
 from planners.value.model import FULL, GainModel
 from planners.value.situation import frames_to_come
+from planners.value.view_basis import DistanceRange
 from planners.value.view_value import ViewValue, node_gains
 
 GRID_LOOKAHEAD = 8  # frames: on the grid the target is a point of the plan this far ahead
@@ -22,7 +24,8 @@ SEEDS = 1  # goals that a plan is started from, beside the previous plan
 FEWEST_NODES = 4  # a plan ends at rest; with a constant jerk between fewer nodes, it could only stay
 LEAST_NODE_FRAMES = 4  # least frames between nodes; more if the default horizon is too short for the episode otherwise
 DEFAULT_HORIZON = 15
-FLIGHT_PLAN_TIME = 4.0  # [s]; a vehicle that has to stop sooner hardly gets anywhere
+SAME_STATE = 1e-6  # [m], [rad] and their derivatives
+FLIGHT_HORIZON = (4.0, 6.0)  # [s]; a vehicle that has to stop sooner hardly gets anywhere, and later is guessed at best
 
 
 class NextBestView(Planner):
@@ -69,6 +72,7 @@ class NextBestView(Planner):
         self._solver_options = (solver, max_iterations)
         self._value = ViewValue(model, variant=variant)
         self._solver: TrajectorySolver | None = None
+        self._built: tuple[DistanceRange, bool] | None = None  # what the solver is for
 
     @property
     def statistics(self) -> SolverStatistics:
@@ -83,9 +87,11 @@ class NextBestView(Planner):
         self._nodes = max(self.horizon, FEWEST_NODES)
         frames = max(LEAST_NODE_FRAMES, math.ceil(frames_to_come(context) / DEFAULT_HORIZON))
         if context.vehicle is not None:
-            frames = max(frames, math.ceil(FLIGHT_PLAN_TIME / context.frame_time / DEFAULT_HORIZON))
+            least, most = (round(time / context.frame_time / DEFAULT_HORIZON) for time in FLIGHT_HORIZON)
+            frames = min(max(frames, least), max(most, 1))
         self._node_frames = math.ceil(frames * self.horizon / self._nodes)
-        if self._solver is None or self._solver.span != self._value.span:  # a problem is built for one world
+        built = (self._value.span, context.vehicle is not None)  # a problem is built for one world
+        if self._built != built:
             solver, max_iterations = self._solver_options
             self._solver = TrajectorySolver(
                 horizon=self._nodes,
@@ -93,26 +99,30 @@ class NextBestView(Planner):
                 max_iterations=max_iterations,
                 seeds=SEEDS,
                 span=self._value.span,
+                flown=context.vehicle is not None,
             )
+            self._built = built
+        assert self._solver is not None
         self._solver.statistics = SolverStatistics()
 
     def act(self, observation: Observation) -> FloatArray:
-        """Return the targets of the plans; plan every `replan` frames."""
+        """Return the targets of the plans, or their paths; plan every `replan` frames."""
         self._value.update(observation)
         if observation.frame % self.replan == 0:
             self._target = self._plan(observation)
-        return self._target[:, observation.frame % self.replan]
+        since = observation.frame % self.replan
+        return self._target[:, since:] if self._target.ndim == 4 else self._target[:, since]
 
     def _plan(self, observation: Observation) -> FloatArray:
-        """Plan for every episode and return the targets of the frames to come, (B, replan, 3)."""
+        """Plan for every episode and return the targets of the next frames (B, replan, 3), or paths (B, F, 3, 3)."""
         assert self._solver is not None
-        context, frame_time = self._context, self._context.frame_time
-        node_time = self._node_frames * frame_time
+        context, elapsed = self._context, self.replan * self._context.frame_time
+        node_time = self._node_frames * context.frame_time
         weights = self._value.weights
         gains = node_gains(self._value.gains, self._nodes, self._node_frames)
         goals, collected = search_goals(self._value, observation, context)
         order = np.argsort(-collected, axis=1)[:, :SEEDS]
-        targets = np.empty((len(weights), self.replan, 3))
+        targets = []
         for episode, viewpoint in enumerate(observation.viewpoint):
             task = TrajectoryTask(
                 position=viewpoint,
@@ -127,25 +137,39 @@ class NextBestView(Planner):
                 spread_weight=self._value.field.spread,
                 span=self._value.span,
             )
-            if context.vehicle is not None:  # a vehicle does not follow plans exactly
-                task = stoppable(task)
-            plan = self._solver.solve_best(
-                task, goals[episode, order[episode]], self._plans[episode], self.replan * frame_time
-            )
+            previous = self._plans[episode]
+            off_plan = context.vehicle is not None and not _on_plan(previous, elapsed, task)
+            start = stoppable(task, surely=False) if off_plan else task
+            plan = self._solver.solve_best(start, goals[episode, order[episode]], previous, elapsed)
+            if off_plan and plan.status is SolveStatus.INFEASIBLE:
+                plan = self._solver.solve_best(stoppable(task), goals[episode, order[episode]], previous, elapsed)
             self._plans[episode] = plan
-            targets[episode] = self._targets(plan, int(np.flatnonzero(gains)[-1]) + 1)
-        return targets
+            targets.append(self._targets(plan, int(np.flatnonzero(gains)[-1]) + 1))
+        return np.stack(targets)
 
     def _targets(self, plan: Solution, last: int) -> FloatArray:
-        """Return the points (replan, 3) of a plan that the camera heads for in the next frames.
+        """Return the path of a plan, (F, 3, 3), or what the camera heads for in the next frames, (replan, 3).
 
-        A vehicle brakes for its target, so its target is the end of the plan. On the grid, the target is only a little
-        ahead, so that the camera follows the plan. It is never after the `last` node that counts: the solver gains
-        nothing from later nodes.
+        A vehicle that follows paths flies the plan itself. Another one brakes for its target, so its target is the end
+        of the plan. On the grid, the target is only a little ahead, so that the camera follows the plan. It is never
+        after the `last` node that counts: the solver gains nothing from later nodes.
         """
-        nodes = np.arange(self._nodes + 1)
+        if self._context.follows and self._context.vehicle is not None:
+            time = self._context.frame_time
+            times = time * np.arange(1, max(self._nodes * self._node_frames, self.replan) + 1)
+            return np.stack(states_at(plan.trajectory, times, self._node_frames * time), axis=1)
+        frames = np.arange(1, self.replan + 1)
         ahead = np.full(self.replan, float(self._nodes))
         if self._context.vehicle is None:
-            ahead = np.minimum((np.arange(1, self.replan + 1) + GRID_LOOKAHEAD) / self._node_frames, last)
-        position = plan.trajectory.position
+            ahead = np.minimum((frames + GRID_LOOKAHEAD) / self._node_frames, last)
+        position, nodes = plan.trajectory.position, np.arange(self._nodes + 1)
         return np.stack([np.interp(ahead, nodes, position[:, axis]) for axis in range(3)], axis=1)
+
+
+def _on_plan(previous: Solution | None, elapsed: float, task: TrajectoryTask) -> bool:
+    """Return whether the camera is where its previous plan led to; then a next plan exists."""
+    if previous is None:
+        return not (task.velocity.any() or task.acceleration.any())
+    planned = moved_on(previous.trajectory, elapsed, task)
+    state = zip((task.position, task.velocity, task.acceleration), planned, strict=False)
+    return not previous.held and all(np.abs(now - then[0]).max() < SAME_STATE for now, then in state)

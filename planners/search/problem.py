@@ -5,8 +5,12 @@ constant between nodes, so the discretisation of the triple integrator is exact.
 directions of view, so that a lack of spread has a cost at the last node. The azimuth is unwrapped, because the field is
 periodic. All variables and constraints are in units of their limits, positions in units of half the range of distances
 and 1 rad.
+
+A vehicle's limits are Cartesian: they hold for the length of the camera's velocity, acceleration and jerk, with all
+centripetal, Coriolis and Euler terms. On the grid the axes share one budget, because a frame moves one of them.
 """
 
+from itertools import product
 from typing import Any
 
 import casadi as ca
@@ -14,14 +18,17 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
 from ehar.errors import UsageError
+from ehar.flight.kinematics import local_vectors
 from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, cartesian
 from planners.search.task import Trajectory, TrajectoryTask
 from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, DistanceRange, view_basis
 
 REGULARISATION = 1e-5  # on the squared jerk: without gain and effort any trajectory would be a solution
-SMOOTHING = 0.1  # added under the root of the pace, where the square is 1 at the limit
+SMOOTHING = 0.1  # added under the root of a share, where the square is 1 at the limit
 STATE, CONTROL = 12, 3  # position, velocity, acceleration, sum of directions; jerk
 STAGE = STATE + CONTROL
+INSIDE = 1e-5  # [m], [rad] from the bounds of the workspace: a flight keeps them exactly, a solver nearly
+VEHICLE_LIMITS = ("speed", "acceleration", "jerk", "climb_speed", "descent_speed")  # the yaw rate bounds a variable
 
 
 class TrajectoryProblem:
@@ -32,21 +39,29 @@ class TrajectoryProblem:
     equations.
     """
 
-    def __init__(self, horizon: int, span: DistanceRange = PAPER_RANGE) -> None:
-        """Write the problem down for H = `horizon` nodes after the present one, in a world with such distances."""
-        self.horizon, self.span = horizon, span
+    def __init__(self, horizon: int, span: DistanceRange = PAPER_RANGE, *, flown: bool = False) -> None:
+        """Write the problem down.
+
+        Args:
+            horizon: number H of nodes after the present one.
+            span: the range of distances of the world.
+            flown: whether tasks have the limits of a vehicle, or those of the grid.
+        """
+        self.horizon, self.span, self.flown = horizon, span, flown
         self._unit = unit = np.array([span.half, 1.0, 1.0])  # of a position: [m], [rad], [rad]
         start, weights, gains = ca.SX.sym("start", STATE), ca.SX.sym("weights", BASIS_SIZE), ca.SX.sym("gains", horizon)
         effort, spread, time = ca.SX.sym("effort"), ca.SX.sym("spread"), ca.SX.sym("node_time")
         units = [ca.SX.sym(name, 3) for name in ("velocity", "acceleration", "jerk")]
-        inverse_speed, shared = ca.SX.sym("inverse_speed"), ca.SX.sym("shared")
+        vehicle = ca.SX.sym("vehicle", len(VEHICLE_LIMITS) if flown else 0)
 
         states = [ca.SX.sym(f"x{node}", STATE) for node in range(horizon + 1)]
         controls = [ca.SX.sym(f"u{node}", CONTROL) for node in range(horizon)]
-        variables, constraints, equality = [], [], []
+        variables, constraints, equality, turns = [], [], [], []
         cost: Any = 0
         for node, state in enumerate(states):
             variables.append(state)
+            shares: list[Any] = []
+            control: Any = ca.SX.zeros(CONTROL)
             if node < horizon:
                 control = controls[node]
                 variables.append(control)
@@ -58,31 +73,41 @@ class TrajectoryProblem:
                 constraints.append(state - start)
                 equality += [True] * STATE
             else:
-                constraints.append(_pace(state, units[0], unit, inverse_speed, shared))
-                equality.append(False)
                 distance, azimuth, polar = ca.vertsplit(state[:3] * unit)
                 cost -= gains[node - 1] * ca.dot(weights, ca.vertcat(*view_basis(distance, azimuth, polar, span, ca)))
+            if node < horizon:
+                shares = _flown_shares(state, control, units, unit, vehicle, first=node == 0) if flown else []
+                if flown and node:
+                    turns += [len(equality) + len(shares) + place for place in range(4)]
+                    shares += _turning_points(state, units[0], unit, time)
+            if node and not flown:
+                shares = _grid_shares(state)
+            constraints += shares
+            equality += [False] * len(shares)
         cost += spread * ca.sumsqr(states[-1][9:] + gains[-1] * _direction(states[-1]))
         constraints.append(states[-1][3:9])  # at rest: the camera can stay there, so the next plan exists
         equality += [True] * 6
-        parameters = ca.vertcat(start, weights, gains, effort, spread, time, *units, inverse_speed, shared)
+        parameters = ca.vertcat(start, weights, gains, effort, spread, time, *units, vehicle)
         self.nlp = {"x": ca.vertcat(*variables), "f": cost, "g": ca.vertcat(*constraints), "p": parameters}
         self.equality: list[bool] = equality
         self._constraints = ca.Function("constraints", [self.nlp["x"], self.nlp["p"]], [self.nlp["g"]])
         is_equality: BoolArray = np.array(equality)
         self._constraint_bounds = np.where(is_equality, 0.0, -np.inf), np.where(is_equality, 0.0, 1.0)
+        self._turns = np.array(turns, dtype=np.int64).reshape(-1, 2, 2)  # (nodes, axes, before and after the node)
 
     def arguments(self, task: TrajectoryTask, guess: Trajectory) -> dict[str, FloatArray]:
         """Return the arguments of a CasADi solver: x0, p, lbx, ubx, lbg, ubg.
 
         Raises:
-            UsageError: the task is for another horizon, or another world.
+            UsageError: the task is for another horizon, another world or another kind of limits.
         """
         if task.horizon != self.horizon:
             raise UsageError(f"trajectory task: expected {self.horizon} gain weights, got {task.horizon}")
         if task.span != self.span:
             raise UsageError(f"trajectory task: expected a world with {self.span}, got {task.span}")
-        limits = task.limits
+        limits, vehicle = task.limits, task.limits.vehicle
+        if (vehicle is not None) != self.flown:
+            raise UsageError(f"trajectory task: expected limits of {'a vehicle' if self.flown else 'the grid'}")
         start = np.concatenate(
             [
                 task.position / self._unit,
@@ -100,19 +125,24 @@ class TrajectoryProblem:
                 limits.velocity,
                 limits.acceleration,
                 limits.jerk,
-                [1 / limits.speed, limits.shared],
+                [getattr(vehicle, name) for name in VEHICLE_LIMITS] if vehicle else [],
             ]
         )
         lower, upper = self._variable_bounds(task)
         first = self.pack(guess, task)
         first[:STATE] = start
+        least, most = (bounds.copy() for bounds in self._constraint_bounds)
+        for place, axis in enumerate((DISTANCE, POLAR)):
+            least[self._turns[:, place]], most[self._turns[:, place]] = lower[STAGE + axis], upper[STAGE + axis]
+            least[self._turns[:1, place]] -= 2 * INSIDE  # a camera at rest on the bound leaves it from there
+            most[self._turns[:1, place]] += 2 * INSIDE
         return {
             "x0": first,
             "p": parameters,
             "lbx": lower,
             "ubx": upper,
-            "lbg": self._constraint_bounds[0],
-            "ubg": self._constraint_bounds[1],
+            "lbg": least,
+            "ubg": most,
         }
 
     def _variable_bounds(self, task: TrajectoryTask) -> tuple[FloatArray, FloatArray]:
@@ -121,12 +151,17 @@ class TrajectoryProblem:
         upper = np.ones((self.horizon + 1, STAGE))
         lower = -upper
         unbounded = [AZIMUTH, *range(9, STATE)]
+        if self.flown:  # the vehicle's limits bound them, but a turn on the spot
+            unbounded += [3 * order + axis for order in (1, 2) for axis in (DISTANCE, POLAR)]
+            unbounded += [STATE + DISTANCE, STATE + POLAR]
         lower[:, unbounded], upper[:, unbounded] = -np.inf, np.inf
-        lower[:, DISTANCE], upper[:, DISTANCE] = (
-            workspace.distance_min / self.span.half,
-            workspace.distance_max / self.span.half,
-        )
-        lower[:, POLAR], upper[:, POLAR] = workspace.polar_min, workspace.polar_max
+        inside = INSIDE if self.flown else 0.0
+        for axis, least, most in (
+            (DISTANCE, workspace.distance_min, workspace.distance_max),
+            (POLAR, workspace.polar_min, workspace.polar_max),
+        ):
+            room = min(inside, (most - least) / 2)
+            lower[:, axis], upper[:, axis] = (least + room) / self._unit[axis], (most - room) / self._unit[axis]
         lower[0, :STATE], upper[0, :STATE] = -np.inf, np.inf
         return lower.ravel()[:-CONTROL], upper.ravel()[:-CONTROL]
 
@@ -169,11 +204,9 @@ class TrajectoryProblem:
 
 def _next_state(state: Any, control: Any, time: Any, units: list[Any], unit: FloatArray, gain: Any) -> Any:
     """Return the exact state one node later, for a constant jerk; `gain` is the weight of the present node's view."""
-    position, (velocity, acceleration, jerk) = state[:3], (state[3:6], state[6:9], control)
-    velocity, acceleration, jerk = velocity * units[0], acceleration * units[1], jerk * units[2]
-    travelled = time * velocity + time**2 / 2 * acceleration + time**3 / 6 * jerk
+    position, velocity, acceleration, jerk = _moving(state, control, units, unit)
     return ca.vertcat(
-        position + travelled / unit,
+        (position + time * velocity + time**2 / 2 * acceleration + time**3 / 6 * jerk) / unit,
         (velocity + time * acceleration + time**2 / 2 * jerk) / units[0],
         (acceleration + time * jerk) / units[1],
         state[9:] + gain * _direction(state),
@@ -186,14 +219,48 @@ def _direction(state: Any) -> Any:
     return ca.vertcat(ca.sin(polar) * ca.cos(azimuth), ca.sin(polar) * ca.sin(azimuth), ca.cos(polar))
 
 
-def _pace(state: Any, velocity_limit: Any, unit: FloatArray, inverse_speed: Any, shared: Any) -> Any:
-    """Return the used share of the Cartesian speed limit, or of the axes' common budget; at most 1 within the limits.
+def _flown_shares(
+    state: Any, control: Any, units: list[Any], unit: FloatArray, vehicle: Any, *, first: bool
+) -> list[Any]:
+    """Return the shares of a vehicle's limits that a node uses, each at most 1; at the first only that of the jerk."""
+    speed, force, jolt, climb, descent = ca.vertsplit(vehicle)
+    parts = _moving(state, control, units, unit)
+    distance, azimuth, polar = ([part[axis] for part in parts] for axis in (DISTANCE, AZIMUTH, POLAR))
+    velocity, acceleration, jerk = local_vectors(distance, azimuth, polar, ca)
+    if first:
+        return [_length(jerk, jolt)]
+    upwards = velocity[2]
+    return [
+        _length(jerk, jolt),
+        _length(velocity, speed),
+        _length(acceleration, force),
+        upwards / climb,
+        -upwards / descent,
+    ]
 
-    The squared speed of (distance, azimuth, polar) = (r, a, p) is r'^2 + (r sin(p) a')^2 + (r p')^2. The root of the
-    squared share is nearly linear, so a solver's steps land near the limit. The root is smoothed where it is small.
+
+def _moving(state: Any, control: Any, units: list[Any], unit: FloatArray) -> tuple[Any, Any, Any, Any]:
+    """Return position, velocity, acceleration and jerk in SI units."""
+    return state[:3] * unit, state[3:6] * units[0], state[6:9] * units[1], control * units[2]
+
+
+def _turning_points(state: Any, velocity_limit: Any, unit: FloatArray, time: Any) -> list[Any]:
+    """Return distances and polar angles between which the cubics before and after a node stay, for each two.
+
+    They are control points of Bezier curves, and each curve stays within the bounds that its control points keep.
     """
-    distance, _, polar = ca.vertsplit(state[:3] * unit)
-    radial, azimuthal, polar_rate = ca.vertsplit(state[3:6] * velocity_limit)
-    speed = ca.vertcat(radial, distance * ca.sin(polar) * azimuthal, distance * polar_rate)
-    squared = ca.sumsqr(speed * inverse_speed) + shared * ca.sumsqr(state[3:6])
-    return 1 + ca.sqrt(squared + SMOOTHING) - np.sqrt(1 + SMOOTHING)
+    reach = state[3:6] * velocity_limit / unit * time / 3
+    return [state[axis] + way * reach[axis] for axis in (DISTANCE, POLAR) for way in (-1, 1)]
+
+
+def _length(vector: tuple[Any, Any, Any], limit: Any) -> Any:
+    """Return the share of a limit that the length of a vector uses; 1 at the limit.
+
+    The root of the squared share is nearly linear, so a solver's steps land near the limit. It is smoothed near 0.
+    """
+    return 1 + ca.sqrt(ca.sumsqr(ca.vertcat(*vector) / limit) + SMOOTHING) - np.sqrt(1 + SMOOTHING)
+
+
+def _grid_shares(state: Any) -> list[Any]:
+    """Return the shares of the grid's pace, each at most 1: with any signs, the axes' shares of it add up to 1."""
+    return [ca.dot(ca.DM(signs), state[3:6]) for signs in product((-1, 1), repeat=3)]

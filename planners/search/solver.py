@@ -82,6 +82,7 @@ class TrajectorySolver:
         max_iterations: int | None = None,
         seeds: int = 1,
         span: DistanceRange = PAPER_RANGE,
+        flown: bool = False,
     ) -> None:
         """Build the problem and its solvers, which takes about 0.1 s.
 
@@ -92,11 +93,11 @@ class TrajectorySolver:
                 limits by then is repaired; if the repair fails, the viewpoint is held. None: iterate until optimal.
             seeds: number of goals that a plan is solved from, beside the previous solution: the most promising ones.
             span: the range of distances of the world of its tasks.
+            flown: whether its tasks have the limits of a vehicle, or those of the grid.
         """
         self.statistics = SolverStatistics()
         self.horizon = horizon
-        self.span = span
-        self._problem = TrajectoryProblem(horizon, span)
+        self._problem = TrajectoryProblem(horizon, span, flown=flown)
         self._seeds = seeds
         self._capped = max_iterations is not None
         self._solver = self._build(solver, max_iterations or ITERATIONS)
@@ -119,15 +120,17 @@ class TrajectorySolver:
                 stay.
             elapsed: time since the previous solution [s].
         """
+        proceed = previous is not None and not previous.held
 
         def guesses() -> list[Trajectory]:
-            proceed = previous is not None and not previous.held
             first = moved_on(previous.trajectory, elapsed, task) if previous and proceed else task.hold()
             return [first, *best_guesses(goals, task, self._seeds)]
 
-        return self._solve_from(task, guesses)
+        return self._solve_from(task, guesses, every=not proceed)
 
-    def _solve_from(self, task: TrajectoryTask, guesses: Callable[[], list[Trajectory]]) -> Solution:
+    def _solve_from(
+        self, task: TrajectoryTask, guesses: Callable[[], list[Trajectory]], *, every: bool = True
+    ) -> Solution:
         """Return the best solution from several guesses, and count it; a task without a solution needs no guesses."""
         begin = time.perf_counter()
         best = None
@@ -136,7 +139,7 @@ class TrajectorySolver:
         else:
             status = SolveStatus.INFEASIBLE
             if _can_start(task):
-                best = self._best_attempt(task, guesses())
+                best = self._best_attempt(task, guesses(), every)
         if best is not None:
             trajectory, objective, violation, status = best
         else:
@@ -146,14 +149,19 @@ class TrajectorySolver:
         self.statistics.add(solution)
         return solution
 
-    def _best_attempt(self, task: TrajectoryTask, guesses: list[Trajectory]) -> "_Attempt | None":
+    def _best_attempt(self, task: TrajectoryTask, guesses: list[Trajectory], every: bool) -> "_Attempt | None":
         """Return the best attempt of those that keep the limits; ipopt is called if all seeds failed.
+
+        The first guess is always tried; unless `every` one is, others only if they collect more than has been found.
 
         The first guess is kept if no attempt beats it by more than the solver's tolerance. So if there is nothing to
         gain, the camera stays, or follows its previous plan.
         """
         first = at_rest_at_the_end(guesses[0], task) if self._capped else guesses[0]
-        attempts = [self._attempt(self._solver, task, guess, first) for guess in guesses]
+        attempts: list[_Attempt] = []
+        for guess in guesses:
+            if every or not attempts or task.objective(guess) > max(attempt.worth for attempt in attempts):
+                attempts.append(self._attempt(self._solver, task, guess, first))
         if self._fallback is not None and all(attempt.status is not SolveStatus.OPTIMAL for attempt in attempts):
             attempts.append(self._attempt(self._fallback, task, first, first))
         kept = [attempt for attempt in attempts if attempt.violation <= TOLERANCE]
@@ -216,6 +224,11 @@ class _Attempt(NamedTuple):
     objective: float
     violation: float
     status: SolveStatus
+
+    @property
+    def worth(self) -> float:
+        """What it collects; nothing if it breaks a limit."""
+        return self.objective if self.violation <= TOLERANCE else -np.inf
 
 
 def _can_start(task: TrajectoryTask) -> bool:

@@ -5,14 +5,16 @@ from dataclasses import replace
 import numpy as np
 
 from ehar.arrays import FloatArray
+from ehar.flight.kinematics import SphericalState
+from ehar.flight.limits import limit_shares
 from ehar.viewpoint import DISTANCE, POLAR
 from planners.search.task import TrajectoryTask
 
-PACE_SHARE = 0.99  # share of the limit; a solver needs room to begin
+PACE_SHARE = 0.95  # share of the limit; a solver needs room to begin
 TIME_SHARE = 0.5  # share of the horizon for one axis alone; the others have to stop as well, and nodes are coarse
 
 
-def stoppable(task: TrajectoryTask) -> TrajectoryTask:
+def stoppable(task: TrajectoryTask, *, surely: bool = True) -> TrajectoryTask:
     """Return the task with the nearest velocity and acceleration from which it has a solution.
 
     A camera that another controller flies may be faster than the task's limits, or nearer to the workspace's bounds
@@ -21,6 +23,11 @@ def stoppable(task: TrajectoryTask) -> TrajectoryTask:
     Let A and J be the limits of acceleration and jerk. A stop from velocity v takes at most the way
     v^2 / 2 A + v A / 2 J and the time v / A + A / J. An acceleration a has to end first: this takes the way
     a / J (v + a^2 / 3 J) and adds a^2 / 2 J to v. Slow states stay as they are.
+
+    Args:
+        task: the planning task.
+        surely: whether a vehicle is also slowed down where its way asks for too much acceleration and jerk. Mostly a
+            solution exists without, and then the plan begins nearer to where the camera is.
     """
     limits, workspace = task.limits, task.workspace
     rise, fall = np.full(3, np.inf), np.full(3, np.inf)
@@ -35,8 +42,8 @@ def stoppable(task: TrajectoryTask) -> TrajectoryTask:
     fastest_up, fastest_down = _fastest(rise, task), _fastest(fall, task)
     velocity = task.velocity.clip(-fastest_down, fastest_up)
     reached = velocity + acceleration * np.abs(acceleration) / (2 * limits.jerk)
-    slower = PACE_SHARE / max(_pace(velocity, task), _pace(reached, task), PACE_SHARE)
-    velocity, acceleration = velocity * slower, acceleration * slower
+    slower = min(_slower(velocity, acceleration, task, surely), _slower(reached, np.zeros(3), task, surely))
+    velocity, acceleration = velocity * slower, acceleration * slower**2
     most_up, most_down = np.sqrt(2 * limits.jerk * np.array([fastest_up - velocity, velocity + fastest_down]))
     return replace(task, velocity=velocity, acceleration=acceleration.clip(-most_down, most_up))
 
@@ -50,9 +57,17 @@ def _fastest(room: FloatArray, task: TrajectoryTask) -> FloatArray:
     return fastest
 
 
-def _pace(velocity: FloatArray, task: TrajectoryTask) -> float:
-    """Return the share that a velocity (3,) uses of the Cartesian speed limit, or of the axes' common budget."""
-    distance, _, polar = task.position
-    speed = np.linalg.norm(velocity * np.array([1.0, distance * np.sin(polar), distance])) / task.limits.speed
-    shared = np.linalg.norm(velocity / task.limits.velocity) * task.limits.shared
-    return float(np.hypot(speed, shared))
+def _slower(velocity: FloatArray, acceleration: FloatArray, task: TrajectoryTask, surely: bool) -> float:
+    """Return how much slower a camera has to go along its way, so that it keeps its limits: a share, at most 1.
+
+    At a share k of its pace, it uses k times its share of the speed limits, k^2 of that of the acceleration, and k^3 of
+    that of the jerk, which its way alone asks for.
+    """
+    vehicle = task.limits.vehicle
+    if vehicle is None:
+        pace = (np.abs(velocity) / task.limits.velocity).sum()
+    else:
+        state = SphericalState(task.position, velocity, acceleration, np.zeros(3))
+        speed, force, jolt, vertical, turn = limit_shares(vehicle, state)
+        pace = max(speed, vertical, turn, *((np.sqrt(force), np.cbrt(jolt)) if surely else ()))
+    return float(PACE_SHARE / max(pace, PACE_SHARE))

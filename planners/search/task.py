@@ -7,6 +7,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError
+from ehar.flight.vehicle import Vehicle
 from ehar.viewpoint import Workspace, cartesian
 from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, DistanceRange, field_value
 
@@ -28,8 +29,9 @@ class TrajectoryLimits:
         velocity: (3,) [m/s], [rad/s], [rad/s].
         acceleration: (3,) [m/s^2], [rad/s^2], [rad/s^2].
         jerk: (3,) [m/s^3], [rad/s^3], [rad/s^3].
-        speed: Cartesian speed [m/s]; infinite if only the axes have limits.
-        shared: whether the axes share one budget: the squared shares of the velocity limits then add up to at most 1.
+        vehicle: what carries the camera. Its limits are Cartesian. Those of distance and polar angle are only about
+            what it can do along them alone, from here. None is the grid, on which the axes share one budget: the shares
+            of the velocity limits add up to at most 1.
 
     Raises:
         UsageError: a limit is not positive, or the limit of an axis is not finite.
@@ -38,8 +40,7 @@ class TrajectoryLimits:
     velocity: FloatArray
     acceleration: FloatArray
     jerk: FloatArray
-    speed: float = float("inf")
-    shared: bool = False
+    vehicle: Vehicle | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and signs."""
@@ -47,8 +48,6 @@ class TrajectoryLimits:
             values = np.asarray(getattr(self, name))
             if values.shape != (3,) or not (np.isfinite(values).all() and (values > 0).all()):
                 raise UsageError(f"trajectory limits: expected 3 positive, finite values of {name}, got {values}")
-        if not self.speed > 0:
-            raise UsageError(f"trajectory limits: expected a positive speed, got {self.speed}")
 
 
 def grid_limits(workspace: Workspace, frame_time: float, node_time: float) -> TrajectoryLimits:
@@ -63,9 +62,7 @@ def grid_limits(workspace: Workspace, frame_time: float, node_time: float) -> Tr
         node_time: time from one node to the next [s].
     """
     velocity = workspace.step / frame_time
-    return TrajectoryLimits(
-        velocity=velocity, acceleration=2 * velocity / node_time, jerk=4 * velocity / node_time**2, shared=True
-    )
+    return TrajectoryLimits(velocity, 2 * velocity / node_time, 4 * velocity / node_time**2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,7 @@ from ehar.arrays import FloatArray
 from ehar.errors import EpisodeError, UsageError
 from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import MOVES
-from planners.heading import free_space, heading
-from planners.search.limits import camera_limits
+from planners.heading import axis_speeds, free_space, heading
 from planners.search.ways import Ways
 from planners.value.model import GainModel
 from planners.value.view_basis import BASIS_SIZE, basis_at, mean_direction
@@ -136,7 +135,7 @@ def _frames_needed(way: FloatArray, here: FloatArray, context: Context) -> tuple
     if context.vehicle is None:
         frames: FloatArray = np.abs(way / context.workspace.step).sum(axis=-1)
         return frames, 0.0
-    velocity = np.stack([camera_limits(context, viewpoint, 1.0).velocity for viewpoint in here])
+    velocity = axis_speeds(context.vehicle, here)
     up_to_speed = context.vehicle.speed / context.vehicle.acceleration  # [s]
     return np.linalg.norm(way / velocity[:, None], axis=-1) / context.frame_time, up_to_speed / context.frame_time
 

@@ -5,11 +5,11 @@ distance terms. So a field is smooth, periodic in the azimuth, and has one value
 """
 
 from math import sqrt
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ehar.arrays import FloatArray
+from ehar.arrays import FloatArray, Trigonometry
 from ehar.viewpoint import Workspace
 from ehar.world import PAPER
 
@@ -38,18 +38,6 @@ class DistanceRange(NamedTuple):
 
 
 PAPER_RANGE = DistanceRange.of(PAPER.workspace)  # Sec. 5.1: 5 to 15 m
-
-
-class Trigonometry(Protocol):
-    """The functions that the formula takes from numpy or casadi; the argument is the module."""
-
-    @property
-    def sin(self) -> Any:
-        """The sine of an angle [rad]."""
-
-    @property
-    def cos(self) -> Any:
-        """The cosine of an angle [rad]."""
 
 
 def view_basis(distance: Any, azimuth: Any, polar: Any, span: DistanceRange, ops: Trigonometry) -> list[Any]:

@@ -156,7 +156,10 @@ def test_a_start_outside_of_the_workspace_names_the_episode(start: list[float]) 
         rollout(planner, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), context)
 
 
-@pytest.mark.parametrize("shape", [(EPISODES,), (EPISODES, 2), (EPISODES - 1, 3), (EPISODES, 7, 3), ()])
+@pytest.mark.parametrize(
+    "shape",
+    [(5,), (5, 2), (4, 3), (5, 7, 3), (), (5, 3, 3), (5, 0, 3, 3)],
+)
 def test_a_target_of_a_wrong_shape_names_planner_episode_and_frame(shape: tuple[int, ...]) -> None:
     with pytest.raises(EpisodeError) as error:
         run(lambda observation: np.zeros(shape))
@@ -237,3 +240,16 @@ def test_a_selected_episode_runs_as_it_does_among_others() -> None:
     ]
     np.testing.assert_array_equal(records[0].viewpoints[[3, 1]], records[1].viewpoints)
     np.testing.assert_allclose(records[0].log_probs[[3, 1]], records[1].log_probs, rtol=1e-6)
+
+
+def test_a_path_is_followed_by_what_can_and_headed_for_by_what_cannot() -> None:
+    def ahead(observation: Observation) -> FloatArray:
+        path = np.zeros((EPISODES, 4, 3, 3))
+        path[:, :, 0] = observation.viewpoint[:, None] + np.arange(1, 5)[:, None] * [0.0, np.radians(3.6), 0.0]
+        return path
+
+    grid = run(ahead).viewpoints
+    first = run(lambda observation: ahead(observation)[:, 0, 0]).viewpoints
+    np.testing.assert_array_equal(grid, first)
+    with pytest.raises(EpisodeError, match=r"expected a finite target viewpoint, got \[nan"):
+        run(lambda observation: np.full((EPISODES, 4, 3, 3), np.nan))

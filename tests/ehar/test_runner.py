@@ -8,7 +8,10 @@ import pytest
 
 from ehar.arrays import FloatArray
 from ehar.data.scenario import Scenarios, windows
-from ehar.errors import EpisodeError
+from ehar.data.streams.following import Localisation
+from ehar.data.streams.scenario import StreamScenarios
+from ehar.errors import EpisodeError, UsageError
+from ehar.flight.centre import around_centre, centre_limits
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion, Motion
@@ -16,11 +19,13 @@ from ehar.planner import Context, Observation, Planner
 from ehar.rollout import Batch, rollout
 from ehar.runner import Runner
 from ehar.sensors.estimator import EstimatorSensor
+from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import draw_noise
 from ehar.track import Track, load_track
 from ehar.viewpoint import Workspace
 from ehar.world import PAPER
 from tests.helpers.fakes import CLASS_NAMES, SKELETON, FakeRecogniser, tiny_data
+from tests.helpers.streams import raising_streams
 
 EPISODES, LENGTH, FPS = 5, 8, 20.0
 NARROW = Workspace(distance_max=12.0)
@@ -128,3 +133,34 @@ def test_a_motion_that_is_handed_in_carries_the_camera_and_bounds_the_planner() 
     batch.starts[2, 0] = 14.0
     with pytest.raises(EpisodeError, match="expected a start viewpoint within"):
         of.roll(planner, batch, np.random.default_rng(9), GridMotion(workspace=NARROW))
+
+
+def test_around_people_who_walk_a_vehicle_has_what_following_them_leaves() -> None:
+    data, vehicle = raising_streams(), VEHICLES["px4-auto"]
+    of = Runner(data, FakeRecogniser(), PerfectSensor(), track=load_track("px4-auto"))
+    scenarios = StreamScenarios(data, 60, np.arange(3), np.full(3, 20))
+    batch = of.batch(
+        scenarios, np.arange(3), PAPER.sample_starts(np.random.default_rng(0), 3), np.random.default_rng(1)
+    )
+    assert batch.centre is not None
+    followed = data.followed_smoothly(Localisation(), centre_limits(vehicle)).position.reshape(8, -1, 3)[:3, 20:80]
+    shown = data.positions.reshape(8, -1, 1, 6, 3)[:3, 20:80] - followed[:, :, None, None]
+    np.testing.assert_allclose(batch.positions, shown, atol=1e-6)
+    context, motion = of.context(3, None, np.random.default_rng(9), follows=True), of.new_motion()
+    assert context.vehicle == around_centre(vehicle) and context.follows
+    assert isinstance(motion, FlightMotion) and motion.vehicle == around_centre(vehicle)
+    cut = Runner(data, FakeRecogniser(), PerfectSensor()).batch(
+        scenarios, np.arange(3), batch.starts, np.random.default_rng(1)
+    )
+    assert cut.centre is None
+
+
+def test_people_who_are_too_fast_for_a_vehicle_end_the_run() -> None:
+    data = raising_streams()
+    data.positions[:, :, :, 0] += (0.2 * (np.arange(len(data.positions)) % 120))[:, None, None]  # 2 m/s
+    of = Runner(data, FakeRecogniser(), PerfectSensor(), track=load_track("ground-robot"))
+    scenarios = StreamScenarios(data, 60, np.arange(3), np.full(3, 20))
+    with pytest.raises(
+        UsageError, match=r"track ground-robot: too slow for the people of 'stream-\d', frame \d+: .* 2.5 m"
+    ):
+        of.batch(scenarios, np.arange(3), PAPER.sample_starts(np.random.default_rng(0), 3), np.random.default_rng(1))

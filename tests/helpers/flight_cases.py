@@ -6,10 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ehar.arrays import FloatArray
+from ehar.data.streams.following import CentreMotion, Localisation
+from ehar.flight.centre import centre_limits
 from ehar.flight.limits import limit_shares
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import Vehicle
-from ehar.viewpoint import Workspace
+from ehar.viewpoint import AZIMUTH, Workspace, cartesian
 
 FLIGHTS = 50  # with one vehicle
 FRAMES = 40  # of each flight
@@ -49,6 +51,48 @@ def random_viewpoints(rng: np.random.Generator, count: int, workspace: Workspace
     drawn = low + (high - low) * rng.random((count, 3))
     bound = np.where(rng.random((count, 3)) < 0.5, low, high)
     return np.where(rng.random((count, 1)) < 0.2, bound, drawn)
+
+
+def worst_stream_excess(rng: np.random.Generator, streams: int, frames: int) -> Excess:
+    """Fly whole streams of people who walk at random, and return the worst excess at 1 kHz in the world's frame.
+
+    The camera's place in the world is differentiated, so nothing but places goes into it. Each vehicle flies `FLIGHTS`
+    streams around the centre that it follows. `workspace` is 1 if a camera left the workspace, and else 0.
+    """
+    flown, worst, out = 0, -np.inf, 0.0
+    workspace, step = Workspace(), 1 / SAMPLE_RATE
+    while flown < streams:
+        vehicle, fps = random_vehicle(rng), float(rng.choice([25, 30]))
+        walks = np.cumsum(rng.normal(0, rng.uniform(0.005, 0.1), (FLIGHTS, frames, 3)), axis=1)
+        walks[rng.random(FLIGHTS) < 0.2, frames // 2 :, 0] += 3.0  # a tracker that leaps
+        centres = [Localisation().followed_smoothly(walk, fps, 0, centre_limits(vehicle)) for walk in walks]
+        motion = FlightMotion(vehicle=vehicle, workspace=workspace, moving_centre=True)
+        motion.centre = CentreMotion(*(np.stack(parts) for parts in zip(*centres, strict=True)))
+        motion.reset(random_viewpoints(rng, FLIGHTS, workspace), 1 / fps)
+        target = random_viewpoints(rng, FLIGHTS, workspace)
+        times = np.arange(0, 1 / fps, step)
+        for frame in range(frames - 1):
+            jumps = rng.random(FLIGHTS) < 0.05
+            target = np.where(jumps[:, None], random_viewpoints(rng, FLIGHTS, workspace), target)
+            motion.advance(target)
+            state, after = motion.sample(times), times[:, None]
+            p, v, a, j = (part[:, frame, None] for part in motion.centre)
+            place = cartesian(state.viewpoint) + p + after * (v + after * (a / 2 + after / 6 * j))
+            rates = [np.diff(place, order, axis=1) / step**order for order in (1, 2, 3)]
+            lengths = [np.linalg.norm(rate, axis=-1).max() for rate in rates]
+            upwards, turning = rates[0][..., 2], np.abs(state.velocity[..., AZIMUTH]).max()
+            shares = (
+                lengths[0] / vehicle.speed,
+                (lengths[1] - 1e-7) / vehicle.acceleration,  # less the rounding of differences
+                (lengths[2] - 1e-4) / vehicle.jerk,
+                upwards.max() / vehicle.climb_speed,
+                -upwards.min() / vehicle.descent_speed,
+                turning / vehicle.yaw_rate,
+            )
+            worst = max(worst, float(max(shares)) - 1)
+            out = max(out, float(not workspace.contains(state.viewpoint).all()))
+        flown += FLIGHTS
+    return Excess(flown * frames, worst, out)
 
 
 def worst_excess(

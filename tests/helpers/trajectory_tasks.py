@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ehar.flight.vehicle import VEHICLES
 from ehar.viewpoint import Workspace
 from ehar.world import PAPER
 from planners.search.task import TrajectoryLimits, TrajectoryTask, grid_limits
@@ -12,7 +13,10 @@ from planners.value.view_basis import BASIS_SIZE
 
 HORIZON = 15
 GRID = grid_limits(PAPER.workspace, 0.04, 0.08)
-FLIGHT = TrajectoryLimits(np.array([5, 0.8, 0.5]), np.array([3, 0.5, 0.4]), np.array([4, 0.8, 0.6]), speed=5.0)
+VEHICLE = VEHICLES["px4-auto"]
+FLIGHT = TrajectoryLimits(
+    np.array([5, VEHICLE.yaw_rate, 0.5]), np.array([3, 1.0, 0.4]), np.array([4, 1.4, 0.6]), vehicle=VEHICLE
+)
 
 
 def random_task(rng: np.random.Generator, *, horizon: int = HORIZON, **changes: Any) -> TrajectoryTask:

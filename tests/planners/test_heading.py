@@ -8,7 +8,6 @@ from ehar.flight.vehicle import VEHICLES
 from ehar.viewpoint import AZIMUTH, HOVER, MOVES, Workspace, neighbours, wrap_difference
 from ehar.world import PAPER
 from planners.heading import HEADING_TIME, axis_speeds, heading
-from planners.search.limits import camera_limits
 from tests.helpers.fakes import tiny_context
 
 VEHICLE = VEHICLES["tracking-drone"]
@@ -41,7 +40,3 @@ def test_the_azimuth_turns_no_faster_than_the_vehicle_does() -> None:
     near, far = np.array([5.0, 0.0, 1.0]), np.array([15.0, 0.0, 1.0])
     assert axis_speeds(VEHICLE, near)[AZIMUTH] == VEHICLE.yaw_rate
     assert axis_speeds(VEHICLE, far)[AZIMUTH] == VEHICLE.speed / 15
-
-
-def test_plans_are_held_to_the_same_speeds() -> None:
-    np.testing.assert_array_equal(camera_limits(FLIGHT, HERE[0], 0.1).velocity, axis_speeds(VEHICLE, HERE[0]))

@@ -7,7 +7,7 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.recordings import Recordings
-from ehar.data.streams.following import Localisation
+from ehar.data.streams.following import CentreLimits, CentreMotion, Localisation
 
 NO_ACTIVITY = -1  # the label of frames that show none
 NO_ACTIVITY_NAME = "no activity"
@@ -55,6 +55,10 @@ class StreamData(Recordings):
         """Return where people are thought to be in each frame, (total_frames, 3) [m]; it is computed once."""
         return _followed(self, localisation)
 
+    def followed_smoothly(self, localisation: Localisation, limits: CentreLimits) -> CentreMotion:
+        """Return the centre that goes after where people are thought to be and keeps limits; it is computed once."""
+        return _followed_smoothly(self, localisation, limits)
+
     def resampled(self, fps: float) -> "StreamData":
         """Return the streams at another frame rate: linear interpolation in time, each stream by itself.
 
@@ -80,11 +84,24 @@ class StreamData(Recordings):
 
 @lru_cache(maxsize=4)
 def _followed(data: StreamData, localisation: Localisation) -> FloatArray:
-    middles = data.positions.mean(axis=(1, 2), dtype=np.float64)
-    pieces = [slice(begin, end) for begin, end in zip(data.offsets, data.offsets[1:], strict=False)]
     return np.concatenate(
         [
-            localisation.followed(middles[piece], data.fps, index, data.missing[piece])
-            for index, piece in enumerate(pieces)
+            localisation.followed(middles, data.fps, index, missing)
+            for index, (middles, missing) in enumerate(_middles(data))
         ]
     )
+
+
+@lru_cache(maxsize=4)
+def _followed_smoothly(data: StreamData, localisation: Localisation, limits: CentreLimits) -> CentreMotion:
+    streams = [
+        localisation.followed_smoothly(middles, data.fps, index, limits, missing)
+        for index, (middles, missing) in enumerate(_middles(data))
+    ]
+    return CentreMotion(*(np.concatenate(parts) for parts in zip(*streams, strict=True)))
+
+
+def _middles(data: StreamData) -> list[tuple[FloatArray, BoolArray]]:
+    """Return where people are in each stream, (T, 3), and which frames are missing, (T,)."""
+    middles, inner = data.positions.mean(axis=(1, 2), dtype=np.float64), data.offsets[1:-1]
+    return list(zip(np.split(middles, inner), np.split(data.missing, inner), strict=True))

@@ -2,7 +2,7 @@
 
 from bisect import bisect_left
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt
@@ -10,7 +10,35 @@ from annotated_types import Ge, Gt
 from ehar.arrays import BoolArray, FloatArray
 
 _SEED = 0  # the error of a localisation is a property of the stream, so all planners meet the same
+_PACE = 1.0  # [1/s]; how fast the centre that a vehicle follows gets to where people are thought to be
+_BETWEEN = 0.99  # share of the speed limit for frames, so that the speed keeps it between them too
 _SETTLED = 1e-12  # relative change of the gain from which on it counts as constant
+
+
+class CentreMotion(NamedTuple):
+    """The motion of a centre, each (..., T, 3); the jerk is constant within a frame."""
+
+    position: FloatArray  # [m]
+    velocity: FloatArray  # [m/s]
+    acceleration: FloatArray  # [m/s^2]
+    jerk: FloatArray  # [m/s^3], until the next frame
+
+
+@dataclass(frozen=True, kw_only=True)
+class CentreLimits:
+    """The limits of a centre's motion.
+
+    Args:
+        speed: greatest speed [m/s].
+        vertical_speed: greatest speed upwards or downwards [m/s].
+        acceleration: greatest acceleration [m/s^2].
+        jerk: greatest jerk [m/s^3].
+    """
+
+    speed: float
+    vertical_speed: float
+    acceleration: float
+    jerk: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +69,22 @@ class Localisation:
             stream: number of the stream, which decides the error.
             missing: (T,) frames in which nobody knows where people are; None means there are none.
         """
+        return self._estimated(middles, fps, stream, missing)[0]
+
+    def followed_smoothly(
+        self, middles: FloatArray, fps: float, stream: int, limits: CentreLimits, missing: BoolArray | None = None
+    ) -> CentreMotion:
+        """Return a centre that goes after where people are thought to be, and keeps limits, each (T, 3).
+
+        What the filter says jumps with every position that arrives, and no vehicle can do that. The jerk that leads on
+        from frame t rests on what `followed` and the filter's velocity say at frame t. See `followed` for the rest.
+        """
+        return _smoothed(*self._estimated(middles, fps, stream, missing), 1 / fps, limits)
+
+    def _estimated(
+        self, middles: FloatArray, fps: float, stream: int, missing: BoolArray | None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the predicted positions [m] and velocities [m/s], (T, 3) each."""
         rng = np.random.default_rng((_SEED, stream))
         measured = middles + self.noise * rng.standard_normal(middles.shape)
         late = round(self.delay * fps)
@@ -50,13 +94,58 @@ class Localisation:
         begin = middles[known.argmax()]
         state = np.stack([begin, np.zeros(3)])  # position and velocity of the three axes
         centres = np.repeat(begin[None].astype(np.float64), len(middles), axis=0)
+        velocities = np.zeros(centres.shape)
         for frame in range(1, len(middles)):
             if frame > late:
                 state = transition @ state
                 if known[frame - late]:
                     state += gains[frame - late - 1][:, None] * (measured[frame - late] - state[0])
-                centres[frame] = ahead @ state
-        return centres
+                centres[frame], velocities[frame] = ahead @ state, state[1]
+        return centres, velocities
+
+
+def _smoothed(wanted: FloatArray, velocity: FloatArray, frame_time: float, limits: CentreLimits) -> CentreMotion:
+    """Return the motion of a centre that goes after positions and velocities (T, 3).
+
+    A cascade as in flight controllers: the error of the position asks for a velocity, that of the velocity for an
+    acceleration, that of the acceleration for a jerk. Each is cut at its limit. With nothing to cut, three poles lie at
+    -`_PACE`. The acceleration is a mean of the last one and the one asked for, so it keeps its limit too. If the speed
+    would not, even were the acceleration to end as soon as it may, the acceleration ends so.
+
+    Heights are scaled such that their speed has the limit of the speed, and lengths then count in all directions.
+    """
+    scale = np.array([1.0, 1.0, max(limits.speed / limits.vertical_speed, 1.0)])
+    wanted, aimed = wanted * scale, velocity * scale
+    top, most = _BETWEEN * limits.speed, limits.jerk * frame_time
+    states = np.zeros((4, *wanted.shape))  # position, velocity, acceleration, jerk
+    here, v, a = wanted[0], np.zeros(3), np.zeros(3)
+    for frame in range(len(wanted)):
+        faster = _cut(aimed[frame] + _PACE / 3 * (wanted[frame] - here), top)
+        harder = _cut(_PACE * (faster - v), limits.acceleration)
+        change = _cut(min(3 * _PACE * frame_time, 1.0) * (harder - a), most)
+        after = v + frame_time * (a + change / 2)
+        if max(_length(after), _length(after + frame_time / 2 * _frames_to_end(a + change, most) * (a + change))) > top:
+            change = -a / max(_frames_to_end(a, most), 1)
+            after = v + frame_time * (a + change / 2)
+        states[:, frame] = here, v, a, change / frame_time
+        here = here + frame_time * (v + frame_time * (a / 2 + change / 6))
+        v, a = after, a + change
+    return CentreMotion(*(states / scale))
+
+
+def _frames_to_end(acceleration: FloatArray, most: float) -> int:
+    """Return the frames that an acceleration (3,) takes to end, if each changes it by `most` at most."""
+    return int(np.ceil(_length(acceleration) / most - 1e-9))
+
+
+def _cut(vector: FloatArray, longest: float) -> FloatArray:
+    """Return a vector (3,), shortened to a length if it is longer."""
+    length = _length(vector)
+    return vector if length <= longest else vector * (longest / length)
+
+
+def _length(vector: FloatArray) -> float:
+    return float(np.sqrt(vector @ vector))
 
 
 def _gains(frame_time: float, known: BoolArray, noise: float, agility: float) -> tuple[FloatArray, FloatArray]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray, IntArray, in_brief
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
-from ehar.data.streams.following import Localisation
+from ehar.data.streams.following import CentreLimits, CentreMotion, Localisation
 from ehar.data.window import Windows
 
 
@@ -20,10 +20,12 @@ class StreamScenarios(Windows):
         sequence: (N,) the stream of each window.
         first: (N,) the first frame of each window, counted within its stream.
         localisation: how well it is known where people are.
+        limits: the limits of the centre's motion, if a vehicle follows it; None if cameras follow at once.
     """
 
     data: StreamData
     localisation: Localisation = field(default_factory=Localisation)
+    limits: CentreLimits | None = None
 
     __repr__ = in_brief
 
@@ -34,9 +36,16 @@ class StreamScenarios(Windows):
         return np.where(labels == NO_ACTIVITY, len(self.data.class_names), labels)
 
     def centres(self, indices: IntArray) -> FloatArray:
-        """Return where people are thought to be, in each frame of some scenarios, (n, L, 3) [m] in the data's frame."""
-        centres: FloatArray = self.data.followed(self.localisation)[self._frames(indices)]
-        return centres
+        """Return where the centre is, in each frame of some scenarios, (n, L, 3) [m] in the data's frame."""
+        motion = self.centre_motion(indices)
+        return self.data.followed(self.localisation)[self._frames(indices)] if motion is None else motion.position
+
+    def centre_motion(self, indices: IntArray) -> CentreMotion | None:
+        """Return the motion of the centre that a vehicle follows, each (n, L, 3); None if no vehicle does."""
+        if self.limits is None:
+            return None
+        motion = self.data.followed_smoothly(self.localisation, self.limits)
+        return CentreMotion(*(part[self._frames(indices)] for part in motion))
 
     def positions(self, indices: IntArray) -> FloatArray:
         """Return joints (n, L, P, J, 3) float32 [m] relative to the centre, which follows people.

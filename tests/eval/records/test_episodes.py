@@ -182,3 +182,16 @@ def test_half_of_a_flight_is_no_flight(tmp_path: Path) -> None:
     (tmp_path / EPISODES).write_text(lines[0] + next(iter(episode_lines({"mine": make_records(0)}))))
     with pytest.raises(DataError, match="some episodes were flown, and others were not"):
         read_episodes(tmp_path / EPISODES)
+
+
+def test_tracking_errors_come_back_and_are_none_where_a_batch_has_none(tmp_path: Path) -> None:
+    records = make_records(0)
+    errors = np.random.default_rng(0).random(records.predicted.shape).round(DIGITS)
+    followed = replace(records, tracking_error=errors)
+    (tmp_path / EPISODES).write_text("".join(episode_lines({"mine": followed})))
+    read = read_episodes(tmp_path / EPISODES)["mine"].tracking_error
+    assert read is not None
+    np.testing.assert_array_equal(read, errors)
+    assert join_records([followed, records]).tracking_error is None
+    joined = join_records([followed, followed]).tracking_error
+    assert joined is not None and joined.shape == (2 * len(errors), errors.shape[1])

@@ -62,6 +62,8 @@ def test_summary_json_has_the_fields_of_the_schema(tmp_path: Path) -> None:
         "step_ms",
         "accuracy_kept",
         "accuracy_kept_ci95",
+        "tracking_error_median",
+        "tracking_error_p95",
         "peak_speed",
         "peak_acceleration",
         "peak_jerk",

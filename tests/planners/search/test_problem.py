@@ -10,16 +10,24 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from ehar.errors import UsageError
-from ehar.viewpoint import cartesian
+from ehar.flight.kinematics import SphericalState
+from ehar.flight.limits import limit_shares
 from planners.search.problem import REGULARISATION, STAGE, STATE, TrajectoryProblem
-from planners.search.task import Trajectory, TrajectoryTask
+from planners.search.task import Trajectory, TrajectoryLimits, TrajectoryTask
+from planners.value.view_basis import PAPER_RANGE
 from tests.helpers.examples import share_of_examples
-from tests.helpers.trajectory_tasks import FLIGHT, GRID, random_task
+from tests.helpers.trajectory_tasks import FLIGHT, GRID, VEHICLE, random_task
 
 HORIZON = 4
-PROBLEM = TrajectoryProblem(HORIZON)
-OBJECTIVE = ca.Function("objective", [PROBLEM.nlp["x"], PROBLEM.nlp["p"]], [PROBLEM.nlp["f"]])
-CONSTRAINTS = ca.Function("constraints", [PROBLEM.nlp["x"], PROBLEM.nlp["p"]], [PROBLEM.nlp["g"]])
+FLOWN, LED = TrajectoryProblem(HORIZON, flown=True), TrajectoryProblem(HORIZON)
+SHARES, TURNS = 5, 4  # of a node in flight
+
+
+def function(problem: TrajectoryProblem, part: str) -> ca.Function:
+    return ca.Function(part, [problem.nlp["x"], problem.nlp["p"]], [problem.nlp[part]])
+
+
+OBJECTIVE, CONSTRAINTS = function(FLOWN, "f"), function(FLOWN, "g")
 seeds = st.integers(0, 10_000)
 
 
@@ -51,21 +59,25 @@ def moving_task(rng: np.random.Generator, **changes: object) -> TrajectoryTask:
 
 
 @share_of_examples(0.2)
-@given(seeds, st.sampled_from([FLIGHT, GRID]))
-def test_derivatives_are_those_of_finite_differences(seed: int, limits: object) -> None:
+@given(seeds, st.sampled_from([(FLOWN, FLIGHT), (LED, GRID)]))
+def test_derivatives_are_those_of_finite_differences(
+    seed: int, track: tuple[TrajectoryProblem, TrajectoryLimits]
+) -> None:
+    problem, limits = track
     rng = np.random.default_rng(seed)
     task = moving_task(rng, limits=limits)
-    numbers = PROBLEM.arguments(task, task.hold())
+    numbers = problem.arguments(task, task.hold())
     variables = numbers["x0"] + rng.uniform(-0.3, 0.3, len(numbers["x0"]))
-    for function in (OBJECTIVE, CONSTRAINTS):
-        symbols = function.mx_in()
-        jacobian = ca.Function("jacobian", symbols, [ca.jacobian(function(*symbols), symbols[0])])
+    for part in "fg":
+        values = function(problem, part)
+        symbols = values.mx_in()
+        jacobian = ca.Function("jacobian", symbols, [ca.jacobian(values(*symbols), symbols[0])])
         analytic = jacobian(variables, numbers["p"]).full()
         step = 1e-6
         for column in rng.choice(len(variables), 8, replace=False):
             shift = step * np.eye(len(variables))[column]
-            up, down = (function(variables + way, numbers["p"]).full().ravel() for way in (shift, -shift))
-            np.testing.assert_allclose(analytic[:, column], (up - down) / (2 * step), atol=1e-7)
+            up, down = (values(variables + way, numbers["p"]).full().ravel() for way in (shift, -shift))
+            np.testing.assert_allclose(analytic[:, column], (up - down) / (2 * step), rtol=1e-6, atol=1e-6)
 
 
 @share_of_examples(0.2)
@@ -74,9 +86,9 @@ def test_dynamics_are_exact(seed: int) -> None:
     rng = np.random.default_rng(seed)
     task = moving_task(rng)
     trajectory = flown(task, rng.uniform(-1, 1, (HORIZON, 3)) * FLIGHT.jerk)
-    numbers = PROBLEM.arguments(task, trajectory)
+    numbers = FLOWN.arguments(task, trajectory)
     constraints = CONSTRAINTS(numbers["x0"], numbers["p"]).full().ravel()
-    are_gaps = np.array(PROBLEM.equality)
+    are_gaps = np.array(FLOWN.equality)
     are_gaps[-6:] = False  # at rest in the end, which this one need not be
     np.testing.assert_allclose(constraints[are_gaps], 0, atol=1e-9)
     np.testing.assert_allclose(constraints[-6:-3], trajectory.velocity[-1] / FLIGHT.velocity, atol=1e-12)
@@ -89,7 +101,7 @@ def test_the_cost_is_what_the_task_says_in_units_of_what_there_is_to_win(seed: i
     task = moving_task(rng, effort_weight=0.3, spread_weight=0.4)
     jerk = rng.uniform(-1, 1, (HORIZON, 3)) * FLIGHT.jerk
     trajectory = task.hold()._replace(position=rng.uniform(1, 6, (HORIZON + 1, 3)), jerk=jerk)
-    numbers = PROBLEM.arguments(task, trajectory)
+    numbers = FLOWN.arguments(task, trajectory)
     unit = task.effort_weight / numbers["p"][STATE + 21 + HORIZON]
     regularisation = REGULARISATION * ((jerk / FLIGHT.jerk) ** 2).sum() / HORIZON
     # Node 0 of the guess is the present state, which no weight counts.
@@ -97,29 +109,60 @@ def test_the_cost_is_what_the_task_says_in_units_of_what_there_is_to_win(seed: i
     assert -unit * cost == pytest.approx(float(task.objective(trajectory)), abs=1e-9)
 
 
-@given(seeds)
-def test_the_pace_is_the_cartesian_speed(seed: int) -> None:
+def inequalities(problem: TrajectoryProblem, task: TrajectoryTask, trajectory: Trajectory) -> np.ndarray:
+    """Return the values of the constraints that are no equations."""
+    numbers = problem.arguments(task, trajectory)
+    constraints = function(problem, "g")(numbers["x0"], numbers["p"]).full().ravel()
+    return constraints[~np.array(problem.equality)]
+
+
+@given(seeds, st.floats(0.5, 2))
+def test_what_a_vehicle_may_not_exceed_is_what_its_flights_are_held_to(seed: int, scale: float) -> None:
+    """Speed, acceleration, jerk, climb and descent, at the nodes but the last; of the first the jerk alone."""
     rng = np.random.default_rng(seed)
     task = moving_task(rng)
     position = rng.uniform([5, -4, 0], [15, 4, np.pi / 2], (HORIZON + 1, 3))
-    direction = rng.normal(size=position.shape)
-    step = 1e-6
-    speed = np.linalg.norm(cartesian(position + step * direction) - cartesian(position - step * direction), axis=1)
-    for share in (0.999, 1.001):
-        velocity = direction * (share * FLIGHT.speed * 2 * step / speed)[:, None]
-        numbers = PROBLEM.arguments(task, task.hold()._replace(position=position, velocity=velocity))
-        constraints = CONSTRAINTS(numbers["x0"], numbers["p"]).full().ravel()
-        pace = constraints[~np.array(PROBLEM.equality)]
-        assert ((pace <= 1) == (share <= 1)).all()
+    velocity, acceleration = scale * rng.normal(size=(2, *position.shape)) * np.array([3, 0.5, 0.4])
+    position[0], velocity[0], acceleration[0] = task.position, task.velocity, task.acceleration
+    jerk = scale * rng.normal(size=(HORIZON, 3)) * np.array([2, 0.5, 0.3])
+    values = inequalities(FLOWN, task, Trajectory(position, velocity, acceleration, jerk))
+    nodes = SphericalState(position[:-1], velocity[:-1], acceleration[:-1], jerk)
+    speed, force, jolt, vertical, _ = limit_shares(VEHICLE, nodes).T
+    assert (values[0] <= 1) == (jolt[0] <= 1)
+    found = values[1:].reshape(HORIZON - 1, SHARES + TURNS)
+    for column, share in enumerate((jolt, speed, force)):
+        np.testing.assert_array_equal(found[:, column] <= 1, share[1:] <= 1)
+    np.testing.assert_allclose(found[:, 3:5].max(axis=1), vertical[1:])
+
+
+@given(seeds)
+def test_a_flight_stays_between_its_turning_points(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    task = random_task(rng, horizon=HORIZON, node_time=0.4)
+    trajectory = flown(task, rng.uniform(-1, 1, (HORIZON, 3)) * FLIGHT.jerk)
+    turning = inequalities(FLOWN, task, trajectory)[1:].reshape(HORIZON - 1, -1)[:, SHARES:].reshape(-1, 2, 2)
+    times = np.linspace(0, task.node_time, 9)[:, None]
+    for node in range(HORIZON - 1):
+        p, v, a, j = (part[node] for part in trajectory)
+        between = p + times * (v + times * (a / 2 + times * j / 6))
+        for place, (axis, unit) in enumerate(((0, PAPER_RANGE.half), (2, 1.0))):
+            ends = unit * turning[max(node - 1, 0) : node + 1, place].ravel()
+            reach = [*ends, p[axis], trajectory.position[node + 1, axis]]
+            assert min(reach) - 1e-9 <= between[:, axis].min() and between[:, axis].max() <= max(reach) + 1e-9
 
 
 def test_the_axes_of_the_grid_share_one_step_a_frame() -> None:
     task = random_task(np.random.default_rng(0), horizon=HORIZON, limits=GRID)
-    for shares, inside in (((1, 0, 0), True), ((0, 0.6, 0.8), True), ((0, 0.61, 0.8), False), ((0.6, 0.6, 0.6), False)):
-        velocity = np.tile((np.array(shares) - 1e-9) * GRID.velocity, (HORIZON + 1, 1))
-        numbers = PROBLEM.arguments(task, task.hold()._replace(velocity=velocity))
-        constraints = CONSTRAINTS(numbers["x0"], numbers["p"]).full().ravel()
-        assert (constraints[~np.array(PROBLEM.equality)] <= 1).all() == inside
+    for shares, inside in (
+        ((1, 0, 0), True),
+        ((0, -0.4, 0.6), True),
+        ((0.3, 0.3, -0.4), True),
+        ((0, 0.6, 0.41), False),
+        ((-0.4, 0.4, -0.4), False),
+    ):
+        velocity = np.tile((np.array(shares) * (1 - 1e-9)) * GRID.velocity, (HORIZON + 1, 1))
+        values = inequalities(LED, task, task.hold()._replace(velocity=velocity))
+        assert (values <= 1).all() == inside
 
 
 @given(seeds, st.integers(1, HORIZON), st.sampled_from(range(STAGE)), st.floats(0.01, 1))
@@ -127,15 +170,15 @@ def test_a_violation_is_found_wherever_it_is(seed: int, node: int, variable: int
     rng = np.random.default_rng(seed)
     # Where nothing else is violated: at rest, from rest, amid the workspace.
     task = random_task(rng, horizon=HORIZON, position=np.array([10.0, 3.0, 0.8]))
-    numbers = PROBLEM.arguments(task, task.hold())
-    assert PROBLEM.violation(numbers["x0"], numbers) < 1e-12
+    numbers = FLOWN.arguments(task, task.hold())
+    assert FLOWN.violation(numbers["x0"], numbers) < 1e-12
     index = STAGE * node + variable
     if index >= len(numbers["x0"]) or not np.isfinite(numbers["ubx"][index]):
         return
     numbers["x0"][index] = numbers["ubx"][index] + excess
-    assert PROBLEM.violation(numbers["x0"], numbers) >= excess - 1e-12
+    assert FLOWN.violation(numbers["x0"], numbers) >= excess - 1e-12
     numbers["x0"][index] = np.nan
-    assert np.isnan(PROBLEM.violation(numbers["x0"], numbers))
+    assert np.isnan(FLOWN.violation(numbers["x0"], numbers))
 
 
 @given(seeds)
@@ -143,11 +186,11 @@ def test_packing_is_undone_by_unpacking(seed: int) -> None:
     rng = np.random.default_rng(seed)
     task = moving_task(rng)
     trajectory = Trajectory(*(rng.normal(size=part.shape) for part in task.hold()))
-    for part, expected in zip(PROBLEM.unpack(PROBLEM.pack(trajectory, task), task), trajectory, strict=True):
+    for part, expected in zip(FLOWN.unpack(FLOWN.pack(trajectory, task), task), trajectory, strict=True):
         np.testing.assert_allclose(part, expected, atol=1e-12)
 
 
 def test_another_horizon_is_refused() -> None:
     task = random_task(np.random.default_rng(0), horizon=HORIZON)
     with pytest.raises(UsageError, match="expected 4 gain weights, got 3"):
-        PROBLEM.arguments(replace(task, gain_weights=np.ones(3)), task.hold())
+        FLOWN.arguments(replace(task, gain_weights=np.ones(3)), task.hold())

@@ -22,21 +22,22 @@ def wild_task(rng: np.random.Generator, limits: TrajectoryLimits) -> TrajectoryT
         limits=limits,
         velocity=1.5 * rng.uniform(-1, 1, 3) * limits.velocity,
         acceleration=1.5 * rng.uniform(-1, 1, 3) * limits.acceleration,
-        node_time=0.08 if limits.shared else 0.32,
+        node_time=0.08 if limits.vehicle is None else 0.32,
     )
 
 
 @pytest.mark.parametrize("limits", [FLIGHT, GRID])
 def test_nearly_all_states_become_ones_that_have_a_plan(limits: TrajectoryLimits) -> None:
     rng = np.random.default_rng(0)
-    solver, before = TrajectorySolver(max_iterations=100), TrajectorySolver(max_iterations=100)
-    for _ in range(100):
+    flown = limits.vehicle is not None
+    solver, before = (TrajectorySolver(max_iterations=100, flown=flown) for _ in range(2))
+    for _ in range(60):
         task = wild_task(rng, limits)
         before.solve(task, task.hold())
         task = stoppable(task)
         solver.solve(task, task.hold())
-    assert before.statistics.fallbacks > 30
-    assert solver.statistics.fallbacks <= 2
+    assert before.statistics.fallbacks > 18
+    assert solver.statistics.fallbacks <= 1
 
 
 @given(seeds, st.sampled_from([FLIGHT, GRID]))
@@ -47,9 +48,10 @@ def test_it_takes_away_and_never_adds(seed: int, limits: TrajectoryLimits) -> No
         was, became = getattr(task, name), getattr(slower, name)
         assert (np.abs(became) <= np.abs(was) + 1e-12).all() and (became * was >= 0).all()
     assert (np.abs(slower.acceleration) <= limits.acceleration).all()
-    again = stoppable(slower)
-    np.testing.assert_allclose(again.velocity, slower.velocity, atol=1e-9)
-    np.testing.assert_allclose(again.acceleration, slower.acceleration, atol=1e-6)
+    if limits.vehicle is None:
+        again = stoppable(slower)
+        np.testing.assert_allclose(again.velocity, slower.velocity, atol=1e-9)
+        np.testing.assert_allclose(again.acceleration, slower.acceleration, atol=1e-6)
 
 
 @given(seeds)

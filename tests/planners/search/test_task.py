@@ -7,7 +7,7 @@ import pytest
 
 from ehar.errors import UsageError
 from ehar.world import PAPER
-from planners.search.task import Trajectory, TrajectoryLimits, grid_limits
+from planners.search.task import Trajectory, grid_limits
 from planners.value.view_basis import PAPER_RANGE, field_value
 from tests.helpers.trajectory_tasks import FLIGHT, HORIZON, random_task
 
@@ -32,7 +32,7 @@ def test_holding_stays_where_the_camera_is() -> None:
 def test_the_grid_moves_one_step_a_frame() -> None:
     limits = grid_limits(PAPER.workspace, 0.04, 0.08)
     np.testing.assert_allclose(limits.velocity * 0.04, PAPER.workspace.step)
-    assert limits.shared and limits.speed == np.inf
+    assert limits.vehicle is None
     # Up with full jerk for one node, down again: full speed is reached within two nodes, within the limits.
     np.testing.assert_allclose(limits.jerk * 0.08, 2 * limits.acceleration)
     assert (limits.acceleration * 0.08 >= limits.velocity).all()
@@ -43,12 +43,6 @@ def test_the_grid_moves_one_step_a_frame() -> None:
 def test_limits_that_are_none_are_refused(name: str, wrong: list[float]) -> None:
     with pytest.raises(UsageError, match=name):
         replace(FLIGHT, **{name: np.array(wrong)})
-
-
-@pytest.mark.parametrize("speed", [0.0, -1.0, np.nan])
-def test_a_speed_that_is_none_is_refused(speed: float) -> None:
-    with pytest.raises(UsageError, match="speed"):
-        TrajectoryLimits(np.ones(3), np.ones(3), np.ones(3), speed=speed)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,37 @@
+"""The moving centre of a stream: how a vehicle follows it, and what that leaves for flights around it."""
+
+from dataclasses import replace
+
+from ehar.data.streams.following import CentreLimits
+from ehar.flight.vehicle import Vehicle
+
+# Shares of a vehicle's limits with which it follows a centre. People walk at 1.4 m/s, px4-auto follows at 1.5 m/s.
+SPEED_SHARE, SHARE = 0.3, 0.2
+
+
+def centre_limits(vehicle: Vehicle) -> CentreLimits:
+    """Return the limits of the centre that a vehicle follows: a share of its own."""
+    return CentreLimits(
+        speed=SPEED_SHARE * vehicle.speed,
+        vertical_speed=SHARE * min(vehicle.climb_speed, vehicle.descent_speed),
+        acceleration=SHARE * vehicle.acceleration,
+        jerk=SHARE * vehicle.jerk,
+    )
+
+
+def around_centre(vehicle: Vehicle) -> Vehicle:
+    """Return the vehicle with what is left of its limits for flights around a moving centre.
+
+    The velocity in the world's frame is that of the centre and that around it, added up; so are acceleration and jerk.
+    No sum of two vectors is longer than their lengths together, so the whole limits are kept in the world's frame. The
+    camera looks at the centre, whose motion does not turn it.
+    """
+    left = 1 - SHARE
+    return replace(
+        vehicle,
+        speed=(1 - SPEED_SHARE) * vehicle.speed,
+        acceleration=left * vehicle.acceleration,
+        jerk=left * vehicle.jerk,
+        climb_speed=left * vehicle.climb_speed,
+        descent_speed=left * vehicle.descent_speed,
+    )
