@@ -18,6 +18,7 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 
 benchmark: setup
 	$(RUN)ehar benchmark --data solo --sensor estimator --out runs/solo-estimator
+	$(RUN)ehar benchmark no-act h-rotate front fixed-best nbv-greedy nbv oracle --data solo-stream --sensor estimator --out runs/solo-stream
 
 test: setup
 	$(RUN)pytest -n 2 --dist worksteal

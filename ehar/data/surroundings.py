@@ -58,7 +58,8 @@ def _passers(
     velocity = np.gradient(place, 1 / scenarios.data.fps, axis=1)
     error = rng.standard_normal((*place.shape[:-1], 4)) * np.repeat(TRACKED, 2)
     tracked = np.concatenate([place, velocity], axis=-1) + error
-    floor = scenarios.positions(chosen)[:, 0, ..., 2].min(axis=(1, 2))
+    heights = scenarios.positions(chosen)[..., 2].min(axis=(2, 3))  # NaN in frames that are missing
+    floor = np.nan_to_num(heights[np.arange(len(chosen)), np.isfinite(heights).argmax(axis=1)])
     low = np.repeat(floor[:, None], world.passers_by, axis=1).astype(np.float64)
     return Passers(place, low, low + _heights(scenarios, chosen, shape, rng), PASSER_RADIUS, tracked)
 

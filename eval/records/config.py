@@ -117,8 +117,9 @@ class RunConfig:
         told = vars(self.conditions) | {"world": self.world.to_json()}
         own = {name: value for name, value in asdict(self).items() if name != "conditions"}
         held = {name: own[name] if name in own else told[_TOLD.get(name, name)] for name in KEYS}
-        if held["onset"] == LATER["onset"]:
-            del held["onset"]  # as in files from before there was another
+        for name in NEW:
+            if held[name] == LATER[name]:
+                del held[name]  # as in files from before there was another
         return held
 
 
@@ -142,6 +143,7 @@ LATER: dict[str, Any] = {  # a file without one of these means its default
     "onset": "unknown",
     "trained_open": False,
 }
+NEW = ("onset", "trained_open")  # keys that a file has only where they say something else
 
 
 def run_config(

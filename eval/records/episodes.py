@@ -57,7 +57,7 @@ class EpisodeRecords:
     flight: FlightRecords | None = None
     second_probability: FloatArray | None = None
     contacts: ContactRecords | None = field(default=None, repr=False)
-    tracking_error: FloatArray | None = None
+    tracking_error: FloatArray | None = field(default=None, repr=False)
 
     __repr__ = in_brief
 

@@ -44,7 +44,7 @@ def _check_same(folder: Path, config: Mapping[str, Any], remedy: str) -> None:
         found = held.get("schema", SCHEMA)  # a run without a schema number may be overwritten
         if found != SCHEMA:
             raise UsageError(f"{folder}: holds a run of schema {found!r}, expected {SCHEMA}; {remedy}")
-        later = {"world": json.loads(json.dumps(PAPER.to_json())), "device": "cpu", "trained_open": False}
+        later = {"world": json.loads(json.dumps(PAPER.to_json())), "device": "cpu"}
         later["trained_lengths"] = wanted.get("trained_lengths")
         held = {**later, **held, "schema": SCHEMA, "planners": _with_later_fields(held.get("planners"))}
     differing = [name for name in {**wanted, **held} if held.get(name) != wanted.get(name)]

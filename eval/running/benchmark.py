@@ -16,7 +16,7 @@ from eval.records.run_files import EPISODES, check_out
 from eval.running.accuracy_kept import read_ideal_run
 from eval.running.choice import READOUTS, ModelPlace, choose_planners, listed
 from eval.running.cluster import EngineName, engine_of
-from eval.running.episodes import CHUNKS_ON_DEVICE, cut_scenarios, random_starts
+from eval.running.episodes import CHUNKS_ON_DEVICE, check_scored, cut_scenarios, random_starts
 from eval.running.jobs import FinishedJobs, PlannerRun, Workload, jobs_of, run_planners
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.running.run import Run
@@ -76,6 +76,7 @@ def benchmark(
     setting = load_setting(conditions, device=device)
     conditions = setting.conditions
     scenarios = cut_scenarios(setting.recordings, setting.sequences, conditions.frames, reporter.note)
+    check_scored(scenarios)
     choice = choose_planners(specs, ModelPlace.of(setting), readout=readout, note=reporter.note)
     chosen, origins, model = choice
     config = run_config(

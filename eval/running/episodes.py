@@ -144,7 +144,7 @@ def _cut_streams(data: StreamData, streams: IntArray, length: int, note: Callabl
     """Cut streams into windows that do not overlap; note what is left out.
 
     Raises:
-        DataError: no stream has `length` frames, or no activity begins and ends within a window: nothing can be scored.
+        DataError: no stream has `length` frames.
     """
     counts = data.lengths[streams] // length
     if not counts.any():
@@ -157,16 +157,22 @@ def _cut_streams(data: StreamData, streams: IntArray, length: int, note: Callabl
     first = np.concatenate([np.arange(count) * length for count in counts])
     scenarios = StreamScenarios(data, length, np.repeat(streams, counts), first)
     shown = np.unique(scenarios.labels)
-    classes = len(data.class_names)
-    if not len(activity_frames(np.where(scenarios.labels == classes, NO_ACTIVITY, scenarios.labels))[0]):
-        raise DataError(
-            f"{data.name}: expected an activity that begins and ends within an episode of {length} frames "
-            f"({length / data.fps:g} s), got none in {len(scenarios)}: a longer --length has some"
-        )
     absent = [name for label, name in enumerate(data.class_names) if label not in shown]
     if absent:
         note(f"{data.name}: no test stream shows {', '.join(absent)}")
     return scenarios
+
+
+def check_scored(scenarios: Scenarios | StreamScenarios) -> None:
+    """Raise a DataError if windows of streams hold no activity from begin to end: there is nothing to score."""
+    if isinstance(scenarios, Scenarios):
+        return
+    data, length, labels = scenarios.data, scenarios.length, scenarios.labels
+    if not len(activity_frames(np.where(labels == len(data.class_names), NO_ACTIVITY, labels))[0]):
+        raise DataError(
+            f"{data.name}: expected an activity that begins and ends within an episode of {length} frames "
+            f"({length / data.fps:g} s), got none in {len(scenarios)}: a longer --length has some"
+        )
 
 
 def random_starts(scenarios: Scenarios | StreamScenarios, starts: int, seed: int, world: World) -> Episodes:

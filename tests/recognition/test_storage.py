@@ -12,6 +12,7 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from ehar.conditions import Conditions, Form
+from ehar.data.any_source import load_recordings
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import split_parts
 from ehar.data.skeleton import Skeleton
@@ -260,11 +261,23 @@ def test_shipped_weights(built_in: MotionData, sensor: str) -> None:
     assert accuracy > 0.6
 
 
-@pytest.mark.parametrize("name", sorted(BUILT_IN))
-def test_nothing_else_is_shipped(name: str) -> None:
+@pytest.mark.slow
+def test_shipped_weights_of_streams() -> None:
+    conditions, streams = Conditions(sensor="estimator"), load_recordings("solo-stream")
+    recogniser = load_recogniser(conditions, streams)
+    assert isinstance(recogniser, StreamingRecogniser) and recogniser.spec.fading
+    path = recogniser_path(SHIPPED / streams.name, conditions)
+    training = json.loads(path.with_suffix(".json").read_text())["training"]
+    assert (training["data"], training["run"]["data_sha256"]) == (streams.title, streams.sha256)
+
+
+@pytest.mark.parametrize(
+    ("name", "sensors"), [*((name, tuple(SENSORS)) for name in sorted(BUILT_IN)), ("solo-stream", ("estimator",))]
+)
+def test_nothing_else_is_shipped(name: str, sensors: tuple[str, ...]) -> None:
     expected = {
         recogniser_path(SHIPPED / name, Conditions(sensor=sensor)).with_suffix(suffix)
-        for sensor in SENSORS
+        for sensor in sensors
         for suffix in (".safetensors", ".json")
     }
     assert set((SHIPPED / name).iterdir()) == expected

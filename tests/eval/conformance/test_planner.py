@@ -172,7 +172,11 @@ DEFECTS = [
     (Remembers(), "forgets all in reset", r"when new, \[.*\] after it ran the same episodes$"),
     (Tape(), "the future changes nothing", r"row 0 after frame 10: .* with another future"),
     (PeeksAtJoints(), "the future changes nothing", r"row 0 after frame 0: .* with another future"),
-    (Squeezing(), "answers a batch of 1 with finite targets (1, 3)", r"of shape \(1, 3\), got \(3,\)$"),
+    (
+        Squeezing(),
+        "answers a batch of 1 with finite targets (1, 3)",
+        r"of shape \(1, 3\), or paths \(1, F, 3, 3\), got \(3,\)$",
+    ),
     (Lost(), "answers a batch of 7 with finite targets (7, 3)", r"frame 3: expected a finite target .* \[nan"),
     (Broken(), "answers a batch of 7 with finite targets (7, 3)", r"IndexError: .*test_planner.py, line \d+"),
     (LongSighted(), "runs episodes of 1 and of 2 frames", r"'still', reset: ZeroDivisionError: .*, line \d+\)$"),

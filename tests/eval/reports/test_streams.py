@@ -15,7 +15,7 @@ from eval.reports.data import report_data
 from eval.reports.delays import class_delays
 from eval.reports.timelines import UNKNOWN, facing_of, timelines
 from eval.running.run import Run, read_run
-from eval.scores.streams.table import delays
+from eval.scores.streams.alarms import delays
 from eval.verification.inputs import check_inputs
 from tests.helpers.fakes import CLASS_NAMES, POSE, SKELETON
 from tests.helpers.reports import embedded, report_of

@@ -8,10 +8,10 @@ from tests.helpers.trajectory_tasks import FLIGHT
 
 
 def test_every_plan_is_counted_and_only_those_measured() -> None:
-    solver = TrajectorySolver(seeds=2)
+    solver = TrajectorySolver(seeds=2, flown=True)
     for _ in range(2):
         measured = measure_solves(np.random.default_rng(0), solver, FLIGHT, node_time=0.2, episodes=2, plans=3)
         assert measured.counts.total() == len(measured.plan_seconds) == 6
-        assert len(measured.solve_seconds) == 3 * 6
+        assert 6 <= len(measured.solve_seconds) <= 3 * 6  # a guess that collects less than what was found is not solved
         assert measured.fallbacks == 0
         assert measured.violation <= TOLERANCE
