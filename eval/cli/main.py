@@ -13,7 +13,8 @@ from tyro.conf import subcommand
 
 from ehar.errors import EharError, UsageError
 from eval.cli.command import Command
-from eval.cli.commands import COMMANDS, CommandGroup
+from eval.cli.commands.every import COMMANDS
+from eval.cli.commands.group import CommandGroup
 from eval.cli.own_flags import fold_flags
 
 

@@ -18,7 +18,7 @@ from ehar.planner import Context
 from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
 from eval import benchmark, check_planner, check_recogniser
-from eval.cli.commands import BENCHMARK
+from eval.cli.commands.benchmark import BENCHMARK
 from eval.cli.main import parse
 from eval.cli.own_flags import fold_flags
 from planners.registry import resolve_planner

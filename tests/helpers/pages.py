@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from eval.cli.command import Command
-from eval.cli.commands import COMMANDS, CommandGroup
+from eval.cli.commands.every import COMMANDS
+from eval.cli.commands.group import CommandGroup
 from eval.cli.main import main
 from eval.cli.own_flags import fold_flags
 from tests.helpers.places import ROOT

@@ -13,7 +13,9 @@ from ehar.errors import UsageError
 from ehar.processes import cores
 from ehar.recogniser import Recogniser
 from eval.cli.command import REQUIRED, Command, Flag
-from eval.cli.commands import COMMANDS, RUN, CommandGroup
+from eval.cli.commands.every import COMMANDS
+from eval.cli.commands.flags import RUN
+from eval.cli.commands.group import CommandGroup
 from eval.cli.main import parse
 from eval.running.progress import Reporter
 from eval.running.sweep import SweepConfig

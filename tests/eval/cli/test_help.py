@@ -11,7 +11,8 @@ from math import ceil
 import pytest
 
 from eval.cli.command import Command
-from eval.cli.commands import COMMANDS, CommandGroup
+from eval.cli.commands.every import COMMANDS
+from eval.cli.commands.group import CommandGroup
 from eval.cli.main import main, parse
 
 HEAVY = (

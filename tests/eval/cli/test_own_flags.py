@@ -4,7 +4,7 @@ import pytest
 
 from ehar.errors import UsageError
 from ehar.plugins.class_spec import parse_spec
-from eval.cli.commands import BENCHMARK
+from eval.cli.commands.benchmark import BENCHMARK
 from eval.cli.own_flags import fold_flags
 
 WITH_VALUES = ("--planners", "--recogniser", "--sensor", "--track", "--length", "--frame-rate")

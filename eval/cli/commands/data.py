@@ -1,0 +1,77 @@
+"""`ehar data`: prepare, describe, stitch and check motion."""
+
+from pathlib import Path
+
+from ehar.data.readers import READERS
+from eval.cli.command import REQUIRED, Command, Flag
+from eval.cli.commands.group import CommandGroup
+from eval.cli.show import save_data, save_stitched, show_conformance, show_table
+
+PREPARED = {
+    "source": Flag(kind=Path, positional=True, metavar="SOURCE"),
+    "out": Flag(positional=True, metavar="OUT.npz"),
+    "fps": Flag(hint="the reader's"),
+    "skeleton": Flag(hint="the data's"),
+}
+OF_READERS = {  # flags of some readers
+    "own": {"reader": Flag(kind=str, positional=True, metavar="READER")},
+    "npz": {"joints": Flag(hint="the data's names"), "persons": Flag(hint="all")},
+    "pyskl": {"split": Flag(hint="none"), "classes": Flag(hint="numbers")},
+    "humanml3d": {"labels": Flag(hint="captions")},
+}
+PREPARE = CommandGroup(
+    """Read motion files, and write a prepared .npz.
+
+    For example:
+        ehar data prepare aistpp AIST++ aistpp.npz
+    """,
+    {name: Command(place, save_data, flags=PREPARED | OF_READERS.get(name, {})) for name, place in READERS.items()},
+)
+DATA = CommandGroup(
+    """Prepare motion data of your own, and describe it.
+
+    For example:
+        ehar data prepare bvh recordings mine.npz
+        ehar data describe mine.npz
+    """,
+    {
+        "prepare": PREPARE,
+        "check": Command(
+            "eval.conformance.data:check_data",
+            show_conformance,
+            text="""Check units, axes, sides, rate and gaps of a prepared .npz.
+
+            Exit code 0: all passed; 1: a check failed, and how to mend it; 2: it can't run.
+
+            For example:
+                ehar data check mine.npz
+            """,
+            flags={"data": Flag(kind=str, positional=True, metavar="DATA")},
+        ),
+        "describe": Command(
+            "eval.studies.describe:describe",
+            show_table,
+            text="""Print what some data hold, class by class.
+
+            For example:
+                ehar data describe mine.npz --figure mine.png
+            """,
+            flags={"data": Flag(kind=str, positional=True, metavar="DATA"), "figure": Flag(hint="none")},
+        ),
+        "stitch": Command(
+            "ehar.data.stitching:stitch",
+            save_stitched,
+            text="""Make streams out of sequences: one activity after another.
+
+            For example:
+                ehar data stitch mine.npz --out mine-stream.npz --seconds 60
+            """,
+            flags={
+                "data": Flag(kind=str, positional=True, metavar="DATA"),
+                "seconds": Flag("length of a stream [s]."),
+                "seed": Flag("of the order, if the data do not say when sequences were recorded."),
+                "out": Flag(".npz to write.", kind=Path, default=REQUIRED),
+            },
+        ),
+    },
+)
