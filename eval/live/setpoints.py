@@ -54,7 +54,7 @@ class Setpoints:
     def __init__(self, *, vehicle: Vehicle, workspace: Workspace, frame_time: float) -> None:
         """Create the setpoints; they begin where `begin` says."""
         self.frame_time = frame_time
-        self._motion = FlightMotion(vehicle=vehicle, workspace=workspace)
+        self._motion = FlightMotion(vehicle=vehicle, workspace=workspace, moving_centre=True)  # people walk about
         self._time_optimal = TimeOptimal()
         self._lock = Lock()
         self._viewpoint: FloatArray = np.empty((1, 3))

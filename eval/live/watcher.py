@@ -12,6 +12,7 @@ from ehar.arrays import FloatArray
 from ehar.conditions import Conditions
 from ehar.errors import EharError, ModelError, UsageError
 from ehar.files import read_json
+from ehar.flight.centre import around_centre
 from ehar.flight.vehicle import Vehicle, load_vehicle
 from ehar.planner import Context, Observation, Planner
 from ehar.plugins.blame import blamed
@@ -164,7 +165,7 @@ class Watcher:
             workspace=self._world.workspace,
             track=self.vehicle.name,
             rng=np.random.default_rng(self._seed),
-            vehicle=self.vehicle,
+            vehicle=around_centre(self.vehicle),
             world=self._world,
         )
         with blamed(self.planner, f"planner {self.planner.name!r}, reset"):
