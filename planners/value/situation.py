@@ -16,6 +16,7 @@ PARTS = ("ratio", "history", "belief", "embedding", "facing")  # parts of a situ
 STREAM_PARTS = PARTS[1:]  # those that exist in a stream, whose end nobody knows
 USUAL_MEMORY = 0.5  # [s] that a view counts for in a stream, where the recogniser does not say
 STREAM_LOOKAHEAD = 2.0  # [s] that planners look ahead in a stream, whose end nobody knows
+FLIGHT_LOOKAHEAD = 6.0  # [s], with a vehicle, which takes so long to get anywhere
 STREAM_WINDOW = 8.0  # [s] of a stream, the usual length of an episode from which planners learn
 _HISTORY = (1, 2, 3, 4, 5, 6, 7, 8, 16)  # places in the basis: harmonics of degree 1 and 2, and the distance
 
@@ -115,7 +116,7 @@ class Tracker:
             fps = 1 / context.frame_time
             self._belief = StreamBelief(self._model, fps=fps)
             self._belief.start(context.episodes)
-            self._shares = coming_shares(self._model, fps=fps, frames=frames_to_come(context))
+            self._shares = coming_shares(self._model, fps=fps, frames=frames_ahead(context.frame_time))
         else:
             self._belief = Belief(self._model)
             self._belief.start(context.episodes, len(context.class_names))
@@ -197,7 +198,10 @@ def fading_gains(frames: int, memory: float) -> FloatArray:
 
 def frames_to_come(context: Context) -> int:
     """Return the most frames that a planner looks ahead: to the end of an episode; of a stream, some seconds."""
-    return frames_ahead(context.frame_time) if context.length is None else context.length - 1
+    if context.length is not None:
+        return context.length - 1
+    seconds = STREAM_LOOKAHEAD if context.vehicle is None else FLIGHT_LOOKAHEAD
+    return max(round(seconds / context.frame_time), 1)
 
 
 def frames_ahead(frame_time: float) -> int:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from ehar.arrays import FloatArray
 from ehar.data.scenario import windows
+from ehar.flight.vehicle import load_vehicle
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import Batch, Record, rollout
@@ -19,7 +20,15 @@ from planners.value.belief import BeliefModel, readout
 from planners.value.body_filter import BodyFilter
 from planners.value.collection import Collection
 from planners.value.fit import stream_situations
-from planners.value.situation import PARTS, STREAM_PARTS, Situation, Tracker, fading_gains, frame_gains
+from planners.value.situation import (
+    PARTS,
+    STREAM_PARTS,
+    Situation,
+    Tracker,
+    fading_gains,
+    frame_gains,
+    frames_to_come,
+)
 from planners.value.stream_belief import StreamBeliefModel
 from planners.value.view_basis import PAPER_RANGE, basis_at, turned
 from tests.helpers.fakes import CLASS_NAMES, FakeRecogniser, tiny_batch, tiny_context
@@ -190,3 +199,10 @@ def test_gains_are_the_slope_of_the_mean_over_frames_of_running_means(frame: int
     evidence = np.random.default_rng(0).normal(size=length)
     slopes = np.array([score(evidence + unit) - score(evidence) for unit in np.eye(length)[frame + 1 :]])
     np.testing.assert_allclose(frame_gains(frame, length), slopes / slopes.sum(), atol=1e-9)
+
+
+def test_a_vehicle_looks_farther_ahead_in_a_stream_and_to_the_end_of_a_clip() -> None:
+    clip = tiny_context(length=30)
+    stream, flown = replace(clip, length=None), replace(clip, length=None, vehicle=load_vehicle("px4-auto"))
+    assert frames_to_come(clip) == frames_to_come(replace(clip, vehicle=flown.vehicle)) == 29
+    assert frames_to_come(flown) == 3 * frames_to_come(stream) == round(6 / clip.frame_time)
