@@ -12,6 +12,7 @@ def test_every_plan_is_counted_and_only_those_measured() -> None:
     for _ in range(2):
         measured = measure_solves(np.random.default_rng(0), solver, FLIGHT, node_time=0.2, episodes=2, plans=3)
         assert measured.counts.total() == len(measured.plan_seconds) == 6
-        assert 6 <= len(measured.solve_seconds) <= 3 * 6  # a guess that collects less than what was found is not solved
+        # All three guesses at the start of an episode, and then at least the plan before.
+        assert 2 * 3 + 4 <= len(measured.solve_seconds) <= 3 * 6
         assert measured.fallbacks == 0
         assert measured.violation <= TOLERANCE
