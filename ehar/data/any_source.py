@@ -16,6 +16,11 @@ BUILT_IN_STREAMS: dict[str, Callable[[], StreamData]] = {
 }
 
 
+def is_stream_source(source: str | Path) -> bool:
+    """Return whether a source is a built-in set of streams, or a stream file; what is not there is neither."""
+    return str(source) in BUILT_IN_STREAMS or holds_streams(Path(source))
+
+
 def load_recordings(source: str | Path, *, fps: float | None = None) -> MotionData | StreamData:
     """Return trimmed sequences or streams: a built-in set by its name, or the content of an .npz file.
 
@@ -27,8 +32,8 @@ def load_recordings(source: str | Path, *, fps: float | None = None) -> MotionDa
         UsageError: `source` is neither a known name nor a file, or `fps` is not above 0.
         DataError: the file does not hold what the schema asks for.
     """
-    built_in = BUILT_IN_STREAMS.get(str(source))
-    if built_in is None and not holds_streams(Path(source)):
+    if not is_stream_source(source):
         return load_data(source, fps=fps)
+    built_in = BUILT_IN_STREAMS.get(str(source))
     streams = load_streams(source) if built_in is None else built_in()
     return streams if fps is None else streams.resampled(fps)

@@ -4,7 +4,7 @@ A file that breaks one of these is a valid file, and only the accuracy suffers. 
 capture, for trackers of depth cameras with their noise, and for children.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
@@ -19,7 +19,6 @@ from ehar.data.preparing.axes import UNITS, Up, metres, up_rotation
 from ehar.data.preparing.body_parts import body_parts
 from ehar.data.recordings import Recordings
 from ehar.data.skeleton import Skeleton
-from ehar.data.source import BUILT_IN
 from ehar.data.streams.data import StreamData
 from ehar.errors import DataError
 from eval.conformance.checks import Conformance, ContractCheck
@@ -61,7 +60,7 @@ def check_data(data: str | Path | MotionData | StreamData) -> Conformance:
     """Check that motion is in metres with z up, that left is left, and that people are there.
 
     Args:
-        data: duo, solo, a prepared .npz of sequences or of streams, or motion itself.
+        data: a built-in set, a prepared .npz of sequences or of streams, or motion itself.
 
     Raises:
         UsageError: there is no such file.
@@ -124,13 +123,13 @@ def _mend_file(error: DataError, command: str) -> str:
 
 
 def _loaded(source: str | Path) -> Recordings:
+    from ehar.data.any_source import load_recordings
     from ehar.data.motion_file import load_motion
-    from ehar.data.source import load_data
     from ehar.data.streams.file import load_streams
 
     path = Path(source)
-    if str(source) in BUILT_IN or not path.is_file():
-        return load_data(source)  # this raises the error where there is no file
+    if not path.is_file():
+        return load_recordings(source)  # a built-in set; this raises the error where there is no file
     try:
         with np.load(path, allow_pickle=False) as archive:
             streams = "segments" in archive.files
@@ -274,15 +273,14 @@ def _sides(data: Recordings, given: ReadWith) -> ContractCheck:
     """Check which way people face, as left and right tell it, against toes, or else noses, or else knees."""
     parts = body_parts(data.skeleton.joint_names)
     ahead = _ahead(data.positions, parts)
-    shown = None if ahead is None else _pointing(data.positions, parts)
-    if ahead is None or shown is None:
-        return ContractCheck(_SIDES, None, "no names of hips and shoulders, and of feet, a nose or knees")
-    what, ways = shown
-    along = (ways * ahead[:, :, None]).sum(axis=-1)
-    total = np.abs(along).sum()
-    if total < 1e-6:
-        return ContractCheck(_SIDES, None, f"{what} point nowhere")
-    share = float(np.maximum(along, 0).sum() / total)
+    if ahead is None:
+        return ContractCheck(_SIDES, None, "no names of hips and shoulders")
+    told = ((what, (ways * ahead[:, :, None]).sum(axis=-1)) for what, ways in _pointing(data.positions, parts))
+    shown = next(((what, along) for what, along in told if np.abs(along).sum() > 1e-6), None)
+    if shown is None:  # feet may be where ankles are
+        return ContractCheck(_SIDES, None, "no feet, nose or knees that point somewhere")
+    what, along = shown
+    share = float(np.maximum(along, 0).sum() / np.abs(along).sum())
     if share >= SEEN:
         return ContractCheck(f"{_SIDES}: {what} do, {100 * share:.0f} %", True)
     if share > MIRRORED:
@@ -321,8 +319,8 @@ def _ahead(positions: FloatArray, parts: Mapping[str, int]) -> FloatArray | None
     return _unit_vectors(np.cross(to_left, shoulders - hips))
 
 
-def _pointing(positions: FloatArray, parts: Mapping[str, int]) -> tuple[str, FloatArray] | None:
-    """Return what points ahead of people, and its vectors (T, P, n, 3) [m]; the surest that names tell."""
+def _pointing(positions: FloatArray, parts: Mapping[str, int]) -> Iterator[tuple[str, FloatArray]]:
+    """Yield what points ahead of people, and its vectors (T, P, n, 3) [m]: all that names tell, the surest first."""
 
     def joint(part: str) -> FloatArray:
         place: FloatArray = positions[:, :, parts[part]].astype(np.float64)
@@ -333,12 +331,12 @@ def _pointing(positions: FloatArray, parts: Mapping[str, int]) -> tuple[str, Flo
 
     if named("foot", "ankle") and parts["left_foot"] != parts["left_ankle"]:
         toes = [joint(f"{side}_foot") - joint(f"{side}_ankle") for side in ("left", "right")]
-        return "toes", np.stack(toes, axis=2)
+        yield "toes", np.stack(toes, axis=2)
     if "nose" in parts and named("ear"):
-        return "noses", (joint("nose") - (joint("left_ear") + joint("right_ear")) / 2)[:, :, None]
+        yield "noses", (joint("nose") - (joint("left_ear") + joint("right_ear")) / 2)[:, :, None]
     end = "ankle" if named("ankle") else "foot"
     if not named("knee", "hip", end):
-        return None
+        return
     knees = []
     for side in ("left", "right"):
         hip, knee, ankle = (joint(f"{side}_{part}") for part in ("hip", "knee", end))
@@ -347,7 +345,7 @@ def _pointing(positions: FloatArray, parts: Mapping[str, int]) -> tuple[str, Flo
             (leg**2).sum(axis=-1, keepdims=True), 1e-9
         )
         knees.append(knee - hip - along * leg)
-    return "knees", np.stack(knees, axis=2)
+    yield "knees", np.stack(knees, axis=2)
 
 
 def _both(part: str) -> tuple[str, str]:

@@ -19,6 +19,7 @@ from ehar.arrays import BoolArray, FloatArray
 from ehar.data.motion_data import MotionData
 from ehar.data.preparing.axes import Up, upright
 from ehar.data.preparing.layouts import COCO17
+from ehar.data.readers.names import visible_files
 from ehar.data.readers.pickles import load_arrays
 from ehar.errors import DataError
 
@@ -60,7 +61,7 @@ def prepare_aistpp(source: str | Path, *, unit: str = "cm", up: Up = "y") -> Mot
     """
     source = Path(source)
     folder = source / "keypoints3d"
-    files = sorted(folder.glob("*.pkl"))
+    files = visible_files(folder, ".pkl")
     if not files:
         raise DataError(f"{folder}: got no *.pkl files, expected the keypoints3d of AIST++")
     ignored = _read_ignore_list(source)

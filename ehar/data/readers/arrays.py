@@ -14,7 +14,8 @@ from ehar.data.motion_data import MotionData
 from ehar.data.preparing.axes import Up, metres, up_rotation, upright
 from ehar.data.preparing.gaps import without_empty_bodies
 from ehar.data.preparing.layouts import LAYOUTS
-from ehar.data.readers.assembly import Clip, assemble, matching_files
+from ehar.data.readers.assembly import Clip, assemble
+from ehar.data.readers.names import visible_files
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError
@@ -94,11 +95,7 @@ def prepare_arrays(source: str | Path, *, unit: str = "m", up: Up = "z") -> Moti
     source = Path(source)
     told = read_json(source / SIDECAR, ArraysFile, "a description of arrays", defaults=True)
     pattern = _compiled(told.pattern)
-    files = sorted(
-        file
-        for ending in ("*.npy", "*.csv")
-        for file in (matching_files(source, ending, "arrays") if any(source.rglob(ending)) else [])
-    )
+    files = visible_files(source, ".npy", ".csv")
     if not files:
         raise DataError(f"{source}: got no .npy and no .csv, expected a folder that holds some")
 

@@ -51,8 +51,8 @@ def assemble(
 ) -> MotionData:
     """Return motion data of clips; each keeps the people who move most.
 
-    Clips in which fewer people are seen are left out. A split that leaves a class without training or without test
-    sequences is left out too. Both are told in the notes.
+    Clips in which fewer people are seen are left out, and so are those with a joint that is never seen. A split that
+    leaves a class without training or without test sequences is left out too. All that is told in the notes.
 
     Args:
         clips: the clips; they are taken one by one, so that no more than their people are in memory.
@@ -66,29 +66,36 @@ def assemble(
 
     Raises:
         UsageError: `persons` is below 1.
-        DataError: no clip is left, or a joint of a clip is in no frame.
+        DataError: no clip is left.
     """
     if persons < 1:
         raise UsageError(f"persons: got {persons}, expected at least 1")
     kept: list[Clip] = []
     gaps, left_out = [], []
+    unseen: list[tuple[Clip, DataError]] = []
     for clip in clips:
         motion = most_moving(clip.motion, persons)
         if motion is None:
             left_out.append(clip)
             continue
-        motion, lost = fill_gaps(motion, skeleton, str(clip.file))
+        try:
+            motion, lost = fill_gaps(motion, skeleton, str(clip.file))
+        except DataError as error:  # one recording in which a foot was never seen does not spoil thousands
+            unseen.append((clip, error))
+            continue
         kept.append(replace(clip, motion=motion))
         gaps.append(lost)
+    if not kept and unseen:
+        raise unseen[0][1]
     if not kept:
         raise DataError(f"{left_out[0].file.parent if left_out else name}: got no sequence of {persons} people")
-    told = list(notes)
-    if left_out:
-        total = len(kept) + len(left_out)
-        first = left_out[0].name
-        told.append(
-            f"{len(left_out)} of {total} sequences show fewer than {persons} people and are left out: {first}..."
-        )
+    told, total = list(notes), len(kept) + len(left_out) + len(unseen)
+    for out, why in (
+        (left_out, f"show fewer than {persons} people"),
+        ([clip for clip, _ in unseen], "have a joint that is in no frame,"),
+    ):
+        if out:
+            told.append(f"{len(out)} of {total} sequences {why} and are left out: {out[0].name}...")
     names = {clip.label for clip in kept}
     class_names = [label for label in class_order if label in names] + sorted(names - set(class_order))
     labels = np.array([class_names.index(clip.label) for clip in kept])
@@ -124,15 +131,3 @@ def _split(clips: Sequence[Clip], labels: np.ndarray, class_names: Sequence[str]
             )
             return None
     return is_test
-
-
-def matching_files(source: str | Path, pattern: str, expected: str) -> list[Path]:
-    """Return the files below a folder whose names match, sorted by path.
-
-    Raises:
-        DataError: there are none.
-    """
-    files = sorted(file for file in Path(source).rglob(pattern) if file.is_file())
-    if not files:
-        raise DataError(f"{source}: got no {pattern}, expected {expected}")
-    return files

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from ehar.arrays import FloatArray
 from ehar.data.motion_data import MotionData
 from ehar.data.preparing.axes import Up, metres, up_rotation, upright
-from ehar.data.readers.names import compiled, label_of
+from ehar.data.readers.names import compiled, label_of, visible_files
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError, UsageError
@@ -56,7 +56,7 @@ def prepare_bvh(
     if label_from not in ("name", "folder"):
         raise UsageError(f"label_from: got {label_from!r}, expected name or folder")
     metres(unit), up_rotation(up)  # a wrong option is told before anything is read
-    files = sorted(file for file in source.rglob("*") if file.suffix.lower() == ".bvh" and file.is_file())
+    files = visible_files(source, ".bvh")
     if not files:
         raise DataError(f"{source}: got no .bvh files, expected a folder that holds some")
     words = [file.parent.name if label_from == "folder" else label_of(file, regex, pattern) for file in files]

@@ -19,7 +19,7 @@ from ehar.arrays import FloatArray
 from ehar.data.motion_data import MotionData
 from ehar.data.preparing.axes import Up, metres, up_rotation, upright
 from ehar.data.readers.assembly import Clip, assemble
-from ehar.data.readers.names import compiled, label_of
+from ehar.data.readers.names import compiled, label_of, visible_files
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError, UsageError
 
@@ -88,7 +88,7 @@ def prepare_c3d(
         raise UsageError("data prepare c3d needs ezc3d: pip install 'ehar[c3d]'")
     source, regex = Path(source), compiled(pattern)
     metres(unit), up_rotation(up)  # a wrong option is told before anything is read
-    files = sorted(file for file in source.rglob("*") if file.suffix.lower() == ".c3d" and file.is_file())
+    files = visible_files(source, ".c3d")
     if not files:
         raise DataError(f"{source}: got no .c3d files, expected a folder that holds some")
     words = [label_of(file, regex, pattern) for file in files]
@@ -97,7 +97,10 @@ def prepare_c3d(
         if abs(markers.fps / held[0].fps - 1) > SAME_RATE:
             raise DataError(f"{file}: got {markers.fps:g} frames a second, expected {held[0].fps:g} as in {files[0]}")
         if markers.unit in ("m", "cm", "mm") and markers.unit != unit and unit in ("m", "cm", "mm"):
-            raise DataError(f"{file}: POINT:UNITS: got {markers.unit}, expected {unit}; --unit {markers.unit} reads it")
+            overruled = f"--unit {metres(unit):g} if the file is wrong"
+            raise DataError(
+                f"{file}: POINT:UNITS: got {markers.unit}, expected {unit}; --unit {markers.unit} reads it, {overruled}"
+            )
     shared = [name for name in held[0].names if all(name in markers.names for markers in held)]
     if len(shared) < LEAST_MARKERS:
         raise DataError(f"{source}: got {len(shared)} markers that all files name, expected at least {LEAST_MARKERS}")

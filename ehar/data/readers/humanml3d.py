@@ -16,7 +16,8 @@ from ehar.arrays import FloatArray
 from ehar.data.motion_data import MotionData
 from ehar.data.preparing.axes import Up, upright
 from ehar.data.preparing.layouts import SMPL22
-from ehar.data.readers.assembly import Clip, assemble, matching_files
+from ehar.data.readers.assembly import Clip, assemble
+from ehar.data.readers.names import matching_files
 from ehar.errors import DataError, UsageError
 
 FPS = 20.0
@@ -49,7 +50,7 @@ def prepare_humanml3d(
     if least < 1:
         raise UsageError(f"least: got {least}, expected at least 1")
     folder = source / "new_joints"
-    files = matching_files(folder if folder.is_dir() else source, "*.npy", "new_joints of HumanML3D")
+    files = matching_files(folder if folder.is_dir() else source, ".npy", "new_joints of HumanML3D")
     class_of = _labels_of_rows(labels) if labels is not None else _labels_of_captions(source / "texts")
     counts = Counter(class_of[file.stem] for file in files if file.stem in class_of)
     chosen = [file for file in files if file.stem in class_of and counts[class_of[file.stem]] >= least]

@@ -1,9 +1,41 @@
-"""The class of a file, by a pattern of its name."""
+"""Which files of a folder a reader takes, and their class, by their names."""
 
 import re
 from pathlib import Path
 
 from ehar.errors import DataError, UsageError
+
+
+def visible_files(source: str | Path, *endings: str) -> list[Path]:
+    """Return the files below a folder whose names end so, in capitals or not, sorted by path.
+
+    What begins with a dot is hidden, and is left out, file or folder: macOS writes a `._walk_1.c3d` beside each
+    `walk_1.c3d` that it copies to other disks or packs, there in a folder `__MACOSX`.
+
+    Args:
+        source: the folder.
+        *endings: small, with their dots.
+    """
+    root = Path(source)
+    return sorted(
+        file
+        for file in root.rglob("*")
+        if file.name.lower().endswith(endings)
+        and not any(part.startswith(".") or part == "__MACOSX" for part in file.relative_to(root).parts)
+        and file.is_file()
+    )
+
+
+def matching_files(source: str | Path, ending: str, expected: str) -> list[Path]:
+    """Return the visible files below a folder whose names end so.
+
+    Raises:
+        DataError: there are none.
+    """
+    files = visible_files(source, ending)
+    if not files:
+        raise DataError(f"{source}: got no *{ending}, expected {expected}")
+    return files
 
 
 def compiled(pattern: str) -> re.Pattern[str]:

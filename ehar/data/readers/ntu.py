@@ -15,7 +15,8 @@ from ehar.arrays import FloatArray
 from ehar.data.motion_data import MotionData
 from ehar.data.preparing.axes import Up, upright
 from ehar.data.preparing.layouts import NTU25
-from ehar.data.readers.assembly import Clip, assemble, matching_files
+from ehar.data.readers.assembly import Clip, assemble
+from ehar.data.readers.names import matching_files
 from ehar.errors import DataError, UsageError
 
 Split = Literal["subject", "view", "setup"]
@@ -82,7 +83,7 @@ def prepare_ntu(
         raise UsageError(f"persons: got {persons}, expected 1 or 2")
     if split not in ("subject", "view", "setup"):
         raise UsageError(f"split: got {split!r}, expected subject, view or setup")
-    files = matching_files(source, "*.skeleton", "the skeletons of NTU RGB+D, such as S001C001P001R001A001.skeleton")
+    files = matching_files(source, ".skeleton", "the skeletons of NTU RGB+D, such as S001C001P001R001A001.skeleton")
     named = {file: _NAME.fullmatch(file.stem) for file in files}
     for file, match in named.items():
         if match is None or not 1 <= int(match["action"]) <= len(ACTIONS):

@@ -15,7 +15,8 @@ from ehar.arrays import FloatArray
 from ehar.data.motion_data import MotionData
 from ehar.data.preparing.axes import Up, upright
 from ehar.data.preparing.layouts import KINECT20
-from ehar.data.readers.assembly import Clip, assemble, matching_files
+from ehar.data.readers.assembly import Clip, assemble
+from ehar.data.readers.names import matching_files
 from ehar.errors import DataError
 
 FPS = 12.0  # assumed: not stated by its authors
@@ -51,7 +52,7 @@ def prepare_nwucla(source: str | Path, *, unit: str = "m", up: Up = "y") -> Moti
     Raises:
         DataError: a name is not of this set, or a file does not hold 20 joints a frame.
     """
-    files = matching_files(source, "*.json", "the skeletons of NW-UCLA, such as a01_s01_e00_v01.json")
+    files = matching_files(source, ".json", "the skeletons of NW-UCLA, such as a01_s01_e00_v01.json")
 
     def clips() -> Iterator[Clip]:
         for file in files:

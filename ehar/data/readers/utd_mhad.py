@@ -14,7 +14,8 @@ from ehar.arrays import FloatArray
 from ehar.data.motion_data import MotionData
 from ehar.data.preparing.axes import Up, upright
 from ehar.data.preparing.layouts import KINECT20
-from ehar.data.readers.assembly import Clip, assemble, matching_files
+from ehar.data.readers.assembly import Clip, assemble
+from ehar.data.readers.names import matching_files
 from ehar.errors import DataError
 
 FPS = 30.0
@@ -45,7 +46,7 @@ def prepare_utd_mhad(source: str | Path, *, unit: str = "m", up: Up = "y") -> Mo
     Raises:
         DataError: a name is not of this set, or a file does not hold 20 joints a frame.
     """
-    files = matching_files(source, "*.mat", "the skeletons of UTD-MHAD, such as a1_s1_t1_skeleton.mat")
+    files = matching_files(source, ".mat", "the skeletons of UTD-MHAD, such as a1_s1_t1_skeleton.mat")
 
     def clips() -> Iterator[Clip]:
         for file in files:

@@ -49,7 +49,7 @@ def only_failure(found: Conformance) -> ContractCheck:
     return failed[0]
 
 
-@pytest.mark.parametrize("name", ["duo", "solo"])
+@pytest.mark.parametrize("name", ["duo", "solo", "solo-stream"])
 def test_built_in_sets_pass_without_a_warning(name: str) -> None:
     found = check_data(name)
     assert found.passed, str(found)
@@ -116,6 +116,20 @@ def test_advice_is_right_for_joints_in_the_frame_of_a_camera(
     with pytest.raises(SystemExit):
         main(["data", "prepare", "npz", str(tmp_path / "mended.npz"), str(tmp_path / "wrong.npz"), "--up", "y"])
     assert "z of the file points up" in capsys.readouterr().out  # told in the axes of the file, not of the result
+
+
+def test_feet_that_are_where_ankles_are_leave_the_word_to_knees() -> None:
+    data = few()
+    names = data.skeleton.joint_names
+    ankles = tuple(names.index(f"{side}_ankle") for side in ("left", "right"))
+    feet = Skeleton(
+        (*names, "left_foot", "right_foot"),
+        (*data.skeleton.bones, (ankles[0], len(names)), (ankles[1], len(names) + 1)),
+    )
+    footed = replace(data, positions=data.positions[:, :, [*range(len(names)), *ankles]], skeleton=feet)
+    found = check_data(footed)
+    assert found.passed and any("knees do" in check.name for check in found.checks), str(found)
+    assert only_failure(check_data(changed(footed, lambda p: p * [-1, 1, 1]))).got.startswith("knees point backwards")
 
 
 @pytest.mark.parametrize("factor", [0.1, 10, 0.01])

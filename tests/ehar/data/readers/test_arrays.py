@@ -10,11 +10,16 @@ import pytest
 from ehar.data.preparing.layouts import BODY12
 from ehar.data.preparing.mapping import mapped
 from ehar.data.readers.arrays import prepare_arrays
+from ehar.data.readers.humanml3d import prepare_humanml3d
 from ehar.data.source import load_data
 from ehar.errors import EharError
+from ehar.files import write_text
 from eval.conformance.data import check_data
+from tests.helpers.places import SHARED
 
 TOLD = {"joints": "body12", "fps": 60, "pattern": "{label}_s{subject}_{split}_{take}.{ending}"}
+NUMBERED = "{label}_{number}.{ending}"
+SAMPLE = SHARED / "formats_sample" / "humanml3d" / "012314.npy"
 JOINTS = np.random.default_rng(0).normal(size=(5, 12, 3))
 
 
@@ -37,6 +42,22 @@ def test_what_the_json_says(tmp_path: Path) -> None:
     assert data.is_test is not None and data.is_test.tolist() == [False, True]
     for index in range(2):
         np.testing.assert_allclose(data.sequence(index)[:, 0], JOINTS, atol=1e-5)
+
+
+@pytest.mark.parametrize("ending", ["npy", "csv"])
+def test_a_real_sample(ending: str, tmp_path: Path) -> None:
+    """Joints of HumanML3D, as an array with a description: as its own reader reads them."""
+    if not SAMPLE.is_file():
+        pytest.skip(f"{SAMPLE} is absent")
+    (tmp_path / "arrays").mkdir()
+    arrays = {f"sit_1.{ending}": np.load(SAMPLE)}
+    source = folder(tmp_path / "arrays", arrays=arrays, joints="smpl22", fps=20, up="y", pattern=NUMBERED)
+    write_text(tmp_path / "labels.csv", ["012314,sit\n"])
+    data, known = prepare_arrays(source), prepare_humanml3d(SAMPLE.parent, labels=tmp_path / "labels.csv")
+    np.testing.assert_allclose(data.positions, known.positions, atol=1e-6)
+    assert (data.fps, data.class_names, data.skeleton) == (known.fps, known.class_names, known.skeleton)
+    found = check_data(data)
+    assert found.passed, str(found)
 
 
 def test_options_correct_what_the_json_says(tmp_path: Path) -> None:

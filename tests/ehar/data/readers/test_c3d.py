@@ -8,10 +8,14 @@ import pytest
 
 from ehar.data.readers import c3d
 from ehar.data.readers.c3d import nearest_bones, prepare_c3d, read_c3d
+from ehar.data.readers.utd_mhad import prepare_utd_mhad
 from ehar.errors import DataError, UsageError
+from eval.conformance.data import check_data
+from tests.helpers.places import SHARED
 
 ezc3d = pytest.importorskip("ezc3d", reason="ezc3d is not installed: pip install 'ehar[c3d]'")
 
+SAMPLE = SHARED / "formats_sample" / "utd_mhad"
 NAMES = ("HEAD", "CLAV", "LSHO", "RSHO", "LANK", "RANK")
 STANDING = np.array([[0, 0, 1700], [0, 0, 1450], [0, 200, 1400], [0, -200, 1400], [0, 100, 80], [0, -100, 80]])  # [mm]
 FRAMES = 12
@@ -24,10 +28,11 @@ def save(file: Path, *, names: tuple[str, ...] = NAMES, unit: str = "mm", fps: f
     place = np.resize(STANDING, (len(names), 3))
     points[:3] = place.T[:, :, None] + np.arange(FRAMES) * np.array([0, 0, 1])[:, None, None]
     points[:3, -1, 3] = np.nan
+    points = more.get("points", points)
     made["parameters"]["POINT"]["RATE"]["value"] = [fps]
     made["parameters"]["POINT"]["UNITS"]["value"] = [unit]
     made["parameters"]["POINT"]["LABELS"]["value"] = list(names)
-    made["data"]["points"] = more.get("points", points)
+    made["data"]["points"] = points
     made.write(str(file))
     return file
 
@@ -46,6 +51,22 @@ def test_markers_become_joints_in_metres(tmp_path: Path) -> None:
     np.testing.assert_allclose(data.sequence(1)[:, 0, order[-1], 2], 0.08 + np.arange(FRAMES) / 1000, atol=1e-6)
     assert data.missing is not None and np.flatnonzero(data.missing).tolist() == [FRAMES + 3]  # of RANK, not of STICK
     assert any("1 markers are not in all files" in note for note in data.notes)
+
+
+def test_a_real_sample(tmp_path: Path) -> None:
+    """Real motion of UTD-MHAD as markers in a C3D file: there is no C3D file among the samples."""
+    if not SAMPLE.is_dir():
+        pytest.skip(f"{SAMPLE} is absent")
+    known = prepare_utd_mhad(SAMPLE)
+    motion, names = known.sequence(0)[:, 0], known.skeleton.joint_names
+    points = np.ones((4, len(names), len(motion)))
+    points[:3] = 1000 * motion.transpose(2, 1, 0)
+    save(tmp_path / "swipe_1.c3d", names=names, points=points, fps=known.fps)
+    data = prepare_c3d(tmp_path)
+    order = [data.skeleton.joint_names.index(name) for name in names]
+    np.testing.assert_allclose(data.sequence(0)[:, 0, order], motion, atol=1e-5)
+    assert data.fps == known.fps and data.missing is None
+    assert check_data(data).passed, str(check_data(data))
 
 
 def test_bones_join_the_nearest(tmp_path: Path) -> None:
@@ -86,7 +107,9 @@ def test_what_does_not_fit_is_named(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"got no \.c3d files"):
         prepare_c3d(tmp_path)
     save(tmp_path / "walk_1.c3d", unit="m")
-    with pytest.raises(DataError, match="POINT:UNITS: got m, expected mm; --unit m reads it"):
+    with pytest.raises(
+        DataError, match=r"POINT:UNITS: got m, expected mm; --unit m reads it, --unit 0\.001 if the file"
+    ):
         prepare_c3d(tmp_path)
     with pytest.raises(DataError, match="does not fit the pattern"):
         prepare_c3d(tmp_path, pattern="{label}-{number}.c3d")

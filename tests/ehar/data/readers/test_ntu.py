@@ -73,6 +73,24 @@ def test_joints_that_are_not_tracked_are_lost(tmp_path: Path) -> None:
     assert np.isnan(motion).all()
 
 
+def test_a_recording_without_a_joint_is_left_out_and_counted(tmp_path: Path) -> None:
+    write(tmp_path, GOOD)
+    numbered = [line.split() for line in GOOD.splitlines()]
+    feet = [number for number, line in enumerate(numbered) if line[:1] == [str(BASE[15, 0])]]  # hidden by a desk
+    feet += [number for number, line in enumerate(numbered) if line[:1] == [str((BASE + 0.1)[15, 0])]]
+    assert len(feet) == 3
+    for number in feet:
+        numbered[number][-1] = "0"
+    hidden = "\n".join(" ".join(line) for line in numbered)
+    write(tmp_path, hidden, "S001C001P001R001A002.skeleton")
+    data = prepare_ntu(tmp_path)
+    assert data.class_names == ("drink water",)
+    assert "1 of 2 sequences have a joint that is in no frame, and are left out: S001C001P001R001A002" in data.notes[0]
+    (tmp_path / "S001C001P001R001A001.skeleton").unlink()
+    with pytest.raises(EharError, match=r"A002\.skeleton: joint 'foot_left' of person 1 is in no frame"):
+        prepare_ntu(tmp_path)
+
+
 def test_actions_of_one_and_of_two_people(tmp_path: Path) -> None:
     write(tmp_path, GOOD)
     two = [{"1": BASE + 0.1 * i, "2": BASE + 3} for i in range(3)]
