@@ -1,4 +1,4 @@
-"""Headroom: how much accuracy better views could win, read from a map of fixed cameras."""
+"""Headroom: how much accuracy better views could win, read from a map of fixed cameras around people."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ehar.arrays import FloatArray, IntArray
+from ehar.arrays import FloatArray
 from ehar.conditions import Conditions
 from ehar.data.scenario import split_parts, windows
 from ehar.errors import UsageError
 from ehar.files import json_text, write_text
 from ehar.processes import Processes, check_workers
-from ehar.viewpoint import Workspace
 from ehar.world import load_world
 from eval.records.config import CONFIG, RunConfig, planner_config, run_config
 from eval.records.run_files import check_out
@@ -24,6 +23,16 @@ from eval.running.jobs import Workload, run_planners
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.scores.metrics import mean_acc
 from eval.scores.planner_summary import NO_ACT, ORACLE
+from eval.studies.headroom.class_maps import (
+    ClassMaps,
+    Watched,
+    chosen_by_others,
+    class_maps,
+    class_tables,
+    scores_at,
+    worth_on_the_same,
+)
+from eval.studies.headroom.places import counted_from, placed_around, viewpoint_map
 from recognition.setting import load_setting
 
 REFERENCES = (NO_ACT, ORACLE, "oracle-lookahead")  # planners in the same table as the fixed cameras
@@ -35,18 +44,7 @@ class HeadroomRow:
 
     name: str
     acc_mean: float
-    chosen_on: str  # the episodes that decided the choice: none (-), validation or test
-
-
-@dataclass(frozen=True)
-class ClassRow:
-    """The fixed viewpoint that shows one class best, chosen on test, and the accuracy [%] there."""
-
-    class_name: str
-    azimuth_deg: float
-    polar_deg: float
-    acc_mean: float
-    acc_mean_map: float  # mean accuracy [%] of the class over the map
+    chosen_on: str  # the episodes that decided the choice: none (-), others than those that are scored, or test
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +54,12 @@ class Headroom:
     Args:
         config: configuration of the study.
         distance: distance of the fixed cameras [m].
-        viewpoints: (polars, azimuths, 3), the map of fixed cameras.
+        viewpoints: (polars, azimuths, 3), the map of fixed cameras; azimuths are counted from people's front.
         acc_mean: (polars, azimuths) accuracy [%] on test, mean over frames and scenarios.
         rows: the ways to place cameras.
-        classes: the best fixed viewpoint of each class that has test scenarios.
+        maps: where each class is best seen, and what it is worth to know the class.
         scenarios: number of test scenarios.
+        counted_from: what azimuths are counted from, in words.
     """
 
     config: RunConfig
@@ -68,8 +67,9 @@ class Headroom:
     viewpoints: FloatArray
     acc_mean: FloatArray
     rows: tuple[HeadroomRow, ...]
-    classes: tuple[ClassRow, ...]
+    maps: ClassMaps
     scenarios: int
+    counted_from: str
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of headroom.json."""
@@ -79,9 +79,10 @@ class Headroom:
             "views": self.config.conditions.views,
             "scenarios": self.scenarios,
             "rows": [asdict(row) for row in self.rows],
-            "classes": [asdict(row) for row in self.classes],
+            "classes": self.maps.to_json(),
             "map": {
                 "distance_m": self.distance,
+                "azimuth_from": self.counted_from,
                 "polar_deg": np.degrees(self.viewpoints[:, 0, 2]).round(3).tolist(),
                 "azimuth_deg": np.degrees(self.viewpoints[0, :, 1]).round(3).tolist(),
                 "acc_mean": self.acc_mean.tolist(),
@@ -106,9 +107,11 @@ def headroom(
 ) -> Headroom:
     """Say what there is to win: accuracy of fixed cameras.
 
-    It scores a map of viewpoints, and the best of them, beside no-act and the oracles. A viewpoint that is chosen and
-    scored on the same scenarios looks better than it is, so each choice is also made on the validation part. The best
-    viewpoint per sample is chosen from the outcome of the sample; no camera can do that.
+    It scores a map of viewpoints around people, and the best of them, beside no-act and the oracles. Azimuths are
+    counted from people's true front in the first frame. For several people they are counted from the direction from the
+    first to the second. A viewpoint that is chosen and scored on the same scenarios looks better than it is, so each
+    choice is also made on other people. The best viewpoint per sample is chosen from the outcome of the sample; no
+    camera can do that. For each class there is a map, the place that shows it best, and what that is worth.
 
     For example:
         ehar study headroom --data duo --out runs/headroom
@@ -118,7 +121,7 @@ def headroom(
         distance: distance of the fixed cameras [m]; None takes the middle of the world's.
         azimuths: number of azimuths of the map, evenly spaced.
         polars: number of polar angles of the map, from the least of the world to the greatest.
-        out: folder for config.json, headroom.json, table.md and the figure.
+        out: folder for config.json, headroom.json, table.md and the figures.
         workers: number of processes; results do not depend on it.
         reporter: receives progress; None reports on standard error.
 
@@ -145,104 +148,53 @@ def headroom(
     test = cut_scenarios(motion, parts.test, conditions.frames, reporter.note)
     both = windows(motion, np.concatenate([parts.validation, parts.test]), conditions.frames, stride=conditions.frames)
     flat = viewpoints.reshape(-1, 3)
-    fixed = Episodes(both, np.repeat(np.arange(len(both)), len(flat)), np.tile(flat, (len(both), 1)), conditions.seed)
+    around = placed_around(both, flat, workspace).reshape(-1, 3)
+    fixed = Episodes(both, np.repeat(np.arange(len(both)), len(flat)), around, conditions.seed)
     runs = run_planners(Workload(setting.runner, fixed), references[:1], engine=Processes(workers), reporter=reporter)
-    acc = 100 * mean_acc(runs[NO_ACT].records.correct).reshape(len(both), len(flat))
+    watched = Watched(
+        acc=100 * mean_acc(runs[NO_ACT].records.correct).reshape(len(both), len(flat)),
+        labels=both.labels,
+        sequence=both.sequence,
+        subjects=motion.subjects[both.sequence],
+        scored=np.isin(both.sequence, parts.test),
+    )
     random = random_starts(test, conditions.starts, conditions.seed, setting.world)
     runs = run_planners(Workload(setting.runner, random), references, engine=Processes(workers), reporter=reporter)
     acc_references = {name: 100 * float(mean_acc(run.records.correct).mean()) for name, run in runs.items()}
-    is_test = np.isin(both.sequence, parts.test)
-    acc_test, labels = acc[is_test], both.labels[is_test]
+    acc_test = watched.acc[watched.scored]
     result = Headroom(
         config=config,
         distance=distance,
         viewpoints=viewpoints,
         acc_mean=acc_test.mean(axis=0).reshape(viewpoints.shape[:2]),
-        rows=_rows(acc_test, labels, acc[~is_test], both.labels[~is_test], acc_references),
-        classes=_class_rows(acc_test, labels, motion.class_names, flat),
+        rows=_rows(watched, acc_references),
+        maps=class_maps(watched, flat, motion.class_names),
         scenarios=len(acc_test),
+        counted_from=counted_from(motion),
     )
     if out is not None:
         _write(Path(out), written, result)
     return result
 
 
-def viewpoint_map(workspace: Workspace, distance: float, azimuths: int, polars: int) -> FloatArray:
-    """Return fixed viewpoints (polars, azimuths, 3) on the grid, from the least polar angle to the greatest.
-
-    Raises:
-        UsageError: the distance is outside the workspace, or there are too few angles.
-    """
-    if not workspace.distance_min <= distance <= workspace.distance_max:
-        raise UsageError(
-            f"distance: expected {workspace.distance_min:g} to {workspace.distance_max:g} m, got {distance:g}"
-        )
-    if azimuths < 1 or polars < 2:
-        raise UsageError(f"expected a map of at least 1 azimuth and 2 polar angles, got {azimuths} and {polars}")
-    polar = np.linspace(workspace.polar_min, workspace.polar_max, polars)
-    azimuth = 2 * np.pi * np.arange(azimuths) / azimuths
-    wanted = np.stack(np.broadcast_arrays(distance, azimuth, polar[:, None]), axis=-1)
-    return workspace.from_cells(workspace.to_cells(wanted))
-
-
-def best_per_class(acc: FloatArray, labels: IntArray, classes: int) -> IntArray:
-    """Return the best viewpoint of each class, (K,), from accuracies (N, M); without samples, the best of all."""
-    overall = int(acc.mean(axis=0).argmax())
-    return np.array(
-        [
-            int(acc[labels == label].mean(axis=0).argmax()) if (labels == label).any() else overall
-            for label in range(classes)
-        ]
-    )
-
-
-def _rows(
-    acc: FloatArray, labels: IntArray, acc_val: FloatArray, labels_val: IntArray, references: dict[str, float]
-) -> tuple[HeadroomRow, ...]:
-    """Return the rows of the first table, from accuracies (N, M) on test and on validation."""
-    scenario, classes = np.arange(len(acc)), int(labels.max()) + 1
-    rows = [
+def _rows(watched: Watched, references: dict[str, float]) -> tuple[HeadroomRow, ...]:
+    """Return the rows of the first table."""
+    acc, labels = watched.acc[watched.scored], watched.labels[watched.scored]
+    chosen, one_on_test = chosen_by_others(watched), float(acc.mean(axis=0).max())
+    return (
         HeadroomRow("no-act, random starts", references[NO_ACT], "-"),
         HeadroomRow("fixed, mean over the map", float(acc.mean()), "-"),
-    ]
-    if len(acc_val):
-        best = acc[:, acc_val.mean(axis=0).argmax()].mean()
-        per_class = acc[scenario, best_per_class(acc_val, labels_val, classes)[labels]].mean()
-        rows += [
-            HeadroomRow("best fixed", float(best), "validation"),
-            HeadroomRow("best fixed per class", float(per_class), "validation"),
-        ]
-    rows += [
-        HeadroomRow("best fixed", float(acc.mean(axis=0).max()), "test"),
-        HeadroomRow(
-            "best fixed per class", float(acc[scenario, best_per_class(acc, labels, classes)[labels]].mean()), "test"
-        ),
+        HeadroomRow("best fixed", float(scores_at(watched, chosen.one).mean()), "others"),
+        HeadroomRow("best fixed per class", float(scores_at(watched, chosen.own).mean()), "others"),
+        HeadroomRow("best fixed", one_on_test, "test"),
+        HeadroomRow("best fixed per class", one_on_test + worth_on_the_same(acc, labels), "test"),
         HeadroomRow("best fixed per sample", float(acc.max(axis=1).mean()), "test"),
         *(HeadroomRow(f"{name}*", value, "-") for name, value in references.items() if name != NO_ACT),
-    ]
-    return tuple(rows)
-
-
-def _class_rows(
-    acc: FloatArray, labels: IntArray, class_names: tuple[str, ...], viewpoints: FloatArray
-) -> tuple[ClassRow, ...]:
-    best = best_per_class(acc, labels, len(class_names))
-    degrees = np.degrees(viewpoints)
-    return tuple(
-        ClassRow(
-            class_name=name,
-            azimuth_deg=round(float(degrees[best[label], 1]), 3),
-            polar_deg=round(float(degrees[best[label], 2]), 3),
-            acc_mean=float(acc[labels == label, best[label]].mean()),
-            acc_mean_map=float(acc[labels == label].mean()),
-        )
-        for label, name in enumerate(class_names)
-        if (labels == label).any()
     )
 
 
 def headroom_tables(result: Headroom) -> list[Table]:
-    """Return three tables: ways to place cameras, accuracy by polar angle, and the best viewpoint of each class."""
+    """Return the tables: ways to place cameras, accuracy by polar angle, and what classes have to do with it."""
     config = result.config
     polars, azimuths = result.acc_mean.shape
     title = (
@@ -256,7 +208,9 @@ def headroom_tables(result: Headroom) -> list[Table]:
             header=("camera", "mean acc", "chosen on"),
             rows=tuple((row.name, f"{row.acc_mean:.1f}", row.chosen_on) for row in result.rows),
             footnotes=(
-                "Rows chosen on test are chosen and scored on the same episodes: they are upper bounds.",
+                "Rows chosen on test are chosen and scored on the same episodes: they are upper bounds. Others: other "
+                f"{'people' if result.maps.by_strangers else 'sequences'} of the validation and the test part choose.",
+                f"A fixed camera stays at an angle from {result.counted_from}. It is told the true one.",
                 "* privileged: is handed the label and the future. It begins at random starts, like no-act.",
             ),
         ),
@@ -269,31 +223,18 @@ def headroom_tables(result: Headroom) -> list[Table]:
             ),
             footnotes=(),
         ),
-        Table(
-            title="The fixed viewpoint that shows each class best, chosen on test",
-            header=("class", "azimuth [deg]", "polar [deg]", "mean acc", "over the map"),
-            rows=tuple(
-                (
-                    row.class_name,
-                    f"{row.azimuth_deg:.1f}",
-                    f"{row.polar_deg:.1f}",
-                    f"{row.acc_mean:.1f}",
-                    f"{row.acc_mean_map:.1f}",
-                )
-                for row in result.classes
-            ),
-            footnotes=(),
-        ),
+        *class_tables(result.maps, result.counted_from),
     ]
 
 
 def _write(out: Path, config: Mapping[str, Any], result: Headroom) -> None:
     """Write the configuration, numbers, tables and figure."""
-    from eval.studies.headroom_figure import draw_map  # matplotlib takes a second to import
+    from eval.studies.headroom.figure import draw_class_maps, draw_map  # matplotlib takes a second to import
 
     write_text(out / CONFIG, [json_text(config)])
     write_text(out / "headroom.json", [json_text(result.to_json())])
-    write_text(out / "table.md", [markdown(*headroom_tables(result))])
     sensor = result.config.conditions.sensor
     title = f"{result.config.data}, {sensor} sensor: fixed cameras at {result.distance:g} m"
     draw_map(result.viewpoints, result.acc_mean, title, out / "headroom")
+    draw_class_maps(result.viewpoints, result.maps, title, out / "class-maps")
+    write_text(out / "table.md", [markdown(*headroom_tables(result))])

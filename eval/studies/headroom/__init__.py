@@ -1,0 +1,1 @@
+"""What views can win: a map of fixed cameras around people, for all classes and for each."""
