@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from ehar.lazy import lazy_exports
 
 # `rollout` is not lazy, because a module has the same name: this import makes the name stand for the function.
-# `from ehar.rollout import Batch` still finds the module.
+# `from ehar.rollout import Record` still finds the module.
 from ehar.rollout import rollout as rollout
 
 if TYPE_CHECKING:

@@ -23,6 +23,10 @@ class Trigonometry(Protocol):
     def cos(self) -> Any:
         """The cosine of an angle [rad]."""
 
+    @property
+    def sqrt(self) -> Any:
+        """The square root."""
+
 
 def read_only(array: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
     """Return a copy that nobody can write into.

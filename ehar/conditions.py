@@ -105,6 +105,15 @@ class Conditions:
         return USUAL_LENGTH if self.length is None else self.length
 
     @property
+    def in_streams(self) -> bool:
+        """Whether the data are streams; nothing of them is read."""
+        from ehar.data.any_source import is_stream_source  # imported here: too slow for `ehar --help`
+
+        if isinstance(self.data, MotionData | StreamData):
+            return isinstance(self.data, StreamData)
+        return is_stream_source(self.data)
+
+    @property
     def world_name(self) -> str:
         """The name or the file of the world; for an object that is not ours, its name as a file that can be written."""
         named = by_name(self.world) if isinstance(self.world, World) else self.world

@@ -43,6 +43,13 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.unlink()
 
 
+def check_folder(folder: Path) -> None:
+    """Raise a UsageError unless files can be written to a folder; a missing one can be made."""
+    parent = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not parent.is_dir() or not os.access(parent, os.W_OK):
+        raise UsageError(f"{folder}: expected a folder that can be written to, {parent} is not one")
+
+
 def write_text(path: Path, pieces: Iterable[str]) -> None:
     """Write a text file, whole or not at all."""
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:

@@ -30,6 +30,30 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # libraries read them when they are loaded
+
+
+@contextmanager
+def thread_share(count: int) -> Iterator[None]:
+    """Let each of `count` processes that start meanwhile use its share of this one's threads, and at least one.
+
+    Otherwise the linear algebra of each would use all cores, and they would wait for each other. A process that starts
+    others shares out what it was given.
+    """
+    before = {name: os.environ.get(name) for name in THREADS}
+    told = before["OMP_NUM_THREADS"] or ""
+    mine = int(told) if told.isdigit() and int(told) else cores()
+    os.environ.update(dict.fromkeys(THREADS, str(max(mine // count, 1))))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
 def check_workers(workers: int) -> None:
     """Raise a UsageError unless there is at least one worker."""
     leave_if_imported_again()
@@ -81,8 +105,9 @@ def worker_pool(
         count, mp_context=context, initializer=_start_worker, initargs=(started, initializer, initargs, file)
     )
     try:
-        yield pool
-        pool.shutdown()
+        with thread_share(count):
+            yield pool
+            pool.shutdown()
     except BrokenProcessPool as error:
         if not started.is_set():
             raise UsageError(

@@ -1,154 +1,26 @@
 """The rollout loop: in each frame, all episodes of a batch sense, recognise, plan and move together."""
 
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief, read_only
-from ehar.data.scenario import Scenarios
+from ehar.arrays import FloatArray, read_only
+from ehar.batch import Batch
 from ehar.data.skeleton import Skeleton
-from ehar.data.streams.following import CentreMotion
-from ehar.data.streams.scenario import StreamScenarios
-from ehar.data.window import Windows
 from ehar.errors import EpisodeError
 from ehar.motion import Motion, keep_clear, move
 from ehar.obstacles.shapes import MARGIN
-from ehar.obstacles.surroundings import Surroundings, too_near
+from ehar.obstacles.surroundings import too_near
 from ehar.onsets import Onset, ToldOnsets, begins
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.plugins.blame import blamed
 from ehar.recogniser import Recogniser, Recognition
-from ehar.sensors.sensing import sense
-from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise
+from ehar.sensors.sensor import Sensed, Sensor
 from ehar.steps import LEAD, StepLimits
 
 ROUNDING = 1e-9  # [m], [rad], of the viewpoints that a motion returns
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Batch:
-    """B episodes that run together.
-
-    Args:
-        positions: (B, L, P, J, 3) [m], relative to each scenario's centre.
-        labels: (B,) true classes; of streams (B, L), those of each frame.
-        starts: (B, 3) start viewpoints.
-        noise: (B, L, ...) random draws of the sensor.
-        names: names of the episodes in error messages.
-        surroundings: what stands and walks around people; None in an open world.
-        centre: the motion of the centre that a vehicle follows, each (B, L, 3); None where the centre rests, or cameras
-            follow it at once.
-    """
-
-    positions: FloatArray
-    labels: IntArray
-    starts: FloatArray
-    noise: SensorNoise
-    names: tuple[str, ...]
-    surroundings: Surroundings | None = None
-    centre: CentreMotion | None = None
-
-    __repr__ = in_brief
-
-    @staticmethod
-    def of(
-        scenarios: Scenarios | StreamScenarios,
-        chosen: IntArray,
-        starts: FloatArray,
-        noise: SensorNoise,
-        surroundings: Surroundings | None = None,
-    ) -> "Batch":
-        """Return episodes of scenarios chosen by index (B,)."""
-        sequences = (scenarios.data.sequence_names[sequence] for sequence in scenarios.sequence[chosen])
-        begins = zip(sequences, scenarios.first[chosen], strict=True)
-        return Batch(
-            positions=scenarios.positions(chosen),
-            labels=scenarios.labels[chosen],
-            starts=starts,
-            noise=noise,
-            names=tuple(f"{name} from frame {first}" for name, first in begins),
-            surroundings=surroundings,
-            centre=scenarios.centre_motion(chosen) if isinstance(scenarios, StreamScenarios) else None,
-        )
-
-    @staticmethod
-    def joined(pieces: Sequence["Batch"]) -> "Batch":
-        """Return the episodes of several batches, one after another."""
-        return Batch(
-            positions=np.concatenate([piece.positions for piece in pieces]),
-            labels=np.concatenate([piece.labels for piece in pieces]),
-            starts=np.concatenate([piece.starts for piece in pieces]),
-            noise=SensorNoise(
-                *(np.concatenate(draws) for draws in zip(*(piece.noise for piece in pieces), strict=True))
-            ),
-            names=tuple(name for piece in pieces for name in piece.names),
-            surroundings=Surroundings.joined([piece.surroundings for piece in pieces]),
-            centre=_joined([piece.centre for piece in pieces if piece.centre is not None]),
-        )
-
-    def select(self, rows: IntArray | slice, frames: int | None = None) -> "Batch":
-        """Return some of the episodes, cut to their first `frames` frames; None keeps all frames."""
-        return Batch(
-            positions=self.positions[rows, :frames],
-            labels=self.labels[rows] if self.labels.ndim == 1 else self.labels[rows, :frames],
-            starts=self.starts[rows],
-            noise=SensorNoise(*(draws[rows, :frames] for draws in self.noise)),
-            names=tuple(np.array(self.names, dtype=object)[rows]),
-            surroundings=None if self.surroundings is None else self.surroundings.select(rows, frames),
-            centre=None if self.centre is None else CentreMotion(*(part[rows, :frames] for part in self.centre)),
-        )
-
-    @property
-    def frame_labels(self) -> IntArray:
-        """The true classes in each frame, (B, L)."""
-        every = self.labels if self.labels.ndim == 2 else self.labels[:, None]
-        return np.broadcast_to(every, self.positions.shape[:2])
-
-    def protected(self) -> "Batch":
-        """Return a copy that nobody can write into."""
-        noise = SensorNoise(*(read_only(draws) for draws in self.noise))
-        return replace(
-            self,
-            positions=read_only(self.positions),
-            labels=read_only(self.labels),
-            starts=read_only(self.starts),
-            noise=noise,
-        )
-
-    def hidden(self, frame: int, viewpoint: FloatArray) -> BoolArray | None:
-        """Return which joints are hidden from cameras in a frame, (B, P, J) or (B, F, P, J); None in an open world.
-
-        Args:
-            frame: the frame.
-            viewpoint: (B, 3), or of forks (B, F, 3).
-        """
-        if self.surroundings is None:
-            return None
-        joints = self.positions[:, frame] if viewpoint.ndim == 2 else self.positions[:, None, frame]
-        return self.surroundings.hide(viewpoint, joints, frame)
-
-    def first_change(self, before: "Batch") -> str | None:
-        """Return the name of the first part that is not what it was; None if there is none."""
-        now, then = (
-            {"positions": one.positions, "labels": one.labels, "starts": one.starts, **one.noise._asdict()}
-            for one in (self, before)
-        )
-        return next(
-            (name for name, array in now.items() if not np.array_equal(array, then[name], equal_nan=True)), None
-        )
-
-
-def _joined(centres: Sequence[CentreMotion]) -> CentreMotion | None:
-    return CentreMotion(*(np.concatenate(parts) for parts in zip(*centres, strict=True))) if centres else None
-
-
-def noise_of(scenarios: Windows, episodes: int, rng: np.random.Generator) -> SensorNoise:
-    """Draw the sensor's noise for a number of episodes, (B, L, ...)."""
-    data = scenarios.data
-    return draw_noise(rng, (episodes, scenarios.length), data.persons, len(data.skeleton.joint_names))
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,9 +67,7 @@ def rollout(
         watching = ToldOnsets(recogniser, begins(frame_labels, len(context.class_names) - 1))
 
     def imagine(frame: int, candidates: FloatArray) -> Sensed:
-        noise = world.noise.frame(frame).forked()
-        hidden, where = world.hidden(frame, candidates), f"frame {frame}, as imagined"
-        sensed = sense(sensor, world.positions[:, None, frame], candidates, noise, where, hidden)
+        sensed = world.sense(sensor, frame, candidates, f"frame {frame}, as imagined")
         return Sensed(*(read_only(array) for array in sensed))
 
     planning, privileged = f"planner {planner.name!r}", bool(planner.privileged)
@@ -211,13 +81,12 @@ def rollout(
     with blamed(recogniser, f"{seeing}, start"):
         state = watching.start(episodes)
     trail = [viewpoint] * (LEAD + 1)
-    passers = None if world.surroundings is None else world.surroundings.passers
+    around = world.surroundings
+    passers, moved = (None, None) if around is None else (around.passers, around.moved)
     for frame in range(length):
-        noise = world.noise.frame(frame)
-        hidden = world.hidden(frame, viewpoint)
-        sensed = sense(sensor, world.positions[:, frame], viewpoint, noise, f"frame {frame}", hidden)
+        sensed = world.sense(sensor, frame, viewpoint, f"frame {frame}")
         with blamed(recogniser, f"{seeing}, frame {frame}"):
-            recognition, state = watching.step(state, sensed, viewpoint)
+            recognition, state = watching.step(state, sensed, world.seen_from(frame, viewpoint))
         viewpoints[:, frame] = viewpoint
         check_recognition(recognition, recogniser, episodes, f"frame {frame}")
         log_probs[:, frame] = recognition.log_probs
@@ -238,6 +107,7 @@ def rollout(
             else None,
             time=frame * context.frame_time,
             passers=None if passers is None else read_only(passers.tracked[:, frame]),
+            centre=None if moved is None else read_only(moved[:, frame]),
         )
         begin = time.perf_counter()
         with blamed(planner, f"{planning}, frame {frame}"):

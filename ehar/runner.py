@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
+from ehar.batch import Batch, noise_of
 from ehar.data.recordings import Recordings
 from ehar.data.scenario import Scenarios
 from ehar.data.streams.data import StreamData
@@ -16,7 +17,7 @@ from ehar.motion import CarriedMotion, FollowingMotion, Motion
 from ehar.onsets import Onset
 from ehar.planner import Context, Planner
 from ehar.recogniser import Recogniser
-from ehar.rollout import Batch, Record, noise_of, rollout
+from ehar.rollout import Record, rollout
 from ehar.sensors.sensor import Sensor
 from ehar.track import Track
 from ehar.viewpoint import Workspace
@@ -68,12 +69,17 @@ class Runner:
         Raises:
             UsageError: people move too fast for the vehicle.
         """
-        if isinstance(scenarios, StreamScenarios) and self._follows_people:
-            assert self.track.vehicle is not None
-            scenarios = replace(scenarios, limits=centre_limits(self.track.vehicle))
-            self._check_followed(scenarios, chosen)
+        scenarios = self.followed(scenarios)
+        self.check_followed(scenarios, chosen)
         noise = noise_of(scenarios, len(chosen), rng)
         return Batch.of(scenarios, chosen, starts, noise, surroundings_of(scenarios, chosen, self.world, rng))
+
+    def followed(self, scenarios: Scenarios | StreamScenarios) -> Scenarios | StreamScenarios:
+        """Return scenarios whose centre keeps the limits of the vehicle that follows it, if one does."""
+        if isinstance(scenarios, StreamScenarios) and self._follows_people:
+            assert self.track.vehicle is not None
+            return replace(scenarios, limits=centre_limits(self.track.vehicle))
+        return scenarios
 
     def context(
         self,
@@ -135,8 +141,17 @@ class Runner:
         """Whether a vehicle flies around a centre that moves; your own motion says nothing about how it follows."""
         return isinstance(self.data, StreamData) and self.track.vehicle is not None and self.track.own is None
 
-    def _check_followed(self, scenarios: StreamScenarios, chosen: IntArray) -> None:
-        """Raise an error that names the stream if people get away from the vehicle."""
+    def check_followed(self, scenarios: Scenarios | StreamScenarios, chosen: IntArray | None = None) -> None:
+        """Raise a UsageError that names the stream if people get away from the vehicle that follows them.
+
+        Args:
+            scenarios: the motions.
+            chosen: which of them; None means all.
+        """
+        scenarios = self.followed(scenarios)
+        if not isinstance(scenarios, StreamScenarios) or scenarios.limits is None:
+            return
+        chosen = np.arange(len(scenarios)) if chosen is None else chosen
         most = LOST * self.world.workspace.distance_min
         behind = np.linalg.norm(scenarios.centres(chosen) - replace(scenarios, limits=None).centres(chosen), axis=-1)
         if behind.max() > most:

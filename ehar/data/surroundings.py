@@ -49,13 +49,14 @@ def _passers(
     half = np.sqrt(reach**2 - aside**2)
     direction = rng.uniform(0, 2 * np.pi, shape)
     gone = rng.uniform(0, 1, shape) * 4 * half
-    gone = gone[:, None] + rng.uniform(*WALKING, shape)[:, None] * time[:, None]  # (B, L, W)
-    half = half[:, None]
-    along = np.abs(gone % (4 * half) - 2 * half) - half
+    pace = rng.uniform(*WALKING, shape)[:, None]
+    gone, half = gone[:, None] + pace * time[:, None], half[:, None]  # (B, L, W), (B, 1, W)
+    turned = gone % (4 * half) - 2 * half
+    along, speed = np.abs(turned) - half, np.where(turned < 0, -pace, pace)
     east, north = np.cos(direction)[:, None], np.sin(direction)[:, None]
     aside = aside[:, None]
     place = np.stack([along * east - aside * north, along * north + aside * east], axis=-1)
-    velocity = np.gradient(place, 1 / scenarios.data.fps, axis=1)
+    velocity = np.stack([speed * east, speed * north], axis=-1)
     error = rng.standard_normal((*place.shape[:-1], 4)) * np.repeat(TRACKED, 2)
     tracked = np.concatenate([place, velocity], axis=-1) + error
     heights = scenarios.positions(chosen)[..., 2].min(axis=(2, 3))  # NaN in frames that are missing

@@ -8,10 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ehar.arrays import FloatArray, IntArray
+from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.motion_data import MotionData
 from ehar.data.recordings import interpolated
 from ehar.data.skeleton import counterparts
+from ehar.data.streams.data import StreamData
 
 PACES = (0.85, 1.18)  # times as fast
 SIZES = (0.93, 1.07)  # times as large
@@ -34,9 +35,7 @@ def with_variations(data: MotionData, sequences: IntArray, each: int, *, seed: i
         N (1 + each) sequences, without a split.
     """
     rng = np.random.default_rng(seed)
-    class_of_mirrored = counterparts(data.class_names)
-    one_sided = np.array([_SIDES.search(name) is not None for name in data.class_names])
-    can_mirror = ~one_sided | (class_of_mirrored != np.arange(len(one_sided)))
+    class_of_mirrored, can_mirror = _in_a_mirror(data.class_names)
     motions: list[FloatArray] = []
     labels: list[int] = []
     for index in sequences:
@@ -57,13 +56,85 @@ def with_variations(data: MotionData, sequences: IntArray, each: int, *, seed: i
         offsets=np.concatenate([[0], np.cumsum([len(motion) for motion in motions])]).astype(np.int64),
         labels=np.array(labels, dtype=data.labels.dtype),
         sequence_names=tuple(
-            f"{data.sequence_names[index]} ({number})" if number else data.sequence_names[index]
+            _numbered(data.sequence_names[index], number)
             for index, number in zip(copies, np.tile(np.arange(1 + each), len(sequences)), strict=True)
         ),
         subjects=data.subjects[copies],
         is_test=None,
         missing=None,
     )
+
+
+def with_stream_variations(data: StreamData, streams: IntArray, each: int, *, seed: int = 0) -> StreamData:
+    """Return some streams, each followed by variations of it, as `with_variations` does it.
+
+    A stream shows many classes. So none is mirrored if there is a class with a side in its name but no counterpart.
+
+    Args:
+        data: all streams.
+        streams: (N,) indices of the streams to vary.
+        each: number of variations of each stream.
+        seed: seed of the paces and sizes, which are drawn uniformly.
+
+    Returns:
+        N (1 + each) streams, without a split.
+    """
+    rng = np.random.default_rng(seed)
+    class_of_mirrored, can_mirror = _in_a_mirror(data.class_names)
+    pieces: list[StreamData] = []
+    for index in streams:
+        plain = _one_stream(data, int(index))
+        pieces.append(plain)
+        for number in range(each):
+            positions, segments = plain.positions, plain.segments
+            if number % 2 == 0 and can_mirror.all():
+                positions = _mirrored(positions, data.skeleton.mirror)
+                segments = np.column_stack([segments[:, :2], class_of_mirrored[segments[:, 2]]])
+            pace, size = rng.uniform(*PACES), rng.uniform(*SIZES)
+            sized = replace(plain, positions=positions * np.float32(size), segments=segments, fps=pace * data.fps)
+            pieces.append(sized.resampled(data.fps))
+    offsets = np.concatenate([[0], np.cumsum([len(piece.positions) for piece in pieces])]).astype(np.int64)
+    moved = [piece.segments + np.array([begin, begin, 0]) for piece, begin in zip(pieces, offsets[:-1], strict=True)]
+    copies = np.repeat(streams, 1 + each)
+    return replace(
+        data,
+        positions=np.concatenate([piece.positions for piece in pieces]),
+        offsets=offsets,
+        sequence_names=tuple(
+            _numbered(data.sequence_names[index], number)
+            for index, number in zip(copies, np.tile(np.arange(1 + each), len(streams)), strict=True)
+        ),
+        subjects=data.subjects[copies],
+        is_test=None,
+        segments=np.concatenate(moved),
+        missing=np.concatenate([piece.missing for piece in pieces]),
+    )
+
+
+def _one_stream(data: StreamData, index: int) -> StreamData:
+    """Return a stream by itself."""
+    begin, end = (int(edge) for edge in data.offsets[index : index + 2])
+    return replace(
+        data,
+        positions=data.positions[begin:end],
+        offsets=np.array([0, end - begin]),
+        sequence_names=(data.sequence_names[index],),
+        subjects=data.subjects[[index]],
+        is_test=None,
+        segments=data.segments[data.stream_of == index] - np.array([begin, begin, 0]),
+        missing=data.missing[begin:end],
+    )
+
+
+def _in_a_mirror(class_names: tuple[str, ...]) -> tuple[IntArray, BoolArray]:
+    """Return the class that each becomes in a mirror, and whether it can be mirrored, both (K,)."""
+    class_of_mirrored = counterparts(class_names)
+    one_sided = np.array([_SIDES.search(name) is not None for name in class_names])
+    return class_of_mirrored, ~one_sided | (class_of_mirrored != np.arange(len(one_sided)))
+
+
+def _numbered(name: str, number: int) -> str:
+    return f"{name} ({number})" if number else name
 
 
 def _mirrored(motion: FloatArray, joints: IntArray) -> FloatArray:

@@ -7,6 +7,7 @@ import numpy.typing as npt
 from gymnasium import spaces
 
 from ehar.arrays import FloatArray
+from ehar.envs.observations import scaled_velocity
 from ehar.errors import EpisodeError
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import Vehicle
@@ -84,11 +85,12 @@ class FlightControls:
     Args:
         vehicle: the vehicle that carries the camera.
         workspace: where the camera may be; the paper's by default.
+        moving_centre: whether the vehicle also follows people, as it does in streams.
     """
 
-    def __init__(self, *, vehicle: Vehicle, workspace: Workspace | None = None) -> None:
+    def __init__(self, *, vehicle: Vehicle, workspace: Workspace | None = None, moving_centre: bool = False) -> None:
         """Create the controls."""
-        self.motion = FlightMotion(vehicle=vehicle, workspace=workspace)
+        self.motion = FlightMotion(vehicle=vehicle, workspace=workspace, moving_centre=moving_centre)
         self.action_space = spaces.Box(-1, 1, (4,), np.float32)
         self.observation_spaces: dict[str, spaces.Space[Any]] = {"velocity": spaces.Box(-1, 1, (3,), np.float32)}
 
@@ -107,9 +109,8 @@ class FlightControls:
 
     def observations(self) -> dict[str, FloatArray]:
         """Return the velocities (B, 3)."""
-        vehicle, nearest = self.motion.vehicle, max(self.motion.workspace.distance_min, 1e-3)
-        greatest = np.array([vehicle.speed, vehicle.yaw_rate, vehicle.speed / nearest])
-        return {"velocity": np.clip(self.motion.velocity / greatest, -1, 1).astype(np.float32)}
+        motion = self.motion
+        return {"velocity": scaled_velocity(motion.velocity, motion.vehicle, motion.workspace)}
 
 
 def _between(low: float, high: float, action: FloatArray) -> FloatArray:

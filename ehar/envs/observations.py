@@ -4,6 +4,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.camera import Camera
+from ehar.flight.vehicle import Vehicle
 from ehar.planner import Context, Observation
 from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, Workspace
 
@@ -65,6 +66,14 @@ def shown_to_agent(observation: Observation, context: Context) -> Observations:
         workspace=context.workspace,
         camera=context.world.camera,
     )
+
+
+def scaled_velocity(velocity: FloatArray, vehicle: Vehicle, workspace: Workspace) -> FloatArray:
+    """Return rates of viewpoints (B, 3), each divided by the greatest that a vehicle can reach, from -1 to 1."""
+    nearest = max(workspace.distance_min, 1e-3)
+    greatest = np.array([vehicle.speed, vehicle.yaw_rate, vehicle.speed / nearest])
+    scaled: FloatArray = np.clip(velocity / greatest, -1, 1).astype(np.float32)
+    return scaled
 
 
 def scaled_viewpoint(viewpoint: FloatArray, workspace: Workspace) -> FloatArray:

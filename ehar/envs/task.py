@@ -8,6 +8,7 @@ import numpy.typing as npt
 from gymnasium import spaces
 
 from ehar.arrays import BoolArray, FloatArray, IntArray, read_only
+from ehar.batch import Batch
 from ehar.data.scenario import Scenarios
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.surroundings import surroundings_of
@@ -15,12 +16,11 @@ from ehar.envs.controls import Controls
 from ehar.envs.observations import Observations as Observations
 from ehar.envs.observations import shown
 from ehar.errors import EpisodeError, UsageError
-from ehar.motion import keep_clear
+from ehar.motion import CarriedMotion, keep_clear
 from ehar.obstacles.surroundings import Surroundings
 from ehar.plugins.blame import blamed
 from ehar.recogniser import Recogniser
-from ehar.rollout import Batch, check_recognition
-from ehar.sensors.sensing import sense
+from ehar.rollout import check_recognition
 from ehar.sensors.sensor import Sensor, SensorNoise, draw_noise
 from ehar.world import PAPER, World
 
@@ -160,18 +160,19 @@ class EpisodeTask:
         )
         leading = (drawn, self.scenarios.length)
         noise = draw_noise(rng, leading, data.persons, len(data.skeleton.joint_names))
-        self._batch = Batch(
-            positions=scenarios.positions(np.arange(episodes)),
-            labels=scenarios.labels,
+        self._batch = Batch.of(
+            scenarios,
+            np.arange(episodes),
             starts=self.workspace.clip(self.world.sample_starts(rng, drawn).repeat(self.copies, axis=0)),
             noise=SensorNoise(*(draws.repeat(self.copies, axis=0) for draws in noise)),
-            names=tuple(data.sequence_names[sequence] for sequence in scenarios.sequence),
             surroundings=self._surroundings(scenarios, rng),
         )
         self._frames_of_activity, self._onset = activity_frames(self._batch.frame_labels)
         self.frame = 0
         self.viewpoint = read_only(self._batch.starts)
         keep_clear(self.controls.motion, self._batch.surroundings)
+        if isinstance(self.controls.motion, CarriedMotion):
+            self.controls.motion.centre = self._batch.centre
         self.controls.motion.reset(self.viewpoint, 1 / data.fps)
         with blamed(self.recogniser, f"recogniser {type(self.recogniser).__name__}, start"):
             self._state = self.recogniser.start(episodes)
@@ -221,12 +222,12 @@ class EpisodeTask:
 
     def _see(self) -> Observations:
         """Sense and recognise the present frame."""
-        noise = self._batch.noise.frame(self.frame)
         where = f"frame {self.frame}"
-        hidden = self._batch.hidden(self.frame, self.viewpoint)
-        sensed = sense(self.sensor, self._batch.positions[:, self.frame], self.viewpoint, noise, where, hidden)
+        sensed = self._batch.sense(self.sensor, self.frame, self.viewpoint, where)
         with blamed(self.recogniser, f"recogniser {type(self.recogniser).__name__}, {where}"):
-            recognition, self._state = self.recogniser.step(self._state, sensed, self.viewpoint)
+            recognition, self._state = self.recogniser.step(
+                self._state, sensed, self._batch.seen_from(self.frame, self.viewpoint)
+            )
         check_recognition(recognition, self.recogniser, len(self._batch.labels), where)
         self.correct = np.argmax(recognition.log_probs, axis=1) == self._batch.frame_labels[:, self.frame]
         return {

@@ -23,15 +23,34 @@ def limit_shares(vehicle: Vehicle, state: SphericalState, centre: CartesianMotio
         state: the states around the centre.
         centre: the motion of the centre in the world's frame, each (..., 3); None if it rests.
     """
+    return motion_shares(vehicle, world_motion(state, centre), state.velocity[..., AZIMUTH])
+
+
+def world_motion(state: SphericalState, centre: CartesianMotion | None = None) -> CartesianMotion:
+    """Return the motion in the world's frame, each (..., 3), on the axes of `local_motion`.
+
+    The arguments are those of `limit_shares`.
+    """
     motion = local_motion(state)
-    if centre is not None:
-        cos, sin = np.cos(state.viewpoint[..., AZIMUTH]), np.sin(state.viewpoint[..., AZIMUTH])
-        motion = CartesianMotion(
-            *(
-                own + np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=-1)
-                for own, (x, y, z) in zip(motion, (np.moveaxis(part, -1, 0) for part in centre), strict=True)
-            )
+    if centre is None:
+        return motion
+    cos, sin = np.cos(state.viewpoint[..., AZIMUTH]), np.sin(state.viewpoint[..., AZIMUTH])
+    return CartesianMotion(
+        *(
+            own + np.stack([cos * x + sin * y, cos * y - sin * x, z], axis=-1)
+            for own, (x, y, z) in zip(motion, (np.moveaxis(part, -1, 0) for part in centre), strict=True)
         )
+    )
+
+
+def motion_shares(vehicle: Vehicle, motion: CartesianMotion, turn: FloatArray) -> FloatArray:
+    """Return the share of each limit that a motion uses, (..., 5), in the order of `limit_shares`.
+
+    Args:
+        vehicle: the vehicle.
+        motion: a result of `world_motion`.
+        turn: (...) rate of the azimuth [rad/s].
+    """
     speed, acceleration, jerk = (np.sqrt((vector**2).sum(axis=-1)) for vector in motion)
     upwards = motion.velocity[..., 2]
     return np.stack(
@@ -40,7 +59,7 @@ def limit_shares(vehicle: Vehicle, state: SphericalState, centre: CartesianMotio
             acceleration / vehicle.acceleration,
             jerk / vehicle.jerk,
             np.maximum(upwards / vehicle.climb_speed, -upwards / vehicle.descent_speed),
-            np.abs(state.velocity[..., AZIMUTH]) / vehicle.yaw_rate,
+            np.abs(turn) / vehicle.yaw_rate,
         ],
         axis=-1,
     )

@@ -9,8 +9,9 @@ from ehar.data.streams.following import CentreMotion
 from ehar.errors import EpisodeError
 from ehar.flight.centre import around_centre
 from ehar.flight.clearance import first_towards, keeps_clear
+from ehar.flight.costs import flight_costs
 from ehar.flight.kinematics import CartesianMotion, SphericalState
-from ehar.flight.limits import keeps_limits, limit_shares
+from ehar.flight.limits import keeps_limits, motion_shares, world_motion
 from ehar.flight.profile import JerkProfile, Phases, coasted, phases_along, phases_between, phases_to_rest
 from ehar.flight.proposals import BRAKING, PROPOSALS, limits_to_rest, limits_to_target, stopping_time
 from ehar.flight.telemetry import FlightTelemetry
@@ -18,7 +19,7 @@ from ehar.flight.time_optimal import PHASES, AxisLimits, TimeOptimal
 from ehar.flight.vehicle import Vehicle
 from ehar.obstacles.free_space import FreeSpace
 from ehar.obstacles.surroundings import Surroundings
-from ehar.viewpoint import AZIMUTH, Workspace, cartesian, wrap_difference
+from ehar.viewpoint import AZIMUTH, DISTANCE, Workspace, cartesian, wrap_difference
 
 SAMPLE_TIME = 1e-3  # [s], between samples of the telemetry
 WORTH_WHILE = 0.01  # [s]; a flight that arrives sooner by less is not worth a check
@@ -168,8 +169,10 @@ class FlightMotion:
         times = np.linspace(0, self._frame_time, int(np.ceil(self._frame_time / SAMPLE_TIME)) + 1)
         states = self.sample(times)
         error = np.linalg.norm(cartesian(self._state.viewpoint) - wanted, axis=-1)
-        shares = limit_shares(self._whole, states, self._centre_motion(times))
-        self._telemetry = self._telemetry.after(self._whole, shares, self._frame_time, error)
+        motion = world_motion(states, self._centre_motion(times))
+        shares = motion_shares(self._whole, motion, states.velocity[..., AZIMUTH])
+        costs = flight_costs(self._whole.body, motion, states.viewpoint[..., DISTANCE], self._frame_time)
+        self._telemetry = self._telemetry.after(self._whole, shares, self._frame_time, error, costs)
         return self.workspace.clip(self._state.viewpoint)
 
     @property

@@ -1,10 +1,11 @@
-"""The demands of flights on a vehicle: peaks, effort, and the share of frames at a limit."""
+"""The demands of flights on a vehicle: peaks, effort, the share of frames at a limit, and what they cost."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
+from ehar.flight.costs import FlightCosts
 from ehar.flight.vehicle import Vehicle
 
 AT_LIMIT = 0.99  # share of a limit
@@ -21,6 +22,7 @@ class FlightTelemetry:
     effort: FloatArray  # (B,) [m^2/s^3], the integral of the squared acceleration
     frames_at_limit: IntArray  # (B,), in which at least 99 % of some limit is used
     tracking_error: FloatArray  # (B, frames) [m], from where the planner's states were; NaN where it gave none
+    costs: FlightCosts | None = None  # nothing before the first frame
 
     @classmethod
     def none(cls, episodes: int) -> "FlightTelemetry":
@@ -35,7 +37,12 @@ class FlightTelemetry:
         return share
 
     def after(
-        self, vehicle: Vehicle, shares: FloatArray, frame_time: float, tracking_error: FloatArray
+        self,
+        vehicle: Vehicle,
+        shares: FloatArray,
+        frame_time: float,
+        tracking_error: FloatArray,
+        costs: FlightCosts | None = None,
     ) -> "FlightTelemetry":
         """Return the telemetry after one more frame.
 
@@ -44,6 +51,7 @@ class FlightTelemetry:
             shares: (B, S, 5) shares of its limits, see `limit_shares`, at equal steps, both ends included.
             frame_time: how long the frame lasted [s].
             tracking_error: (B,) [m], how far the cameras ended from the planner's states.
+            costs: what the frame cost; None if nobody knows.
         """
         peaks = shares.max(axis=1)
         acceleration = shares[..., 1] * vehicle.acceleration
@@ -56,4 +64,5 @@ class FlightTelemetry:
             effort=self.effort + np.trapezoid(acceleration**2, dx=step, axis=1),
             frames_at_limit=self.frames_at_limit + (peaks.max(axis=1) >= AT_LIMIT),
             tracking_error=np.column_stack([self.tracking_error, tracking_error]),
+            costs=costs if self.costs is None or costs is None else self.costs.plus(costs),
         )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.arrays import BoolArray, FloatArray, IntArray, read_only
 from ehar.errors import UsageError
 from ehar.obstacles.shapes import MARGIN, Obstacles
 from ehar.viewpoint import AZIMUTH, Workspace, apply_moves, cartesian
@@ -42,7 +42,7 @@ class FreeSpace:
         clear = obstacles.clearance(places) >= needed_clearance(viewpoints, workspace)
         if not clear.any():
             raise UsageError(f"obstacles: expected free space for cameras, all {clear.size} cells are in or near them")
-        self.free = _largest_part(clear)
+        self.free = read_only(_largest_part(clear))  # motions and planners share a space
         if obstacles.hide(places[self.free], BODY[:, None]).all():
             raise UsageError("obstacles: expected a cell that sees somebody at the centre, they hide everything")
         self._ways: OrderedDict[int, IntArray] = OrderedDict()
@@ -110,7 +110,7 @@ class FreeSpace:
 
         if goal not in self._ways:
             _, after = breadth_first_order(self._graph, goal)
-            self._ways[goal] = after
+            self._ways[goal] = read_only(after)
             if len(self._ways) > WAYS:
                 self._ways.popitem(last=False)
         self._ways.move_to_end(goal)
@@ -146,7 +146,7 @@ class FreeSpace:
         found = distance_transform_edt(~wrapped, sampling, return_distances=False, return_indices=True)
         cells: IntArray = np.moveaxis(found[:, :, half : half + turn], 0, -1).astype(np.int32)
         cells[..., AZIMUTH] = (cells[..., AZIMUTH] - half) % turn
-        return cells
+        return read_only(cells)
 
 
 def needed_clearance(viewpoint: FloatArray, workspace: Workspace) -> FloatArray:

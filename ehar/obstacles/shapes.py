@@ -3,8 +3,8 @@
 All places are in metres in the frame of an episode: its origin is people's centre in the first frame, z points up.
 """
 
-from dataclasses import dataclass, fields
-from typing import Annotated
+from dataclasses import dataclass, fields, replace
+from typing import Annotated, TypeVar
 
 import numpy as np
 from annotated_types import Gt
@@ -101,6 +101,9 @@ class Cylinder:
         )
 
 
+Shape = TypeVar("Shape", Box, Cylinder)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Obstacles:
     """What stands in a world.
@@ -118,6 +121,19 @@ class Obstacles:
     def __bool__(self) -> bool:
         """Whether there is any."""
         return bool(self.walls or self.boxes or self.cylinders)
+
+    def relative_to(self, centre: FloatArray) -> "Obstacles":
+        """Return the obstacles as they are relative to a centre (3,) [m] that is not where it was at first."""
+        east, north, up = (float(part) for part in centre)
+
+        def shifted(shape: Shape) -> Shape:
+            x, y, z = shape.centre
+            return replace(shape, centre=(x - east, y - north, z - up))
+
+        walls = None if self.walls is None else shifted(self.walls)
+        return Obstacles(
+            walls=walls, boxes=tuple(map(shifted, self.boxes)), cylinders=tuple(map(shifted, self.cylinders))
+        )
 
     def clearance(self, points: FloatArray) -> FloatArray:
         """Return how far points (..., 3) are from the nearest obstacle [m], (...,); inside one it is negative."""

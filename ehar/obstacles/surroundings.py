@@ -5,10 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief
+from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief, read_only
 from ehar.obstacles.shapes import MARGIN, Obstacles, cylinder_cuts
 from ehar.viewpoint import cartesian
 
+_OF_PASSERS = ("place", "low", "high", "tracked")  # their arrays
 Frames = int | slice  # one frame, of arrays (B, ...); or several, of arrays (B, T, ...)
 
 
@@ -93,10 +94,26 @@ class Surroundings:
         passers = held[0].passers
         if passers is not None:
             place, low, high, tracked = (
-                np.concatenate([getattr(one, name) for one in walkers]) for name in ("place", "low", "high", "tracked")
+                np.concatenate([getattr(one, name) for one in walkers]) for name in _OF_PASSERS
             )
             passers = Passers(place, low, high, passers.radius, tracked)
         return Surroundings(held[0].obstacles, np.concatenate(moved) if moved else None, passers)
+
+    @property
+    def arrays(self) -> dict[str, FloatArray]:
+        """All arrays, by name."""
+        held = {} if self.moved is None else {"moved": self.moved}
+        if self.passers is not None:
+            held |= {f"passers' {name}": getattr(self.passers, name) for name in _OF_PASSERS}
+        return held
+
+    def protected(self) -> "Surroundings":
+        """Return a copy that nobody can write into."""
+        passers = self.passers
+        if passers is not None:
+            place, low, high, tracked = (read_only(getattr(passers, name)) for name in _OF_PASSERS)
+            passers = Passers(place, low, high, passers.radius, tracked)
+        return Surroundings(self.obstacles, None if self.moved is None else read_only(self.moved), passers)
 
     def _moved(self, frames: Frames, cameras: FloatArray) -> FloatArray:
         """Return how far the centre has moved in the frames of cameras (B, ..., 3), in a shape that broadcasts."""

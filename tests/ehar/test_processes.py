@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ehar.errors import ModelError, UsageError
-from ehar.processes import Processes, call, check_workers, payload, worker_pool
+from ehar.processes import THREADS, Processes, call, check_workers, payload, thread_share, worker_pool
 
 
 def keep(folder: Path, text: str) -> None:
@@ -42,6 +42,23 @@ def test_batches_may_follow_others_when_their_results_are_taken(workers: int) ->
         assert result == 100 + batch
         taken.append(result)
     assert sorted(taken) == [101, 102, 103, 104, 105, 106]
+
+
+def told_threads(_: object, nested: int) -> list[str]:
+    found = [os.environ[name] for name in THREADS]
+    within = list(Processes(2).each_batch(told_threads, None, [0, 0])) if nested else []
+    return found + [threads for _, told in within for threads in told]
+
+
+@pytest.mark.slow
+def test_each_process_uses_its_share_of_the_threads_and_shares_it_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "5")
+    monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
+    (_, first), (_, second) = sorted(Processes(2).each_batch(told_threads, None, [0, 1]))
+    assert first == ["2"] * 3 and second == ["2"] * 3 + ["1"] * 6
+    assert os.environ["OMP_NUM_THREADS"] == "5" and "MKL_NUM_THREADS" not in os.environ
+    with thread_share(16):
+        assert os.environ["OMP_NUM_THREADS"] == "1"
 
 
 def test_what_cannot_be_sent_is_named() -> None:

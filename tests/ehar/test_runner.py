@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ehar.arrays import FloatArray
+from ehar.batch import Batch
 from ehar.data.scenario import Scenarios, windows
 from ehar.data.streams.following import Localisation
 from ehar.data.streams.scenario import StreamScenarios
@@ -16,7 +17,7 @@ from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion, Motion
 from ehar.planner import Context, Observation, Planner
-from ehar.rollout import Batch, rollout
+from ehar.rollout import rollout
 from ehar.runner import Runner
 from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.perfect import PerfectSensor
@@ -144,15 +145,16 @@ def test_around_people_who_walk_a_vehicle_has_what_following_them_leaves() -> No
     )
     assert batch.centre is not None
     followed = data.followed_smoothly(Localisation(), centre_limits(vehicle)).position.reshape(8, -1, 3)[:3, 20:80]
-    shown = data.positions.reshape(8, -1, 1, 6, 3)[:3, 20:80] - followed[:, :, None, None]
-    np.testing.assert_allclose(batch.positions, shown, atol=1e-6)
+    there = data.positions.reshape(8, -1, 1, 6, 3)[:3, 20:80] - followed[:, :, None, None]
+    np.testing.assert_allclose(batch.around_centre, there, atol=1e-6)
     context, motion = of.context(3, None, np.random.default_rng(9), follows=True), of.new_motion()
     assert context.vehicle == around_centre(vehicle) and context.follows
     assert isinstance(motion, FlightMotion) and motion.vehicle == around_centre(vehicle)
     cut = Runner(data, FakeRecogniser(), PerfectSensor()).batch(
         scenarios, np.arange(3), batch.starts, np.random.default_rng(1)
     )
-    assert cut.centre is None
+    assert cut.centre is None and cut.gaze is None
+    np.testing.assert_array_equal(batch.positions, cut.positions)  # a gimbal looks where a camera of the grid does
 
 
 def test_people_who_are_too_fast_for_a_vehicle_end_the_run() -> None:

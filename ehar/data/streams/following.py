@@ -105,7 +105,13 @@ class Localisation:
 
 
 def _smoothed(wanted: FloatArray, velocity: FloatArray, frame_time: float, limits: CentreLimits) -> CentreMotion:
-    """Return the motion of a centre that goes after positions and velocities (T, 3).
+    """Return the motion of a centre that goes after positions and velocities (T, 3)."""
+    centre = SmoothCentre(wanted[0], frame_time, limits)
+    return CentreMotion(*np.stack([centre.lead_on(*after) for after in zip(wanted, velocity, strict=True)], axis=1))
+
+
+class SmoothCentre:
+    """A centre that goes after positions and velocities, a frame at a time, and keeps limits.
 
     A cascade as in flight controllers: the error of the position asks for a velocity, that of the velocity for an
     acceleration, that of the acceleration for a jerk. Each is cut at its limit. With nothing to cut, three poles lie at
@@ -113,24 +119,118 @@ def _smoothed(wanted: FloatArray, velocity: FloatArray, frame_time: float, limit
     would not, even were the acceleration to end as soon as it may, the acceleration ends so.
 
     Heights are scaled such that their speed has the limit of the speed, and lengths then count in all directions.
+
+    Args:
+        begin: (3,) where it rests at first [m].
+        frame_time: time of one frame [s].
+        limits: the limits of its motion.
     """
-    scale = np.array([1.0, 1.0, max(limits.speed / limits.vertical_speed, 1.0)])
-    wanted, aimed = wanted * scale, velocity * scale
-    top, most = _BETWEEN * limits.speed, limits.jerk * frame_time
-    states = np.zeros((4, *wanted.shape))  # position, velocity, acceleration, jerk
-    here, v, a = wanted[0], np.zeros(3), np.zeros(3)
-    for frame in range(len(wanted)):
-        faster = _cut(aimed[frame] + _PACE / 3 * (wanted[frame] - here), top)
+
+    def __init__(self, begin: FloatArray, frame_time: float, limits: CentreLimits) -> None:
+        """Create the centre at rest."""
+        self._scale = np.array([1.0, 1.0, max(limits.speed / limits.vertical_speed, 1.0)])
+        self._frame_time, self._limits = frame_time, limits
+        self._here, self._velocity, self._acceleration = begin * self._scale, np.zeros(3), np.zeros(3)
+
+    @property
+    def place(self) -> FloatArray:
+        """Where the centre is now, (3,) [m]."""
+        place: FloatArray = self._here / self._scale
+        return place
+
+    def lead_on(self, wanted: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Return the state now, (4, 3): position, velocity, acceleration and the jerk that leads on; go on a frame.
+
+        Args:
+            wanted: (3,) where the centre should be now [m].
+            velocity: (3,) how fast that moves [m/s].
+        """
+        limits, frame_time = self._limits, self._frame_time
+        top, most = _BETWEEN * limits.speed, limits.jerk * frame_time
+        here, v, a = self._here, self._velocity, self._acceleration
+        faster = _cut(velocity * self._scale + _PACE / 3 * (wanted * self._scale - here), top)
         harder = _cut(_PACE * (faster - v), limits.acceleration)
         change = _cut(min(3 * _PACE * frame_time, 1.0) * (harder - a), most)
         after = v + frame_time * (a + change / 2)
         if max(_length(after), _length(after + frame_time / 2 * _frames_to_end(a + change, most) * (a + change))) > top:
             change = -a / max(_frames_to_end(a, most), 1)
             after = v + frame_time * (a + change / 2)
-        states[:, frame] = here, v, a, change / frame_time
-        here = here + frame_time * (v + frame_time * (a / 2 + change / 6))
-        v, a = after, a + change
-    return CentreMotion(*(states / scale))
+        self._here = here + frame_time * (v + frame_time * (a / 2 + change / 6))
+        self._velocity, self._acceleration = after, a + change
+        state: FloatArray = np.stack([here, v, a, change / frame_time]) / self._scale
+        return state
+
+
+class FollowedCentre:
+    """A centre that goes after people whose place is told now and then, at any times; as `followed_smoothly`.
+
+    A Kalman filter of constant velocity takes the places, and predicts on from the last one, for `HELD` seconds. Then
+    nobody knows where people are, and the centre comes to rest.
+
+    Args:
+        place: (3,) where people are first said to be [m].
+        time: when [s].
+        frame_time: time from one state to the next [s].
+        limits: the limits of its motion.
+        localisation: how well places are known; its delay is not used.
+    """
+
+    HELD = 1.0  # [s]
+
+    def __init__(
+        self,
+        place: FloatArray,
+        time: float,
+        frame_time: float,
+        limits: CentreLimits,
+        localisation: Localisation | None = None,
+    ) -> None:
+        """Create the centre, at rest where people are."""
+        self._told, self._frame_time = localisation or Localisation(), frame_time
+        self._begin(place, time)
+        self._smooth = SmoothCentre(place, frame_time, limits)
+        self.motion = CentreMotion(*self._smooth.lead_on(place, np.zeros(3)))
+
+    def _begin(self, place: FloatArray, time: float) -> None:
+        """Begin the filter where people are; nothing is known of how they move."""
+        from filterpy.kalman import KalmanFilter  # imported here: it brings scipy, too slow for `ehar --help`
+
+        self._filter = KalmanFilter(dim_x=6, dim_z=3)
+        self._filter.x = np.concatenate([place, np.zeros(3)])[:, None]
+        self._filter.H = np.eye(3, 6)
+        self._filter.R = max(self._told.noise, 1e-6) ** 2 * np.eye(3)
+        self._filter.P = np.diag([self._told.noise**2] * 3 + [1.0] * 3)
+        self._time, self._since = time, 0.0
+
+    def tell(self, place: FloatArray, time: float) -> None:
+        """Say where people are, (3,) [m]; what is a little older than what was said before is left out.
+
+        After a pause, and when the clock goes back by as much, the filter begins anew.
+        """
+        from filterpy.common import Q_discrete_white_noise
+
+        elapsed = time - self._time
+        if abs(elapsed) > self.HELD:
+            self._begin(place, time)
+            return
+        if elapsed <= 0:
+            return
+        noise = Q_discrete_white_noise(dim=2, dt=elapsed, var=self._told.agility**2)
+        self._filter.F = np.eye(6) + elapsed * np.eye(6, k=3)
+        self._filter.predict(Q=np.kron(noise, np.eye(3)))
+        self._filter.update(place[:, None])
+        self._time, self._since = time, 0.0
+
+    def next(self) -> CentreMotion:
+        """Return the motion one frame later, each (3,)."""
+        self._since += self._frame_time
+        place, velocity = self._filter.x[:3, 0], self._filter.x[3:, 0]
+        if self._since > self.HELD:
+            place, velocity = self._smooth.place, np.zeros(3)
+        else:
+            place = place + self._since * velocity
+        self.motion = CentreMotion(*self._smooth.lead_on(place, velocity))
+        return self.motion
 
 
 def _frames_to_end(acceleration: FloatArray, most: float) -> int:

@@ -38,7 +38,19 @@ class StreamScenarios(Windows):
     def centres(self, indices: IntArray) -> FloatArray:
         """Return where the centre is, in each frame of some scenarios, (n, L, 3) [m] in the data's frame."""
         motion = self.centre_motion(indices)
-        return self.data.followed(self.localisation)[self._frames(indices)] if motion is None else motion.position
+        return self._people(indices) if motion is None else motion.position
+
+    def gaze(self, indices: IntArray) -> FloatArray | None:
+        """Return where cameras look, from the centre that their vehicle follows, (n, L, 3) [m]; None: at the centre.
+
+        A vehicle cannot follow people at once, but its gimbal can turn to where they are known to be.
+        """
+        motion = self.centre_motion(indices)
+        return None if motion is None else self._people(indices) - motion.position
+
+    def _people(self, indices: IntArray) -> FloatArray:
+        """Return where people are known to be in each frame, (n, L, 3) [m] in the data's frame."""
+        return self.data.followed(self.localisation)[self._frames(indices)]
 
     def centre_motion(self, indices: IntArray) -> CentreMotion | None:
         """Return the motion of the centre that a vehicle follows, each (n, L, 3); None if no vehicle does."""
@@ -48,12 +60,12 @@ class StreamScenarios(Windows):
         return CentreMotion(*(part[self._frames(indices)] for part in motion))
 
     def positions(self, indices: IntArray) -> FloatArray:
-        """Return joints (n, L, P, J, 3) float32 [m] relative to the centre, which follows people.
+        """Return joints (n, L, P, J, 3) float32 [m] relative to where people are known to be, where cameras look.
 
-        The centre of a frame rests on that frame and those before it, never on later ones. Missing frames are NaN: what
-        the data have there lies between the frames around the gap, and would tell where people are behind it.
+        What is known in a frame rests on that frame and those before it, never on later ones. Missing frames are NaN:
+        what the data have there lies between the frames around the gap, and would tell where people are behind it.
         """
         frames = self._frames(indices)
-        centred = (self.data.positions[frames] - self.centres(indices)[:, :, None, None]).astype(np.float32)
+        centred = (self.data.positions[frames] - self._people(indices)[:, :, None, None]).astype(np.float32)
         centred[self.data.missing[frames]] = np.nan
         return centred

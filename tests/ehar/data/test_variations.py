@@ -1,13 +1,16 @@
 """Variations of recorded motion."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ehar.data.skeleton import counterparts
-from ehar.data.variations import PACES, SIZES, with_variations
+from ehar.data.streams.data import NO_ACTIVITY
+from ehar.data.variations import PACES, SIZES, with_stream_variations, with_variations
 from tests.helpers.fakes import CLASS_NAMES, SKELETON, tiny_data
+from tests.helpers.streams import raising_streams
 
 
 def test_each_sequence_is_followed_by_its_variations() -> None:
@@ -88,3 +91,26 @@ def test_the_same_seed_draws_the_same() -> None:
 )
 def test_counterparts_of_class_names(names: tuple[str, ...], expected: list[int]) -> None:
     np.testing.assert_array_equal(counterparts(names), expected)
+
+
+def test_variations_of_streams_keep_what_is_shown_when() -> None:
+    """In a second of which a joint is raised that joint is the highest, whatever the pace, the size and the side."""
+    data = raising_streams()
+    data.missing[130:140] = True
+    varied = with_stream_variations(data, np.array([4, 1]), 2)
+    assert varied.sequence_names == tuple(f"stream-{i}{suffix}" for i in (4, 1) for suffix in ("", " (1)", " (2)"))
+    np.testing.assert_array_equal(varied.sequence(3), data.sequence(1))
+    np.testing.assert_array_equal(varied.labels[varied.offsets[3] : varied.offsets[4]], data.labels[120:240])
+    assert len(varied.segments) == 6 * 6 and varied.is_test is None and varied.fps == data.fps
+    highest = varied.positions[:, 0, :3, 2].argmax(axis=1)
+    shown = varied.labels != NO_ACTIVITY
+    assert (highest == varied.labels)[shown].mean() > 0.97  # a frame at an edge is interpolated
+    plain, mirrored, other = (varied.segments[6 * row : 6 * row + 6, 2] for row in range(3))
+    np.testing.assert_array_equal(mirrored, np.array([0, 2, 1])[plain])  # left becomes right
+    np.testing.assert_array_equal(other, plain)
+    for row in (1, 2, 4, 5):
+        assert not np.array_equal(varied.lengths[row], 120) and 120 / 1.18 - 1 < varied.lengths[row] < 120 / 0.85 + 1
+    lost = [varied.missing[begin:end].sum() for begin, end in itertools.pairwise(varied.offsets)]
+    assert lost[:4] == [0, 0, 0, 10] and min(lost[4:]) >= 8
+    one_sided = replace(data, class_names=("nod", "left", "jump"))
+    np.testing.assert_array_equal(with_stream_variations(one_sided, np.array([4]), 1).segments[6:, 2], plain)

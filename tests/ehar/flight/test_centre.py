@@ -108,3 +108,8 @@ def test_telemetry_counts_the_centre() -> None:
     for _ in range(5):
         motion.advance(still)
     assert motion.telemetry.peak_speed == pytest.approx(1.5)
+    costs = motion.telemetry.costs
+    assert costs is not None and PX4.body is not None
+    assert costs.distance == pytest.approx(5 * 0.04 * 1.5)
+    assert costs.energy == pytest.approx(5 * 0.04 * PX4.body.demands((1.5, 0, 0), (0, 0, 0), np)[0])
+    assert costs.noise == pytest.approx(PX4.body.sound_power_level - 10 * np.log10(4 * np.pi * 100), abs=0.1)

@@ -225,6 +225,12 @@ def test_telemetry_adds_up() -> None:
         np.testing.assert_allclose(np.linalg.norm(vector, axis=-1).max(axis=1), peak, rtol=tolerance)
     np.testing.assert_allclose((acceleration**2).sum(axis=(1, 2)) * 1e-3, telemetry.effort, rtol=1e-2)
     assert ((telemetry.share_at_limit >= 0) & (telemetry.share_at_limit <= 1)).all()
+    assert vehicle.body is not None and telemetry.costs is not None and telemetry.costs.energy is not None
+    way = np.linalg.norm(np.diff(position, axis=1), axis=-1).sum(axis=1)
+    np.testing.assert_allclose(way, telemetry.costs.distance, rtol=1e-5)
+    changing = (list(np.moveaxis(part, -1, 0)) for part in (velocity[:, 1:], acceleration))
+    power, _ = vehicle.body.demands(*changing, np)
+    np.testing.assert_allclose(1e-3 * power.sum(axis=1), telemetry.costs.energy, rtol=1e-2)
     assert (telemetry.peak_speed <= vehicle.speed).all()
 
 

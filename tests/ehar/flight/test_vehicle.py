@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from ehar.errors import UsageError
+from ehar.flight.multicopter import Multicopter
 from ehar.flight.vehicle import LIMITS, VEHICLES, Vehicle, load_vehicle
 from tests.helpers.vehicle_files import FILE_KEYS
 
@@ -82,4 +83,14 @@ def test_what_is_no_vehicle_file(tmp_path: Path) -> None:
 
 
 def test_a_vehicle_is_plain_data() -> None:
-    assert set(asdict(VEHICLES["px4-max"])) == {"name", *LIMITS}
+    assert set(asdict(VEHICLES["px4-max"])) == {"name", *LIMITS, "body"}
+
+
+def test_a_vehicle_file_may_have_a_body(tmp_path: Path) -> None:
+    body = {"mass": 2, "rotor_area": 0.2, "drag_area": 0.04, "standby_power": 8.0, "sound_power_level": 90}
+    assert load_vehicle(written(tmp_path, CONTENT)).body is None
+    assert load_vehicle(written(tmp_path, CONTENT | {"body": body})).body == Multicopter(**body)
+    with pytest.raises(UsageError, match=r"mine\.json: body: missing mass; expected mass, rotor_area, "):
+        load_vehicle(written(tmp_path, CONTENT | {"body": {key: body[key] for key in body if key != "mass"}}))
+    with pytest.raises(UsageError, match=r"mine\.json: body\.drag_area: expected a number above 0, got -1"):
+        load_vehicle(written(tmp_path, CONTENT | {"body": body | {"drag_area": -1}}))

@@ -154,3 +154,9 @@ def test_a_thin_pillar_is_not_jumped_over_by_long_steps(size: float) -> None:
     there = neighbours(here, space)
     crossed = pillar.cylinders[0].cuts(cartesian(here)[:, None], cartesian(there))
     assert not (crossed & free.is_free(there)).any()
+
+
+def test_nobody_can_write_into_a_space_that_motions_and_planners_share() -> None:
+    assert FreeSpace.of(COARSE, CAGE) is FreeSpace.of(COARSE, CAGE)
+    with pytest.raises(ValueError, match="cannot set WRITEABLE"):
+        SPACE.free.flags.writeable = True

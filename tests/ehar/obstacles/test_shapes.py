@@ -46,6 +46,12 @@ def test_the_clearance_is_the_distance_to_the_nearest_point_of_the_surface(shape
     assert shape.clearance(middle) == pytest.approx(-0.3 if shape is TURNED else -0.5)
 
 
+def test_obstacles_seen_from_a_centre_that_has_moved_are_nearer_by_as_much() -> None:
+    around = Obstacles(walls=Box(centre=(0, 0, 0), size=(8, 6, 4)), boxes=(TURNED,), cylinders=(PILLAR,))
+    points, centre = np.random.default_rng(0).uniform(-3, 3, (50, 3)), np.array([0.5, -1.0, 0.25])
+    np.testing.assert_allclose(around.relative_to(centre).clearance(points), around.clearance(points + centre))
+
+
 def test_a_table_hides_the_feet_from_below_and_not_from_above() -> None:
     table = Box(centre=(1.5, 0.0, -0.575), size=(0.8, 1.8, 0.75))
     person = np.array([[[0, 0, -0.9], [0, 0, 0.0], [0, 0, 0.7]]])

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from ehar import EharError, EstimatorSensor, GridMotion, PerfectSensor
+from ehar.batch import Batch
 from ehar.data.scenario import windows
 from ehar.data.streams.data import StreamData
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.surroundings import surroundings_of
 from ehar.obstacles import Box, Cylinder, Obstacles, Surroundings
 from ehar.obstacles.surroundings import Passers
-from ehar.rollout import Batch, rollout
+from ehar.rollout import rollout
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import draw_noise
 from ehar.viewpoint import cartesian
@@ -145,6 +146,11 @@ def test_passers_by_walk_straight_past_people_and_never_where_cameras_are() -> N
     assert error.std() == pytest.approx(0.05, rel=0.1) and abs(error.mean()) < 0.005
     ahead = walked.tracked[:, :-5, :, :2] + 0.2 * walked.tracked[:, :-5, :, 2:] - walked.place[:, 5:]
     assert np.median(np.linalg.norm(ahead, axis=-1)) < 0.1
+    steps = np.diff(walked.place, axis=1) * 25
+    pace = np.linalg.norm(steps, axis=-1)
+    straight = pace > pace.max(axis=1, keepdims=True) - 1e-6  # in the others a passer-by turned round
+    wrong = (walked.tracked[:, 1:, :, 2:] - steps)[straight]  # what is told tells of no turn that is yet to come
+    assert wrong.std() == pytest.approx(0.1, rel=0.05) and np.abs(wrong).max() < 0.6 and (~straight).sum() > 20
     np.testing.assert_array_equal(passers().place, walked.place)
     assert not np.array_equal(passers(1).place, walked.place)
 

@@ -6,7 +6,7 @@ from filterpy.common import Q_discrete_white_noise
 from filterpy.kalman import KalmanFilter
 
 from ehar.arrays import BoolArray, FloatArray
-from ehar.data.streams.following import Localisation
+from ehar.data.streams.following import CentreLimits, FollowedCentre, Localisation
 
 FPS = 30.0
 
@@ -79,3 +79,28 @@ def test_streams_have_errors_of_their_own() -> None:
     one, again, other = (Localisation().followed(way, FPS, stream) for stream in (0, 0, 1))
     np.testing.assert_array_equal(one, again)
     assert np.abs(one - other).max() > 0.01
+
+
+def test_places_that_are_told_now_and_then_are_followed_and_forgotten() -> None:
+    limits = CentreLimits(speed=1.5, vertical_speed=0.6, acceleration=0.8, jerk=0.8)
+    rng, step = np.random.default_rng(0), 1 / FPS
+    centre, apart, motion = FollowedCentre(np.zeros(3), 0.0, step, limits), [], []
+    for frame in range(480):
+        time, place = frame * step, np.array([min(frame * step, 10.0), 0.0, 0.0])
+        if rng.random() < 0.3 and frame < 300:  # frames come as they like, some twice or late
+            centre.tell(place + 0.05 * rng.standard_normal(3), time)
+            centre.tell(place + 5.0, time - 0.2)
+        motion.append(np.stack(centre.next()))
+        apart.append(np.linalg.norm(motion[-1][0] - place))
+    assert max(apart[200:300]) < 0.3
+    position, velocity, acceleration, jerk = np.moveaxis(np.array(motion), 1, 0)
+    for values, most in ((velocity, 1.5), (acceleration, 0.8), (jerk, 0.8)):
+        assert np.linalg.norm(values, axis=1).max() <= most + 1e-9
+    led_on = position + step * (velocity + step * (acceleration / 2 + step * jerk / 6))
+    np.testing.assert_allclose(led_on[:-1], position[1:], atol=1e-12)
+    assert np.linalg.norm(velocity[-1]) < 0.05 and 9.5 < position[-1, 0] < 12.5, "after a second it comes to rest"
+    centre.tell(np.array([3.0, 0.0, 0.0]), -50.0)  # another clock
+    for frame in range(600):
+        centre.tell(np.array([3.0, 0.0, 0.0]), -50.0 + frame * step)
+        last = centre.next()
+    np.testing.assert_allclose(last.position, [3, 0, 0], atol=0.1)

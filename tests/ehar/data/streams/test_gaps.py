@@ -9,14 +9,15 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from ehar.batch import noise_of
 from ehar.data.streams.data import StreamData
 from ehar.data.streams.file import load_streams, save_streams
 from ehar.data.streams.scenario import StreamScenarios
-from ehar.rollout import noise_of
+from ehar.data.surroundings import surroundings_of
 from ehar.sensors.registry import SENSORS, make_sensor
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed
-from ehar.world import PAPER
+from ehar.world import CROWD, PAPER, ROOM, World
 from tests.helpers.streams import raising_streams
 
 FRAMES = 30  # of each stream, at 10 fps
@@ -33,12 +34,17 @@ def with_gap(begin: int, end: int, *, later: float) -> StreamData:
         return load_streams(Path(folder) / "raising.npz")
 
 
-def shown(data: StreamData, sensor: str) -> Sensed:
+def shown(data: StreamData, sensor: str, world: World = PAPER) -> Sensed:
     """Return what a camera that stays is shown of the whole first stream, (L, ...)."""
-    scenarios = StreamScenarios(data, int(data.lengths[0]), np.array([0]), np.array([0]))
+    scenarios, chosen = StreamScenarios(data, int(data.lengths[0]), np.array([0]), np.array([0])), np.array([0])
     start = PAPER.sample_starts(np.random.default_rng(1), 1)
     noise = noise_of(scenarios, 1, np.random.default_rng(2))
-    sensed = sense(make_sensor(sensor, data), scenarios.positions(np.array([0])), start[:, None], noise)
+    around, joints = surroundings_of(scenarios, chosen, world, np.random.default_rng(3)), scenarios.positions(chosen)
+    hidden = None
+    if around is not None:
+        assert all(np.isfinite(array).all() for array in around.arrays.values())
+        hidden = around.hide(np.repeat(start[:, None], joints.shape[1], axis=1), joints, slice(None))
+    sensed = sense(make_sensor(sensor, data), joints, start[:, None], noise, hidden=hidden)
     return Sensed(sensed.joints_2d[0], sensed.confidence[0])
 
 
@@ -46,17 +52,19 @@ def shown(data: StreamData, sensor: str) -> Sensed:
     gap=st.tuples(st.integers(1, FRAMES - 2), st.integers(1, 12)),
     fps=st.sampled_from([5.0, 10.0, 12.5, 15.0, 30.0]),
     sensor=st.sampled_from(sorted(SENSORS)),
+    world=st.sampled_from([PAPER, ROOM, CROWD]),
 )
-@example(gap=(10, 5), fps=10.0, sensor="estimator")
-@example(gap=(10, 1), fps=15.0, sensor="perfect")
+@example(gap=(10, 5), fps=10.0, sensor="estimator", world=CROWD)
+@example(gap=(10, 1), fps=15.0, sensor="perfect", world=PAPER)
+@example(gap=(1, 5), fps=10.0, sensor="estimator", world=ROOM)
 def test_two_streams_that_differ_behind_a_gap_look_the_same_up_to_its_end(
-    gap: tuple[int, int], fps: float, sensor: str
+    gap: tuple[int, int], fps: float, sensor: str, world: World
 ) -> None:
     begin, end = gap[0], min(sum(gap), FRAMES - 1)
     one, other = (with_gap(begin, end, later=later).resampled(fps) for later in (0.0, 0.9))
     np.testing.assert_array_equal(one.missing, other.missing)
     times = np.arange(one.lengths[0]) / fps * 10  # in frames of the file
-    here, there = shown(one, sensor), shown(other, sensor)
+    here, there = shown(one, sensor, world), shown(other, sensor, world)
     until, gone = times < end - 1e-6, (times >= begin - 1e-6) & (times < end - 1e-6)
     for a, b in zip(here, there, strict=True):
         np.testing.assert_array_equal(a[until], b[until])
