@@ -5,7 +5,8 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.flight.vehicle import Vehicle
 from ehar.obstacles.free_space import FreeSpace
-from ehar.planner import Context
+from ehar.obstacles.shapes import Obstacles
+from ehar.planner import Context, Observation
 from ehar.viewpoint import DISTANCE, MOVES, apply_moves
 
 HEADING_TIME = 1.0  # [s]; a vehicle brakes for its target, so it approaches a near one slowly
@@ -24,11 +25,16 @@ def axis_speeds(vehicle: Vehicle, viewpoint: FloatArray) -> FloatArray:
 def free_space(context: Context) -> FreeSpace | None:
     """Return the cells that keep clear of obstacles; None if all do.
 
-    In a stream obstacles are not where they were, relative to people: planners there do without, and the motion keeps
-    clear.
+    In a stream they change with every frame: None too, as it takes too long to find them for each move.
     """
     obstacles = context.world.obstacles
     return FreeSpace.of(context.workspace, obstacles) if obstacles and context.length is not None else None
+
+
+def known_obstacles(context: Context, observation: Observation) -> Obstacles:
+    """Return the obstacles of a world; none if the centre moves, and nobody says where it is."""
+    stays = context.length is not None
+    return context.world.obstacles if stays or observation.centre is not None else Obstacles()
 
 
 def moved(context: Context, viewpoint: FloatArray, moves: IntArray) -> FloatArray:

@@ -14,7 +14,7 @@ from ehar.arrays import BoolArray
 from ehar.data.scenario import Scenarios, split_parts, windows
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.errors import DataError, EharError, UsageError
-from ehar.files import json_text, read_json, write_text
+from ehar.files import check_folder, json_text, read_json, write_text
 from ehar.processes import Engine, Processes
 from ehar.runner import Runner
 from planners.place.config import FixedBestConfig
@@ -114,6 +114,7 @@ def fit_fixed_best(
     directory = config.out or conditions.directory
     if directory is None:
         raise UsageError("train fixed-best: expected --models DIR, or --out DIR where the shipped recogniser is used")
+    check_folder(directory)
     setting = load_setting(conditions, device=config.device)
     path = fixed_place_path(directory, conditions)
     refuse_loss(path, setting, load_fixed_place)

@@ -77,6 +77,20 @@ def load_fixed_place(conditions: Conditions, data: Recordings, recogniser_sha256
         ModelError: the file is missing or malformed, or belongs to another recogniser.
     """
     path = fixed_place_path(conditions.directory or SHIPPED / data.name, conditions)
+    return open_fixed_place(path, conditions, recogniser_sha256)
+
+
+def open_fixed_place(path: Path, conditions: Conditions, recogniser_sha256: str) -> FixedPlace:
+    """Load the place without the data that it will be used on.
+
+    Args:
+        path: the JSON file.
+        conditions: conditions of the fit: folder, sensor and views.
+        recogniser_sha256: hash of the recogniser that it will work with.
+
+    Raises:
+        ModelError: as in `load_fixed_place`.
+    """
     if not path.is_file():
         command = f"`ehar train fixed-best {conditions.options} {conditions.models_option}`"
         raise ModelError(f"{path}: no such file: expected a fixed place, as made by {command}")

@@ -1,5 +1,7 @@
 """The guesses that a solver starts from: smooth trajectories to goals, and the previous solution moved on in time."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ehar.arrays import FloatArray
@@ -106,8 +108,10 @@ def at_rest_at_the_end(trajectory: Trajectory, task: TrajectoryTask) -> Trajecto
     return Trajectory(position, velocity, acceleration, jerk)
 
 
-def best_guesses(goals: FloatArray, task: TrajectoryTask, count: int) -> list[Trajectory]:
+def best_guesses(
+    goals: FloatArray, task: TrajectoryTask, count: int, objective: Callable[[Trajectory], FloatArray]
+) -> list[Trajectory]:
     """Return the trajectories to those `count` of the goals (G, 3) whose guesses collect most, best first."""
     guesses = trajectories_to(goals, task)
-    order = np.argsort(-task.objective(guesses), kind="stable")[:count]
+    order = np.argsort(-objective(guesses), kind="stable")[:count]
     return [Trajectory(*(part[index] for part in guesses)) for index in order]

@@ -7,13 +7,16 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError
+from ehar.flight.multicopter import Multicopter
 from ehar.planner import Context, Observation, Planner
+from planners.search.costs import FlightShares
 from planners.search.guess import moved_on, states_at
 from planners.search.limits import camera_limits
+from planners.search.scene import Scene, SceneSize
 from planners.search.solver import Solution, SolverStatistics, SolveStatus, TrajectorySolver
 from planners.search.start import stoppable
 from planners.search.task import TrajectoryTask
-from planners.search.view_search import search_goals
+from planners.search.view_search import search_ways
 from planners.value.model import FULL, GainModel
 from planners.value.situation import frames_to_come
 from planners.value.view_basis import DistanceRange
@@ -39,6 +42,10 @@ class NextBestView(Planner):
         horizon: number of nodes of a plan. The last node also stands for the rest of the episode. Nodes after the end
             of the episode count for nothing. 15 nodes reach to the end of the episode.
         effort_weight: cost of a trajectory at the limits of jerk, in gained probability.
+        energy_weight: cost of the energy of hovering through the horizon, in gained probability; in flight only.
+        noise_weight: cost of the noise of hovering in the middle distance through the horizon, in gained probability;
+            in flight only.
+        distance_weight: cost of flying at 1 m/s through the horizon, in gained probability; in flight only.
         replan: number of frames from one plan to the next.
         solver: `fatrop`, with ipopt as its fallback, or `ipopt`.
         max_iterations: largest number of solver iterations, for the real-time mode; None lets the solver converge.
@@ -55,6 +62,9 @@ class NextBestView(Planner):
         model: GainModel,
         horizon: int = DEFAULT_HORIZON,
         effort_weight: float = 0.001,
+        energy_weight: float = 0.0,
+        noise_weight: float = 0.0,
+        distance_weight: float = 0.0,
         replan: int = 10,
         solver: Literal["fatrop", "ipopt"] = "fatrop",
         max_iterations: int | None = None,
@@ -65,14 +75,19 @@ class NextBestView(Planner):
         for option, value in (("horizon", horizon), ("replan", replan), ("max_iterations", max_iterations)):
             if value is not None and value < 1:
                 raise UsageError(f"{name}: expected {option} of at least 1, got {value}")
-        if not 0 <= effort_weight < math.inf:
-            raise UsageError(f"{name}: expected a finite effort_weight of at least 0, got {effort_weight}")
+        flight = {"energy_weight": energy_weight, "noise_weight": noise_weight, "distance_weight": distance_weight}
+        for option, weight in {"effort_weight": effort_weight, **flight}.items():
+            if not 0 <= weight < math.inf:
+                raise UsageError(f"{name}: expected a finite {option} of at least 0, got {weight}")
         self.name = name
         self.horizon, self.effort_weight, self.replan = horizon, effort_weight, replan
+        self.flight_weights = FlightShares(*flight.values())
         self._solver_options = (solver, max_iterations)
         self._value = ViewValue(model, variant=variant)
         self._solver: TrajectorySolver | None = None
-        self._built: tuple[DistanceRange, bool] | None = None  # what the solver is for
+        self._built: tuple[DistanceRange, bool, SceneSize | None, Multicopter | None] | None = (
+            None  # what the solver is for
+        )
 
     @property
     def statistics(self) -> SolverStatistics:
@@ -80,8 +95,19 @@ class NextBestView(Planner):
         return SolverStatistics() if self._solver is None else self._solver.statistics
 
     def reset(self, context: Context) -> None:
-        """Forget plans and episodes; the problem stays built."""
+        """Forget plans and episodes; the problem stays built.
+
+        Raises:
+            UsageError: flights have a cost, and the track is no vehicle with a body.
+        """
         self._context = context
+        counted, vehicle = any(self.flight_weights), context.vehicle
+        self._body = vehicle.body if counted and vehicle is not None else None
+        if counted and self._body is None:
+            raise UsageError(
+                f"{self.name}: expected a vehicle with a body for weights of energy, noise and distance, "
+                f"got the track {context.track!r}"
+            )
         self._value.reset(context)
         self._plans: list[Solution | None] = [None] * context.episodes
         self._nodes = max(self.horizon, FEWEST_NODES)
@@ -90,8 +116,16 @@ class NextBestView(Planner):
             least, most = (round(time / context.frame_time / DEFAULT_HORIZON) for time in FLIGHT_HORIZON)
             frames = min(max(frames, least), max(most, 1))
         self._node_frames = math.ceil(frames * self.horizon / self._nodes)
-        built = (self._value.span, context.vehicle is not None)  # a problem is built for one world
-        if self._built != built:
+        if self._solver is not None:
+            self._solver.statistics = SolverStatistics()
+        if context.world.is_open:  # elsewhere the first frame says how many people there are
+            self._build(None)
+
+    def _build(self, scene: SceneSize | None) -> TrajectorySolver:
+        """Return the solver of a world; a problem is built for one."""
+        flown = self._context.vehicle is not None
+        built = (self._value.span, flown, scene, self._body)
+        if self._solver is None or self._built != built:
             solver, max_iterations = self._solver_options
             self._solver = TrajectorySolver(
                 horizon=self._nodes,
@@ -99,11 +133,12 @@ class NextBestView(Planner):
                 max_iterations=max_iterations,
                 seeds=SEEDS,
                 span=self._value.span,
-                flown=context.vehicle is not None,
+                flown=flown,
+                scene=scene,
+                body=self._body,
             )
             self._built = built
-        assert self._solver is not None
-        self._solver.statistics = SolverStatistics()
+        return self._solver
 
     def act(self, observation: Observation) -> FloatArray:
         """Return the targets of the plans, or their paths; plan every `replan` frames."""
@@ -115,13 +150,15 @@ class NextBestView(Planner):
 
     def _plan(self, observation: Observation) -> FloatArray:
         """Plan for every episode and return the targets of the next frames (B, replan, 3), or paths (B, F, 3, 3)."""
-        assert self._solver is not None
         context, elapsed = self._context, self.replan * self._context.frame_time
         node_time = self._node_frames * context.frame_time
         weights = self._value.weights
         gains = node_gains(self._value.gains, self._nodes, self._node_frames)
-        goals, collected = search_goals(self._value, observation, context)
+        ways, collected = search_ways(self._value, observation, context)
+        goals = ways.goals
         order = np.argsort(-collected, axis=1)[:, :SEEDS]
+        scenes = scenes_of(self._value, observation)
+        solver = self._build(scenes[0].size if scenes else None)
         targets = []
         for episode, viewpoint in enumerate(observation.viewpoint):
             task = TrajectoryTask(
@@ -136,13 +173,15 @@ class NextBestView(Planner):
                 workspace=context.workspace,
                 spread_weight=self._value.field.spread,
                 span=self._value.span,
+                scene=scenes[episode] if scenes else None,
+                flight_weights=self.flight_weights,
             )
             previous = self._plans[episode]
             off_plan = context.vehicle is not None and not _on_plan(previous, elapsed, task)
             start = stoppable(task, surely=False) if off_plan else task
-            plan = self._solver.solve_best(start, goals[episode, order[episode]], previous, elapsed)
+            plan = solver.solve_best(start, goals[episode, order[episode]], previous, elapsed)
             if off_plan and plan.status is SolveStatus.INFEASIBLE:
-                plan = self._solver.solve_best(stoppable(task), goals[episode, order[episode]], previous, elapsed)
+                plan = solver.solve_best(stoppable(task), goals[episode, order[episode]], previous, elapsed)
             self._plans[episode] = plan
             targets.append(self._targets(plan, int(np.flatnonzero(gains)[-1]) + 1))
         return np.stack(targets)
@@ -164,6 +203,18 @@ class NextBestView(Planner):
             ahead = np.minimum((frames + GRID_LOOKAHEAD) / self._node_frames, last)
         position, nodes = plan.trajectory.position, np.arange(self._nodes + 1)
         return np.stack([np.interp(ahead, nodes, position[:, axis]) for axis in range(3)], axis=1)
+
+
+def scenes_of(value: ViewValue, observation: Observation) -> list[Scene]:
+    """Return what stands and walks around people in each episode; nothing in an open world."""
+    episodes, passers = len(observation.viewpoint), observation.passers
+    if not value.obstacles and passers is None:
+        return []
+    around = [value.obstacles] * episodes
+    if observation.centre is not None:
+        around = [value.obstacles.relative_to(centre) for centre in observation.centre]
+    walking = [None] * episodes if passers is None else passers
+    return [Scene.of(*each) for each in zip(value.situation.position, around, walking, strict=True)]
 
 
 def _on_plan(previous: Solution | None, elapsed: float, task: TrajectoryTask) -> bool:

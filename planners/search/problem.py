@@ -19,7 +19,10 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray
 from ehar.errors import UsageError
 from ehar.flight.kinematics import local_vectors
+from ehar.flight.multicopter import Multicopter
 from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, cartesian
+from planners.search.costs import FlightShares, flight_shares
+from planners.search.scene import WEIGHT, SceneSize, SceneSymbols, kept_clear
 from planners.search.task import Trajectory, TrajectoryTask
 from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, DistanceRange, view_basis
 
@@ -39,20 +42,32 @@ class TrajectoryProblem:
     equations.
     """
 
-    def __init__(self, horizon: int, span: DistanceRange = PAPER_RANGE, *, flown: bool = False) -> None:
+    def __init__(
+        self,
+        horizon: int,
+        span: DistanceRange = PAPER_RANGE,
+        *,
+        flown: bool = False,
+        scene: SceneSize | None = None,
+        body: Multicopter | None = None,
+    ) -> None:
         """Write the problem down.
 
         Args:
             horizon: number H of nodes after the present one.
             span: the range of distances of the world.
             flown: whether tasks have the limits of a vehicle, or those of the grid.
+            scene: how much stands and walks around people; None in an open world.
+            body: the vehicle's, if tasks have flight weights.
         """
-        self.horizon, self.span, self.flown = horizon, span, flown
+        self.horizon, self.span, self.flown, self.scene, self.body = horizon, span, flown, scene, body
+        around, keep = None if scene is None else SceneSymbols(scene), kept_clear(flown=flown)
         self._unit = unit = np.array([span.half, 1.0, 1.0])  # of a position: [m], [rad], [rad]
         start, weights, gains = ca.SX.sym("start", STATE), ca.SX.sym("weights", BASIS_SIZE), ca.SX.sym("gains", horizon)
         effort, spread, time = ca.SX.sym("effort"), ca.SX.sym("spread"), ca.SX.sym("node_time")
         units = [ca.SX.sym(name, 3) for name in ("velocity", "acceleration", "jerk")]
         vehicle = ca.SX.sym("vehicle", len(VEHICLE_LIMITS) if flown else 0)
+        prices = [ca.SX.sym(f"price_of_{name}") for name in FlightShares._fields]
 
         states = [ca.SX.sym(f"x{node}", STATE) for node in range(horizon + 1)]
         controls = [ca.SX.sym(f"u{node}", CONTROL) for node in range(horizon)]
@@ -74,7 +89,16 @@ class TrajectoryProblem:
                 equality += [True] * STATE
             else:
                 distance, azimuth, polar = ca.vertsplit(state[:3] * unit)
-                cost -= gains[node - 1] * ca.dot(weights, ca.vertcat(*view_basis(distance, azimuth, polar, span, ca)))
+                value = ca.dot(weights, ca.vertcat(*view_basis(distance, azimuth, polar, span, ca)))
+                if around is not None:
+                    camera = distance * _direction(state)
+                    value *= around.seen(camera, node * time)
+                    cost += WEIGHT * around.intrusion(camera, keep)
+                cost -= gains[node - 1] * value
+                if body is not None:
+                    moving = _moving(state, control, units, unit)[:3]
+                    paid = flight_shares(body, span, [ca.vertsplit(part) for part in moving], ca)
+                    cost += sum(price * share for price, share in zip(prices, paid, strict=True)) / horizon
             if node < horizon:
                 shares = _flown_shares(state, control, units, unit, vehicle, first=node == 0) if flown else []
                 if flown and node:
@@ -88,8 +112,13 @@ class TrajectoryProblem:
         constraints.append(states[-1][3:9])  # at rest: the camera can stay there, so the next plan exists
         equality += [True] * 6
         parameters = ca.vertcat(start, weights, gains, effort, spread, time, *units, vehicle)
+        if around is not None:
+            parameters = ca.vertcat(parameters, around.numbers)
+        if body is not None:
+            parameters = ca.vertcat(parameters, *prices)
         self.nlp = {"x": ca.vertcat(*variables), "f": cost, "g": ca.vertcat(*constraints), "p": parameters}
         self.equality: list[bool] = equality
+        self._cost = ca.Function("cost", [self.nlp["x"], self.nlp["p"]], [self.nlp["f"]])
         self._constraints = ca.Function("constraints", [self.nlp["x"], self.nlp["p"]], [self.nlp["g"]])
         is_equality: BoolArray = np.array(equality)
         self._constraint_bounds = np.where(is_equality, 0.0, -np.inf), np.where(is_equality, 0.0, 1.0)
@@ -108,6 +137,11 @@ class TrajectoryProblem:
         limits, vehicle = task.limits, task.limits.vehicle
         if (vehicle is not None) != self.flown:
             raise UsageError(f"trajectory task: expected limits of {'a vehicle' if self.flown else 'the grid'}")
+        size = None if task.scene is None else task.scene.size
+        if size != self.scene:
+            raise UsageError(f"trajectory task: expected a scene with {self.scene}, got {size}")
+        if task.body != self.body:
+            raise UsageError(f"trajectory task: expected flights that cost those of {self.body}, got {task.body}")
         start = np.concatenate(
             [
                 task.position / self._unit,
@@ -126,6 +160,8 @@ class TrajectoryProblem:
                 limits.acceleration,
                 limits.jerk,
                 [getattr(vehicle, name) for name in VEHICLE_LIMITS] if vehicle else [],
+                [] if task.scene is None else task.scene.numbers,
+                [] if task.body is None else np.array(task.flight_weights) / task.stake,
             ]
         )
         lower, upper = self._variable_bounds(task)
@@ -176,6 +212,11 @@ class TrajectoryProblem:
         low = np.concatenate([numbers["lbx"] - variables, numbers["lbg"] - constraints])
         high = np.concatenate([variables - numbers["ubx"], constraints - numbers["ubg"]])
         return float(np.max([low.max(), high.max(), 0.0]))
+
+    def objective(self, task: TrajectoryTask, guess: Trajectory) -> float:
+        """Return the gain of a trajectory less its cost, with all that is in the way; more is better."""
+        numbers = self.arguments(task, guess)
+        return -float(self._cost(numbers["x0"], numbers["p"])) * task.stake
 
     def pack(self, trajectory: Trajectory, task: TrajectoryTask) -> FloatArray:
         """Return the problem's variables for a trajectory."""

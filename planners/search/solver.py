@@ -11,8 +11,10 @@ import casadi as ca
 import numpy as np
 
 from ehar.arrays import FloatArray
+from ehar.flight.multicopter import Multicopter
 from planners.search.guess import at_rest_at_the_end, best_guesses, moved_on
 from planners.search.problem import TrajectoryProblem
+from planners.search.scene import SceneSize
 from planners.search.task import Trajectory, TrajectoryTask
 from planners.value.view_basis import PAPER_RANGE, DistanceRange
 
@@ -83,6 +85,8 @@ class TrajectorySolver:
         seeds: int = 1,
         span: DistanceRange = PAPER_RANGE,
         flown: bool = False,
+        scene: SceneSize | None = None,
+        body: Multicopter | None = None,
     ) -> None:
         """Build the problem and its solvers, which takes about 0.1 s.
 
@@ -94,10 +98,12 @@ class TrajectorySolver:
             seeds: number of goals that a plan is solved from, beside the previous solution: the most promising ones.
             span: the range of distances of the world of its tasks.
             flown: whether its tasks have the limits of a vehicle, or those of the grid.
+            scene: how much stands and walks around people in its tasks; None in an open world.
+            body: the vehicle's, if its tasks have flight weights.
         """
         self.statistics = SolverStatistics()
         self.horizon = horizon
-        self._problem = TrajectoryProblem(horizon, span, flown=flown)
+        self._problem = TrajectoryProblem(horizon, span, flown=flown, scene=scene, body=body)
         self._seeds = seeds
         self._capped = max_iterations is not None
         self._solver = self._build(solver, max_iterations or ITERATIONS)
@@ -124,7 +130,7 @@ class TrajectorySolver:
 
         def guesses() -> list[Trajectory]:
             first = moved_on(previous.trajectory, elapsed, task) if previous and proceed else task.hold()
-            return [first, *best_guesses(goals, task, self._seeds)]
+            return [first, *best_guesses(goals, task, self._seeds, lambda tried: self._objective(task, tried))]
 
         return self._solve_from(task, guesses, every=not proceed)
 
@@ -144,7 +150,7 @@ class TrajectorySolver:
             trajectory, objective, violation, status = best
         else:
             trajectory, violation = task.hold(), float("nan")
-            objective = float("nan") if status is SolveStatus.NAN_FIELD else float(task.objective(trajectory))
+            objective = float("nan") if status is SolveStatus.NAN_FIELD else float(self._objective(task, trajectory))
         solution = Solution(trajectory, objective, violation, status, time.perf_counter() - begin)
         self.statistics.add(solution)
         return solution
@@ -152,15 +158,19 @@ class TrajectorySolver:
     def _best_attempt(self, task: TrajectoryTask, guesses: list[Trajectory], every: bool) -> "_Attempt | None":
         """Return the best attempt of those that keep the limits; ipopt is called if all seeds failed.
 
-        The first guess is always tried; unless `every` one is, others only if they collect more than has been found.
+        The first guess is always tried, or the best one where something is in the way; unless `every` one is, others
+        only if they collect more than has been found.
 
         The first guess is kept if no attempt beats it by more than the solver's tolerance. So if there is nothing to
         gain, the camera stays, or follows its previous plan.
         """
         first = at_rest_at_the_end(guesses[0], task) if self._capped else guesses[0]
         attempts: list[_Attempt] = []
+        if task.scene is not None:  # a solve takes longer there: from the best guess, not from every one
+            guesses = sorted(guesses, key=lambda guess: -self._objective(task, guess))
+            every = False
         for guess in guesses:
-            if every or not attempts or task.objective(guess) > max(attempt.worth for attempt in attempts):
+            if every or not attempts or self._objective(task, guess) > max(attempt.worth for attempt in attempts):
                 attempts.append(self._attempt(self._solver, task, guess, first))
         if self._fallback is not None and all(attempt.status is not SolveStatus.OPTIMAL for attempt in attempts):
             attempts.append(self._attempt(self._fallback, task, first, first))
@@ -170,7 +180,7 @@ class TrajectorySolver:
             return None
         numbers = self._problem.arguments(task, first)
         violation = self._problem.violation(numbers["x0"], numbers)
-        objective = float(task.objective(first))
+        objective = float(self._objective(task, first))
         if violation <= TOLERANCE and objective > best.objective - OPTIMALITY * task.stake:
             return _Attempt(self._problem.unpack(numbers["x0"], task), objective, violation, best.status)
         return best
@@ -188,7 +198,16 @@ class TrajectorySolver:
             status = SolveStatus.IPOPT_FALLBACK
         self.statistics.solve_seconds.append(time.perf_counter() - begin)
         trajectory = self._problem.unpack(variables, task)
-        return _Attempt(trajectory, float(task.objective(trajectory)), violation, status)
+        return _Attempt(trajectory, float(self._objective(task, trajectory)), violation, status)
+
+    def _objective(self, task: TrajectoryTask, trajectory: Trajectory) -> FloatArray:
+        """Return what trajectories collect, () or (G,)."""
+        if task.scene is None:
+            return task.objective(trajectory)
+        if trajectory.position.ndim == 2:
+            return np.array(self._problem.objective(task, trajectory))
+        each = (Trajectory(*parts) for parts in zip(*trajectory, strict=True))
+        return np.array([self._problem.objective(task, one) for one in each])
 
     def _repaired(self, variables: FloatArray, task: TrajectoryTask, first: Trajectory) -> tuple[FloatArray, float]:
         """Return the trajectory within the limits that is nearest to the result of a capped solve, and its violation.

@@ -7,9 +7,14 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError
+from ehar.flight.multicopter import Multicopter
 from ehar.flight.vehicle import Vehicle
 from ehar.viewpoint import Workspace, cartesian
+from planners.search.costs import FlightShares, flight_shares
+from planners.search.scene import Scene
 from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, DistanceRange, field_value
+
+NO_COST = FlightShares(0.0, 0.0, 0.0)
 
 
 class Trajectory(NamedTuple):
@@ -81,9 +86,13 @@ class TrajectoryTask:
         workspace: the bounds of distance and polar angle.
         spread_weight: cost of looking from one direction all the time, in the unit of the objective.
         span: the range of distances of the world that the field was trained in.
+        scene: what stands and walks around people; None in an open world.
+        flight_weights: costs of the power of hovering, the sound of hovering in the middle distance and a speed of
+            1 m/s, each at all nodes, in the unit of the objective.
 
     Raises:
-        UsageError: a shape is wrong, the node time is not positive, or the weight of effort or spread is negative.
+        UsageError: a shape is wrong, the node time is not positive, a weight of a cost is negative, or flights have a
+            cost and the vehicle no body.
     """
 
     position: FloatArray
@@ -97,6 +106,8 @@ class TrajectoryTask:
     workspace: Workspace
     spread_weight: float = 0.0
     span: DistanceRange = PAPER_RANGE
+    scene: Scene | None = None
+    flight_weights: FlightShares = NO_COST
 
     def __post_init__(self) -> None:
         """Check shapes and signs; the solver reports values that are not finite."""
@@ -110,6 +121,10 @@ class TrajectoryTask:
                 "trajectory task: expected a node time > 0 and weights of effort and spread >= 0, "
                 f"got {self.node_time} s, {self.effort_weight} and {self.spread_weight}"
             )
+        if not min(self.flight_weights) >= 0:
+            raise UsageError(f"trajectory task: expected flight weights >= 0, got {tuple(self.flight_weights)}")
+        if any(self.flight_weights) and self.body is None:
+            raise UsageError("trajectory task: expected a vehicle with a body, as flights have a cost")
 
     @property
     def horizon(self) -> int:
@@ -117,23 +132,38 @@ class TrajectoryTask:
         return len(self.gain_weights)
 
     @property
+    def body(self) -> Multicopter | None:
+        """The body whose flight costs something; None if no flight does."""
+        vehicle = self.limits.vehicle
+        return vehicle.body if vehicle is not None and any(self.flight_weights) else None
+
+    @property
     def stake(self) -> float:
         """The size of the possible gain or cost, in the unit of the objective; 1 if there is none."""
         gain = np.linalg.norm(self.field_weights[1:]) * np.abs(self.gain_weights).sum()
-        return float(max(gain, self.effort_weight, self.spread_weight)) or 1.0
+        return float(max(gain, self.effort_weight, self.spread_weight, *self.flight_weights)) or 1.0
 
     def objective(self, trajectory: Trajectory) -> FloatArray:
-        """Return the gain of trajectories less their cost, () or (G,); more is better.
+        """Return the gain of trajectories in the open less their cost, () or (G,); more is better.
 
         sum_h gain_weights[h] field(position[h]) - effort_weight mean_h sum_axes (jerk / limit)^2
         - spread_weight |sum_h gain_weights[h] direction(position[h])|^2
+        - mean_h flight_weights . flight_shares[h]
         """
         gain = field_value(self.field_weights, trajectory.position[..., 1:, :], self.span) @ self.gain_weights
         directions = cartesian(trajectory.position[..., 1:, :]) / trajectory.position[..., 1:, :1]
         mean = np.einsum("...hk,h->...k", directions, self.gain_weights)
         effort = ((trajectory.jerk / self.limits.jerk) ** 2).sum(-1).mean(-1)
         collected: FloatArray = gain - self.effort_weight * effort - self.spread_weight * (mean**2).sum(-1)
-        return collected
+        return collected if self.body is None else collected - self._flight_cost(self.body, trajectory)
+
+    def _flight_cost(self, body: Multicopter, trajectory: Trajectory) -> FloatArray:
+        state = [list(np.moveaxis(part[..., 1:, :], -1, 0)) for part in trajectory[:3]]
+        shares = flight_shares(body, self.span, state, np)
+        cost: FloatArray = sum(
+            weight * share.mean(-1) for weight, share in zip(self.flight_weights, shares, strict=True)
+        )
+        return cost
 
     def hold(self) -> Trajectory:
         """Return the trajectory that stays at the present viewpoint, whatever the camera's velocity."""

@@ -4,10 +4,11 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.errors import EpisodeError, UsageError
+from ehar.obstacles.free_space import needed_clearance
 from ehar.planner import Context, Observation, Planner
-from ehar.viewpoint import MOVES
-from planners.heading import axis_speeds, free_space, heading
-from planners.search.ways import Ways
+from ehar.viewpoint import MOVES, cartesian
+from planners.heading import axis_speeds, heading
+from planners.search.ways import Ways, free_spaces
 from planners.value.model import GainModel
 from planners.value.view_basis import BASIS_SIZE, basis_at, mean_direction
 from planners.value.view_value import ViewValue, coarse_grid, node_gains
@@ -43,6 +44,10 @@ class NextBestViewGreedy(Planner):
         self._value.update(observation)
         here = np.repeat(observation.viewpoint[:, None], len(MOVES), axis=1)
         there = heading(self._context, here, np.broadcast_to(np.arange(len(MOVES)), here.shape[:2]))
+        if observation.centre is not None and self._context.vehicle is None:
+            places = cartesian(there) + observation.centre[:, None]
+            clear = self._value.obstacles.clearance(places) >= needed_clearance(there, self._context.workspace)
+            there = np.where(clear[..., None], there, here)
         values = np.einsum("bmk,bk->bm", basis_at(there, self._value.span), self._value.weights)
         values *= self._value.seen(there, self._context.frame_time)
         _check_finite(values, self.name, observation.frame)
@@ -81,9 +86,11 @@ class NextBestViewSearch(Planner):
         """
         self._value.update(observation)
         if observation.frame % self.replan == 0:
-            goals, collected = search_goals(self._value, observation, self._context)
+            ways, collected = search_ways(self._value, observation, self._context)
             _check_finite(collected, self.name, observation.frame)
-            self._goal: FloatArray = goals[np.arange(len(goals)), np.argmax(collected, axis=1)]
+            best = np.argmax(collected, axis=1)
+            # Where the centre stays, the motion knows the free cells, and takes the shortest way through them.
+            self._goal = ways.goals[np.arange(len(best)), best] if observation.centre is None else ways.heads(best)
         return self._goal
 
 
@@ -97,8 +104,8 @@ def _check_finite(values: FloatArray, name: str, frame: int) -> None:
         )
 
 
-def search_goals(value: ViewValue, observation: Observation, context: Context) -> tuple[FloatArray, FloatArray]:
-    """Return the gain of ways to a grid of goals; the first goal is to stay.
+def search_ways(value: ViewValue, observation: Observation, context: Context) -> tuple[Ways, FloatArray]:
+    """Return ways to a grid of goals, and their gain; the first goal is to stay.
 
     The ways are straight in the three coordinates, or lead around obstacles. They go from rest to rest, at the pace of
     the grid or the vehicle. A view counts as far as it shows people.
@@ -109,12 +116,12 @@ def search_goals(value: ViewValue, observation: Observation, context: Context) -
         context: the context of the episodes.
 
     Returns:
-        goals (B, G, 3), and the gain along the way to each, (B, G), in the field's unit.
+        ways to G goals each, and the gain along the way to each, (B, G), in the field's unit.
     """
     here = observation.viewpoint
     grid = coarse_grid(context.workspace)
     goals = np.concatenate([here[:, None], np.broadcast_to(grid, (len(here), *grid.shape))], axis=1)
-    ways = Ways.to(goals, here, free_space(context))
+    ways = Ways.to(goals, here, free_spaces(context, observation))
     node_frames = -(-len(value.gains) // WAY_POINTS)
     gains = node_gains(value.gains, WAY_POINTS, node_frames)
     needed, ramp = _frames_needed(ways.straight, here, context)
@@ -127,7 +134,7 @@ def search_goals(value: ViewValue, observation: Observation, context: Context) -
         along += gains[node] * seen[..., None] * basis_at(there, value.span)
     collected: FloatArray = np.einsum("bgk,bk->bg", along, value.weights)
     collected -= value.field.spread * (mean_direction(along) ** 2).sum(axis=-1)
-    return ways.goals, collected
+    return ways, collected
 
 
 def _frames_needed(way: FloatArray, here: FloatArray, context: Context) -> tuple[FloatArray, float]:

@@ -20,6 +20,7 @@ def seen_share(
     obstacles: Obstacles,
     passers: FloatArray | None = None,
     ahead: float = 0.0,
+    centre: FloatArray | None = None,
 ) -> FloatArray:
     """Return the share of people that is seen from viewpoints, 0 to 1, (B, ...).
 
@@ -31,6 +32,7 @@ def seen_share(
         obstacles: what stands there.
         passers: (B, W, 4) place and velocity of passers-by [m], [m/s]; they walk straight on. None if there are none.
         ahead: how far ahead the viewpoints are [s].
+        centre: (B, 3) where the centre is, from where it was in the first frame [m]; None if it has stayed.
     """
     walking = None
     if passers is not None:
@@ -43,6 +45,7 @@ def seen_share(
     up = HEIGHTS[:, None, None] * np.array([0.0, 0.0, 1.0])  # (3, 1, 3)
     strip = up + ACROSS[:, None] * aside[..., None, None, :]  # (B, ..., 3, 3, 3)
     points = person[..., None, :] + strip.reshape(*strip.shape[:-3], 1, -1, 3)  # (B, ..., P, 9, 3)
-    hidden = Surroundings(obstacles, None, walking).hide(viewpoint, points, 0)
+    moved = None if centre is None else centre[:, None]
+    hidden = Surroundings(obstacles, moved, walking).hide(viewpoint, points, 0)
     seen: FloatArray = 1 - hidden.mean(axis=(-2, -1))
     return seen

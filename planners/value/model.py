@@ -133,6 +133,21 @@ def load_gain_model(conditions: Conditions, data: Recordings, recogniser_sha256:
         ModelError: the files are missing or malformed, or belong to another recogniser or another world.
     """
     path = gain_model_path(conditions.directory or SHIPPED / data.name, conditions)
+    return open_gain_model(path, conditions, len(data.skeleton.joint_names), recogniser_sha256)
+
+
+def open_gain_model(path: Path, conditions: Conditions, joint_count: int, recogniser_sha256: str) -> GainModel:
+    """Load a gain model without the data that it will be used on.
+
+    Args:
+        path: the safetensors file.
+        conditions: conditions of the training: folder, sensor, views and world.
+        joint_count: number of joints of a person.
+        recogniser_sha256: hash of the recogniser that it will work with.
+
+    Raises:
+        ModelError: as in `load_gain_model`.
+    """
     check_files(
         path,
         f"a gain field, as made by `ehar train gain-field {conditions.options} {conditions.models_option}`",
@@ -142,7 +157,7 @@ def load_gain_model(conditions: Conditions, data: Recordings, recogniser_sha256:
     belief = description.stream_belief or description.belief
     if belief is None:
         raise ModelError(f"{file}: belief: expected the parameters of one, got null")
-    joints = range(len(data.skeleton.joint_names))
+    joints = range(joint_count)
     if not description.trunk or any(joint not in joints for pair in description.trunk for joint in pair):
         got = str(description.trunk)[:80]
         raise ModelError(f"{file}: trunk: expected pairs of joints 0 to {len(joints) - 1}, got {got}")

@@ -16,7 +16,7 @@ from ehar.data.recordings import UNKNOWN_SUBJECT, Recordings
 from ehar.data.scenario import split_parts
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.errors import DataError, UsageError
-from ehar.files import write_bytes
+from ehar.files import check_folder, write_bytes
 from ehar.planner import Planner
 from ehar.processes import Engine, Processes
 from ehar.world import PAPER
@@ -118,6 +118,7 @@ def train_gain_field(
     directory = config.out or conditions.directory
     if directory is None:
         raise UsageError("train gain-field: expected --models DIR, or --out DIR where the shipped recogniser is used")
+    check_folder(directory)
     setting = load_setting(conditions, device=config.device)
     if setting.length_note is not None:
         note(f"warning: {setting.length_note}")

@@ -4,9 +4,9 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError
-from ehar.obstacles.shapes import Obstacles
 from ehar.planner import Context, Observation
 from ehar.viewpoint import Workspace
+from planners.heading import known_obstacles
 from planners.value.line_of_sight import seen_share
 from planners.value.model import FULL, GainModel
 from planners.value.situation import Situation, Tracker, coming_gains
@@ -25,6 +25,7 @@ class ViewValue:
     Attributes:
         field: the gain field.
         span: the range of distances of the world, after a reset.
+        obstacles: those whose place is known, after an update; relative to where the centre was in the first frame.
 
     Raises:
         UsageError: the model has no such field.
@@ -42,14 +43,13 @@ class ViewValue:
         """Forget everything."""
         self.span = DistanceRange.of(context.world.workspace)
         self._tracker.reset(context)
-        # In a stream obstacles are not where they were, relative to people.
-        self._obstacles = context.world.obstacles if context.length is not None else Obstacles()
-        self._hides = bool(self._obstacles) or context.world.passers_by > 0
         self._everywhere = basis_at(coarse_grid(context.workspace), self.span)
 
     def update(self, observation: Observation) -> None:
         """Take in one more frame."""
         self._tracker.update(observation)
+        self.obstacles = known_obstacles(self._tracker.context, observation)
+        self._hides = bool(self.obstacles) or self._tracker.context.world.passers_by > 0
 
     @property
     def gains(self) -> FloatArray:
@@ -82,8 +82,9 @@ class ViewValue:
         """
         if not self._hides:
             return np.ones(viewpoint.shape[:-1])
-        position, passers = self.situation.position, self._tracker.observation.passers
-        return seen_share(viewpoint, position, self._obstacles, passers, ahead)
+        observation = self._tracker.observation
+        position, passers, centre = self.situation.position, observation.passers, observation.centre
+        return seen_share(viewpoint, position, self.obstacles, passers, ahead, centre)
 
 
 def coarse_grid(workspace: Workspace) -> FloatArray:

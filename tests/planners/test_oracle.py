@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from ehar.arrays import FloatArray
+from ehar.batch import Batch
 from ehar.data.skeleton import Skeleton
 from ehar.errors import EpisodeError
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
 from ehar.planner import Observation, Planner
-from ehar.rollout import Batch, Record, rollout
+from ehar.rollout import Record, rollout
 from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import Sensor

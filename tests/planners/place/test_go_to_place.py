@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from ehar.arrays import FloatArray
+from ehar.batch import Batch
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion, Motion
 from ehar.planner import Context, Observation
-from ehar.rollout import Batch, rollout
+from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise

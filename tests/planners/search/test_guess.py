@@ -45,9 +45,9 @@ def test_goals_are_left_as_they_were_and_the_best_guesses_come_first(seed: int) 
     rng = np.random.default_rng(seed)
     task, goals = random_task(rng), PAPER.sample_starts(rng, 6)
     before = goals.copy()
-    worth = [float(task.objective(guess)) for guess in best_guesses(goals, task, 6)]
+    worth = [float(task.objective(guess)) for guess in best_guesses(goals, task, 6, task.objective)]
     assert worth == sorted(worth, reverse=True)
-    assert float(task.objective(best_guesses(goals, task, 1)[0])) == worth[0]
+    assert float(task.objective(best_guesses(goals, task, 1, task.objective)[0])) == worth[0]
     np.testing.assert_array_equal(goals, before)
 
 

@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ehar.batch import Batch
 from ehar.errors import EpisodeError, UsageError
+from ehar.flight.costs import FlightCosts
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion, Motion
 from ehar.planner import Context, Observation, Planner, Truth
-from ehar.rollout import Batch, Record, rollout
+from ehar.rollout import Record, rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import SensorNoise
 from ehar.viewpoint import Workspace, wrap_difference
@@ -203,6 +205,9 @@ def test_a_plan_is_made_every_so_often_and_counted_since_the_reset() -> None:
         ("effort_weight", -0.1),
         ("effort_weight", float("nan")),
         ("effort_weight", float("inf")),
+        ("energy_weight", -1.0),
+        ("noise_weight", float("nan")),
+        ("distance_weight", -0.5),
     ],
 )
 def test_numbers_that_make_no_sense(option: str, value: Any) -> None:
@@ -314,3 +319,31 @@ def test_what_is_planned_is_what_is_flown(name: str) -> None:
     assert planner.statistics.fallbacks == 0
     assert (cells_off(viewpoints[:2, -1], PEAK) < 3).all()
     assert (motion.telemetry.peak_jerk <= vehicle.jerk).all()
+
+
+def costs_of_flights(**weights: float) -> FlightCosts:
+    """Return what flights of nbv with some weights cost."""
+    vehicle = VEHICLES["px4-auto"]
+    motion, planner = FlightMotion(vehicle=vehicle), NextBestView(model=model_of(peak_weights(PEAK)), **weights)
+    batch = starting([[33, 2, 15], [33, 12, 24]], length=40)
+    run(planner, batch, motion=motion, track=vehicle.name, vehicle=vehicle, follows=True)
+    assert planner.statistics.fallbacks == 0
+    assert motion.telemetry.costs is not None
+    return motion.telemetry.costs
+
+
+def test_energy_noise_and_distance_are_traded_for_gain() -> None:
+    free, saving = costs_of_flights(), costs_of_flights(energy_weight=1.0)
+    quiet, short = costs_of_flights(noise_weight=0.4), costs_of_flights(distance_weight=0.1)
+    assert free.energy is not None and saving.energy is not None and free.noise is not None and quiet.noise is not None
+    assert (saving.energy < free.energy - 50).all()  # [J]
+    assert (quiet.noise < free.noise - 0.5).all()  # [dB]
+    assert (short.distance < free.distance - 1).all()  # [m]
+
+
+@pytest.mark.parametrize("track", ["ideal", "ground-robot"])
+def test_what_flights_cost_needs_a_vehicle_with_a_body(track: str) -> None:
+    planner = NextBestView(model=model_of(peak_weights(PEAK)), noise_weight=0.1)
+    context = replace(tiny_context(), track=track, vehicle=VEHICLES.get(track))
+    with pytest.raises(UsageError, match=f"^nbv: expected a vehicle with a body .*, got the track '{track}'"):
+        planner.reset(context)

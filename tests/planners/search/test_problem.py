@@ -10,16 +10,24 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from ehar.errors import UsageError
-from ehar.flight.kinematics import SphericalState
-from ehar.flight.limits import limit_shares
+from ehar.flight.costs import flight_costs
+from ehar.flight.kinematics import CartesianMotion, SphericalState
+from ehar.flight.limits import limit_shares, world_motion
+from ehar.world import ROOM
+from planners.search.costs import ROUNDED_SPEED, FlightShares
 from planners.search.problem import REGULARISATION, STAGE, STATE, TrajectoryProblem
-from planners.search.task import Trajectory, TrajectoryLimits, TrajectoryTask
+from planners.search.scene import Scene
+from planners.search.task import NO_COST, Trajectory, TrajectoryLimits, TrajectoryTask
 from planners.value.view_basis import PAPER_RANGE
 from tests.helpers.examples import share_of_examples
 from tests.helpers.trajectory_tasks import FLIGHT, GRID, VEHICLE, random_task
 
 HORIZON = 4
 FLOWN, LED = TrajectoryProblem(HORIZON, flown=True), TrajectoryProblem(HORIZON)
+SCENE = Scene.of(np.array([[0.1, -0.2, 0.0]]), ROOM.obstacles, np.array([[1.0, 2.0, 0.5, -1.0]]))
+AMONG = TrajectoryProblem(HORIZON, scene=SCENE.size)
+COUNTED = TrajectoryProblem(HORIZON, flown=True, body=VEHICLE.body)
+COSTS = {"flight_weights": FlightShares(power=0.5, sound=0.2, speed=0.1)}
 SHARES, TURNS = 5, 4  # of a node in flight
 
 
@@ -27,7 +35,7 @@ def function(problem: TrajectoryProblem, part: str) -> ca.Function:
     return ca.Function(part, [problem.nlp["x"], problem.nlp["p"]], [problem.nlp[part]])
 
 
-OBJECTIVE, CONSTRAINTS = function(FLOWN, "f"), function(FLOWN, "g")
+CONSTRAINTS = function(FLOWN, "g")
 seeds = st.integers(0, 10_000)
 
 
@@ -59,13 +67,15 @@ def moving_task(rng: np.random.Generator, **changes: object) -> TrajectoryTask:
 
 
 @share_of_examples(0.2)
-@given(seeds, st.sampled_from([(FLOWN, FLIGHT), (LED, GRID)]))
+@given(seeds, st.sampled_from([(FLOWN, FLIGHT), (LED, GRID), (AMONG, GRID), (COUNTED, FLIGHT)]))
 def test_derivatives_are_those_of_finite_differences(
     seed: int, track: tuple[TrajectoryProblem, TrajectoryLimits]
 ) -> None:
     problem, limits = track
     rng = np.random.default_rng(seed)
-    task = moving_task(rng, limits=limits)
+    task = moving_task(
+        rng, limits=limits, scene=SCENE if problem is AMONG else None, **(COSTS if problem is COUNTED else {})
+    )
     numbers = problem.arguments(task, task.hold())
     variables = numbers["x0"] + rng.uniform(-0.3, 0.3, len(numbers["x0"]))
     for part in "fg":
@@ -95,18 +105,50 @@ def test_dynamics_are_exact(seed: int) -> None:
     np.testing.assert_allclose(constraints[-3:], trajectory.acceleration[-1] / FLIGHT.acceleration, atol=1e-12)
 
 
-@given(seeds)
-def test_the_cost_is_what_the_task_says_in_units_of_what_there_is_to_win(seed: int) -> None:
+@given(seeds, st.booleans())
+def test_the_cost_is_what_the_task_says_in_units_of_what_there_is_to_win(seed: int, counted: bool) -> None:
     rng = np.random.default_rng(seed)
-    task = moving_task(rng, effort_weight=0.3, spread_weight=0.4)
+    problem = COUNTED if counted else FLOWN
+    task = moving_task(rng, effort_weight=0.3, spread_weight=0.4, **(COSTS if counted else {}))
     jerk = rng.uniform(-1, 1, (HORIZON, 3)) * FLIGHT.jerk
-    trajectory = task.hold()._replace(position=rng.uniform(1, 6, (HORIZON + 1, 3)), jerk=jerk)
-    numbers = FLOWN.arguments(task, trajectory)
+    position = rng.uniform(1, 6, (HORIZON + 1, 3))
+    velocity, acceleration = rng.uniform(-1, 1, (2, HORIZON + 1, 3))
+    trajectory = Trajectory(position, velocity, acceleration, jerk)
+    numbers = problem.arguments(task, trajectory)
     unit = task.effort_weight / numbers["p"][STATE + 21 + HORIZON]
     regularisation = REGULARISATION * ((jerk / FLIGHT.jerk) ** 2).sum() / HORIZON
     # Node 0 of the guess is the present state, which no weight counts.
-    cost = float(OBJECTIVE(numbers["x0"], numbers["p"])) - regularisation
+    cost = float(function(problem, "f")(numbers["x0"], numbers["p"])) - regularisation
     assert -unit * cost == pytest.approx(float(task.objective(trajectory)), abs=1e-9)
+
+
+@given(seeds)
+def test_costs_are_those_that_flights_are_recorded_with(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    task = moving_task(rng, **COSTS)
+    position = rng.uniform([5, -4, 0.1], [15, 4, np.pi / 2], (HORIZON + 1, 3))
+    velocity, acceleration = rng.normal(size=(2, HORIZON + 1, 3)) * np.array([2, 0.3, 0.3])
+    trajectory = Trajectory(position, velocity, acceleration, np.zeros((HORIZON, 3)))
+    state = SphericalState(position[1:], velocity[1:], acceleration[1:], np.zeros((HORIZON, 3)))
+    motion = CartesianMotion(*(part[:, None].repeat(2, axis=1) for part in world_motion(state)))
+    assert VEHICLE.body is not None
+    costs = flight_costs(VEHICLE.body, motion, position[1:, :1].repeat(2, axis=1), 1.0)
+    assert costs.energy is not None and costs.noise is not None
+    at_10_m = VEHICLE.body.sound_power_level - 10 * np.log10(4 * np.pi * PAPER_RANGE.middle**2)
+    energy, sound = costs.energy / VEHICLE.body.hover_power, 10 ** ((costs.noise - at_10_m) / 10)
+    rounded = np.sqrt(costs.distance**2 + ROUNDED_SPEED**2) - ROUNDED_SPEED
+    without = replace(task, flight_weights=NO_COST).objective(trajectory)
+    expected = (0.5 * energy + 0.2 * sound + 0.1 * rounded).mean()
+    assert without - task.objective(trajectory) == pytest.approx(expected)
+
+
+def test_without_flight_weights_nothing_of_flights_costs_is_in_the_problem() -> None:
+    task = random_task(np.random.default_rng(0), horizon=HORIZON)
+    assert COUNTED.nlp["p"].numel() == FLOWN.nlp["p"].numel() + 3
+    assert FLOWN.nlp["p"].numel() == len(FLOWN.arguments(task, task.hold())["p"])
+    assert not any("price" in str(symbol) for symbol in ca.symvar(FLOWN.nlp["f"]))
+    with pytest.raises(UsageError, match="expected flights that cost those of Multicopter"):
+        COUNTED.arguments(task, task.hold())
 
 
 def inequalities(problem: TrajectoryProblem, task: TrajectoryTask, trajectory: Trajectory) -> np.ndarray:

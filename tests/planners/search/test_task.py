@@ -7,9 +7,10 @@ import pytest
 
 from ehar.errors import UsageError
 from ehar.world import PAPER
+from planners.search.costs import FlightShares
 from planners.search.task import Trajectory, grid_limits
 from planners.value.view_basis import PAPER_RANGE, field_value
-from tests.helpers.trajectory_tasks import FLIGHT, HORIZON, random_task
+from tests.helpers.trajectory_tasks import FLIGHT, GRID, HORIZON, random_task
 
 
 def test_the_objective_weighs_the_field_at_the_nodes_against_the_jerk() -> None:
@@ -53,6 +54,8 @@ def test_limits_that_are_none_are_refused(name: str, wrong: list[float]) -> None
         ({"gain_weights": np.zeros((3, 3))}, "gain weights"),
         ({"node_time": 0.0}, "node time"),
         ({"effort_weight": -1.0}, "weights of effort and spread"),
+        ({"flight_weights": FlightShares(0.0, -1.0, 0.0)}, r"flight weights >= 0, got \(0.0, -1.0, 0.0\)"),
+        ({"flight_weights": FlightShares(1.0, 0.0, 0.0), "limits": GRID}, "a vehicle with a body"),
     ],
 )
 def test_tasks_that_are_none_are_refused(changes: dict[str, object], message: str) -> None:

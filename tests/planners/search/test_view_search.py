@@ -16,7 +16,7 @@ from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import MOVES, Workspace, wrap_difference
 from ehar.world import PAPER
-from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch, search_goals, share_made
+from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch, search_ways, share_made
 from planners.value.situation import frame_gains
 from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, field_value, mean_direction, view_basis
 from planners.value.view_value import GRID, ViewValue, coarse_grid
@@ -39,7 +39,8 @@ class Searcher(Planner):
     def act(self, observation: Observation) -> FloatArray:
         self.value.update(observation)
         if observation.frame == self.at:
-            self.goals, self.collected = search_goals(self.value, observation, self.context)
+            ways, self.collected = search_ways(self.value, observation, self.context)
+            self.goals = ways.goals
         return observation.viewpoint
 
 

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ehar.batch import Batch
 from ehar.motion import GridMotion
 from ehar.obstacles import Box, Cylinder, Obstacles, Surroundings
 from ehar.planner import Context
-from ehar.rollout import Batch, rollout
+from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.world import PAPER
+from planners.search.next_best_view import NextBestView
 from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch
 from planners.value.line_of_sight import seen_share
 from planners.value.view_value import ViewValue
@@ -29,6 +31,12 @@ def test_behind_a_pillar_nothing_is_seen_and_beside_it_all() -> None:
     assert seen_share(BEHIND[None], beside, PILLAR)[0] == pytest.approx(2 / 3, abs=0.34)
     both = np.concatenate([CENTRE, beside + np.array([0, 0.6, 0])], axis=1)
     assert seen_share(BEHIND[None], both, PILLAR).tolist() == [0.5]
+
+
+def test_a_pillar_stays_while_people_walk_past_it() -> None:
+    centres = np.array([[0.0, 0.0, 0.0], [0.0, 1.5, 0.0]])
+    shares = seen_share(np.stack([BEHIND, BEHIND]), np.zeros((2, 1, 3)), PILLAR, centre=centres)
+    assert shares.tolist() == [0, 1]
 
 
 def test_a_table_hides_a_third_of_a_person() -> None:
@@ -72,9 +80,9 @@ def test_in_an_open_world_values_are_as_they_were() -> None:
     assert not np.allclose(plain[:, 0], shifted[:, 0])
 
 
-@pytest.mark.parametrize("planner", [NextBestViewGreedy, NextBestViewSearch])
+@pytest.mark.parametrize("planner", [NextBestViewGreedy, NextBestViewSearch, NextBestView])
 def test_planners_leave_a_shadow_for_a_view_that_shows_people(
-    planner: type[NextBestViewGreedy | NextBestViewSearch],
+    planner: type[NextBestViewGreedy | NextBestViewSearch | NextBestView],
 ) -> None:
     """The field is best where the pillar hides all: a planner that did not know would stay there."""
     model = model_of(peak_weights(BEHIND))

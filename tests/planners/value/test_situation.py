@@ -8,11 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ehar.arrays import FloatArray
+from ehar.batch import Batch
 from ehar.data.scenario import windows
 from ehar.flight.vehicle import load_vehicle
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner
-from ehar.rollout import Batch, Record, rollout
+from ehar.rollout import Record, rollout
 from ehar.runner import Runner
 from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import wrap_difference
