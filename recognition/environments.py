@@ -6,7 +6,7 @@ from ehar.conditions import Conditions
 from ehar.data.scenario import Scenarios, windows
 from ehar.data.streams.data import StreamData
 from ehar.data.streams.scenario import StreamScenarios
-from ehar.envs.controls import FlightControls, GridControls
+from ehar.envs.controls import Controls, FlightControls, GridControls
 from ehar.envs.environment import EpisodeEnv, EpisodeVectorEnv
 from ehar.envs.task import EpisodeTask
 from ehar.errors import UsageError
@@ -73,11 +73,14 @@ def _task(setting: Setting, scenarios: Scenarios | StreamScenarios) -> EpisodeTa
             "own is not known"
         )
     vehicle, world = setting.runner.track.vehicle, setting.runner.world
-    space = world.workspace
+    space, streams = world.workspace, isinstance(scenarios, StreamScenarios)
+    controls: Controls = GridControls(workspace=space)
+    if vehicle is not None:
+        controls = FlightControls(vehicle=vehicle, workspace=space, moving_centre=streams)
     return EpisodeTask(
-        scenarios=scenarios,
+        scenarios=setting.runner.followed(scenarios),
         recogniser=setting.runner.recogniser,
         sensor=setting.runner.sensor,
-        controls=GridControls(workspace=space) if vehicle is None else FlightControls(vehicle=vehicle, workspace=space),
+        controls=controls,
         world=world,
     )

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from ehar.conditions import Conditions
 from ehar.errors import EharError, ModelError
-from ehar.files import read_json, write_bytes
+from ehar.files import read_json, replacing
 from ehar.world import World, load_world
 
 if TYPE_CHECKING:
@@ -28,13 +28,20 @@ def description_path(path: Path) -> Path:
 def save_weights(path: Path, content: bytes, description: "DataclassInstance") -> None:
     """Write weights and their description.
 
+    The weights appear last: where they lie, both files are whole and belong together, whenever a process is killed.
+
     Args:
         path: the safetensors file.
         content: the content of that file.
         description: a dataclass; its fields are the keys of the JSON.
+
+    Raises:
+        UsageError: a file cannot be written.
     """
-    write_bytes(path, content)
-    write_bytes(description_path(path), (json.dumps(asdict(description), indent=1) + "\n").encode())
+    with replacing(path) as weights, replacing(description_path(path)) as told:  # the last one is put in place first
+        weights.write_bytes(content)
+        told.write_bytes((json.dumps(asdict(description), indent=1) + "\n").encode())
+        path.unlink(missing_ok=True)  # a new description does not fit old weights
 
 
 def network_bytes(network: nn.Module) -> bytes:

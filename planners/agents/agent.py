@@ -4,9 +4,9 @@ import numpy as np
 import torch
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.envs.observations import shown_to_agent
+from ehar.errors import UsageError
 from ehar.planner import Context, Observation, Planner
-from planners.agents.inputs import AgentInputs, Inputs
+from planners.agents.inputs import AgentInputs, Inputs, seen_by_agent
 from planners.agents.network import AgentNetwork
 from planners.heading import heading
 
@@ -21,7 +21,7 @@ class Agent(Planner):
         name: name of the agent: il, ppo, il-ppo, ...
         network: the trained network.
         sha256: hash of its files, recorded beside results.
-        length: number of frames of the episodes that it was trained on; None if that is not recorded.
+        length: number of frames of the clips that it was trained on; None in streams, or if that is not recorded.
     """
 
     privileged = False
@@ -34,14 +34,22 @@ class Agent(Planner):
         self.length = length
 
     def reset(self, context: Context) -> None:
-        """Forget what was seen."""
+        """Forget what was seen.
+
+        Raises:
+            UsageError: the agent is for clips and these are streams, or the other way round.
+        """
+        if self.network.spec.streams != (context.length is None):
+            kinds = ("clips", "streams") if context.length is None else ("streams", "clips")
+            raise UsageError(f"planner {self.name!r}: got an agent of {kinds[0]}, expected one of {kinds[1]}")
         self._context = context
-        self._inputs = AgentInputs()
+        self._inputs = AgentInputs.of(context)
         self.state: FloatArray = np.empty((context.episodes, 0), dtype=np.float32)  # s_t, (B, S)
 
     def act(self, observation: Observation) -> FloatArray:
         """Return the targets (B, 3) of the most probable moves."""
-        inputs = self._inputs.see(shown_to_agent(observation, self._context))
+        flown = self.network.spec.sizes.flown
+        inputs = self._inputs.see(seen_by_agent(observation, self._context, flown=flown))
         moves, self.state = decide(self.network, inputs)
         return heading(self._context, observation.viewpoint, moves)
 

@@ -63,6 +63,7 @@ PAPER_IMITATION = ImitationSetting(
     learning_rate=1e-3,  # a guess
 )
 VARIATIONS = 3  # variations of each sequence of the policy part, in the quick setting
+STREAM_EPISODES = 384  # demonstrated episodes of streams, each several times as long as a clip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +106,8 @@ class PPOSetting:
     copies: int = 8
 
 
+# In streams an episode is several times as long as a clip, and shows several activities.
+STREAM_PPO = PPOSetting(frames=2_400_000, evaluate_every=120_000, num_envs=128)
 PAPER_PPO = PPOSetting(
     frames=10_000_000,  # a guess: the most
     evaluate_every=250_000,  # a guess
@@ -144,6 +147,9 @@ class AgentTrainingConfig:
     see the published network, trained on 32 static views; 10,000 demonstrations drawn for each seed; no variations, no
     held moves, no copies, and a critic that sees what the actor sees. What the paper does not say is marked a guess.
 
+    In streams, episodes are windows of 8 s, or as long as the conditions say, and no agent is told the time. With a
+    vehicle as the conditions' track, teachers and agents fly.
+
     Args:
         conditions: conditions of the episodes, and the recogniser.
         out: folder to write to.
@@ -154,8 +160,8 @@ class AgentTrainingConfig:
         teacher: the teacher that il clones.
         labels: labels for il: the best move, or each move's worth (soft).
         rounds: rounds of il; from the second on, the agent acts.
-        episodes: demonstrated episodes; None is 1,536, or 10,000 in paper.
-        frames: most frames of PPO; None is 600,000, or 10 million in paper.
+        episodes: demonstrated episodes; None is 1,536, of streams 384, or 10,000 in paper.
+        frames: most frames of PPO; None is 600,000, of streams 2.4 million, or 10 million in paper.
         variations: variations of each sequence; None is 3, or 0 in paper.
         workers: processes; results do not depend on them.
         device: cpu or cuda, for PPO and our recogniser.
@@ -214,6 +220,13 @@ class AgentTrainingConfig:
                 f"--setting paper: expected the paper's recogniser, --views {PAPER_VIEWS} --form {PAPER_FORM}, "
                 f"got --views {told.views} --form {told.form}{own}"
             )
+        if told.in_streams:
+            for option, refused in (
+                (f"--setting {self.setting}", self.setting == "paper"),
+                ("--without time", self.without == "time"),
+            ):
+                if refused:
+                    raise UsageError(f"{option}: expected trimmed sequences, got streams")
         _ = self.directory
         stages = self.stage_names
         check_seeds(self.seeds)
@@ -232,7 +245,8 @@ class AgentTrainingConfig:
     def imitation(self, stage: Stage) -> ImitationSetting:
         """Return the imitation setting of a stage: `dagger` has its own, `il` and `il-ppo` have the one asked for."""
         usual = ImitationSetting() if self.setting == "quick" else PAPER_IMITATION
-        episodes = usual.episodes if self.episodes is None else self.episodes
+        usual_episodes = STREAM_EPISODES if self.conditions.in_streams else usual.episodes
+        episodes = usual_episodes if self.episodes is None else self.episodes
         if stage == "dagger":
             return replace(DAGGER, episodes=episodes, per_seed=usual.per_seed)
         return replace(usual, teacher=self.teacher, labels=self.labels, rounds=self.rounds, episodes=episodes)
@@ -246,5 +260,6 @@ class AgentTrainingConfig:
     @property
     def ppo(self) -> PPOSetting:
         """The setting of policy optimisation, with the number of frames asked for."""
-        chosen = PPOSetting() if self.setting == "quick" else PAPER_PPO
+        quick = STREAM_PPO if self.conditions.in_streams else PPOSetting()
+        chosen = quick if self.setting == "quick" else PAPER_PPO
         return chosen if self.frames is None else replace(chosen, frames=self.frames)

@@ -4,7 +4,7 @@ They are kept in a folder, batch by batch, so a training that was stopped does n
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from safetensors.numpy import load_file, save
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.data.scenario import Scenarios
-from ehar.envs.observations import shown_to_agent
+from ehar.data.streams.scenario import StreamScenarios
 from ehar.files import write_bytes
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.processes import Engine, Processes
@@ -22,14 +22,14 @@ from ehar.runner import Runner
 from ehar.viewpoint import HOVER, MOVES
 from planners.agents.agent import decide
 from planners.agents.config import Teacher
-from planners.agents.inputs import POSITION, RECOGNITION, VISION, AgentInputs, Inputs
+from planners.agents.inputs import POSITION, RECOGNITION, VISION, AgentInputs, Inputs, seen_by_agent
 from planners.agents.network import AgentNetwork
-from planners.heading import moved
+from planners.heading import HEADING_TIME, axis_speeds, heading, moved
 from planners.oracle import frame_worth, true_log_probs, truth_of, try_moves
 from planners.value.collection import random_viewpoints
 
 EPISODES = 32  # episodes that run in lockstep
-HORIZON = 15  # frames for which the look-ahead teacher repeats a move
+HORIZON = 15  # frames for which the look-ahead teacher repeats a move; a vehicle does so for `HEADING_TIME`
 EVERY = 5  # frames from one look ahead to the next: its result changes slowly, and costs 7 HORIZON recognised frames
 WANDER = 0.8  # the share of the wanderer's episodes whose camera moves: the agent will get everywhere
 NEW_GOAL = 0.05  # the probability in each frame that a wandering camera picks a new goal
@@ -42,7 +42,7 @@ class Demonstrations:
     Args:
         recognition: (N, ...) float16, the inputs of f^A.
         vision: (N, ...) float16, the inputs of f^V.
-        position: (N, 4) float16, the inputs of f^P.
+        position: (N, 4) float16, in flight (N, 7), the inputs of f^P.
         values: (N, 7), the worth of each move. For the oracle, it is the log-probability of the true label after the
             move [nat]. For the look-ahead teacher, it is a sum over frames of the true label's probability, plus half a
             point for each frame where this label is on top.
@@ -79,7 +79,8 @@ class Demonstrator(Planner):
     def reset(self, context: Context) -> None:
         """Forget everything, and draw who wanders."""
         self._context = context
-        self._inputs = AgentInputs()
+        self._every = max(EVERY * frames_ahead(context) // HORIZON, 1)
+        self._inputs = AgentInputs.of(context)
         self._wanders = context.rng.random(context.episodes) < WANDER
         self._goal = random_viewpoints(context.rng, (context.episodes,), context.workspace)
         self.inputs: list[Inputs] = []
@@ -87,13 +88,14 @@ class Demonstrator(Planner):
 
     def act(self, observation: Observation) -> FloatArray:
         """Ask the teacher, keep its answer, and act."""
-        inputs = self._inputs.see(shown_to_agent(observation, self._context))
+        flown = self._context.vehicle is not None
+        inputs = self._inputs.see(seen_by_agent(observation, self._context, flown=flown))
         best = self._ask(observation, inputs)
         if self.agent is not None:
             best, _ = decide(self.agent, inputs)
         elif self.teacher == "oracle-lookahead":
             return self._wander(observation)
-        return moved(self._context, observation.viewpoint, best)
+        return heading(self._context, observation.viewpoint, best)
 
     def _ask(self, observation: Observation, inputs: Inputs) -> IntArray:
         """Return the teacher's best moves (B,), and keep its answer; on frames without one, return hover."""
@@ -102,7 +104,7 @@ class Demonstrator(Planner):
             frame = observation.frame + 1
             _, log_probs, best, _ = try_moves(truth, truth.state, frame, observation.viewpoint, self._context)
             values = true_log_probs(log_probs, truth)
-        elif observation.frame % EVERY == EVERY // 2 and observation.frame < truth.length - 2:
+        elif observation.frame % self._every == self._every // 2 and observation.frame < truth.length - 2:
             values = look_ahead(truth, observation, self._context)
             best = values.argmax(axis=1)
         else:
@@ -120,18 +122,37 @@ class Demonstrator(Planner):
 
 
 def look_ahead(truth: Truth, observation: Observation, context: Context) -> FloatArray:
-    """Return the worth (B, 7) of repeating each move for `HORIZON` frames or to the end, a sum over frames."""
+    """Return the worth (B, 7) of repeating each move for `frames_ahead` or to the end, a sum over frames.
+
+    In a stream, frames that show no activity are worth 0, as no benchmark asks for them.
+    """
+    classes = len(context.class_names) - (context.length is None)  # without no activity
     episodes = len(truth.labels)
     moves = np.broadcast_to(np.arange(len(MOVES)), (episodes, len(MOVES)))
     viewpoint = np.repeat(observation.viewpoint[:, None], len(MOVES), axis=1)
     state = truth.state.fork(len(MOVES))
     values = np.zeros((episodes, len(MOVES)))
-    for step in range(min(HORIZON, truth.length - 1 - observation.frame)):
-        viewpoint = moved(context, viewpoint, moves)
-        sensed = truth.sense(observation.frame + 1 + step, viewpoint)
-        recognition, state = truth.recogniser.step(state, sensed, viewpoint)
-        values += frame_worth(recognition.log_probs, truth, on_top=0.5)
+    for step in range(min(frames_ahead(context), truth.length - 1 - observation.frame)):
+        viewpoint = _tried(context, viewpoint, moves)
+        frame = observation.frame + 1 + step
+        recognition, state = truth.recogniser.step(state, truth.sense(frame, viewpoint), viewpoint)
+        labels = truth.frame_labels[:, frame]
+        worth = frame_worth(recognition.log_probs, replace(truth, labels=labels), on_top=0.5)
+        values += worth * (labels < classes)[:, None]
     return values
+
+
+def frames_ahead(context: Context) -> int:
+    """Return for how many frames the look-ahead teacher repeats a move: a vehicle is slower than the grid."""
+    return HORIZON if context.vehicle is None else round(HEADING_TIME / context.frame_time)
+
+
+def _tried(context: Context, viewpoint: FloatArray, moves: IntArray) -> FloatArray:
+    """Return where moves (B, F) lead from viewpoints (B, F, 3) in a frame: to the next cell, or as far as one flies."""
+    if context.vehicle is None:
+        return moved(context, viewpoint, moves)
+    flown = MOVES[moves] * context.frame_time * axis_speeds(context.vehicle, viewpoint)
+    return context.workspace.clip(viewpoint + flown)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +168,7 @@ class DemonstrationTask:
     """
 
     runner: Runner
-    scenarios: Scenarios
+    scenarios: Scenarios | StreamScenarios
     teacher: Teacher
     agent: AgentNetwork | None
     seed: tuple[int, ...]

@@ -36,6 +36,7 @@ class Seen(NamedTuple):
     relative: FloatArray  # (B,), the rewards relative to those of the copies
     over: bool  # whether the episodes have ended
     last: Inputs | None  # the inputs after the last frame, if the episodes have ended
+    cut: bool = False  # whether they have ended only here: a stream goes on
 
 
 class Group:
@@ -55,7 +56,8 @@ class Group:
         """Begin the next batch of episodes."""
         entropy = np.random.SeedSequence([*self._seed, self._next]).generate_state(1)[0]
         self._next += 1
-        self._inputs = AgentInputs()
+        task = self._env.episodes
+        self._inputs = AgentInputs(1 / task.scenarios.data.fps if task.in_streams else None)
         observations, info = self._env.reset(seed=int(entropy))
         return self._see(observations, info)
 
@@ -64,15 +66,15 @@ class Group:
         rewards: FloatArray = np.zeros(len(moves))
         over = False
         for _ in range(self._hold):
-            observations, reward, terminated, _, info = self._env.step(moves)
+            observations, reward, terminated, truncated, info = self._env.step(moves)
             inputs = self._see(observations, info)
             rewards += reward
-            over = bool(terminated[0])
+            over = bool(terminated[0] or truncated[0])
             if over:
                 break
         relative = relative_rewards(rewards, self._env.episodes.copies)
         if over:
-            return Seen(self.reset(), rewards, relative, over, inputs)
+            return Seen(self.reset(), rewards, relative, over, inputs, bool(truncated[0]))
         return Seen(inputs, rewards, relative, over, None)
 
     def _see(self, observations: Observations, info: dict[str, Any]) -> Inputs:

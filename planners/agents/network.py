@@ -23,6 +23,7 @@ class AgentSpec:
         sizes: sizes of the inputs.
         without: what is left out (Table 3): encoders, or parts of what f^A takes.
         hindsight: number of extra inputs of the critic in training; they play no part in acting.
+        streams: whether the agent watches streams, where f^A takes no time.
 
     Raises:
         ModelError: a size is not positive, hindsight is negative, something left out is unknown, or nothing is left.
@@ -31,6 +32,7 @@ class AgentSpec:
     sizes: InputSizes
     without: tuple[str, ...] = ()
     hindsight: int = 0
+    streams: bool = False
 
     def __post_init__(self) -> None:
         """Check sizes and encoders."""
@@ -45,13 +47,13 @@ class AgentSpec:
         return tuple(name for name in ENCODED if name not in self.without)
 
     def columns(self, classes: int) -> tuple[slice, ...]:
-        """Return the columns of f^A's inputs that it takes, for K classes.
+        """Return the columns of f^A's inputs that it takes, for K classes, in streams with no activity.
 
         Raises:
             ModelError: a part is left out of inputs that are too few for K classes.
         """
         size = self.sizes.recognition
-        parts = recognition_parts(size, classes)
+        parts = recognition_parts(size, classes, streams=self.streams)
         if not set(self.without) & set(parts):
             return (slice(0, size),)
         if not 1 <= classes <= size - 2:

@@ -118,7 +118,7 @@ class StageRun:
             raise ModelError(f"{path}: no such file: expected the cloned policy, of --stages il,{self.stage}")
         cloned = load_agent(
             replace(self.config.conditions, models=path.parent),
-            world.setting.data,
+            world.setting.recordings,
             agent_name("il", self.config.without),
             recogniser_sha256=world.setting.recogniser_sha256,
             seed=self.seed,
@@ -196,10 +196,10 @@ class StageRun:
         save_agent(
             self.path,
             network,
-            world.setting.data,
+            world.setting.recordings,
             recogniser_sha256=world.setting.recogniser_sha256,
             history={
-                "data": world.setting.data.title,
+                "data": world.setting.recordings.title,
                 "run": self.identity,
                 "not_as_in_the_paper": list(world.departures(self.config)),
                 "validated_on_held_out_sequences": world.is_held_out,
@@ -274,17 +274,19 @@ def _identity(config: AgentTrainingConfig, world: TrainingWorld, stage: Stage, s
         "seed": seed,
         "sensor": config.conditions.sensor_name,
         "views": config.conditions.views,
-        "length": config.conditions.frames,
+        "length": world.scenarios.length,
         "fps": config.conditions.fps,
         "variations": config.variations_of_each,
         "without": config.without,
-        "data_sha256": world.setting.data.sha256,
+        "data_sha256": world.setting.recordings.sha256,
         "recogniser_sha256": world.setting.recogniser_sha256,
     }
     if world.setting.sensor_sha256 is not None:
         decisive["sensor_sha256"] = world.setting.sensor_sha256
     if not world.setting.world.agrees_with(PAPER):
         decisive["world"] = world.setting.world.to_json()
+    if world.flown is not None:
+        decisive["vehicle"] = world.flown
     if stage != "ppo":
         decisive["imitation"] = asdict(config.imitation(stage))
     if stage in ("ppo", "il-ppo"):

@@ -14,6 +14,8 @@ from typing import Any
 import cloudpickle
 
 from ehar.data.scenario import Scenarios
+from ehar.data.streams.scenario import StreamScenarios
+from ehar.files import check_folder
 from ehar.processes import Engine, Processes, call, payload, worker_pool
 from ehar.world import PAPER
 from planners.agents.config import AgentTrainingConfig, ImitationSetting
@@ -21,13 +23,12 @@ from planners.agents.demonstrations import EPISODES, Demonstrations, Demonstrati
 from planners.agents.imitation import clone
 from planners.agents.network import AgentNetwork
 from planners.agents.stages import StageRun
-from planners.agents.validation import VALIDATION_SEED
+from planners.agents.validation import VALIDATION_SEED, validation_batches
 from planners.agents.world import TrainingWorld
 
 Report = Callable[[str, int, int], None]  # the name of the task, the amount done, and the total
 Note = Callable[[str], None]
 SHARED = 0  # seed of demonstrations that all training seeds share, and of the agent that acts in them
-HELD_OUT_BATCHES = 4  # 128 episodes
 
 
 def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> list[Path]:
@@ -46,6 +47,7 @@ def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> lis
             a file of another training is in the way.
     """
     config.check()
+    check_folder(config.directory)
     world = TrainingWorld.load(config)
     if world.setting.length_note is not None:
         note(f"warning: {world.setting.length_note}")
@@ -89,17 +91,18 @@ def demonstrations_of(
     """
     acts = config.without if setting.rounds > 1 else "none"  # what the acting agent leaves out
     key = json.dumps(
-        [asdict(setting), config.variations_of_each, config.conditions.frames, config.conditions.fps, acts],
+        [asdict(setting), config.variations_of_each, world.scenarios.length, config.conditions.fps, acts],
         sort_keys=True,
     )
-    setting_key = f"{key} {world.setting.data.sha256} {world.setting.recogniser_sha256}"
+    setting_key = f"{key} {world.setting.recordings.sha256} {world.setting.recogniser_sha256}"
     setting_key += "" if world.setting.sensor_sha256 is None else f" {world.setting.sensor_sha256}"
     setting_key += "" if world.setting.world.agrees_with(PAPER) else f" {world.setting.world.to_json()}"
+    setting_key += "" if world.flown is None else f" {world.flown}"
     digest = hashlib.sha256(setting_key.encode()).hexdigest()
     batches = max(1, round(setting.episodes / EPISODES / setting.rounds))
     rounds: list[Demonstrations] = []
 
-    def asked(scenarios: Scenarios, agent: AgentNetwork | None, *drawn: int) -> DemonstrationTask:
+    def asked(scenarios: Scenarios | StreamScenarios, agent: AgentNetwork | None, *drawn: int) -> DemonstrationTask:
         """Return the task of asking the teacher about episodes of some scenarios."""
         return DemonstrationTask(
             scenarios=scenarios, runner=world.setting.runner, teacher=setting.teacher, agent=agent, seed=drawn
@@ -118,7 +121,9 @@ def demonstrations_of(
         folder = config.directory / f"demonstrations-{config.conditions.seen}-{digest[:8]}-{name}"
         return collect(task, batches, folder, engine=engine or Processes(config.workers), report=report)
 
-    held_out = collected(lambda: asked(world.held_out, None, VALIDATION_SEED), HELD_OUT_BATCHES, "held-out")
+    held_out = collected(
+        lambda: asked(world.held_out, None, VALIDATION_SEED), validation_batches(world.held_out), "held-out"
+    )
     drawn = "" if seed == SHARED else f"seed{seed}-"
     for number in range(setting.rounds):
         rounds.append(collected(task, batches, f"{drawn}round{number}"))

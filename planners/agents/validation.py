@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 
 from ehar.data.scenario import Scenarios
+from ehar.data.streams.scenario import StreamScenarios
 from ehar.runner import Runner
 from planners.agents.agent import Agent
 from planners.agents.network import AgentNetwork
 
 BATCHES, EPISODES = 4, 32  # 128 episodes, of which 32 run in lockstep
+STREAM_BATCHES = 2  # of streams, whose episodes show several activities each
 VALIDATION_SEED = 1_000_003  # draws the same episodes for every evaluation of every training
 
 
@@ -26,19 +28,28 @@ class Validation:
     """
 
     runner: Runner
-    scenarios: Scenarios
+    scenarios: Scenarios | StreamScenarios
 
     def accuracy(self, network: AgentNetwork) -> float:
-        """Return the accuracy of the network's most probable moves [%], the mean over frames and episodes."""
+        """Return the accuracy of the network's most probable moves [%], the mean over frames and episodes.
+
+        Of streams, frames that show no activity do not count.
+        """
         agent = Agent(name="in training", network=deepcopy(network).cpu())
         right = []
-        for batch in range(BATCHES):
+        for batch in range(validation_batches(self.scenarios)):
             rng = np.random.default_rng([VALIDATION_SEED, batch])
             chosen = rng.integers(len(self.scenarios), size=EPISODES)
             episodes = self.runner.batch(self.scenarios, chosen, self.runner.world.sample_starts(rng, EPISODES), rng)
             record = self.runner.roll(agent, episodes, rng)
-            right.append(record.log_probs.argmax(axis=-1) == episodes.labels[:, None])
-        return 100 * float(np.mean(right))
+            correct = record.log_probs.argmax(axis=-1) == episodes.frame_labels
+            right.append(correct[episodes.frame_labels < len(self.scenarios.data.class_names)])
+        return 100 * float(np.concatenate(right).mean())
+
+
+def validation_batches(scenarios: Scenarios | StreamScenarios) -> int:
+    """Return the number of batches of held-out episodes."""
+    return STREAM_BATCHES if isinstance(scenarios, StreamScenarios) else BATCHES
 
 
 def stopped_getting_better(scores: Sequence[float], patience: int) -> bool:

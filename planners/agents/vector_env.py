@@ -11,6 +11,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 from ehar.arrays import BoolArray, IntArray
 from ehar.envs.environment import EpisodeVectorEnv
 from ehar.errors import UsageError
+from ehar.processes import thread_share
 from planners.agents.episode_groups import GROUP, HINDSIGHT, GroupSetting, MakeEnv, Seen
 from planners.agents.group_workers import GroupsHere, GroupsThere
 from planners.agents.inputs import Inputs, InputSizes
@@ -21,7 +22,8 @@ class AgentVecEnv(VecEnv):
 
     Rewards are those of Eq. 1. If an episode has copies, rewards are relative to them; the returns in `infos` are not.
     As stable-baselines3 expects, the step that ends an episode returns the first frame of the next one. The inputs of
-    the last frame are in `terminal_observation`. Nothing is ever truncated.
+    the last frame are in `terminal_observation`. A clip is never truncated. An episode of a stream always is, and its
+    `infos` say so: what the critic expects of the rest is added to the last reward.
 
     Args:
         make_env: makes a natively batched environment of so many episodes.
@@ -50,7 +52,8 @@ class AgentVecEnv(VecEnv):
         super().__init__(num_envs, _input_space(probe), probe.single_action_space)
         parts = np.array_split(np.arange(len(groups)), max(1, min(workers, len(groups))))
         shares = [[groups[group] for group in part] for part in parts]
-        self._shares = [GroupsThere(make_env, share) if workers else GroupsHere(make_env, share) for share in shares]
+        with thread_share(len(shares)):
+            self._shares = [GroupsThere(make_env, one) if workers else GroupsHere(make_env, one) for one in shares]
         self._ends = np.cumsum([len(share) * size for share in shares])[:-1]
         self._returns = np.zeros(num_envs)
         self._frames = 0
@@ -79,6 +82,8 @@ class AgentVecEnv(VecEnv):
         if over:
             last = _joined([one.last for one in seen if one.last is not None])
             for i, info in enumerate(infos):
+                if seen[0].cut:
+                    info["TimeLimit.truncated"] = True
                 info["terminal_observation"] = {name: values[i] for name, values in last.items()}
                 info["episode"] = {"r": float(self._returns[i]), "l": self._frames}
             self._returns[:], self._frames = 0, 0
@@ -122,7 +127,14 @@ def _input_space(env: EpisodeVectorEnv) -> spaces.Dict:
     assert isinstance(shown, spaces.Dict)
     persons, joints = shown["confidence"].shape or (0, 0)
     (classes,), (embedding,) = shown["probabilities"].shape or (0,), shown["embedding"].shape or (0,)
-    sizes = InputSizes.of(persons=persons, joints=joints, classes=classes, embedding=embedding)
+    sizes = InputSizes.of(
+        persons=persons,
+        joints=joints,
+        classes=classes,
+        embedding=embedding,
+        streams=env.episodes.in_streams,
+        flown="velocity" in shown.spaces,
+    )
     return spaces.Dict(
         {
             name: spaces.Box(-np.inf, np.inf, (size,), np.float32)

@@ -18,7 +18,7 @@ from ehar.arrays import FloatArray
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.scenario import split_parts
 from ehar.errors import ModelError, UsageError
-from ehar.files import as_json, parse_json
+from ehar.files import as_json, check_folder, parse_json
 from ehar.sensors.registry import load_sensor
 from ehar.world import PAPER, load_world
 from recognition.calibration import fit_temperature
@@ -81,7 +81,7 @@ def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Ou
         report: called after every step.
 
     Raises:
-        UsageError: an option is unknown or below 1, or `out` holds a checkpoint of another run.
+        UsageError: an option is unknown or below 1; `out` cannot be written to, or holds a checkpoint of another run.
         DataError: the data is malformed, or has no training sequence of `length` frames.
         ModelError: the loss is not finite, the checkpoint is damaged, or `init` does not fit.
     """
@@ -89,6 +89,7 @@ def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Ou
         if getattr(config, field) < 1:
             raise UsageError(f"--{field}: got {getattr(config, field)}, expected at least 1")
     check_device(config.device)
+    check_folder(config.out)
     if config.threads:
         torch.set_num_threads(config.threads)
     keep_freed_memory()
@@ -100,6 +101,8 @@ def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Ou
 def time_step(config: TrainingConfig, steps: int = 3) -> float:
     """Return how long a step takes on one thread of this machine [s]; nothing is kept.
 
+    It is time of a core, which other programs do not lengthen; on a GPU it is time of the clock.
+
     Args:
         config: the settings of the training.
         steps: number of steps that are timed, after one that is not.
@@ -107,13 +110,14 @@ def time_step(config: TrainingConfig, steps: int = 3) -> float:
     Raises:
         EharError: as `train_recogniser`.
     """
+    clock = time.process_time if config.device == "cpu" else time.perf_counter
     with one_torch_thread():
         run = _Run(config)
         run._learn()
-        begin = time.perf_counter()
+        begin = clock()
         for _ in range(steps):
             run._learn()
-        return (time.perf_counter() - begin) / steps
+        return (clock() - begin) / steps
 
 
 class _Run:
@@ -348,7 +352,7 @@ def _identify(config: TrainingConfig, data_sha256: str) -> dict[str, Any]:
 def _refuse_finished(path: Path, identity: dict[str, Any]) -> None:
     """Raise UsageError if there is a finished recogniser already: weights are never overwritten."""
     description = description_path(path)
-    if not description.is_file():
+    if not description.is_file() or not path.is_file():  # a process was killed between the two: the run goes on
         return
     what = "this very run has finished" if recorded_run(path) == identity else "it holds the result of another run"
     raise UsageError(f"{description}: {what}: remove it to train again, or choose another --out")

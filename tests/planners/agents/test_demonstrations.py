@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from ehar.arrays import FloatArray
+from ehar.batch import Batch
 from ehar.envs.observations import shown as shown_in_gymnasium
 from ehar.motion import GridMotion
 from ehar.planner import Planner
 from ehar.processes import Processes
-from ehar.rollout import Batch, Record, rollout
+from ehar.rollout import Record, rollout
 from ehar.runner import Runner
 from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import Workspace, apply_moves

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from planners.agents.inputs import AgentInputs, Inputs
 from planners.agents.vector_env import AgentVecEnv
 from tests.helpers.agent_worlds import LENGTH, tiny_env, tiny_maker
 from tests.helpers.places import ROOT
+from tests.helpers.processes import needs_proc, still_running
 
 STEPS = LENGTH - 1
 
@@ -314,7 +314,7 @@ if __name__ == "__main__":
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not Path("/proc").is_dir(), reason="processes are looked up there")
+@needs_proc
 def test_workers_end_with_their_parent(tmp_path: Path) -> None:
     script = tmp_path / "orphan.py"
     script.write_text(ORPHAN)
@@ -326,17 +326,6 @@ def test_workers_end_with_their_parent(tmp_path: Path) -> None:
     assert Path(f"/proc/{worker}").exists()
     parent.kill()
     parent.wait()
-    for _ in range(100):
-        if not _runs(worker):
-            return
-        time.sleep(0.1)
-    os.kill(worker, signal.SIGKILL)
-    pytest.fail("the worker outlived its parent")
-
-
-def _runs(pid: int) -> bool:
-    """Return whether a process still runs; one that nobody has waited for does not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
+    for outlived in still_running([worker]):
+        os.kill(outlived, signal.SIGKILL)
+        pytest.fail("the worker outlived its parent")

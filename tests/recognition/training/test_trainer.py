@@ -1,10 +1,12 @@
 """Training: it learns, it resumes as if it had never stopped, and what goes wrong ends in one line."""
 
+import errno
 import json
 import os
 import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -345,6 +347,30 @@ def test_a_finished_recogniser_is_not_overwritten(config: TrainingConfig) -> Non
     assert refusal(UsageError, config).startswith(f"{description}: this very run has finished")
     assert refusal(UsageError, config, seed=1).startswith(f"{description}: it holds the result of another run")
     assert weights_path(config).read_bytes() == before
+
+
+def test_a_full_disk_ends_in_one_line_and_the_run_goes_on(
+    config: TrainingConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    through = changed(config, out=tmp_path / "through")
+    train_recogniser(through)
+    for written in (0, 2, 4, 1):  # it stops at checkpoints, at the JSON beside the weights, and at the weights
+        files, place = count(), Path.replace
+
+        def full(
+            path: Path, target: Path, files: "count[int]" = files, place: Any = place, written: int = written
+        ) -> Path:
+            if next(files) >= written:
+                raise OSError(errno.ENOSPC, "No space left on device")
+            return Path(place(path, target))
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "replace", full)
+            assert refusal(UsageError, config).endswith(": cannot be written: No space left on device")
+    assert weights_path(config).with_suffix(".json").is_file()
+    assert not weights_path(config).exists(), "make takes them for the end of a training"
+    train_recogniser(config)
+    assert weights_path(config).read_bytes() == weights_path(through).read_bytes()
 
 
 def test_training_starts_from_other_weights(config: TrainingConfig, tmp_path: Path) -> None:
