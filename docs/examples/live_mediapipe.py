@@ -51,7 +51,8 @@ def main():
                 break
             rgb = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
             found = landmarker.detect_for_video(mp.Image(image_format=mp.ImageFormat.SRGB, data=rgb), int(1000 * at))
-            landmarks = [[(mark.x, mark.y, mark.visibility) for mark in person] for person in found.pose_landmarks]
+            people = found.pose_landmarks
+            landmarks = [[(mark.x, mark.y, mark.visibility or 0.0) for mark in person] for person in people]
             height, width = image.shape[:2]
             line = message(at, landmarks, width, height, camera, told.focal_length)
             sender.sendto(line.encode(), (host, int(port)))

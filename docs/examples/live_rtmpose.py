@@ -41,7 +41,8 @@ def main():
         at = time.monotonic()  # when the image was taken, not when its pose was known
         if not there:
             break
-        keypoints, scores = body(image)
+        boxes = body.det_model(image)  # without one, rtmlib would take the whole image for a person
+        keypoints, scores = body.pose_model(image, bboxes=boxes) if len(boxes) else ([], [])
         height, width = image.shape[:2]
         line = message(at, keypoints, scores, width, height, camera, told.focal_length)
         sender.sendto(line.encode(), (host, int(port)))

@@ -39,11 +39,16 @@ class Said(NamedTuple):
             "decision": None if answer is None else answer.decision,
             "viewpoint": None if answer is None else answer.viewpoint,
             "target": None if answer is None else answer.target,
-            "setpoint": None if setpoint is None else vars(setpoint),
+            "setpoint": None if setpoint is None else _listed(setpoint),
             "notes": self.notes,
             "counts": self.counts,
         }
         return json.dumps(_rounded(held), ensure_ascii=False, separators=(",", ":"))
+
+
+def _listed(setpoint: Setpoint) -> dict[str, Any]:
+    """Return a setpoint as JSON has it."""
+    return vars(setpoint) | {"centre": None if setpoint.centre is None else setpoint.centre._asdict()}
 
 
 def _rounded(value: Any) -> Any:
@@ -99,6 +104,8 @@ class Loop:
     def run(self, lines: Iterable[str]) -> LoopFigures:
         """Run until the lines end, or somebody presses Ctrl-C, and the vehicle rests.
 
+        Whatever fails but the flight itself, the vehicle comes to rest first.
+
         Raises:
             EharError: lines cannot be read, or the flight failed.
             KeyboardInterrupt: somebody pressed Ctrl-C again.
@@ -113,9 +120,10 @@ class Loop:
             try:
                 self._watch()
             except KeyboardInterrupt:  # a second one ends at once
-                self.end()
-                with self._changed:
-                    self._inbox.clear()
+                self._end_now()
+            except Exception as failure:
+                self._failure = failure
+                self._end_now()
             self._rest()
         finally:
             with self._changed:
@@ -137,6 +145,12 @@ class Loop:
                 counts=self._all_counts(),
             )
 
+    def _end_now(self) -> None:
+        """Hear nothing more, and leave what waits."""
+        self.end()
+        with self._changed:
+            self._inbox.clear()
+
     def _guarded(self, work: Callable[[], None]) -> None:
         """Run the work of a thread; its failure ends the loop and is raised by `run`."""
         try:
@@ -144,7 +158,8 @@ class Loop:
         except BaseException as failure:
             self._failure = self._failure or failure
             with self._changed:
-                self._ended = self._stopped = True
+                self._ended = True
+                self._stopped = self._stopped or work == self._fly  # without it nothing can come to rest
                 self._changed.notify_all()
 
     def _hear(self, lines: Iterable[str]) -> None:
@@ -237,6 +252,6 @@ class Loop:
         setpoints = self._watcher.setpoints
         with self._changed:
             while setpoints.begun and not self._stopped and time.monotonic() < until:
-                if setpoints.braking and setpoints.resting and not self._notes:
+                if setpoints.braking and setpoints.hovering and not self._notes:
                     return
                 self._changed.wait(1 / self._watcher.setpoint_rate)

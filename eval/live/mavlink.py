@@ -20,7 +20,7 @@ class Mavlink:
 
     Args:
         address: as pymavlink writes it: udpout:127.0.0.1:14540, or a serial device.
-        origin: where people are in the vehicle's local frame: east, north, up [m].
+        origin: where people are in the vehicle's local frame: east, north, up [m]; for setpoints that do not say it.
 
     Raises:
         UsageError: pymavlink is not installed, or there is no such address.
@@ -54,7 +54,8 @@ class Mavlink:
                 kinds.MAV_TYPE_ONBOARD_CONTROLLER, kinds.MAV_AUTOPILOT_INVALID, 0, 0, kinds.MAV_STATE_ACTIVE
             )
         if said.setpoint is not None:
-            east, north, up = (sum(pair) for pair in zip(said.setpoint.position, self._origin, strict=True))
+            motion, origin = said.setpoint.whole, self._origin if said.setpoint.centre is None else (0.0, 0.0, 0.0)
+            east, north, up = (sum(pair) for pair in zip(motion.position, origin, strict=True))
             self._link.mav.set_position_target_local_ned_send(
                 int(1000 * said.setpoint.time) % 2**32,
                 AUTOPILOT,
@@ -62,8 +63,8 @@ class Mavlink:
                 self._kinds.MAV_FRAME_LOCAL_NED,
                 ALL_OF_IT,
                 *ned((east, north, up)),
-                *ned(said.setpoint.velocity),
-                *ned(said.setpoint.acceleration),
+                *ned(motion.velocity),
+                *ned(motion.acceleration),
                 *heading(said.setpoint),
             )
 

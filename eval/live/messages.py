@@ -1,8 +1,9 @@
 """The messages of the live loop: a frame of a pose estimator, and what is said of it."""
 
 import json
+import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Annotated, Any
 
 from annotated_types import Ge, Le, Len
@@ -14,7 +15,9 @@ from ehar.files import parse_json
 from eval.live.joints import Order
 
 Vector = tuple[float, float, float]
-NEAREST = 0.1  # [m], from the camera to the people
+NEAREST, FARTHEST = 0.1, 1e4  # [m], from the camera to the people
+AWAY = 1e7  # [m], from the vehicle's local origin to the people; the way around the earth is four times as far
+WIDEST = 1e6  # [px], from a corner of the image to a keypoint
 Keypoint = tuple[float, float, Annotated[float, Ge(0), Le(1)]]  # x and y [px], and a confidence
 
 
@@ -41,7 +44,7 @@ class CameraPose:
         pitch: how far it looks above the horizon [rad]; below is negative. It does not roll.
 
     Raises:
-        DataError: the camera is at the origin, or has a yaw without a pitch.
+        DataError: the camera is at the origin, or nowhere near, or has a yaw without a pitch, or one that is no number.
     """
 
     position: Vector
@@ -49,11 +52,17 @@ class CameraPose:
     pitch: float | None = None
 
     def __post_init__(self) -> None:
-        """Check that there is a distance, and both angles or none."""
-        if sum(axis * axis for axis in self.position) < NEAREST**2:
-            raise DataError(f"camera.position: expected {NEAREST} m or more from the people, got {list(self.position)}")
-        if (self.yaw is None) != (self.pitch is None):
+        """Check the distance, and that there are both angles or none."""
+        if not NEAREST <= math.hypot(*self.position) <= FARTHEST:
+            expected = f"expected {NEAREST:g} to {FARTHEST:g} m from the people"
+            raise DataError(f"camera.position: {expected}, got {list(self.position)}")
+        if (self.yaw is None) != (self.pitch is None) or not math.isfinite((self.yaw or 0.0) + (self.pitch or 0.0)):
             raise DataError(f"camera: expected yaw and pitch or none, got {self.yaw} and {self.pitch}")
+
+    def moved(self, way: Vector) -> "CameraPose":
+        """Return the pose with its place moved [m], if it is still one then."""
+        x, y, z = (sum(pair) for pair in zip(self.position, way, strict=True))
+        return replace(self, position=(x, y, z)) if NEAREST <= math.hypot(x, y, z) <= FARTHEST else self
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +75,10 @@ class Frame:
         camera: the camera's pose; None where it is not known.
         joints: order of keypoints: coco17, body25, mediapipe33, or own, which is the recogniser's.
         image: size of the image and focal length [px]; None means the camera of the recogniser's world.
+        origin: where the people's frame is in the vehicle's local frame [m], which has the same axes; None if it rests.
+
+    Raises:
+        DataError: the time or the origin is no number, or the origin is nowhere near.
     """
 
     time: float
@@ -73,6 +86,14 @@ class Frame:
     camera: CameraPose | None = None
     joints: Order = "coco17"
     image: Camera | None = None
+    origin: Vector | None = None
+
+    def __post_init__(self) -> None:
+        """Check numbers that would stay in the clock or in the filter of people."""
+        if not math.isfinite(self.time):
+            raise DataError(f"time: expected a finite number, got {self.time}")
+        if self.origin is not None and not math.hypot(*self.origin) <= AWAY:
+            raise DataError(f"origin: expected a place within {AWAY:g} m, got {list(self.origin)}")
 
 
 def read_frame(message: str | Mapping[str, Any], where: str = "frame") -> Frame:

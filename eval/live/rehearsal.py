@@ -10,22 +10,24 @@ from pathlib import Path
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
+from ehar.batch import Batch
 from ehar.conditions import Conditions
 from ehar.data.scenario import part_of
 from ehar.data.streams.data import StreamData
 from ehar.errors import UsageError
 from ehar.planner import Planner
-from ehar.rollout import Batch
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed
 from ehar.viewpoint import AZIMUTH, POLAR, cartesian
 from eval.live.figures import LoopFigures
-from eval.live.limits import LimitShares
 from eval.live.loop import Loop, Said
 from eval.live.messages import Answer, CameraPose, Frame, SeenPerson, written
+from eval.live.setpoints import LimitShares
 from eval.live.watcher import Watcher
 from eval.render.tables import Table
+from eval.running.choice import ModelPlace
 from eval.running.episodes import Episodes, cut_scenarios, random_starts
+from planners.registry import resolve_planner
 from planners.value.stream_belief import read_streams
 from recognition.setting import Setting, load_setting
 from recognition.streaming import StreamingRecogniser
@@ -265,8 +267,10 @@ def rehearse(
     if not 0 <= loss < 0.5:
         raise UsageError(f"loss: expected a share of frames from 0 to 0.5, got {loss}")
     assert isinstance(recogniser, StreamingRecogniser) and vehicle is not None
+    place = ModelPlace.of(setting)
+    chosen, _ = resolve_planner(planner, place.load_gain_model, place.load_agent, place.load_fixed_place)
     watcher = Watcher(
-        models=recogniser, vehicle=vehicle, planner=planner, belief=belief, sure=sure, seed=conditions.seed
+        models=recogniser, vehicle=vehicle, planner=chosen, belief=belief, sure=sure, seed=conditions.seed
     )
     scenarios = cut_scenarios(streams, part_of(streams, conditions.part), setting.conditions.frames, note)
     episodes = random_starts(scenarios, 1, conditions.seed, setting.world)
@@ -274,7 +278,9 @@ def rehearse(
     player = Player(setting, episodes, watcher, count, loss)
     shares = LimitShares(vehicle)
     note(f"{count} streams of {scenarios.length / streams.fps:.0f} s, in real time")
-    figures = Loop(watcher, (shares.take, *outputs(watcher)), hears=player.hear).run(player.lines())
+    figures = Loop(watcher, (lambda said: shares.take(said.setpoint), *outputs(watcher)), hears=player.hear).run(
+        player.lines()
+    )
     note("the same streams in the benchmark")
     compared = [_compare(player, stream, setting, watcher) for stream in range(count)]
     same, apart, right, right_there = (np.array(held) for held in zip(*compared, strict=True))

@@ -48,7 +48,7 @@ def live(
         belief: JSON of the belief, as study belief writes it.
         sure: least probability of an activity that is named.
         mavlink: send setpoints there too, such as udpout:127.0.0.1:14540.
-        origin: where people are in the vehicle's local frame, for mavlink: east, north, up [m].
+        origin: where people are in the vehicle's local frame, if frames do not say it: east, north, up [m].
         page: port on 127.0.0.1 of a page to look at.
         rehearse: play these streams in real time instead, through the sensor: an .npz, or a built-in set.
         minutes: how long to rehearse.

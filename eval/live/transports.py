@@ -7,6 +7,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from io import TextIOWrapper
 from pathlib import Path
 from threading import Condition, Thread
 from typing import TextIO
@@ -31,12 +32,14 @@ def lines_of(source: str, going: Callable[[], bool]) -> Iterator[str]:
         UsageError: the file cannot be read, or the address is none, or is taken.
     """
     if source == "-":
+        if isinstance(sys.stdin, TextIOWrapper):
+            sys.stdin.reconfigure(errors="replace")  # a broken line is one that cannot be read, not the end
         return iter(sys.stdin)
     if source.startswith("udp:"):
         return _datagrams(bound(source), going)
     try:
-        return _paced(Path(source).read_text(encoding="utf-8").splitlines(), going)
-    except (OSError, ValueError) as error:
+        return _paced(Path(source).read_text(encoding="utf-8", errors="replace").splitlines(), going)
+    except OSError as error:
         raise UsageError(f"{source}: expected a file of frames, a JSON object a line, got: {error}") from error
 
 

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.conditions import Conditions
-from ehar.errors import EharError, ModelError, UsageError
-from ehar.files import read_json
+from ehar.errors import DataError, EharError, ModelError, UsageError
 from ehar.flight.centre import around_centre
 from ehar.flight.vehicle import Vehicle, load_vehicle
+from ehar.motion import heading
 from ehar.planner import Context, Observation, Planner
 from ehar.plugins.blame import blamed
 from ehar.recogniser import Recognition
@@ -21,13 +20,12 @@ from ehar.sensors.sensor import Sensed
 from ehar.viewpoint import AZIMUTH, cartesian
 from eval.live.clock import FrameClock
 from eval.live.joints import JointMap
-from eval.live.messages import Answer, Frame, Vector, read_frame
+from eval.live.messages import WIDEST, Answer, Frame, Vector, read_frame
 from eval.live.people import People
 from eval.live.setpoints import Setpoint, Setpoints
 from eval.live.views import centred, looked_from, viewpoint_of
-from planners.registry import resolve_planner
+from eval.live.weights import conditions_of, live_belief, live_planner, live_recogniser
 from planners.value.stream_belief import OneStreamBelief, StreamBeliefModel
-from recognition.storage import open_recogniser, recogniser_path
 from recognition.streaming import StreamingRecogniser
 
 EMPTY, NO_POSE, LEFT_OUT, PLANNER_FAILED = "empty", "no camera pose", "people left out", "planner failed"
@@ -68,7 +66,11 @@ class Watcher:
         seed: int = 0,
     ) -> None:
         """Load everything; the first frame begins."""
-        self.recogniser = models if isinstance(models, StreamingRecogniser) else _load(models, sensor, views)
+        if isinstance(models, StreamingRecogniser):
+            self.recogniser, trained = models, None
+        else:
+            trained = conditions_of(models, sensor, views, vehicle)
+            self.recogniser = live_recogniser(trained)
         spec = self.recogniser.spec
         if not spec.fading:
             raise ModelError(
@@ -77,19 +79,19 @@ class Watcher:
         self.fps, self.class_names = spec.fps, spec.class_names
         self.setpoint_rate = self.fps * math.ceil(LEAST_RATE / self.fps)
         self.vehicle = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
-        self.planner, _ = resolve_planner(planner)
-        if self.planner.privileged:
-            raise UsageError(f"planner {self.planner.name!r}: expected one that needs no truth: nobody knows it live")
+        self.planner = live_planner(planner, self.recogniser, trained)
         if not 0 < sure <= 1:
             raise UsageError(f"sure: expected a probability above 0, got {sure}")
-        self.belief_model = _belief_model(belief, len(self.class_names))
+        self.belief_model = live_belief(belief, len(self.class_names))
         self._belief = OneStreamBelief(self.belief_model, fps=self.fps)
         self._sure, self._seed = sure, seed
         self._world = spec.world
         self._clock = FrameClock(self.fps)
         self._people = People(spec.persons, len(spec.skeleton.joint_names))
         self._maps: dict[str, JointMap] = {}
-        self.setpoints = Setpoints(vehicle=self.vehicle, workspace=spec.world.workspace, frame_time=1 / self.fps)
+        self.setpoints = Setpoints(
+            vehicle=self.vehicle, workspace=spec.world.workspace, frame_time=1 / self.setpoint_rate
+        )
         self.counts: Counter[str] = Counter()
         self._viewpoint: FloatArray | None = None
         self._start()
@@ -151,7 +153,7 @@ class Watcher:
         self._recognition: Recognition | None = None
         self._belief.start()
         self._people.start()
-        self._watched = 0
+        self._watched = self._asked = 0  # frames of the recogniser, and of the planner
         self._before: tuple[FloatArray, FloatArray] | None = None  # joints (P, J, 3) and place (3,) of the frame before
         self._sensed: Sensed | None = None
         self._target: FloatArray | None = None
@@ -167,24 +169,35 @@ class Watcher:
             rng=np.random.default_rng(self._seed),
             vehicle=around_centre(self.vehicle),
             world=self._world,
+            follows=self.setpoint_rate == self.fps,  # a path has a state for each frame
         )
         with blamed(self.planner, f"planner {self.planner.name!r}, reset"):
             self.planner.reset(context)
 
     def _joints(self, frame: Frame) -> list[FloatArray]:
-        """Return each person's joints, (J, 3)."""
+        """Return each person's joints, (J, 3).
+
+        Raises:
+            DataError: there are too few or too many keypoints, or one is nowhere near the image.
+        """
         if frame.joints not in self._maps:
             self._maps[frame.joints] = JointMap(frame.joints, self.recogniser.spec.skeleton.joint_names)
         found = []
         for person in frame.people:
             keypoints = np.array([point or (0.0, 0.0, 0.0) for point in person.keypoints])
+            if not (np.abs(keypoints) <= WIDEST).all():  # networks remember what they cannot count with
+                raise DataError(f"people: expected keypoints within {WIDEST:g} px, got {np.abs(keypoints).max():g}")
             found.append(self._maps[frame.joints].joints(keypoints))
         return found
 
     def _places(self, frame: Frame, notes: list[str]) -> tuple[FloatArray, FloatArray] | None:
         """Return the viewpoint (3,) of a frame, and one that looks as its camera does; None if nobody knows it yet."""
+        moved = (0.0, 0.0, 0.0)  # from where the people's frame is taken to be to where it is said to be
+        if frame.origin is not None:
+            taken = self.setpoints.follow(frame.origin, frame.time)
+            moved = (frame.origin[0] - taken[0], frame.origin[1] - taken[1], frame.origin[2] - taken[2])
         if frame.camera is not None:
-            places = looked_from(frame.camera, self._viewpoint)
+            places = looked_from(frame.camera.moved(moved), self._viewpoint)
             if not self.setpoints.begin(places[0]):
                 notes.append(f"{NO_START}: setpoints begin in {self._world.workspace}")
                 self.counts[NO_START] += 1
@@ -222,9 +235,9 @@ class Watcher:
         if not self.setpoints.begun:
             return
         assert self._sensed is not None and self._recognition is not None
-        state, frame = self.setpoints.state(), self._watched - 1
+        state = self.setpoints.state()
         observation = Observation(
-            frame=frame,
+            frame=self._asked,  # planners count on seeing every number, from 0 on, and may not be asked every time
             length=None,
             joints_2d=self._sensed.joints_2d,
             confidence=self._sensed.confidence,
@@ -233,18 +246,20 @@ class Watcher:
             embedding=self._recognition.embedding,
             velocity=state.velocity,
             acceleration=state.acceleration,
-            time=frame / self.fps,
+            time=(self._watched - 1) / self.fps,
         )
+        self._asked += 1
         try:
             with blamed(self.planner, f"planner {self.planner.name!r}"):
-                target = np.array(self.planner.act(observation), dtype=np.float64)
-            if target.shape != (1, 3) or not np.isfinite(target).all():
+                wanted = np.array(self.planner.act(observation), dtype=np.float64)
+            target = heading(wanted)
+            if target.shape != (1, 3) or not np.isfinite(wanted).all():
                 raise UsageError(f"planner {self.planner.name!r}: expected a finite target (1, 3), got {target}")
         except EharError as error:
             self._fail(error, notes)
         else:
             self._target = self._world.workspace.clip(target[0])
-            self.setpoints.aim(self._target)
+            self.setpoints.aim(self._target, wanted if wanted.ndim > target.ndim else None)
 
     def _fail(self, error: EharError, notes: list[str]) -> None:
         """Say that the planner fails, and brake: a flight does not end because of a planner."""
@@ -273,25 +288,3 @@ def _vector(array: FloatArray | None) -> Vector | None:
         return None
     x, y, z = array.tolist()
     return x, y, z
-
-
-def _load(models: str | Path, sensor: str, views: str) -> StreamingRecogniser:
-    """Return the recogniser of a folder of weights."""
-    conditions = Conditions(data="streams.npz", models=models, sensor=sensor, views=views)
-    recogniser = open_recogniser(recogniser_path(Path(models), conditions), conditions)
-    assert isinstance(recogniser, StreamingRecogniser)  # the form of these conditions
-    return recogniser
-
-
-def _belief_model(belief: str | Path | StreamBeliefModel | None, classes: int) -> StreamBeliefModel:
-    """Return the belief over K activities and none, `classes` in all."""
-    if belief is None:
-        return StreamBeliefModel.believing((1 / classes,) * classes)
-    if isinstance(belief, StreamBeliefModel):
-        model, where = belief, "belief"
-    else:
-        what = "a belief, as `ehar study belief` of streams writes it"
-        model, where = read_json(Path(belief), StreamBeliefModel, what, wrong=ModelError), str(belief)
-    if model.classes + 1 != classes:
-        raise ModelError(f"{where}: expected a belief over {classes - 1} activities, got one over {model.classes}")
-    return model

@@ -1,37 +1,77 @@
 """Streams and a recogniser of them that learned nothing, at 30 frames a second; and frames for a live loop."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from ehar.arrays import FloatArray
 from ehar.conditions import Conditions
 from ehar.data.streams.file import save_streams
-from ehar.viewpoint import cartesian
+from ehar.track import IDEAL
+from ehar.viewpoint import HOVER, cartesian
+from planners.agents.inputs import InputSizes
+from planners.agents.network import AgentNetwork, AgentSpec
+from planners.agents.storage import agent_path, save_agent
+from planners.value.model import gain_model_path, save_gain_model
+from planners.value.stream_belief import StreamBeliefModel
 from recognition.calibration import Temperature
 from recognition.networks.spec import NetworkSpec
-from recognition.storage import recogniser_path, save_recogniser
+from recognition.storage import recogniser_path, recogniser_sha256, save_recogniser
+from tests.helpers.fixed_places import save_place
+from tests.helpers.gain_models import model_of, peak_weights
 from tests.helpers.random_networks import randomised
 from tests.helpers.streams import raising_streams
 
 FPS = 30.0
 START = np.array([8.0, 1.0, 1.2])  # a viewpoint
+PEAK = np.array([7.0, 2.5, 1.4])
 HEIGHTS = (-0.9, 0.4, 0.4, 0.0, 0.9, 0.9)  # of the joints of a frame's person; y points down
 
 
-def save_live_world(folder: Path) -> Path:
-    """Write raising.npz, and models for it as seen through the perfect sensor; return the folder."""
-    data = raising_streams(people=8, seconds=12, fps=FPS)
+def save_live_world(folder: Path, *, fps: float = FPS) -> Path:
+    """Write raising.npz, and models for it as seen through the perfect sensor; return the folder.
+
+    The gain field is best at `PEAK`, whatever is seen. Of agents, `il` was trained on the grid, with seeds 2 and 10,
+    and `dagger` there with seed 0, and on px4-auto with seed 1.
+    """
+    data = raising_streams(people=8, seconds=12, fps=fps)
+    folder.mkdir(exist_ok=True)
     save_streams(folder / "raising.npz", data)
     told = Conditions()
     spec = NetworkSpec.of(data, form="causal", size="small", length=30)
     network = spec.build()
     randomised(network)
-    save_recogniser(
-        recogniser_path(folder / "models", told), network, spec, Temperature((2.0,) * 5), {"run": {"size": "small"}}
-    )
+    path, temperature = recogniser_path(folder / "models", told), Temperature((2.0,) * 5)
+    save_recogniser(path, network, spec, temperature, {"run": {"size": "small"}})
+    sha256 = recogniser_sha256(path, temperature)
+    model = replace(model_of(peak_weights(PEAK)), belief=StreamBeliefModel.believing((0.25,) * 4))
+    save_gain_model(gain_model_path(folder / "models", told), model, recogniser_sha256=sha256, history={})
+    save_place(folder / "models", recogniser_sha256=sha256)
+    for name, track, seed in (("il", IDEAL, 2), ("il", IDEAL, 10), ("dagger", IDEAL, 0), ("dagger", "px4-auto", 1)):
+        agent = _agent_network(spec, network.embedding_size, flown=track != IDEAL, seed=seed)
+        weights = agent_path(folder / "models", name, Conditions(track=track), seed)
+        save_agent(weights, agent, data, recogniser_sha256=sha256, history={})
     return folder
+
+
+def _agent_network(spec: NetworkSpec, embedding: int, *, flown: bool, seed: int) -> AgentNetwork:
+    """Return an agent that learned nothing, and whose target moves with what it sees."""
+    sizes = InputSizes.of(
+        persons=spec.persons,
+        joints=len(spec.skeleton.joint_names),
+        classes=len(spec.class_names),
+        embedding=embedding,
+        streams=True,
+        flown=flown,
+    )
+    network = AgentNetwork(AgentSpec(sizes, streams=True))
+    randomised(network, seed)
+    with torch.no_grad():
+        network.actor.bias[HOVER] -= 2  # so that it goes somewhere
+    return network
 
 
 def person(x: float = 640.0, y: float = 360.0, *, size: float = 100.0) -> dict[str, Any]:

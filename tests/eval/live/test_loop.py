@@ -17,8 +17,9 @@ import pytest
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError
 from ehar.planner import Context, Observation, Planner
-from eval.live.limits import LimitShares
 from eval.live.loop import Loop, Said
+from eval.live.messages import Answer
+from eval.live.setpoints import LimitShares
 from eval.live.start import live
 from eval.live.transports import Outbox, lines_of
 from eval.live.watcher import Watcher
@@ -87,7 +88,7 @@ def watcher_of(folder: Path, planner: str | Planner = "h-rotate") -> Watcher:
 def test_frames_go_in_setpoints_come_out_and_it_ends_at_rest(folder: Path) -> None:
     log, watcher = Log(), watcher_of(folder)
     shares = LimitShares(watcher.vehicle)
-    figures = Loop(watcher, [log.take, shares.take]).run(paced("{", *people(20), "", "[1]"))
+    figures = Loop(watcher, [log.take, lambda said: shares.take(said.setpoint)]).run(paced("{", *people(20), "", "[1]"))
     lines = log.lines
     assert figures.lines == 22 and figures.counts["unreadable"] == 2 and figures.counts["frames"] == 20
     assert any("line 1: expected the JSON of a frame" in note for note in log.notes)
@@ -103,6 +104,18 @@ def test_frames_go_in_setpoints_come_out_and_it_ends_at_rest(folder: Path) -> No
     assert set(flying["belief"]) == {"nod", "left", "right", "no activity"}
     assert [line["time"] for line in lines if line["time"]] == sorted({line["time"] for line in lines if line["time"]})
     assert 0 < figures.latencies.percentile(50) <= figures.latencies.percentile(95)
+
+
+def test_a_drone_flies_with_people_who_walk_and_stops_when_nobody_says_where_they_are(folder: Path) -> None:
+    log, watcher = Log(), watcher_of(folder, "no-act")
+    shares = LimitShares(watcher.vehicle)
+    walking = [held | {"origin": [5.0, 0.9 * held["time"], 1.0]} for held in people(30)]
+    Loop(watcher, [log.take, lambda said: shares.take(said.setpoint)]).run(paced(*walking))
+    centres = [line["setpoint"]["centre"] for line in log.lines if line["setpoint"]]
+    north = np.array([centre["velocity"][1] for centre in centres])
+    assert north.max() > 0.2 and abs(north[-1]) < 0.03, "it comes to rest after the last frame"
+    assert centres[0]["position"] == pytest.approx([5, 0, 1], abs=0.01) and centres[-1]["position"][1] > 0.3
+    assert max(shares.greatest.values()) <= 1 and shares.greatest["speed"] > 0
 
 
 def test_silence_makes_it_brake_and_frames_make_it_fly_again(folder: Path) -> None:
@@ -137,6 +150,34 @@ def test_an_error_of_a_thread_is_raised(folder: Path) -> None:
 
     with pytest.raises(UsageError, match="no autopilot"):
         Loop(watcher_of(folder), [broken]).run(paced(*people(10)))
+
+
+def test_who_fails_to_watch_or_to_hear_leaves_the_vehicle_at_rest(folder: Path) -> None:
+    def broken(answer: Answer) -> None:
+        if answer.time > 0.4:
+            raise ValueError("nobody expected this")
+
+    def cut() -> Iterator[str]:
+        yield from paced(*people(16))
+        raise ValueError("the cable is out")
+
+    for lines, hears, problem in ((paced(*people(40)), broken, "nobody expected"), (cut(), None, "the cable")):
+        log = Log()
+        with pytest.raises(ValueError, match=problem):
+            Loop(watcher_of(folder), [log.take], hears=hears).run(lines)
+        flown = [line["setpoint"] for line in log.lines if line["setpoint"]]
+        assert any(setpoint["velocity"] != [0, 0, 0] for setpoint in flown)
+        assert flown[-1]["braking"] and flown[-1]["velocity"] == [0, 0, 0]
+        assert np.diff(log.times).max() < LONGEST
+
+
+def test_bytes_that_are_no_text_are_a_line_that_cannot_be_read(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    content = b'{"time": 1.0}\n\xff\xfe\n{"time": 1.1}\n'
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(content), encoding="utf-8"))
+    (tmp_path / "frames.jsonl").write_bytes(content)
+    for source in ("-", str(tmp_path / "frames.jsonl")):
+        found = [line.strip() for line in lines_of(source, lambda: True)]
+        assert found == ['{"time": 1.0}', "\ufffd\ufffd", '{"time": 1.1}']
 
 
 def test_frames_arrive_by_datagrams(folder: Path) -> None:

@@ -4,6 +4,7 @@ import json
 import socket
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import pytest
 from ehar.errors import UsageError
 from eval.live.loop import Loop, Said
 from eval.live.mavlink import Mavlink
-from eval.live.setpoints import Setpoint
+from eval.live.setpoints import Centre, Setpoint
 from eval.live.watcher import Watcher
 from tests.helpers.live_worlds import FPS, frame, person, save_live_world
 
@@ -87,13 +88,13 @@ def test_the_autopilot_stays_in_offboard_mode_when_frames_stop_and_come_again(tm
     assert max(abs(message.vx) for message in autopilot.heard) > 0.05, "it flew"
 
 
-def test_yaw_counts_from_north_and_clockwise() -> None:
+def test_yaw_counts_from_north_and_clockwise_and_the_people_s_way_comes_on_top() -> None:
     class Sent:
         def __getattr__(self, name: str) -> Any:
             return lambda *values: found.setdefault(name, values)
 
     found: dict[str, tuple[Any, ...]] = {}
-    link = Mavlink("udpout:127.0.0.1:14540")
+    link = Mavlink("udpout:127.0.0.1:14540", origin=(9.0, 9.0, 9.0))
     link._link.close()
     link._link = type("Link", (), {"mav": Sent()})()
     west_of_people = Setpoint(
@@ -105,11 +106,15 @@ def test_yaw_counts_from_north_and_clockwise() -> None:
         yaw_rate=0.2,
         viewpoint=(6.3, 3.14, 1.2),
         braking=False,
+        centre=Centre((100.0, 20.0, 1.5), (0.5, 0.0, 0.0), (0.0, 0.25, 0.0)),  # they walk to the east
     )
     link.send(Said(None, west_of_people, (), {}))
     sent = found["set_position_target_local_ned_send"]
     assert sent[0] == 2500
-    assert sent[5:] == pytest.approx((0.0, -6.0, -2.0, 1.0, 0.0, 0.0, 0.0, 0.0, -3.0, np.pi / 2, -0.2))
+    assert sent[5:] == pytest.approx((20.0, 94.0, -3.5, 1.0, 0.5, 0.0, 0.25, 0.0, -3.0, np.pi / 2, -0.2))
+    found.clear()
+    link.send(Said(None, replace(west_of_people, centre=None), (), {}))
+    assert found["set_position_target_local_ned_send"][5:8] == pytest.approx((9.0, 3.0, -11.0))
 
 
 @pytest.mark.parametrize("address", ["nowhere", "udpout:127.0.0.1"])

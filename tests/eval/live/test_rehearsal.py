@@ -39,6 +39,16 @@ def test_two_short_streams_one_of_which_loses_frames(tmp_path: Path) -> None:
     assert notes[0].endswith("2 streams of 1 s, in real time")
 
 
+def test_of_an_agent_with_several_trainings_the_first_is_rehearsed(tmp_path: Path) -> None:
+    """That it recognises and flies as in the benchmark is tested where no clock runs."""
+    folder = save_live_world(tmp_path)
+    told = Conditions(data=str(folder / "raising.npz"), models=folder / "models", track="px4-auto", length=6)
+    options = {"belief": None, "sure": 0.9, "minutes": 6 / 30 / 60, "loss": 0.0}
+    found = rehearse(told, planner="il", **options, outputs=lambda _: [], note=lambda _: None)
+    assert found.title.startswith("raising: il on px4-auto")
+    assert 0 < found.figures.counts["frames"] <= 6 and "planner failed" not in found.figures.counts
+
+
 def test_only_streams_are_rehearsed(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="expected streams, as `ehar data stitch` makes them, got trimmed sequences"):
         rehearse(

@@ -5,7 +5,7 @@ import pytest
 
 from ehar.flight.vehicle import VEHICLES
 from ehar.viewpoint import Workspace, cartesian
-from eval.live.setpoints import Setpoint, Setpoints
+from eval.live.setpoints import LimitShares, Setpoint, Setpoints
 from tests.helpers.live_worlds import START
 
 FRAME_TIME = 1 / 30
@@ -49,6 +49,28 @@ def test_velocity_acceleration_and_yaw_are_those_of_the_way() -> None:
         assert point.yaw == pytest.approx(np.arctan2(to_people[1], to_people[0]))
         assert point.position == pytest.approx(tuple(cartesian(np.array(point.viewpoint))))
     assert [point.time for point in flown[:2]] == pytest.approx([FRAME_TIME, 2 * FRAME_TIME])
+
+
+def test_around_people_who_walk_the_way_in_the_local_frame_is_theirs_and_the_flight_s() -> None:
+    """Position, velocity and acceleration in the local frame belong together, and keep the vehicle's limits."""
+    rng, setpoints, vehicle = np.random.default_rng(0), flying(), VEHICLES["px4-auto"]
+    shares, walked, flown = LimitShares(vehicle), np.array([3.0, -2.0, 1.0]), []
+    for frame in range(400):
+        turn = 1.3 * FRAME_TIME * np.array([np.cos(frame / 60), np.sin(frame / 60), 0.0])
+        walked += turn if frame < 200 else 0.0
+        setpoints.follow(tuple(walked + 0.02 * rng.standard_normal(3)), frame * FRAME_TIME)
+        if frame % 50 == 0:
+            setpoints.aim(rng.uniform([5, -3, 0.5], [15, 3, 1.5]))
+        flown.append(setpoints.next())
+        shares.take(flown[-1])
+    places, rates, pulls = (np.array([point.whole[order] for point in flown]) for order in range(3))
+    np.testing.assert_allclose(np.gradient(places, FRAME_TIME, axis=0)[1:-1], rates[1:-1], atol=5e-3)
+    np.testing.assert_allclose(np.gradient(rates, FRAME_TIME, axis=0)[1:-1], pulls[1:-1], atol=0.1)
+    assert max(shares.greatest.values()) <= 1 and shares.greatest["speed"] > 0.5
+    middles = np.array([point.centre.position for point in flown if point.centre])
+    assert np.linalg.norm(middles[-1] - walked) < 0.3
+    np.testing.assert_allclose(places - middles, [point.position for point in flown], atol=1e-9)
+    assert np.linalg.norm(middles - places, axis=1).min() > 4.9, "the workspace is that of the people's frame"
 
 
 def test_braking_is_sooner_at_rest_than_flying_on_and_then_it_hovers() -> None:

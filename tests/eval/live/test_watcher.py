@@ -1,6 +1,9 @@
 """The watcher: what it recognises is what the benchmark recognises, and no frame can upset it."""
 
 import json
+import math
+import shutil
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -8,18 +11,26 @@ import numpy as np
 import pytest
 
 from ehar.arrays import FloatArray
+from ehar.camera import Camera, project
 from ehar.conditions import Conditions
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.planner import Context, Observation, Planner
+from ehar.viewpoint import cartesian
+from ehar.world import INDOOR
 from eval import Watcher
-from eval.live.messages import read_frame
+from eval.live.messages import CameraPose, Frame, SeenPerson, read_frame
 from eval.live.rehearsal import frame_message
+from eval.running.choice import ModelPlace
 from eval.running.episodes import cut_scenarios, random_starts
-from planners.registry import make_planner
+from planners.agents.agent import Agent
+from planners.registry import ORACLES, make_planner, planner_names
 from planners.value.stream_belief import StreamBeliefModel, read_streams
 from recognition.setting import load_setting
 from recognition.storage import SHIPPED
-from tests.helpers.live_worlds import FPS, START, frame, person, save_live_world
+from recognition.weight_files import files_sha256
+from tests.helpers.agents import save_untrained, untrained_agent
+from tests.helpers.fakes import POSE, tiny_data
+from tests.helpers.live_worlds import FPS, PEAK, START, frame, person, save_live_world
 
 LENGTH = 45  # frames
 
@@ -38,7 +49,18 @@ def at(number: int) -> float:
 
 
 # Targets of `random` jump, and which of several flights arrives first is then a matter of rounding.
-@pytest.mark.parametrize(("planner", "apart"), [("no-act", 1e-9), ("h-rotate", 1e-6), ("random", 0.02)])
+@pytest.mark.parametrize(
+    ("planner", "apart"),
+    [
+        ("no-act", 1e-9),
+        ("h-rotate", 1e-6),
+        ("random", 0.02),
+        ("nbv", 1e-6),
+        ("fixed-best", 1e-6),
+        ("il", 1e-6),  # an agent of the grid
+        ("dagger", 1e-6),  # one of flights, which sees its velocity
+    ],
+)
 def test_it_recognises_what_the_benchmark_recognises_and_flies_the_same_way(
     folder: Path, planner: str, apart: float
 ) -> None:
@@ -48,7 +70,9 @@ def test_it_recognises_what_the_benchmark_recognises_and_flies_the_same_way(
     batch = episodes.pick([1])
     model = StreamBeliefModel.believing((0.25,) * 4)
     watcher = watcher_of(folder, planner=planner, belief=model)
-    record = setting.runner.roll(make_planner(planner), batch, np.random.default_rng(0))
+    place = ModelPlace.of(setting)
+    made = make_planner(planner, place.load_gain_model, place.load_agent, place.load_fixed_place)
+    record = setting.runner.roll(made, batch, np.random.default_rng(0))
     there = read_streams(model, record.log_probs, record.viewpoints, fps=FPS)[0]
     assert np.ptp(there, axis=0).max() > 0.05, "something happens"
 
@@ -63,6 +87,81 @@ def test_it_recognises_what_the_benchmark_recognises_and_flies_the_same_way(
     np.testing.assert_allclose(believed, there, atol=1e-3)
     np.testing.assert_allclose(flown, record.viewpoints[0], atol=apart)
     assert watcher.counts == {"frames": LENGTH}
+
+
+def seen_from(viewpoint: FloatArray) -> dict[str, Any]:
+    """Return people as the recogniser's camera sees them from somewhere."""
+    pixels, _ = project(POSE[None, None], viewpoint[None], Camera())
+    return {"keypoints": [[*point, 0.9] for point in pixels[0, 0].tolist()]}
+
+
+@pytest.mark.parametrize("name", [name for name in planner_names() if name not in ("ppo", "il-ppo")])  # as il
+def test_every_planner_without_the_truth_flies_by_its_name(folder: Path, name: str) -> None:
+    if name in [oracle.name for oracle in ORACLES]:
+        with pytest.raises(UsageError, match="expected one that needs no truth"):
+            watcher_of(folder, planner=name)
+        return
+    watcher = watcher_of(folder, planner=name)
+    for number in range(24):
+        viewpoint = watcher.setpoints.state().viewpoint[0] if number else START
+        answer = watcher.see(frame(at(number), seen_from(viewpoint), viewpoint=viewpoint), newest=number > 2)
+        assert not any("failed" in note for note in answer.notes), answer.notes
+        setpoint = watcher.setpoint()
+    assert answer.target is not None and setpoint is not None
+    assert (np.linalg.norm(setpoint.velocity) == 0) == (name == "no-act")
+    if name.startswith("nbv"):
+        away = np.linalg.norm(cartesian(np.array([START, setpoint.viewpoint])) - cartesian(PEAK), axis=1)
+        assert away[1] < away[0]
+
+
+def test_an_agent_is_the_one_of_its_name_seed_and_vehicle(folder: Path) -> None:
+    def agent_of(planner: str, vehicle: str) -> tuple[str, str, bool]:
+        made = watcher_of(folder, planner=planner, vehicle=vehicle).planner
+        assert isinstance(made, Agent)
+        found = [path for path in (folder / "models").glob("agent-*.safetensors") if files_sha256(path) == made.sha256]
+        return made.name, found[0].stem, made.network.spec.sizes.flown
+
+    assert agent_of("il", "px4-auto") == ("il", "agent-il-perfect-moving-seed2", False)
+    assert agent_of("il/10", "px4-auto") == ("il/10", "agent-il-perfect-moving-seed10", False)
+    assert agent_of("dagger", "px4-auto") == ("dagger", "agent-dagger-perfect-moving-px4-auto-seed1", True)
+    assert agent_of("dagger", "px4-max") == ("dagger", "agent-dagger-perfect-moving-seed0", False)
+
+
+def test_agents_that_do_not_fit_are_refused_in_a_line(folder: Path, tmp_path: Path) -> None:
+    models = shutil.copytree(folder / "models", tmp_path / "models")
+    clips = save_untrained(models, tiny_data(), "ppo", recogniser=watcher_of(folder).recogniser.sha256)
+    with pytest.raises(ModelError, match=rf"{clips.name}: trained on clips, expected an agent of streams: train it"):
+        watcher_of(folder, models=models, planner="ppo")
+    with pytest.raises(ModelError, match=r"agent-il-ppo-perfect-moving-seed3.safetensors: no such file: .* an agent"):
+        watcher_of(folder, models=models, planner="il-ppo/3")
+    description = models / "agent-il-perfect-moving-seed2.json"
+    held = json.loads(description.read_text())
+    description.write_text(json.dumps(held | {"recogniser_sha256": "beef" * 16}))
+    with pytest.raises(ModelError, match=r"seed2\.safetensors: trained for another recogniser: its sha256 was beef"):
+        watcher_of(folder, models=models, planner="il")
+    description.write_text(json.dumps(held | {"world": asdict(INDOOR)}))
+    with pytest.raises(ModelError, match=r"seed2\.safetensors: trained in the world "):
+        watcher_of(folder, models=models, planner="il")
+    with pytest.raises(UsageError, match="planner 'il': expected models to be a folder with its weights"):
+        watcher_of(folder, planner="il", models=watcher_of(folder).recogniser)
+    with pytest.raises(UsageError, match="planner 'il': got an agent of clips, expected one of streams"):
+        watcher_of(folder, planner=untrained_agent("il"))
+
+
+def test_setpoints_keep_the_pace_of_the_clock_at_any_frame_rate(tmp_path: Path) -> None:
+    """They come twice a frame at 15 frames a second, and fly no faster than at 30."""
+    flown = []
+    for fps in (15.0, 30.0):
+        watcher = watcher_of(save_live_world(tmp_path / str(fps), fps=fps), planner="h-rotate")
+        watcher.see(frame(0.0, person()))
+        assert watcher.setpoint_rate == 30
+        flown.append([watcher.setpoint() for _ in range(30)][-1])
+        slow = watcher_of(tmp_path / str(fps), planner="nbv")  # at 15 it heads for the ends of its plans
+        assert slow.see(frame(0.0, person())).target is not None and slow.counts == {"frames": 1}
+    one, other = flown
+    assert one is not None and other is not None
+    assert one.time == other.time == pytest.approx(1)
+    np.testing.assert_allclose(one.position, other.position, atol=1e-3)
 
 
 def test_without_a_belief_the_recogniser_is_believed(folder: Path) -> None:
@@ -113,6 +212,45 @@ def test_frames_that_are_wrong_are_counted_said_and_do_no_harm(folder: Path) -> 
     assert watcher.see(frame(9.0 + at(2), person())).notes == ()
 
 
+@pytest.mark.parametrize(
+    ("wrong", "problem"),
+    [
+        (
+            frame(at(5), {"keypoints": [[1e300, 2.0, 0.9]] * 6}),
+            "people: expected keypoints within 1e\\+06 px, got 1e\\+300",
+        ),
+        (
+            frame(at(5), person(), camera={"position": [1e300, 0.0, 1.0]}, viewpoint=None),
+            "camera.position: expected 0.1 to",
+        ),
+        (frame(at(5), person(), origin=[1e300, 0.0, 0.0]), "origin: expected a place within 1e\\+07 m"),
+        (Frame(time=at(5), people=(SeenPerson(keypoints=((math.nan, 2.0, 0.9),) * 6),), joints="own"), "px, got nan"),
+    ],
+    ids=["keypoint", "camera", "origin", "nan"],
+)
+def test_numbers_that_would_stay_in_the_network_are_refused(
+    folder: Path, wrong: dict[str, Any] | Frame, problem: str
+) -> None:
+    watcher = watcher_of(folder)
+    for number in range(5):
+        before = watcher.see(frame(at(number), person()))
+    with pytest.raises(DataError, match=problem):
+        watcher.see(wrong)
+    after = watcher.see(frame(at(5), person()))
+    assert after.notes == () and list(after.belief.values()) == pytest.approx(list(before.belief.values()), abs=0.2)
+
+
+def test_frames_from_python_hold_finite_numbers() -> None:
+    with pytest.raises(DataError, match="time: expected a finite number, got nan"):
+        Frame(time=math.nan)
+    with pytest.raises(DataError, match=r"camera.position: expected 0\.1 to 10000 m from the people, got \[nan, "):
+        CameraPose(position=(math.nan, 0.0, 1.0))
+    with pytest.raises(DataError, match="camera: expected yaw and pitch or none, got inf and 0"):
+        CameraPose(position=(6.0, 0.0, 1.0), yaw=math.inf, pitch=0.0)
+    near = CameraPose(position=(6.0, 0.0, 1.0))
+    assert near.moved((-6.0, 0.0, -1.0)) is near and near.moved((1e9, 0.0, 0.0)) is near
+
+
 def test_what_is_lost_in_between_is_filled_in(folder: Path) -> None:
     whole, holed = watcher_of(folder), watcher_of(folder)
     for number in range(31):
@@ -134,6 +272,19 @@ def test_without_a_pose_the_camera_is_where_it_was_told_to_be(folder: Path) -> N
     answer = watcher.see(frame(at(2), person(), viewpoint=None))
     assert place is not None and answer.viewpoint == pytest.approx(place.viewpoint)
     assert place.viewpoint[0] > START[0] + 0.2
+
+
+def test_a_camera_is_placed_around_the_people_s_frame_that_is_followed(folder: Path) -> None:
+    """What frames say is relative to where people are said to be; what counts is where the vehicle takes them to be."""
+    watcher = watcher_of(folder)
+    for number in range(30):
+        origin = [10.0, 1.2 * at(number), 0.0]
+        answer = watcher.see(frame(at(number), person()) | {"origin": origin})
+        setpoint = watcher.setpoint()
+    assert setpoint is not None and setpoint.centre is not None and answer.viewpoint is not None
+    behind = np.subtract(origin, setpoint.centre.position)
+    assert 0.1 < behind[1] < 1.2
+    np.testing.assert_allclose(cartesian(np.array(answer.viewpoint)), cartesian(START) + behind, atol=0.05)
 
 
 def test_nothing_flies_until_the_camera_is_in_the_workspace(folder: Path) -> None:
@@ -195,8 +346,18 @@ def test_what_cannot_watch_live_is_refused_in_a_line(folder: Path, tmp_path: Pat
         watcher_of(tmp_path)
     with pytest.raises(UsageError, match="expected one that needs no truth"):
         watcher_of(folder, planner="oracle")
-    with pytest.raises(UsageError, match="expected a gain model"):
-        watcher_of(folder, planner="nbv")
+    alone = tmp_path / "alone"
+    alone.mkdir()
+    for file in (folder / "models").glob("causal-*"):
+        shutil.copy(file, alone)
+    with pytest.raises(
+        ModelError, match=r"gain-field-perfect-moving\.safetensors: no such file: expected a gain field"
+    ):
+        watcher_of(folder, models=alone, planner="nbv")
+    with pytest.raises(ModelError, match=r"fixed-best-perfect-moving\.json: no such file: expected a fixed place"):
+        watcher_of(folder, models=alone, planner="fixed-best")
+    with pytest.raises(UsageError, match="planner 'nbv': expected models to be a folder with its weights"):
+        watcher_of(folder, planner="nbv", models=watcher_of(folder).recogniser)
     with pytest.raises(ModelError, match="belief: expected a belief over 3 activities, got one over 2"):
         watcher_of(folder, belief=StreamBeliefModel.believing((0.4, 0.4, 0.2)))
     (tmp_path / "belief.json").write_text("{}")
