@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/
 
-.PHONY: setup benchmark test fuzz lint docs weights results left clean
+.PHONY: setup benchmark test fuzz lint docs weights results pages left clean
 
 setup: $(VENV)/.installed
 
@@ -71,9 +71,13 @@ RULES := no-act random towards h-rotate v-rotate near-level front side fixed-bes
 AGENTS := il ppo il-ppo dagger
 ORACLES := oracle oracle-lookahead
 VEHICLES := px4-auto px4-max tracking-drone
-LAST_SEED := $(lastword $(SEEDS))
+space := $(subst ,, )
+OF_SEEDS := seeds-$(subst $(space),-,$(strip $(SEEDS)))
 
 .DELETE_ON_ERROR:
+
+# A target is what its command writes last, as a command that was killed may have written all else: weights after the JSON
+# beside them, table.md after the other files of a run or a study. Where that is no single file, touch comes last.
 
 # Recognisers. The first one of a set is trained from scratch, through the estimator; the others begin with its weights.
 $(TRAININGS:%=models/%/causal-estimator-moving.safetensors): models/%/causal-estimator-moving.safetensors: | setup
@@ -96,13 +100,14 @@ $$(TRAININGS:%=models/%/gain-field-$(1)-$(2).safetensors): models/%/gain-field-$
 $$(TRAININGS:%=models/%/fixed-best-$(1)-$(2).json): models/%/fixed-best-$(1)-$(2).json: models/%/causal-$(1)-$(2).safetensors
 	$$(EHAR) train fixed-best $$(call train_options,$$*) --sensor $(1) --views $(2) --models $$(@D)
 
-$$(TRAININGS:%=models/%/agent-dagger-$(1)-$(2)-seed$$(LAST_SEED).safetensors): models/%/agent-dagger-$(1)-$(2)-seed$$(LAST_SEED).safetensors: models/%/causal-$(1)-$(2).safetensors
+$$(TRAININGS:%=models/%/agents-$(1)-$(2)-$(OF_SEEDS)): models/%/agents-$(1)-$(2)-$(OF_SEEDS): models/%/causal-$(1)-$(2).safetensors
 	$$(EHAR) train agent $$(call data_of,$$*) --sensor $(1) --views $(2) --models $$(@D) --seeds $$(SEEDS)
+	touch $$@
 
 $$(TRAININGS:%=models/%/planners-$(1)-$(2)): models/%/planners-$(1)-$(2): models/%/gain-field-$(1)-$(2).safetensors models/%/fixed-best-$(1)-$(2).json
 	touch $$@
 
-$$(TRAININGS:%=models/%/all-$(1)-$(2)): models/%/all-$(1)-$(2): models/%/planners-$(1)-$(2) models/%/agent-dagger-$(1)-$(2)-seed$$(LAST_SEED).safetensors
+$$(TRAININGS:%=models/%/all-$(1)-$(2)): models/%/all-$(1)-$(2): models/%/planners-$(1)-$(2) models/%/agents-$(1)-$(2)-$(OF_SEEDS)
 	touch $$@
 endef
 $(eval $(call planner_weights,estimator,moving))
@@ -116,54 +121,57 @@ weights: $(foreach set,duo solo,$(foreach seen,estimator-moving perfect-moving,m
 CURVE_CLIPS := 7500 15000 30000 60000
 CURVES := $(foreach set,duo hdm05,$(CURVE_CLIPS:%=$(set)-%))
 
-$(CURVES:%=models/curve-%/trained): models/curve-%/trained: | setup
+CURVE := models/curve-%/causal-estimator-moving.safetensors
+$(CURVES:%=$(CURVE)): $(CURVE): | setup
 	$(EHAR) train recogniser $(call data_of,$*) --sensor estimator --clips $(word 2,$(subst -, ,$*)) --out $(@D)
+
+$(CURVES:%=models/curve-%/trained): models/curve-%/trained: $(CURVE)
 	$(EHAR) train gain-field $(call data_of,$*) --sensor estimator --models $(@D)
 	$(EHAR) train fixed-best $(call data_of,$*) --sensor estimator --models $(@D)
 	touch $@
 
-$(CURVES:%=runs/curve-%/summary.json): runs/curve-%/summary.json: models/curve-%/trained
+$(CURVES:%=runs/curve-%/table.md): runs/curve-%/table.md: models/curve-%/trained
 	$(BENCHMARK) $(RULES) oracle $(call data_of,$*) --sensor estimator --models models/curve-$* --starts $(STARTS) \
 	  --no-report --out $(@D)
 
 # Runs. agents: every planner; rules: every planner that is not an agent; each through a sensor, on a track.
-$(TRAININGS:%=runs/rules-%-estimator/summary.json): runs/rules-%-estimator/summary.json: models/%/planners-estimator-moving
+$(TRAININGS:%=runs/rules-%-estimator/table.md): runs/rules-%-estimator/table.md: models/%/planners-estimator-moving
 	$(BENCHMARK) $(RULES) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* --starts $(STARTS) \
 	  --out $(@D)
 
-$(SETS:%=runs/rules-%-perfect/summary.json): runs/rules-%-perfect/summary.json: models/%/planners-perfect-moving
+$(SETS:%=runs/rules-%-perfect/table.md): runs/rules-%-perfect/table.md: models/%/planners-perfect-moving
 	$(BENCHMARK) $(RULES) $(ORACLES) $(call data_of,$*) --sensor perfect --models models/$* --starts $(STARTS) \
 	  --out $(@D)
 
-$(SETS:%=runs/agents-%-estimator/summary.json): runs/agents-%-estimator/summary.json: models/%/all-estimator-moving
+$(SETS:%=runs/agents-%-estimator/table.md): runs/agents-%-estimator/table.md: models/%/all-estimator-moving
 	$(BENCHMARK) $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* \
 	  --starts $(STARTS) --out $(@D)
 
-$(SETS:%=runs/agents-%-perfect/summary.json): runs/agents-%-perfect/summary.json: models/%/all-perfect-moving
+$(SETS:%=runs/agents-%-perfect/table.md): runs/agents-%-perfect/table.md: models/%/all-perfect-moving
 	$(BENCHMARK) $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor perfect --models models/$* \
 	  --starts $(STARTS) --out $(@D)
 
-$(SETS:%=runs/agents-%-paper/summary.json): runs/agents-%-paper/summary.json: models/%/all-perfect-paper
+$(SETS:%=runs/agents-%-paper/table.md): runs/agents-%-paper/table.md: models/%/all-perfect-paper
 	$(BENCHMARK) $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor perfect --views paper --models models/$* \
 	  --starts $(STARTS) --out $(@D)
 
-$(SETS:%=runs/agents-%-drone/summary.json): runs/agents-%-drone/summary.json: runs/agents-%-estimator/summary.json
+$(SETS:%=runs/agents-%-drone/table.md): runs/agents-%-drone/table.md: runs/agents-%-estimator/table.md
 	$(BENCHMARK) $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* \
 	  --starts $(STARTS) --track tracking-drone --ideal $(<D) --out $(@D)
 
 LONG := --data solo --models models/solo --sensor estimator --length 150 --starts 2
-runs/flight-solo-ideal/summary.json: models/solo/planners-estimator-moving
+runs/flight-solo-ideal/table.md: models/solo/planners-estimator-moving
 	$(BENCHMARK) $(RULES) oracle $(LONG) --out $(@D)
 
-$(VEHICLES:%=runs/flight-solo-%/summary.json): runs/flight-solo-%/summary.json: runs/flight-solo-ideal/summary.json
+$(VEHICLES:%=runs/flight-solo-%/table.md): runs/flight-solo-%/table.md: runs/flight-solo-ideal/table.md
 	$(BENCHMARK) $(RULES) oracle $(LONG) --track $* --ideal $(<D) --out $(@D)
 
-runs/trainings-duo/summary.json runs/trainings-solo/summary.json: runs/trainings-%/summary.json: \
-  runs/rules-%-estimator/summary.json runs/rules-%-1-estimator/summary.json \
-  runs/rules-%-2-estimator/summary.json
-	$(EHAR) study trainings $(^:/summary.json=) --out $(@D)
+runs/trainings-duo/table.md runs/trainings-solo/table.md: runs/trainings-%/table.md: \
+  runs/rules-%-estimator/table.md runs/rules-%-1-estimator/table.md \
+  runs/rules-%-2-estimator/table.md
+	$(EHAR) study trainings $(^:/table.md=) --out $(@D)
 
-$(SETS:%=runs/belief-%/summary.json): runs/belief-%/summary.json: models/%/planners-estimator-moving
+$(SETS:%=runs/belief-%/table.md): runs/belief-%/table.md: models/%/planners-estimator-moving
 	$(EHAR) study belief $(call data_of,$*) --sensor estimator --models models/$* --out $(@D)
 
 # Streams: planners that need nothing but the recogniser, and the belief.
@@ -173,28 +181,28 @@ STREAM_PLANNERS := no-act random towards h-rotate v-rotate near-level front side
 $(STREAMS:%=models/%/causal-estimator-moving.safetensors): models/%/causal-estimator-moving.safetensors: | setup
 	$(EHAR) train recogniser --data $* --sensor estimator --out $(@D)
 
-$(STREAMS:%=runs/watched-%/summary.json): runs/watched-%/summary.json: models/%/causal-estimator-moving.safetensors
+$(STREAMS:%=runs/watched-%/table.md): runs/watched-%/table.md: models/%/causal-estimator-moving.safetensors
 	$(BENCHMARK) $(STREAM_PLANNERS) oracle --data $* --sensor estimator --models models/$* --starts $(STARTS) --out $(@D)
 
 $(STREAMS:%=runs/belief-%/table.md): runs/belief-%/table.md: models/%/causal-estimator-moving.safetensors
 	$(EHAR) study belief --data $* --sensor estimator --models models/$* --out $(@D)
 
 # Episodes of validation people, on which rules of when to answer are fitted.
-$(SETS:%=runs/fitting-%/summary.json): runs/fitting-%/summary.json: models/%/planners-estimator-moving
+$(SETS:%=runs/fitting-%/table.md): runs/fitting-%/table.md: models/%/planners-estimator-moving
 	$(BENCHMARK) no-act nbv $(call data_of,$*) --sensor estimator --models models/$* --part validation --starts $(STARTS) \
 	  --no-report --out $(@D)
 
-$(SETS:%=runs/headroom-%/summary.json): runs/headroom-%/summary.json: models/%/causal-estimator-moving.safetensors
+$(SETS:%=runs/headroom-%/table.md): runs/headroom-%/table.md: models/%/causal-estimator-moving.safetensors
 	$(EHAR) study headroom $(call data_of,$*) --sensor estimator --models models/$* --azimuths 6 --polars 3 --out $(@D)
 
-$(SETS:%=runs/ablation-%/summary.json): runs/ablation-%/summary.json: models/%/planners-estimator-moving
+$(SETS:%=runs/ablation-%/table.md): runs/ablation-%/table.md: models/%/planners-estimator-moving
 	$(EHAR) study ablation $(call data_of,$*) --sensor estimator --models models/$* --starts $(STARTS) \
 	  --tracks $(VEHICLES) --out $(@D)
 
-$(SETS:%=runs/form-%-causal/summary.json): runs/form-%-causal/summary.json: models/%/causal-perfect-moving.safetensors
+$(SETS:%=runs/form-%-causal/table.md): runs/form-%-causal/table.md: models/%/causal-perfect-moving.safetensors
 	$(BENCHMARK) no-act $(call data_of,$*) --models models/$* --starts 2 --no-report --out $(@D)
 
-$(SETS:%=runs/form-%-ctrgcn/summary.json): runs/form-%-ctrgcn/summary.json: models/%/ctrgcn-perfect-moving.safetensors
+$(SETS:%=runs/form-%-ctrgcn/table.md): runs/form-%-ctrgcn/table.md: models/%/ctrgcn-perfect-moving.safetensors
 	$(BENCHMARK) no-act $(call data_of,$*) --models models/$* --form ctrgcn --starts 2 --no-report --out $(@D)
 
 # The paper's setting: the published network at PAPER_SIZE, its optimiser, and agents as the paper trains them. Where no
@@ -205,24 +213,30 @@ PAPER := --views paper --form ctrgcn
 LEFT_OUT := embedding log-probs time vision position
 PAPER_PLANNERS := no-act random towards h-rotate v-rotate il ppo il-ppo $(LEFT_OUT:%=il-ppo-no-%) oracle
 
-models/paper-duo/trained models/paper-solo/trained: models/paper-%/trained: | setup
+PAPER_SETS := duo solo
+PAPER_NETWORK := models/paper-%/ctrgcn-perfect-paper.safetensors
+$(PAPER_SETS:%=$(PAPER_NETWORK)): $(PAPER_NETWORK): | setup
 	$(EHAR) train recogniser $($*) $(PAPER) --size $(PAPER_SIZE) --optimiser published --batch 64 --clips 200000 --out $(@D)
+
+$(PAPER_SETS:%=models/paper-%/trained): models/paper-%/trained: $(PAPER_NETWORK)
 	$(EHAR) train agent $($*) $(PAPER) --models $(@D) --setting paper $(PAPER_AGENTS)
 	for part in $(LEFT_OUT); do $(EHAR) train agent $($*) $(PAPER) --models $(@D) --setting paper $(PAPER_AGENTS) \
 	  --stages il,il-ppo --without $$part || exit 1; done
 	touch $@
 
-runs/paper-duo/summary.json runs/paper-solo/summary.json: runs/paper-%/summary.json: models/paper-%/trained
+$(PAPER_SETS:%=runs/paper-%/table.md): runs/paper-%/table.md: models/paper-%/trained
 	$(BENCHMARK) $(PAPER_PLANNERS) $($*) $(PAPER) --models models/paper-$* --starts $(STARTS) --out $(@D)
-	$(EHAR) study analyse $(@D) --planners il-ppo --states il-ppo/0
+
+$(PAPER_SETS:%=runs/paper-%/analysis/analysis.md): runs/paper-%/analysis/analysis.md: runs/paper-%/table.md
+	$(EHAR) study analyse $(<D) --planners il-ppo --states il-ppo/0
 
 # The published protocol on Northwestern-UCLA. Published widths want a GPU: PUBLISHED_SIZE=small takes hours on two cores.
 PUBLISHED_SIZE ?= published
 PUBLISHED_DEVICE ?= cuda
-runs/published/summary.json: | setup
+runs/published/table.md: | setup
 	$(EHAR) study published $(DATA)/nwucla.npz --size $(PUBLISHED_SIZE) --device $(PUBLISHED_DEVICE) --seeds 0 1 2 --out $(@D)
 
-runs/real-views/summary.json: | setup
+runs/real-views/table.md: | setup
 	$(EHAR) study real-views $(DATA)/nwucla.npz --out $(@D)
 
 # Imitation on solo with one option of its own, as il in models/solo-NAME.
@@ -230,7 +244,7 @@ soft := --labels soft
 lookahead := --teacher oracle-lookahead
 rounds := --rounds 2
 OPTIONS := soft lookahead rounds
-$(OPTIONS:%=runs/imitation-solo-%/summary.json): runs/imitation-solo-%/summary.json: models/solo/causal-perfect-paper.safetensors
+$(OPTIONS:%=runs/imitation-solo-%/table.md): runs/imitation-solo-%/table.md: models/solo/causal-perfect-paper.safetensors
 	mkdir -p models/solo-$* && cp models/solo/causal-perfect-paper.* models/solo-$*
 	$(EHAR) train agent $(solo) --views paper --models models/solo-$* --seeds $(SEEDS) --stages il $($*)
 	$(BENCHMARK) no-act il oracle $(solo) --views paper --models models/solo-$* --starts $(STARTS) --no-report --out $(@D)
@@ -239,97 +253,103 @@ $(OPTIONS:%=runs/imitation-solo-%/summary.json): runs/imitation-solo-%/summary.j
 page = { printf '%s\n' '\# $(2)' '' '```' '$(3)' '```' '' \
   "Measured on $$(date +%F), at commit $$(git rev-parse --short HEAD). \`make results\` runs all of it again and writes this" \
   'page. [What these figures are](../results.md\#what-these-figures-are) says how to read them.' ''; \
-  for table in $(4); do cat $$table; echo; done; } > $(1)
+  for table in $(4); do cat $$table && echo || exit 1; done; } > $(1).part && mv $(1).part $(1)
 
 # Put the runs that a page depends on side by side, with the differences of the planner $(1) and the title $(2).
-side_by_side = $(RUN)ehar study overview $(^:/summary.json=) --planner $(1) --out runs/$(@F) && \
-  $(call page,$@,$(2),ehar study overview $(^:/summary.json=) --planner $(1),runs/$(@F))
+side_by_side = $(RUN)ehar study overview $(^:/table.md=) --planner $(1) --out runs/$(@F) && \
+  $(call page,$@,$(2),ehar study overview $(^:/table.md=) --planner $(1),runs/$(@F))
 
-docs/results/planners.md: $(SETS:%=runs/agents-%-estimator/summary.json)
+docs/results/planners.md: $(SETS:%=runs/agents-%-estimator/table.md)
 	$(call side_by_side,il-ppo,All planners through the estimator)
 
-docs/results/nbv.md: $(SETS:%=runs/rules-%-estimator/summary.json)
+docs/results/nbv.md: $(SETS:%=runs/rules-%-estimator/table.md)
 	$(call side_by_side,nbv,nbv against the others through the estimator)
 
-docs/results/indoor.md: runs/rules-hdm05-indoor-estimator/summary.json runs/rules-sbu-indoor-estimator/summary.json
+docs/results/indoor.md: runs/rules-hdm05-indoor-estimator/table.md runs/rules-sbu-indoor-estimator/table.md
 	$(call side_by_side,nbv,A robot indoors)
 
-docs/results/exact-joints.md: $(SETS:%=runs/rules-%-perfect/summary.json)
+docs/results/exact-joints.md: $(SETS:%=runs/rules-%-perfect/table.md)
 	$(call side_by_side,nbv,Planners with exact joints)
 
-docs/results/flown.md: $(SETS:%=runs/agents-%-drone/summary.json)
+docs/results/flown.md: $(SETS:%=runs/agents-%-drone/table.md)
 	$(call side_by_side,nbv,All planners in flight on single clips)
 
-docs/results/streams.md: $(STREAMS:%=runs/watched-%/summary.json)
-	$(call page,$@,Streams,ehar benchmark --data solo-stream --sensor estimator --models models/solo-stream,$(^:summary.json=table.md))
+docs/results/streams.md: $(STREAMS:%=runs/watched-%/table.md)
+	$(call page,$@,Streams,ehar benchmark --data solo-stream --sensor estimator --models models/solo-stream,$^)
 
 docs/results/stream-belief.md: $(STREAMS:%=runs/belief-%/table.md)
 	$(call page,$@,The belief in streams,ehar study belief --data solo-stream --sensor estimator,$^)
 
-docs/results/trainings.md: runs/trainings-duo/summary.json runs/trainings-solo/summary.json
+docs/results/trainings.md: runs/trainings-duo/table.md runs/trainings-solo/table.md
 	$(call page,$@,Three trainings of recogniser and gain field,ehar study trainings runs/rules-duo-estimator \
-	  runs/rules-duo-1-estimator runs/rules-duo-2-estimator,$(^:summary.json=table.md))
+	  runs/rules-duo-1-estimator runs/rules-duo-2-estimator,$^)
 
-docs/results/learning.md: $(CURVES:%=runs/curve-%/summary.json) runs/rules-duo-estimator/summary.json runs/rules-hdm05-estimator/summary.json
+docs/results/learning.md: $(CURVES:%=runs/curve-%/table.md) runs/rules-duo-estimator/table.md runs/rules-hdm05-estimator/table.md
 	for set in duo hdm05; do $(RUN)ehar study learning runs/curve-$$set-*/ runs/rules-$$set-estimator --out runs/learning-$$set && \
 	  cp runs/learning-$$set/learning.png docs/results/learning-$$set.png || exit 1; done
 	$(call page,$@,What is left to win the longer the recogniser learned,ehar study learning runs/curve-duo-*/ \
 	  runs/rules-duo-estimator,$(foreach set,duo hdm05,runs/learning-$(set)/table.md))
 
-docs/results/flight-solo.md: $(foreach track,ideal $(VEHICLES),runs/flight-solo-$(track)/summary.json)
-	$(call page,$@,Flight over 2.5 seconds of solo,ehar benchmark $(RULES) oracle $(LONG) --track px4-auto,$(^:summary.json=table.md))
+docs/results/flight-solo.md: $(foreach track,ideal $(VEHICLES),runs/flight-solo-$(track)/table.md)
+	$(call page,$@,Flight over 2.5 seconds of solo,ehar benchmark $(RULES) oracle $(LONG) --track px4-auto,$^)
 
-docs/results/ablation-sbu.md: runs/ablation-sbu/summary.json
-	$(call page,$@,What each part and setting of nbv is worth on sbu,ehar study ablation $(sbu) --sensor estimator,$(^:summary.json=table.md))
+docs/results/ablation-sbu.md: runs/ablation-sbu/table.md
+	$(call page,$@,What each part and setting of nbv is worth on sbu,ehar study ablation $(sbu) --sensor estimator,$^)
 
-docs/results/belief.md: $(SETS:%=runs/belief-%/summary.json)
-	$(call page,$@,The belief against the recogniser,ehar study belief --data duo --sensor estimator,$(^:summary.json=table.md))
+docs/results/belief.md: $(SETS:%=runs/belief-%/table.md)
+	$(call page,$@,The belief against the recogniser,ehar study belief --data duo --sensor estimator,$^)
 
-docs/results/deciding.md: $(foreach set,hdm05 sbu solo,runs/rules-$(set)-estimator/summary.json runs/fitting-$(set)/summary.json)
+docs/results/deciding.md: $(foreach set,hdm05 sbu solo,runs/rules-$(set)-estimator/table.md runs/fitting-$(set)/table.md)
 	for set in hdm05 sbu solo; do $(RUN)ehar study decide runs/rules-$$set-estimator --fitted-on runs/fitting-$$set \
 	  --planners no-act nbv --out runs/deciding-$$set && \
 	  cp runs/deciding-$$set/deciding.png docs/results/deciding-$$set.png || exit 1; done
 	$(call page,$@,When to answer,ehar study decide runs/rules-hdm05-estimator --fitted-on runs/fitting-hdm05,\
 	  $(foreach set,hdm05 sbu solo,runs/deciding-$(set)/table.md))
 
-docs/results/headroom.md: $(SETS:%=runs/headroom-%/summary.json)
-	$(call page,$@,What there is to win,ehar study headroom $(sbu) --sensor estimator --models models/sbu,$(^:summary.json=table.md))
+docs/results/headroom.md: $(SETS:%=runs/headroom-%/table.md)
+	$(call page,$@,What there is to win,ehar study headroom $(sbu) --sensor estimator --models models/sbu,$^)
 
-docs/results/forms.md: $(foreach set,duo hdm05,$(foreach form,causal ctrgcn,runs/form-$(set)-$(form)/summary.json))
-	$(call page,$@,The streaming form against the published one,ehar benchmark no-act --data duo --form ctrgcn --starts 2,$(^:summary.json=table.md))
+docs/results/forms.md: $(foreach set,duo hdm05,$(foreach form,causal ctrgcn,runs/form-$(set)-$(form)/table.md))
+	$(call page,$@,The streaming form against the published one,ehar benchmark no-act --data duo --form ctrgcn --starts 2,$^)
 
-docs/results/conditions.md: $(foreach set,duo solo,$(foreach kind,paper perfect estimator,runs/agents-$(set)-$(kind)/summary.json))
+docs/results/conditions.md: $(foreach set,duo solo,$(foreach kind,paper perfect estimator,runs/agents-$(set)-$(kind)/table.md))
 	$(call side_by_side,il-ppo,Two synthetic sets under three conditions)
 
-docs/results/paper.md: runs/paper-duo/summary.json runs/paper-solo/summary.json
-	$(RUN)ehar study paper $(^:/summary.json=) --out runs/$(@F)
-	$(call page,$@,The setting and the tables of the paper,ehar study paper $(^:/summary.json=),runs/$(@F))
+docs/results/paper.md: $(PAPER_SETS:%=runs/paper-%/table.md) | $(PAPER_SETS:%=runs/paper-%/analysis/analysis.md)
+	$(RUN)ehar study paper $(^:/table.md=) --out runs/$(@F)
+	$(call page,$@,The setting and the tables of the paper,ehar study paper $(^:/table.md=),runs/$(@F))
 
-docs/results/published.md: runs/published/summary.json
+docs/results/published.md: runs/published/table.md
 	$(call page,$@,The recogniser against published figures,ehar study published $(DATA)/nwucla.npz --size $(PUBLISHED_SIZE) \
 	  --seeds 0 1 2 --out runs/published,$(<D)/table.md)
 
-docs/results/real-views.md: runs/real-views/summary.json
+docs/results/real-views.md: runs/real-views/table.md
 	$(call page,$@,What is simulated against real cameras,ehar study real-views $(DATA)/nwucla.npz --out runs/real-views,$(<D)/table.md)
 
-docs/results/agents.md: runs/agents-solo-paper/summary.json $(OPTIONS:%=runs/imitation-solo-%/summary.json)
-	$(call page,$@,What options of imitation are worth,ehar benchmark no-act il oracle,$(^:summary.json=table.md))
+docs/results/agents.md: runs/agents-solo-paper/table.md $(OPTIONS:%=runs/imitation-solo-%/table.md)
+	$(call page,$@,What options of imitation are worth,ehar benchmark no-act il oracle,$^)
 
-docs/results/behaviour.md: runs/agents-hdm05-estimator/summary.json
+docs/results/behaviour.md: runs/agents-hdm05-estimator/table.md
 	$(RUN)ehar study analyse $(<D) --planners il-ppo nbv
 	cp $(<D)/analysis/*.png docs/results
 	$(call page,$@,Where the agent goes,ehar study analyse $(<D) --planners il-ppo nbv,$(<D)/analysis/analysis.md)
 
-docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/summary.json runs/rules-$(set)-perfect/summary.json)
-	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$(^:summary.json=table.md))
+docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/table.md runs/rules-$(set)-perfect/table.md)
+	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$^)
 
 PAGES := planners nbv indoor exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding streams stream-belief headroom forms \
   published real-views paper agents behaviour benchmarks
-results: $(PAGES:%=docs/results/%.md)
+results: left
+	@$(MAKE) --no-print-directory pages
 
-# How many commands are left, by kind. One that was stopped counts as a whole, and goes on where it was.
-left:
-	@$(MAKE) --no-print-directory -n results | grep -o 'bin/ehar \(train [a-z-]*\|benchmark\|study [a-z-]*\)' | sort | uniq -c
+pages: $(PAGES:%=docs/results/%.md)
+
+# What is left of the results: how many commands, and how long they take on this machine. MACHINES="4 16 64" CORES=16 asks
+# about others.
+MACHINES ?= 1
+CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
+left: setup
+	@$(MAKE) --no-print-directory -n pages | $(RUN)ehar study scaling --commands - --machines $(MACHINES) --cores $(CORES)
 
 clean:
 	rm -rf $(VENV)

@@ -92,7 +92,7 @@ class RunConfig:
     @property
     def warnings(self) -> tuple[str, ...]:
         """The lines that a reader of results must not miss."""
-        opened = f"the recogniser was trained in the world {self.world.name} without what is in the way there"
+        opened = f"the recogniser was trained where nothing is in the way; in the world {self.world.name} something is"
         return (*filter(None, (self.length_note,)), *((opened,) * self.trained_open))
 
     @property

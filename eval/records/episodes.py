@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -15,8 +15,8 @@ from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import DataError
 from ehar.rollout import Record
 from eval.records.contacts import CONTACTS, ContactRecords, join_contacts
-from eval.records.flights import KEYS, FlightRecords, join_flights
-from eval.records.one_by_one import OneByOne
+from eval.records.flights import COSTS, KEYS, FlightRecords, held_flight, join_flights
+from eval.records.one_by_one import OneByOne, put_aside
 
 DIGITS = 6  # decimals of recorded viewpoints and probabilities; metrics are computed from the rounded numbers
 LISTED = 256  # episodes that become Python lists at once, which take many times the memory of arrays
@@ -165,7 +165,7 @@ def episode_lines(records: Mapping[str, EpisodeRecords]) -> Iterable[str]:
         columns = {name: getattr(episodes, name) for name in COLUMNS}
         columns |= {name: getattr(episodes, name) for name in OPTIONAL if getattr(episodes, name) is not None}
         if episodes.flight is not None:
-            columns |= {key: getattr(episodes.flight, key) for key in KEYS}
+            columns |= held_flight(episodes.flight)
         if episodes.contacts is not None:
             columns |= {key: getattr(episodes.contacts, key) for key in CONTACTS}
         for first in range(0, len(episodes), LISTED):
@@ -192,33 +192,44 @@ def read_episodes(path: Path) -> dict[str, EpisodeRecords]:
 
 
 def stored_episodes(path: Path) -> Mapping[str, EpisodeRecords]:
-    """Return the records of each planner in an episodes.jsonl that was just written; they stay there until asked for.
+    """Return the records of each planner in an episodes.jsonl; they stay on disk until asked for.
+
+    What was read once is put aside as arrays, which are read many times faster than lines.
+
+    A file in which planners take turns, or that `read_episodes` refuses, is read at once.
 
     Raises:
-        DataError: later, if the file is missing or has changed.
+        DataError: as in `read_episodes`, now or later; or the file has changed.
     """
-    ranges: dict[str, list[int]] = {}
-    with path.open("rb") as file:
-        begin = 0
-        for line in file:
-            name = json.loads(line.partition(b',"sequence":')[0] + b"}")["planner"]
-            ranges.setdefault(name, [begin, begin])[1] = begin + len(line)
-            begin += len(line)
+    ranges: dict[str, tuple[int, int, int]] = {}  # first and last byte, and number of the first line
+    try:
+        with path.open("rb") as file:
+            begin, last = 0, None
+            for number, line in enumerate(file, 1):
+                name = json.loads(line.partition(b',"sequence":')[0] + b"}")["planner"]
+                if name != last and name in ranges:
+                    return read_episodes(path)
+                first, _, at = ranges.get(name, (begin, begin, number))
+                begin += len(line)
+                ranges[name], last = (first, begin, at), name
+    except (OSError, ValueError, KeyError, TypeError):
+        return read_episodes(path)
 
     def read(name: str) -> EpisodeRecords:
-        first, end = ranges[name]
+        first, end, at = ranges[name]
         try:
             with path.open("rb") as file:
                 file.seek(first)
-                lines = (line.decode() for line in _lines_until(file, end))
-                found = _read_lines(lines, path)
+                found = _read_lines((line.decode() for line in _lines_until(file, end)), path, at)
         except OSError as error:
             raise DataError(f"{path}: expected the episodes of a run, got {error.strerror}") from error
+        except UnicodeDecodeError as error:
+            raise DataError(f"{path}: expected text in UTF-8, got {error}") from error
         if list(found) != [name]:
             raise DataError(f"{path}: expected the episodes of {name} where they were, got others")
         return found[name]
 
-    return OneByOne(list(ranges), read)
+    return OneByOne(list(ranges), put_aside(read))
 
 
 def _lines_until(file: IO[bytes], end: int) -> Iterator[bytes]:
@@ -227,8 +238,8 @@ def _lines_until(file: IO[bytes], end: int) -> Iterator[bytes]:
         yield line
 
 
-def _read_lines(lines: Iterable[str], path: Path) -> dict[str, EpisodeRecords]:
-    """Return the records of each planner; only a few rows are Python lists at a time."""
+def _read_lines(lines: Iterable[str], path: Path, begin: int = 1) -> dict[str, EpisodeRecords]:
+    """Return the records of each planner from lines, numbered from `begin`; only a few rows are lists at a time."""
     first: dict[str, _Row] = {}
     rows: dict[str, list[_Row]] = {}
     pieces: dict[str, list[EpisodeRecords]] = {}
@@ -239,7 +250,7 @@ def _read_lines(lines: Iterable[str], path: Path) -> dict[str, EpisodeRecords]:
         piece = _episodes([first[planner], *some] if anew else some)
         pieces.setdefault(planner, []).append(_without_first(piece) if anew else piece)
 
-    for number, line in enumerate(lines, 1):
+    for number, line in enumerate(lines, begin):
         where = f"{path}, line {number}"
         row = _Row(where, _parsed_line(line, where))
         planner = row.fields["planner"]
@@ -254,13 +265,13 @@ def _read_lines(lines: Iterable[str], path: Path) -> dict[str, EpisodeRecords]:
 
 def _without_first(records: EpisodeRecords) -> EpisodeRecords:
     """Return records without their first episode."""
-    columns = {name: getattr(records, name)[1:] for name in COLUMNS}
-    flight, second = records.flight, records.second_probability
-    return EpisodeRecords(
-        **columns,
-        flight=None if flight is None else FlightRecords(**{key: getattr(flight, key)[1:] for key in KEYS}),
-        second_probability=None if second is None else second[1:],
-    )
+
+    def rest(held: Any) -> Any:
+        if isinstance(held, FlightRecords | ContactRecords):
+            return replace(held, **{name: values[1:] for name, values in vars(held).items() if values is not None})
+        return None if held is None else held[1:]
+
+    return EpisodeRecords(**{part.name: rest(getattr(records, part.name)) for part in fields(EpisodeRecords)})
 
 
 class _Row(NamedTuple):
@@ -306,7 +317,8 @@ _KINDS = {
     "top_probability": _Kind(("L",), False, 0, 1),
     SECOND: _Kind(("L",), False, 0, 1),
     TRACKING: _Kind(("L",), False, 0),
-    **dict.fromkeys(KEYS, _Kind((), False, 0)),
+    **dict.fromkeys((*KEYS, *COSTS), _Kind((), False, 0)),
+    "noise": _Kind((), False),
     **dict.fromkeys(CONTACTS, _Kind((), True, 0)),
 }
 _OF_STREAMS = _KINDS | dict.fromkeys(("label", "predicted"), _Kind(("L",), True, NO_ACTIVITY))
@@ -335,17 +347,17 @@ def _parsed_line(line: str, where: str) -> dict[str, Any]:
 def _episodes(rows: Sequence[_Row]) -> EpisodeRecords:
     """Return the records of one planner from its lines, or raise a DataError if they do not fit together."""
     flown, near = (name in rows[0].fields for name in (KEYS[0], CONTACTS[0]))
-    held = [name for name in OPTIONAL if name in rows[0].fields]
+    held, costs = ([name for name in names if name in rows[0].fields] for names in (OPTIONAL, COSTS))
     for row in rows:
         if (KEYS[0] in row.fields) != flown:
             raise DataError(f"{row.where}: some episodes were flown, and others were not")
         if (CONTACTS[0] in row.fields) != near:
             raise DataError(f"{row.where}: some episodes have {', '.join(CONTACTS)}, and others have none")
-        for name in OPTIONAL:
-            if (name in row.fields) != (name in held):
+        for name in (*OPTIONAL, *COSTS):
+            if (name in row.fields) != (name in (*held, *costs)):
                 raise DataError(f"{row.where}: some episodes have a {name}, and others have none")
     columns: dict[str, Any] = {name: _column(name, rows) for name in (*COLUMNS, *held) if name != "sequence"}
-    flight = FlightRecords(**{key: _column(key, rows) for key in KEYS}) if flown else None
+    flight = FlightRecords(**{key: _column(key, rows) for key in (*KEYS, *costs)}) if flown else None
     return EpisodeRecords(
         sequence=tuple(row.fields["sequence"] for row in rows),
         flight=flight,

@@ -1,7 +1,11 @@
 """Values that are too many for memory: each is made when it is asked for."""
 
+import pickle
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from tempfile import TemporaryFile, gettempdir
 from typing import TypeVar
+
+from ehar.errors import UsageError
 
 Held = TypeVar("Held")
 
@@ -35,3 +39,32 @@ class OneByOne(Mapping[str, Held]):
     def __len__(self) -> int:
         """Return the number of keys."""
         return len(self._names)
+
+
+def put_aside(make: Callable[[str], Held]) -> Callable[[str], Held]:
+    """Return a function that makes each value once: then it reads the value from a file of this process.
+
+    The file has no name, so nobody else can write to it, and it is gone when the process ends.
+
+    Args:
+        make: returns the value of a key; it takes long.
+    """
+    places: dict[str, int] = {}
+    file = TemporaryFile(prefix="ehar-")
+
+    def held(name: str) -> Held:
+        if name in places:
+            file.seek(places[name])
+            found: Held = pickle.load(file)
+            return found
+        value = make(name)
+        begin = file.seek(0, 2)
+        try:
+            pickle.dump(value, file, protocol=pickle.HIGHEST_PROTOCOL)
+            file.flush()
+        except OSError as error:
+            raise UsageError(f"{gettempdir()}: cannot be written: {error.strerror}") from error
+        places[name] = begin
+        return value
+
+    return held

@@ -1,12 +1,12 @@
 """The files of a run's folder: their names, and whether a folder may be written to."""
 
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ehar.errors import UsageError
+from ehar.files import check_folder
 from ehar.world import PAPER
 from eval.records.config import CONFIG, SCHEMA, UNFINISHED
 
@@ -19,9 +19,7 @@ def check_out(out: Path, config: Mapping[str, Any]) -> None:
     Raises:
         UsageError: the folder is not usable; the message says what differs.
     """
-    parent = next(path for path in (out, *out.absolute().parents) if path.exists())
-    if not parent.is_dir() or not os.access(parent, os.W_OK):
-        raise UsageError(f"{out}: expected a folder that can be written to, {parent} is not one")
+    check_folder(out)
     if (out / UNFINISHED / CONFIG).exists():
         _check_same(out / UNFINISHED, config, f"remove {out / UNFINISHED}, or choose another --out")
     if (out / CONFIG).exists():

@@ -77,6 +77,7 @@ def benchmark(
     conditions = setting.conditions
     scenarios = cut_scenarios(setting.recordings, setting.sequences, conditions.frames, reporter.note)
     check_scored(scenarios)
+    setting.runner.check_followed(scenarios)
     choice = choose_planners(specs, ModelPlace.of(setting), readout=readout, note=reporter.note)
     chosen, origins, model = choice
     config = run_config(
@@ -106,7 +107,7 @@ def benchmark(
     unfinished, jobs = UnfinishedRun(directory, config), jobs_of(len(chosen), workload)
     with unfinished.opened(jobs, anew=not _are_named(specs, conditions), note=reporter.note):
         run = measured(unfinished)
-        unfinished.finish(run)
+        unfinished.finish(run, jobs)
     return replace(run, records=stored_episodes(directory / EPISODES))
 
 

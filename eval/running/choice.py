@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ehar.conditions import Conditions
 from ehar.data.recordings import Recordings
-from ehar.data.streams.data import StreamData
 from ehar.errors import ModelError, UsageError
 from ehar.planner import Planner
 from eval.scores.resampling.training_seeds import group_planners, record_name, split_record_name
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
 READOUTS = ("recogniser", "belief")
 _CAUSAL_FIELDS = "gain fields are trained for the causal recogniser"
 _CAUSAL_PLACES = "fixed places are fitted for the causal recogniser"
-_NOT_ON_STREAMS = "agents are not trained on streams"
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +95,6 @@ class ModelPlace:
         """
         from planners.agents.storage import load_agent  # brings torch
 
-        self._refuse_streams()
         if self._untrained:
             raise ModelError(f"planner {spec!r}: {self._no_agent}")
         name, seed = split_record_name(spec)
@@ -148,8 +145,6 @@ class ModelPlace:
 
     def reason_for_no_agent(self, name: str) -> str | None:
         """Return why a learned planner cannot run here, and what to do about it; None where it can."""
-        if isinstance(self.data, StreamData):
-            return _NOT_ON_STREAMS
         seeds = self.seeds(name)
         if not seeds:
             return self._no_agent
@@ -159,11 +154,6 @@ class ModelPlace:
             except ModelError as error:
                 return str(error)
         return None
-
-    def _refuse_streams(self) -> None:
-        """Raise a ModelError if the data are streams."""
-        if isinstance(self.data, StreamData):
-            raise ModelError(f"{self.data.name}: {_NOT_ON_STREAMS}")
 
     @property
     def _untrained(self) -> bool:

@@ -63,7 +63,8 @@ class Cluster:
         call this method too: it holds no core while it waits.
 
         Raises:
-            UsageError: the task cannot be sent, no cluster answers, or a machine has other versions of packages.
+            UsageError: the task cannot be sent, there is no room for it, no cluster answers, or a machine has other
+                versions of packages.
             ModelError: a batch began anew too often.
         """
         if not batches:
@@ -72,7 +73,7 @@ class Cluster:
 
         sent, versions = payload((function, task), "the recogniser, the sensor or the motion"), installed_versions()
         with self._connected():
-            shared = ray.put(sent)
+            shared = _shared(sent)
             run = ray.remote(num_cpus=1, max_retries=LOST)(_call_shared)
             waiting = deque(batches)
             pending: dict[ObjectRef[bytes], Batch] = {}
@@ -105,7 +106,7 @@ class Cluster:
                 log_to_driver=False,
                 logging_level=logging.ERROR,
             )
-        except (ConnectionError, ValueError, RuntimeError) as error:
+        except (OSError, ValueError, RuntimeError) as error:
             reason, where = " ".join(str(error).split()), f"address {self.address}" if self.address else "engine ray"
             raise UsageError(f"{where}: expected a Ray cluster that answers, got: {reason}") from error
         if threading.current_thread() is threading.main_thread():
@@ -141,6 +142,24 @@ def _check_answers(address: str) -> None:
     except OSError as error:
         reason = error.strerror or error
         raise UsageError(f"address {address}: expected a Ray cluster that answers, got: {reason}") from error
+
+
+def _shared(sent: bytes) -> "ObjectRef[bytes]":
+    """Put what all batches share where machines fetch it.
+
+    Raises:
+        UsageError: there is no room for it.
+    """
+    import ray
+    from ray.exceptions import RayError
+
+    try:
+        return ray.put(sent)
+    except RayError as error:
+        raise UsageError(
+            f"engine ray: {len(sent) / 1e6:.0f} MB for all jobs cannot be put where machines fetch them: "
+            f"{type(error).__name__}; is the memory or the disk full?"
+        ) from error
 
 
 def _result_of(done: "ObjectRef[Any]") -> Any:

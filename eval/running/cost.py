@@ -3,17 +3,21 @@
 from collections.abc import Hashable, Mapping
 from typing import NamedTuple, TypeVar
 
-from ehar.data.scenario import split_parts, windows
+from ehar.data.motion_data import MotionData
+from ehar.data.scenario import USUAL_LENGTH, split_parts, windows
+from ehar.data.streams.data import StreamData
+from eval.running.outlook import Needed
 from eval.running.training import TrainAllConfig
 from planners.agents.config import ImitationSetting, PPOSetting
-from recognition.setting import load_motion_of
 from recognition.training.config import TrainingConfig
 from recognition.training.stopping import LEAST_CLIPS
 
 Key = TypeVar("Key", bound=Hashable)
 
 # What parts of other trainings take, in steps of the recogniser's: 32 clips on one thread. Measured on solo, in time of
-# one core, of which a step took 0.29 s.
+# one core, of which a step took 0.29 s. In streams planners learn from longer windows than recognisers do, and a part
+# takes so many times as much. On solo-stream, of which a step took 1.06 s, that is within a sixth of what was measured
+# of demonstrations and of policy optimisation.
 ROLLOUTS = 11.5  # a batch of branching rollouts for the gain field
 PLACE = 0.095  # a place of fixed-best in one window
 DEMONSTRATED = {"oracle": 0.1, "oracle-lookahead": 0.25}  # an episode, by its teacher
@@ -39,43 +43,47 @@ class Steps(NamedTuple):
         return least if least == most else f"{least} to {most}"
 
 
-def steps_of(config: TrainAllConfig, kind: str, agent: str | None = None) -> Steps:
+def steps_of(config: TrainAllConfig, data: MotionData | StreamData, kind: str, agent: str | None = None) -> Steps:
     """Return what a stage costs, in steps of the recogniser's training.
 
     Args:
         config: the trainings on one set.
+        data: the set.
         kind: recogniser, gain field, fixed-best, demonstrations, or an agent.
         agent: agent that demonstrations are for.
     """
+    needed = Needed.of(data, config.told.length)
+    longer = needed.planners / needed.recogniser
     if kind == "recogniser":
         asked = config.recogniser
         ends_early = asked.optimiser == TrainingConfig.optimiser
-        return Steps((LEAST_CLIPS if ends_early else asked.clips) / asked.batch, asked.clips / asked.batch)
+        least = min(LEAST_CLIPS, asked.clips) if ends_early else asked.clips
+        return Steps(least / asked.batch, asked.clips / asked.batch)
     if kind == "gain field":
         most = config.gain_field.batches
-        return Steps(*(ROLLOUTS * (2 * batches + BEFORE_AND_AFTER) for batches in (min(LEAST_BATCHES, most), most)))
+        drawn = (2 * batches + BEFORE_AND_AFTER for batches in (min(LEAST_BATCHES, most), most))
+        return Steps(*(ROLLOUTS * longer * batches for batches in drawn))
     if kind == "fixed-best":
-        data, length = load_motion_of(config.told), config.told.frames
-        held = min(len(windows(data, split_parts(data).validation, length, stride=length)), MOST_WINDOWS)
-        return Steps(*2 * (PLACE * PLACES * held,))
+        held = len(windows(data, split_parts(data).validation, needed.planners, stride=needed.planners))
+        return Steps(*2 * (PLACE * longer * PLACES * min(held, MOST_WINDOWS),))
     if kind == "demonstrations" and agent is not None:
         asked_of = config.agents.imitation("dagger" if agent == "dagger" else "il")
-        return Steps(*2 * (DEMONSTRATED[asked_of.teacher] * (asked_of.episodes + HELD_OUT),))
+        return Steps(*2 * (DEMONSTRATED[asked_of.teacher] * longer * (asked_of.episodes + HELD_OUT),))
     if kind in ("il", "dagger"):
         asked_of = config.agents.imitation("dagger" if kind == "dagger" else "il")
-        return _cloned(asked_of)
-    return _optimised(config.agents.ppo)
+        return _cloned(asked_of, longer)
+    return _optimised(config.agents.ppo, USUAL_LENGTH / needed.recogniser)
 
 
-def _cloned(setting: ImitationSetting) -> Steps:
+def _cloned(setting: ImitationSetting, longer: float) -> Steps:
     drawn = DEMONSTRATED[setting.teacher] * (setting.episodes + HELD_OUT) * setting.per_seed
     epochs = (min(setting.patience + 1, setting.epochs), setting.epochs)
-    return Steps(*(drawn + CLONED * setting.episodes * most for most in epochs))
+    return Steps(*(longer * (drawn + CLONED * setting.episodes * most) for most in epochs))
 
 
-def _optimised(setting: PPOSetting) -> Steps:
+def _optimised(setting: PPOSetting, shorter: float) -> Steps:
     least = min((setting.patience + 1) * setting.evaluate_every, setting.frames)
-    return Steps(*(OPTIMISED * frames / 1000 for frames in (least, setting.frames)))
+    return Steps(*(OPTIMISED * shorter * frames / 1000 for frames in (least, setting.frames)))
 
 
 def step_seconds(config: TrainAllConfig) -> float:

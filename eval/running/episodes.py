@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray, in_brief
+from ehar.batch import Batch, noise_of
 from ehar.data.copies import copied
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios, windows
@@ -14,7 +15,6 @@ from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.surroundings import surroundings_of
 from ehar.errors import DataError
-from ehar.rollout import Batch, noise_of
 from ehar.world import PAPER, World
 from eval.scores.streams.activities import activity_frames
 

@@ -8,14 +8,17 @@ numbers, so that only rounding differs.
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import cached_property
+from time import process_time
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import cloudpickle
 
+from ehar.batch import Batch
 from ehar.motion import Motion
 from ehar.planner import Planner
 from ehar.processes import Engine, Processes, payload
-from ehar.rollout import Batch, Record
+from ehar.rollout import Record
 from ehar.runner import Runner
 from eval.records.contacts import contacts_of
 from eval.records.episodes import EpisodeRecords, join_records, record_episodes
@@ -46,6 +49,11 @@ class Workload:
     episodes: Episodes
     belief: "BeliefModel | StreamBeliefModel | None" = None
     together: int = 1
+
+    @cached_property
+    def followed(self) -> Episodes:
+        """The episodes as they are run: in streams the centre keeps the limits of the vehicle that follows it."""
+        return replace(self.episodes, scenarios=self.runner.followed(self.episodes.scenarios))
 
     def roll(self, planner: Planner, batch: Batch, chunk: int, motion: Motion) -> Record:
         """Run one planner over a batch; the record has the scored probabilities.
@@ -96,6 +104,7 @@ class Done(NamedTuple):
     records: EpisodeRecords
     plan_seconds: float
     solves: Solves | None
+    core_seconds: float = 0.0  # of a core, from the start viewpoints to the records
 
 
 class FinishedJobs(Protocol):
@@ -179,6 +188,7 @@ def _joined(pieces: Sequence[Done]) -> PlannerRun:
 
 def _run_chunks(workload: Workload, planner: Planner, first: int) -> Done:
     """Run one planner over the chunks of a job, and return its records."""
+    begin = process_time()
     together = range(first, min(first + workload.together, workload.episodes.chunks))
     parts = [workload.episodes.chunk(chunk) for chunk in together]
     planners, rolled = (planner,), planner
@@ -188,7 +198,7 @@ def _run_chunks(workload: Workload, planner: Planner, first: int) -> Done:
         generators = [workload.episodes.planner_rng(planner.name, chunk) for chunk in together]
         rolled = SideBySide(planners, [len(part) for part in parts], generators)
     motion = workload.runner.new_motion()
-    batch = workload.episodes.batches(together)
+    batch = workload.followed.batches(together)
     record = workload.roll(rolled, batch, first, motion)
     episodes = workload.episodes.chunk(first, len(parts))
     records = record_episodes(
@@ -202,7 +212,8 @@ def _run_chunks(workload: Workload, planner: Planner, first: int) -> Done:
         contacts=contacts_of(batch.surroundings, record.viewpoints),
         tracking_error=tracking_of(motion),
     )
-    return Done(records, record.plan_seconds, join_solves([solves_of(one) for one in planners]))
+    solves = join_solves([solves_of(one) for one in planners])
+    return Done(records, record.plan_seconds, solves, process_time() - begin)
 
 
 def _run_here(

@@ -1,7 +1,7 @@
 """A run of the benchmark, in memory or in a folder: its configuration, records and summary."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -14,8 +14,11 @@ from ehar.errors import DataError, EharError, UsageError
 from ehar.files import json_text, write_text
 from ehar.track import IDEAL
 from eval.records.config import CONFIG, RunConfig, read_config
-from eval.records.episodes import EpisodeRecords, episode_lines, read_episodes
+from eval.records.episodes import EpisodeRecords, episode_lines, read_episodes, stored_episodes
+from eval.records.flights import held_flight
+from eval.records.one_by_one import OneByOne
 from eval.records.run_files import EPISODES, SUMMARY, check_out
+from eval.scores.answers import episodes_only
 from eval.scores.closing import closing_sentences
 from eval.scores.metrics import ACC_AT, mean_acc, path_length, right_at
 from eval.scores.resampling.training_seeds import curves, first_trainings
@@ -77,15 +80,17 @@ class Run:
         """The conditions of the run, with names in place of objects."""
         return self.config.conditions
 
-    @property
+    @cached_property
     def of_streams(self) -> bool:
         """Whether one activity follows another in an episode."""
-        return any(held.of_streams for held in self.records.values())
+        return next(iter(self.records.values())).of_streams if self.records else False
 
     @property
     def scored(self) -> Mapping[str, EpisodeRecords]:
         """The records that accuracies are taken of, by record name: of streams, an episode for each activity."""
-        return {name: activities(held) if held.of_streams else held for name, held in self.records.items()}
+        if not self.of_streams:
+            return self.records
+        return OneByOne(list(self.records), lambda name: activities(self.records[name]))
 
     @property
     def flown(self) -> bool:
@@ -98,7 +103,9 @@ class Run:
         Raises:
             UsageError: the run has no such planner.
         """
-        return self._of({**pool_seeds(self.records), **self.records}, name)
+        pooled = pool_seeds(self.records)
+        held = {**dict.fromkeys(pooled, pooled), **dict.fromkeys(self.records, self.records)}
+        return self._of(held, name)[name]
 
     def record_name(self, name: str) -> str:
         """Return the record name of a planner; with several trainings, that of the first.
@@ -204,7 +211,7 @@ def _columns(planner: str, episodes: EpisodeRecords, class_names: tuple[str, ...
         "start_distance_m": episodes.start[:, 0],
         "start_azimuth_deg": np.degrees(episodes.start[:, 1]),
         "start_polar_deg": np.degrees(episodes.start[:, 2]),
-        **({} if episodes.flight is None else vars(episodes.flight)),
+        **({} if episodes.flight is None else held_flight(episodes.flight)),
         **({} if episodes.contacts is None else vars(episodes.contacts)),
     }
 
@@ -217,17 +224,37 @@ def read_run(directory: str | Path) -> Run:
         DataError: the files cannot be read, the run is incomplete, or planners ran different episodes.
     """
     directory = Path(directory)
-    config = read_config(directory)
-    records = read_episodes(directory / EPISODES)
-    reason = why_incomplete(directory, config, records)
+    return _checked(directory, read_config(directory), read_episodes(directory / EPISODES))
+
+
+def stored_run(directory: str | Path) -> Run:
+    """Read a run whose records stay on disk: each planner's are read when they are asked for, and only the last held.
+
+    Raises:
+        EharError: as in `read_run`.
+    """
+    directory = Path(directory)
+    return _checked(directory, read_config(directory), stored_episodes(directory / EPISODES))
+
+
+def _checked(directory: Path, config: RunConfig, records: Mapping[str, EpisodeRecords]) -> Run:
+    """Return a run, if it is finished and planners ran the same episodes; each planner's records are read once."""
+    first, counts, other = None, dict[str, int](), None
+    for name in records:
+        episodes = records[name]
+        if first is None:
+            first = replace(episodes_only(episodes), predicted=np.empty(episodes.predicted.shape, dtype=np.int8))
+        counts[name] = len(episodes)
+        if other is None and not same_episodes(first, episodes):
+            other = name
+    reason = why_incomplete(directory, config, counts)
     if reason is not None:
         raise DataError(f"{directory}: expected a finished run, this one is incomplete: {reason}")
-    names = list(records)
-    for name in names[1:]:
-        if not same_episodes(records[names[0]], records[name]):
-            raise DataError(
-                f"{directory}: expected the same episodes for every planner, those of {name} are not {names[0]}'s"
-            )
+    if other is not None:
+        whose = next(iter(counts))
+        raise DataError(
+            f"{directory}: expected the same episodes for every planner, those of {other} are not {whose}'s"
+        )
     return Run(config, records, directory=directory)
 
 
@@ -247,15 +274,15 @@ def read_run_of_clips(directory: str | Path) -> Run:
     return run
 
 
-def why_incomplete(directory: Path, config: RunConfig, records: Mapping[str, EpisodeRecords]) -> str | None:
-    """Return what an incomplete run lacks; None for a finished run."""
-    absent = [planner.name for planner in config.planners if planner.name not in records]
-    if absent or not records:
+def why_incomplete(directory: Path, config: RunConfig, counts: Mapping[str, int]) -> str | None:
+    """Return what an incomplete run lacks, from the number of each planner's episodes; None for a finished run."""
+    absent = [planner.name for planner in config.planners if planner.name not in counts]
+    if absent or not counts:
         return f"no episodes of {', '.join(absent) or 'any planner'}"
-    most = max(len(episodes) for episodes in records.values())
-    for name, episodes in records.items():
-        if len(episodes) < most:
-            return f"{name} has {len(episodes)} of {most} episodes"
+    most = max(counts.values())
+    for name, count in counts.items():
+        if count < most:
+            return f"{name} has {count} of {most} episodes"
     return None if (directory / SUMMARY).is_file() else f"no {SUMMARY}"
 
 

@@ -13,10 +13,12 @@ from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.data.streams.data import StreamData
 from ehar.errors import EharError, UsageError
+from ehar.files import check_folder
 from ehar.processes import Engine, Processes, check_workers, cores
 from eval.running.cluster import EngineName, engine_of
 from eval.running.cost import Steps, duration, predicted, step_seconds, steps_of
 from eval.running.training import (
+    Effort,
     TrainAllConfig,
     Trained,
     has_fixed_best,
@@ -25,7 +27,7 @@ from eval.running.training import (
     searching,
     train_all,
 )
-from planners.agents.config import Scale
+from recognition.setting import load_recordings_of
 
 RECOGNISER, GAIN_FIELD, FIXED_BEST, DEMONSTRATIONS = "recogniser", "gain field", "fixed-best", "demonstrations"
 
@@ -39,7 +41,8 @@ class SweepConfig:
         data: one data set or several.
         out: folder to write to; of several sets, each has a folder there, with its name.
         seeds: the agents' training seeds, by name: 7 8 9.
-        setting: quick, for 2 CPU cores; paper, as published, for a GPU: it takes --views paper, and trains no field.
+        setting: tiny, a first try in a minute or two; quick, for 2 CPU cores; paper, as published, for a GPU: it takes
+            --views paper, and trains no field.
         workers: number of processes.
         engine: processes of this machine, or ray: a cluster whose machines share `out` and the data.
         address: address of a running Ray cluster, or auto; None starts one here.
@@ -50,7 +53,7 @@ class SweepConfig:
     data: tuple[str | Path | MotionData | StreamData, ...]
     out: Path
     seeds: tuple[int, ...] = (0,)
-    setting: Scale = "quick"
+    setting: Effort = "quick"
     workers: int = field(default_factory=cores)
     engine: EngineName = "processes"
     address: str | None = None
@@ -161,8 +164,9 @@ def stages_of(sets: Mapping[str, TrainAllConfig]) -> dict[Stage, tuple[Stage, ..
     for name, config in sets.items():
         recogniser = (Stage(name, RECOGNISER),)
         graph[recogniser[0]] = ()
-        if config.setting == "quick":  # gain fields and places are for the causal form, and no part of the paper
-            graph |= {Stage(name, kind): recogniser for kind in (GAIN_FIELD, FIXED_BEST)}
+        # Gain fields and places are for the causal form, and no part of the paper; to try every place takes long.
+        valued = {"paper": (), "tiny": (GAIN_FIELD,), "quick": (GAIN_FIELD, FIXED_BEST)}[config.setting]
+        graph |= {Stage(name, kind): recogniser for kind in valued}
         for agent in config.agents.stage_names:
             needed = recogniser
             if agent in ("il", "dagger") and not config.agents.imitation(agent).per_seed:
@@ -272,13 +276,32 @@ def _rows(
 def _outlook(sets: Mapping[str, TrainAllConfig], graph: Mapping[Stage, tuple[Stage, ...]], config: SweepConfig) -> str:
     """Return a line that says what a sweep will take: its work, its longest chain, and both on this machine."""
     step = {name: step_seconds(one) for name, one in sets.items()}
-    costs = {
-        stage: Steps(*(step[stage.data] * steps for steps in steps_of(sets[stage.data], stage.kind, stage.agent)))
-        for stage in graph
-    }
+    held = {name: load_recordings_of(one.told) for name, one in sets.items()}
+    costs: dict[Stage, Steps] = {}
+    for stage in graph:
+        one = sets[stage.data]
+        kept = _is_kept(stage, one)
+        steps = Steps(0.0, 0.0) if kept else steps_of(one, held[stage.data], stage.kind, stage.agent)
+        costs[stage] = Steps(step[stage.data] * steps.least, step[stage.data] * steps.most)
     work, chain = predicted(graph, costs, 1), predicted(graph, costs, len(graph))
-    line = f"{len(graph)} stages on {len(sets)} sets: {work} on one core, {chain} on any number of them"
+    what = f"{len(graph)} stages on {len(sets)} set{'s' * (len(sets) > 1)}"
+    line = f"{what}: {work} on one core, {chain} on any number of them"
     return line if config.address else f"{line}, {predicted(graph, costs, config.workers)} on {config.workers}"
+
+
+def _is_kept(stage: Stage, config: TrainAllConfig) -> bool:
+    """Return whether a stage is done; one that does not fit is not: it says so when its turn comes."""
+    from planners.agents.storage import agent_path  # imported here: torch takes seconds
+
+    if stage.seed is not None:
+        return agent_path(config.out, stage.kind, config.with_models, stage.seed).is_file()
+    try:
+        if not has_recogniser(config):
+            return False
+        done = {RECOGNISER: lambda _: True, GAIN_FIELD: has_gain_field, FIXED_BEST: has_fixed_best}.get(stage.kind)
+        return done is not None and done(config)
+    except EharError:
+        return False
 
 
 def train_sets(config: SweepConfig) -> Trained:
@@ -292,15 +315,15 @@ def train_sets(config: SweepConfig) -> Trained:
     """
     from eval.running.outlook import outlook
     from eval.running.progress import TableProgress
-    from recognition.setting import load_motion_of
 
     sets = config.sets
     if config.alone:
         (only,) = sets.values()
-        return train_all(only)
+        return train_all(only, lambda: _outlook(sets, stages_of(sets), config))
     for name, one in sets.items():
         one.agents.check()
-        for line in outlook(load_motion_of(one.told), one.told.frames):
+        check_folder(one.out)
+        for line in outlook(load_recordings_of(one.told), one.told.length):
             print(f"{name}: {line}", flush=True)
     graph = stages_of(sets)
     print(_outlook(sets, graph, config), flush=True)

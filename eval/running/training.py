@@ -14,7 +14,7 @@ from eval.running.outlook import outlook
 from planners.agents.config import PAPER_FORM, AgentTrainingConfig
 from planners.place.config import FixedBestConfig
 from planners.value.config import GainTrainingConfig
-from recognition.setting import load_motion_of, load_setting
+from recognition.setting import load_recordings_of, load_setting
 from recognition.training.config import PUBLISHED_BATCH, TrainingConfig
 
 Effort = Literal["tiny", "quick", "paper"]
@@ -213,17 +213,22 @@ def train_agents(config: AgentTrainingConfig) -> Trained:
     return Trained(tuple(paths), (line,))
 
 
-def train_all(config: TrainAllConfig) -> Trained:
+def train_all(config: TrainAllConfig, foretell: Callable[[], str] | None = None) -> Trained:
     """Train recogniser, gain field, fixed-best and the four agents; finished parts are kept, and stopped parts go on.
+
+    Args:
+        config: the trainings.
+        foretell: returns a line that says how long they will take; it is asked for after all that could be wrong.
 
     Raises:
         EharError: a training raised it. An option of the agents that is wrong, and data with too few sequences that are
             long enough, are told before anything begins.
     """
     config.agents.check()
-    # Streams are refused here, before anything begins: agents do not learn on them.
-    for line in outlook(load_motion_of(config.told), config.told.frames):
+    for line in outlook(load_recordings_of(config.told), config.told.length):
         print(line, flush=True)
+    if foretell is not None:
+        print(foretell(), flush=True)
     agents = " and ".join(", ".join(config.agents.stage_names).rsplit(", ", 1))
     stages: list[tuple[str, Callable[[TrainAllConfig], bool], Callable[[], Trained]]] = [
         ("the recogniser", has_recogniser, lambda: train_recogniser(config.recogniser)),
@@ -256,7 +261,7 @@ def has_recogniser(config: TrainAllConfig) -> bool:
     description = path.with_suffix(".json")
     if not (path.is_file() and description.is_file()):
         return False
-    data = load_motion_of(config.told)
+    data = load_recordings_of(config.told)
     load_recogniser(config.with_models, data)
     # Added recordings may leave classes and joints unchanged, but then other sequences are held out for the test.
     run = read_json(description, _Trained, "a recogniser", unknown=True, defaults=True, wrong=ModelError).training.run
@@ -287,7 +292,7 @@ def has_fixed_best(config: TrainAllConfig) -> bool:
 
     setting = load_setting(config.with_models)
     try:
-        load_fixed_place(setting.conditions, setting.data, setting.recogniser_sha256)
+        load_fixed_place(setting.conditions, setting.recordings, setting.recogniser_sha256)
     except ModelError:
         return False
     return True
@@ -299,7 +304,7 @@ def has_gain_field(config: TrainAllConfig) -> bool:
 
     setting = load_setting(config.with_models)
     try:
-        load_gain_model(setting.conditions, setting.data, setting.recogniser_sha256)
+        load_gain_model(setting.conditions, setting.recordings, setting.recogniser_sha256)
     except ModelError:
         return False
     return True

@@ -3,6 +3,7 @@
 import fcntl
 import hashlib
 import os
+import pickle
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -13,6 +14,7 @@ from ehar.errors import DataError, EharError, EpisodeError, UsageError
 from ehar.files import json_text, read_json, write_text
 from eval.records.config import CONFIG, UNFINISHED, RunConfig
 from eval.records.episodes import episode_lines, read_episodes
+from eval.records.job_times import JOB_TIMES, JobTime, write_job_times
 from eval.records.solves import Solves
 from eval.running.jobs import Done, Job
 from eval.running.run import Run
@@ -26,11 +28,13 @@ class _Told:
         plan_seconds: time in the planner [s].
         solves: counts of its plans; None for a planner that does not count.
         episodes_sha256: hash of its episodes' file.
+        time: what it took.
     """
 
     plan_seconds: float
     solves: Solves | None
     episodes_sha256: str
+    time: JobTime
 
 
 @dataclass(frozen=True)
@@ -89,8 +93,8 @@ class UnfinishedRun:
                 self._remove()
                 raise
 
-    def finish(self, run: Run) -> None:
-        """Write a run to its folder, and remove this one.
+    def finish(self, run: Run, jobs: Sequence[Job]) -> None:
+        """Write a run, and what its jobs took, to its folder, and remove this one.
 
         All files are written here first, so a process that is killed leaves no half of a file beside them.
 
@@ -100,6 +104,7 @@ class UnfinishedRun:
         whole = self.folder / "whole"
         shutil.rmtree(whole, ignore_errors=True)
         run.save(whole)
+        write_job_times(whole / JOB_TIMES, [self._told(job).time for job in jobs])
         try:
             # The configuration goes first: files without one are taken for somebody else's.
             for path in sorted(whole.iterdir(), key=lambda path: path.name != CONFIG):
@@ -125,7 +130,9 @@ class UnfinishedRun:
         """
         path = self._episodes(job)
         write_text(path, episode_lines({self._planner(job): done.records}))
-        told = _Told(done.plan_seconds, done.solves, _sha256(path))
+        episodes, frames = done.records.predicted.shape
+        took = JobTime(self._planner(job), episodes, frames, done.core_seconds, len(pickle.dumps(done)))
+        told = _Told(done.plan_seconds, done.solves, _sha256(path), took)
         write_text(path.with_suffix(".json"), [json_text(asdict(told))])
 
     def __getitem__(self, job: Job) -> Done:
@@ -138,7 +145,7 @@ class UnfinishedRun:
         records = read_episodes(path)
         if list(records) != [self._planner(job)]:
             raise DataError(f"{path}: expected episodes of {self._planner(job)}, got those of {', '.join(records)}")
-        return Done(records[self._planner(job)], told.plan_seconds, told.solves)
+        return Done(records[self._planner(job)], told.plan_seconds, told.solves, told.time.core_seconds)
 
     @contextmanager
     def _locked(self) -> Iterator[None]:

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.batch import Batch
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios, windows
 from ehar.data.skeleton import Skeleton
 from ehar.motion import GridMotion
 from ehar.planner import Context
 from ehar.recogniser import Recognition
-from ehar.rollout import Batch
 from ehar.sensors.sensor import Sensed, draw_noise
 from ehar.viewpoint import POLAR
 from ehar.world import PAPER

@@ -83,7 +83,7 @@ def write_finished(directory: Path, records: dict[str, EpisodeRecords], **option
 
 
 def flown(records: EpisodeRecords, seed: int = 0) -> EpisodeRecords:
-    numbers = np.random.default_rng(seed).random((5, len(records))).round(DIGITS)
+    numbers = np.random.default_rng(seed).random((8, len(records))).round(DIGITS)
     return replace(records, flight=FlightRecords(*numbers))
 
 

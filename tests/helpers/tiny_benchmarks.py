@@ -14,6 +14,7 @@ import numpy as np
 from ehar.conditions import Conditions
 from ehar.world import PAPER
 from eval import benchmark
+from eval.records.job_times import JOB_TIMES
 from eval.records.run_files import SUMMARY
 from eval.running.run import Run
 from eval.scores.summary import Summary
@@ -72,11 +73,11 @@ def bytes_of(out: Path) -> dict[str, bytes]:
 
 
 def but_times(files: dict[str, bytes]) -> dict[str, Any]:
-    """Return files without the times of plans, which workers measure."""
+    """Return files without the times of plans and of jobs, which workers measure."""
     summary = json.loads(files[SUMMARY])
     for planner in summary["planners"]:
         del planner["step_ms"]
-    return files | {SUMMARY: summary, "table.md": None}
+    return files | {SUMMARY: summary, "table.md": None, JOB_TIMES: None}
 
 
 SLOW_TO_BELIEVE = BeliefModel(noise_weights=(3.0, 0.0, 0.0, 0.0, 0.0), process_noise=0.1)

@@ -1,5 +1,6 @@
 """What is kept of each frame of each episode, and read back."""
 
+import errno
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -8,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ehar.errors import DataError
+from ehar.errors import DataError, UsageError
 from ehar.files import write_text
 from ehar.rollout import Record
+from eval.records.contacts import CONTACTS, ContactRecords
 from eval.records.episodes import (
     COLUMNS,
     DIGITS,
@@ -22,9 +24,10 @@ from eval.records.episodes import (
     record_episodes,
     stored_episodes,
 )
-from eval.records.one_by_one import OneByOne
+from eval.records.flights import COSTS, KEYS, FlightRecords
+from eval.records.one_by_one import OneByOne, put_aside
 from eval.records.run_files import EPISODES
-from tests.helpers.made_records import flown, make_records, three_planners
+from tests.helpers.made_records import flown, make_records, summary_of, three_planners
 
 
 def test_records_keep_what_metrics_need() -> None:
@@ -58,13 +61,23 @@ def same(one: EpisodeRecords, other: EpisodeRecords) -> None:
 
 
 def test_records_that_are_read_a_few_at_a_time_are_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    records = {name: flown(held) for name, held in three_planners().items()}
+    records = {
+        name: replace(
+            flown(held),
+            contacts=ContactRecords(*np.arange(len(CONTACTS) * len(held)).reshape(len(CONTACTS), -1)),
+            tracking_error=held.top_probability,
+        )
+        for name, held in three_planners().items()
+    }
     write_text(tmp_path / EPISODES, episode_lines(records))
     whole = read_episodes(tmp_path / EPISODES)
     monkeypatch.setattr("eval.records.episodes.LISTED", 3)
     for planner, found in read_episodes(tmp_path / EPISODES).items():
         same(found, whole[planner])
-        assert found.flight is not None
+        assert found.flight is not None and found.contacts is not None and found.tracking_error is not None
+        np.testing.assert_array_equal(found.tracking_error, records[planner].tracking_error)
+        for name in CONTACTS:
+            np.testing.assert_array_equal(getattr(found.contacts, name), getattr(records[planner].contacts, name))
         np.testing.assert_array_equal(found.flight.effort, records[planner].flight.effort)  # type: ignore[union-attr]
     lines = (tmp_path / EPISODES).read_text().splitlines()
     lines[3] = json.dumps(json.loads(lines[3]) | {"true_probability": [0.5]})
@@ -83,8 +96,20 @@ def test_stored_records_are_read_planner_by_planner(tmp_path: Path) -> None:
     last = stored[planner]
     assert stored[planner] is last
     write_text(tmp_path / EPISODES, [])
+    same(stored[next(iter(records))], records[next(iter(records))])  # put aside when they were read
+    write_text(tmp_path / EPISODES, episode_lines(records))
+    stored = stored_episodes(tmp_path / EPISODES)
+    write_text(tmp_path / EPISODES, [])
     with pytest.raises(DataError, match=r"expected the episodes of .* where they were, got others"):
         dict(stored)
+    write_text(tmp_path / EPISODES, episode_lines(records))
+    lines = (tmp_path / EPISODES).read_text().splitlines(keepends=True)
+    write_text(tmp_path / EPISODES, [*lines[1:], lines[0]])  # planners take turns
+    assert isinstance(stored_episodes(tmp_path / EPISODES), dict)
+    lines[20] = lines[20].replace('"first":', '"first":-')
+    write_text(tmp_path / EPISODES, lines)
+    with pytest.raises(DataError, match=r"episodes\.jsonl, line 21: first: expected whole numbers"):
+        dict(stored_episodes(tmp_path / EPISODES))
 
 
 def test_only_the_last_value_is_kept() -> None:
@@ -100,6 +125,17 @@ def test_only_the_last_value_is_kept() -> None:
     assert made == ["a", "b", "a"]
     with pytest.raises(KeyError):
         one_by_one["c"]
+
+
+def test_a_full_disk_where_values_are_put_aside_ends_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any, **__: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    held = put_aside(str.upper)
+    assert held("a") + held("a") + held("b") == "AAB"
+    monkeypatch.setattr("eval.records.one_by_one.pickle.dump", full)
+    with pytest.raises(UsageError, match=r": cannot be written: No space left on device$"):
+        held("c")
 
 
 def test_batches_join_in_order() -> None:
@@ -159,7 +195,7 @@ def test_a_file_that_is_cut_off_or_no_text_is_named(tmp_path: Path) -> None:
 def test_batches_of_flights_join_in_order() -> None:
     whole = join_records([flown(make_records(1)), flown(make_records(2), seed=5)])
     assert whole.flight is not None
-    np.testing.assert_array_equal(whole.flight.effort[9:], np.random.default_rng(5).random((5, 9)).round(DIGITS)[3])
+    np.testing.assert_array_equal(whole.flight.effort[9:], np.random.default_rng(5).random((8, 9)).round(DIGITS)[3])
 
 
 def test_a_run_from_before_second_probabilities_is_read(tmp_path: Path) -> None:
@@ -172,6 +208,24 @@ def test_a_run_from_before_second_probabilities_is_read(tmp_path: Path) -> None:
     (tmp_path / EPISODES).write_text("".join(both))
     with pytest.raises(DataError, match="line 2: some episodes have a second_probability, and others have none"):
         read_episodes(tmp_path / EPISODES)
+
+
+def test_a_flight_from_before_costs_is_read_and_has_none(tmp_path: Path) -> None:
+    now = flown(make_records(0))
+    assert now.flight is not None
+    old = replace(now, flight=FlightRecords(*(getattr(now.flight, key) for key in KEYS)))
+    (tmp_path / EPISODES).write_text("".join(episode_lines({"mine": old})))
+    read = read_episodes(tmp_path / EPISODES)["mine"]
+    assert read.flight is not None and all(getattr(read.flight, key) is None for key in COSTS)
+    together = join_records([old, now]).flight
+    assert together is not None and together.energy is None
+    both = [*list(episode_lines({"mine": old}))[:1], *list(episode_lines({"mine": now}))[1:]]
+    (tmp_path / EPISODES).write_text("".join(both))
+    with pytest.raises(DataError, match="line 2: some episodes have a distance, and others have none"):
+        read_episodes(tmp_path / EPISODES)
+    summary = summary_of({"no-act": old, "mine": old})
+    assert not set(COSTS) & set(summary.to_json()["planners"][0])
+    assert not {"flown [m]", "energy [kJ]"} & set(summary.tables()[0].header)
 
 
 def test_half_of_a_flight_is_no_flight(tmp_path: Path) -> None:

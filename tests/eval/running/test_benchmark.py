@@ -13,6 +13,7 @@ from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import cartesian
 from eval.records.config import SCHEMA
 from eval.records.episodes import read_episodes
+from eval.records.job_times import JOB_TIMES
 from eval.records.run_files import EPISODES, SUMMARY
 from tests.helpers.fakes import tiny_data
 from tests.helpers.tiny_benchmarks import file_hash, run
@@ -39,7 +40,7 @@ def test_two_workers_give_the_same_bytes_as_one(tmp_path: Path) -> None:
 
 def test_a_run_leaves_everything_needed_to_read_and_repeat_it(tmp_path: Path) -> None:
     summary = run(out=tmp_path).summary
-    names = {"config.json", EPISODES, SUMMARY, "table.md", "accuracy.png", "accuracy.svg"}
+    names = {"config.json", EPISODES, JOB_TIMES, SUMMARY, "table.md", "accuracy.png", "accuracy.svg"}
     assert {path.name for path in tmp_path.iterdir()} == names
     assert json.loads((tmp_path / SUMMARY).read_text()) == json.loads(json.dumps(summary.to_json()))
     config = json.loads((tmp_path / "config.json").read_text())

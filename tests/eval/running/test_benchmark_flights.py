@@ -1,6 +1,7 @@
 """Benchmarks in which cameras are vehicles."""
 
 import json
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import pytest
 from ehar.errors import UsageError
 from ehar.flight.vehicle import VEHICLES
 from eval.records.episodes import read_episodes
-from eval.records.flights import FlightSummary, summarise_flights
+from eval.records.flights import summarise_flights
 from eval.records.run_files import EPISODES, SUMMARY
 from tests.helpers.agents import save_untrained
 from tests.helpers.fakes import tiny_data
@@ -27,8 +28,14 @@ def test_a_vehicle_flies_within_its_limits_and_the_records_say_so(tmp_path: Path
     assert config["track"] == summary.config.conditions.track == "px4-max"
     assert config["vehicle"] == asdict(vehicle)
     still, oracle = (planner.flight for planner in summary.planners)
-    assert still == FlightSummary(0, 0, 0, 0, 0)
-    assert oracle is not None
+    assert still is not None and oracle is not None and vehicle.body is not None
+    assert (still.peak_speed, still.effort, still.limit_share, still.distance) == (0, 0, 0, 0)
+    time = (summary.config.conditions.frames - 1) / 25  # the tiny data's frames a second
+    assert still.energy == pytest.approx(time * vehicle.body.hover_power, rel=1e-6)
+    assert oracle.distance is not None and still.noise is not None
+    assert 0 < oracle.distance < time * vehicle.speed
+    assert summary.planner("oracle").metrics["path_length_m"] == pytest.approx(oracle.distance, rel=0.1)
+    assert 0 < vehicle.body.sound_power_level - 11 - still.noise < 20 * math.log10(15)
     assert 0 < oracle.peak_speed <= vehicle.speed
     assert 0 < oracle.peak_acceleration <= vehicle.acceleration * (1 + 1e-6)
     assert 0 < oracle.peak_jerk <= vehicle.jerk * (1 + 1e-6)

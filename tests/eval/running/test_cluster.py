@@ -2,6 +2,7 @@
 
 import os
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -107,6 +108,46 @@ def test_stages_on_a_cluster_hand_out_their_jobs_and_hold_no_core_meanwhile(mach
 
     machine = Cluster(machines.address)
     assert dict(machine.each_batch(stage, machine, [2, 3, 4], follow)) == {2: 6, 3: 12, 4: 20, 5: 30}
+
+
+@pytest.mark.slow
+def test_stages_whose_machine_dies_go_on_elsewhere_from_the_files_that_they_left(machines: Any, tmp_path: Path) -> None:
+    killed = tmp_path / "killed"
+
+    def job(number: int, power: int) -> int:
+        """Compute; one job is at work when the machine dies."""
+        while (number, power) == (5, 1) and not killed.exists():
+            time.sleep(0.02)
+        return int(number**power)
+
+    def stage(inside: Cluster, number: int) -> int:
+        """Keep the result of each job, as trainings do."""
+        kept = {power: tmp_path / f"{number}-{power}" for power in (1, 2, 3)}
+        for power, result in inside.each_batch(job, number, [one for one in kept if not kept[one].exists()]):
+            write_text(kept[power], [str(result)])
+        return sum(int(path.read_text()) for path in kept.values())
+
+    machine, done = Cluster(machines.address), dict[int, int]()
+    for number, result in machine.each_batch(stage, machine, [2, 3, 4, 5]):
+        if not done:
+            machines.remove_node(next(iter(machines.worker_nodes)), allow_graceful=False)
+            killed.touch()
+        done[number] = result
+    machines.add_node(num_cpus=1)
+    assert done == {number: number + number**2 + number**3 for number in (2, 3, 4, 5)}
+
+
+@pytest.mark.slow
+def test_a_cluster_without_room_says_so(machines: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    import ray
+    from ray.exceptions import OutOfDiskError
+
+    def full(_: object) -> None:
+        raise OutOfDiskError("a\nlong\nstory")
+
+    monkeypatch.setattr(ray, "put", full)
+    with pytest.raises(UsageError, match=r"^engine ray: 0 MB for all jobs cannot be put where .*: OutOfDiskError; is"):
+        list(Cluster(machines.address).each_batch(max, 3, [4]))
 
 
 @pytest.mark.slow

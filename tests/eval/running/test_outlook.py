@@ -10,6 +10,7 @@ from ehar.data.scenario import advised_length, split_parts
 from ehar.errors import DataError
 from eval.running.outlook import outlook
 from tests.helpers.fakes import tiny_data
+from tests.helpers.streams import raising_streams
 
 
 def shortened(data: MotionData, sequences: np.ndarray, frames: int) -> MotionData:
@@ -55,3 +56,14 @@ def test_an_advised_length_keeps_most_of_every_class() -> None:
     assert advised_length(one) == 20  # of 20 sequences of this class, 19 remain
     three = shortened(DATA, np.flatnonzero(DATA.labels == 2)[:3], 9)
     assert advised_length(three) == 9
+
+
+def test_stages_on_streams_need_windows_of_other_lengths() -> None:
+    streams = raising_streams(people=20, seconds=10)  # at 10 frames a second
+    (benchmarks,) = outlook(streams, None)
+    assert benchmarks == "warning: no test stream of at least 300 frames of nod, left, right: no benchmark will show it"
+    assert outlook(streams, 50) == ()
+    with pytest.raises(DataError, match=r"planners could not be trained: expected 2 policy streams of at least 160"):
+        outlook(replace(streams, fps=20.0), None)
+    with pytest.raises(DataError, match=r"recogniser could not be trained: expected 1 training stream of at least 160"):
+        outlook(replace(streams, fps=40.0), None)

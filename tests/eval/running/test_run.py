@@ -10,6 +10,7 @@ import pytest
 from ehar.errors import DataError, UsageError
 from eval.records.config import CONFIG
 from eval.records.episodes import EpisodeRecords, episode_lines
+from eval.records.job_times import JOB_TIMES
 from eval.records.run_files import EPISODES, SUMMARY
 from eval.render.tables import text
 from eval.running.run import Run, class_names, read_run
@@ -52,7 +53,7 @@ def test_what_the_benchmark_returns_is_what_it_wrote(tmp_path: Path) -> None:
     assert same_records(ran, back)
     assert ran.folder == back.folder == tmp_path / "run"
     ran.save(tmp_path / "again")
-    assert {path.name for path in (tmp_path / "run").iterdir()} == FILES
+    assert {path.name for path in (tmp_path / "run").iterdir()} == FILES | {JOB_TIMES}
     for name in FILES:
         assert (tmp_path / "run" / name).read_bytes() == (tmp_path / "again" / name).read_bytes(), name
 

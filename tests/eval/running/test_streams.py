@@ -1,6 +1,7 @@
 """Streams from end to end: a recogniser learns on them, planners watch them, and what knows clips only refuses them."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,9 +12,12 @@ import pytest
 
 from ehar.arrays import FloatArray
 from ehar.conditions import Conditions
+from ehar.data.any_source import load_recordings
 from ehar.data.source import load_data
 from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import DataError, EharError, UsageError
+from ehar.flight.centre import around_centre, centre_limits
+from ehar.flight.vehicle import VEHICLES
 from ehar.onsets import begins
 from ehar.planner import Context, Observation, Planner
 from ehar.world import ROOM
@@ -22,9 +26,17 @@ from eval.records.config import read_config
 from eval.records.episodes import read_episodes
 from eval.records.run_files import EPISODES, SUMMARY
 from eval.running.choice import ModelPlace
+from eval.running.episodes import cut_scenarios, random_starts
+from eval.running.jobs import Workload
 from eval.running.run import Run, read_run_of_clips
+from eval.running.training import TrainAllConfig, train_all
 from eval.scores.streams.scores import stream_scores
 from eval.scores.summary import read_summary
+from eval.studies.explain import explain
+from planners.agents import demonstrations, validation
+from planners.agents import training as agent_training
+from planners.agents.storage import load_agent
+from planners.agents.training import train_agents
 from planners.place import fit as places
 from planners.place.config import FixedBestConfig
 from planners.place.fit import fit_fixed_best
@@ -41,9 +53,11 @@ from recognition.setting import load_setting
 from recognition.storage import load_recogniser
 from recognition.training.config import TrainingConfig
 from recognition.training.trainer import train_recogniser
+from tests.helpers.agent_trainings import TinyTraining, silent
 from tests.helpers.commands import fails_with
 from tests.helpers.fakes import FakeRecogniser, tiny_context, tiny_data
 from tests.helpers.gain_models import model_of
+from tests.helpers.settings import changed
 from tests.helpers.stream_worlds import save_stream_world
 from tests.helpers.streams import raising_streams
 from tests.helpers.tiny_benchmarks import Log, file_hash
@@ -150,22 +164,52 @@ def test_clips_have_no_onset_to_be_known(tmp_path: Path, capsys: pytest.CaptureF
 
 def test_streams_are_watched_among_obstacles_and_passers_by(folder: Path) -> None:
     both = replace(ROOM, name="both", passers_by=2)
-    summary = watched(folder, ("no-act", "h-rotate", "oracle"), world=both).summary
+    summary = watched(folder, ("no-act", "h-rotate", "nbv-greedy", "nbv-search", "nbv", "oracle"), world=both).summary
     for planner in summary.planners:
         assert planner.contacts is not None and planner.contacts.near_frames == 0
     opened = watched(folder, "no-act").summary
     assert summary.planner("no-act").metrics["nll"] != opened.planner("no-act").metrics["nll"]
 
 
-def test_all_but_agents_watch_streams(folder: Path) -> None:
+def test_all_planners_but_agents_that_nobody_trained_watch_streams(folder: Path) -> None:
     log = Log()
     ran = watched(folder, None, reporter=log)
     assert set(ran.records) >= {"no-act", "front", "fixed-best", "nbv-greedy", "nbv-search", "nbv", "oracle"}
     assert not set(ran.records) & {"il", "il-ppo"}
-    assert any("agents are not trained on streams" in line for line in log.notes)
+    assert any("il-ppo, dagger: no agent was trained for this recogniser" in line for line in log.notes)
     assert ran.config.length_note is None  # a window that planners learned from is no clip
-    with pytest.raises(EharError, match="raising: agents are not trained on streams"):
+    with pytest.raises(EharError, match=r"no such file: expected an agent, as made by `ehar train agent --data "):
         watched(folder, ("il",))
+
+
+def test_agents_learn_on_streams_on_the_grid_and_in_flight_and_watch_them(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (demonstrations, agent_training, validation):
+        monkeypatch.setattr(module, "EPISODES", 4)
+    models = Path(shutil.copytree(folder / "models", tmp_path / "models"))
+    told = Conditions(data=str(folder / "raising.npz"), models=models, length=20)
+    tiny = TinyTraining(conditions=told, episodes=8, workers=1, stages="il,il-ppo")
+    grid = train_agents(tiny, silent, silent)
+    flown = train_agents(changed(tiny, track="px4-auto", stages="dagger"), silent, silent)
+    assert [path.stem for path in (*grid, *flown)] == [
+        "agent-il-perfect-moving-seed0",
+        "agent-il-ppo-perfect-moving-seed0",
+        "agent-dagger-perfect-moving-px4-auto-seed0",
+    ]
+    run = json.loads(flown[0].with_suffix(".json").read_text())["training"]["run"]
+    spec = json.loads(flown[0].with_suffix(".json").read_text())["spec"]
+    assert (spec["streams"], spec["sizes"]["position"]) == (True, 7)  # with the velocity
+    assert (run["vehicle"]["name"], run["length"], run["variations"]) == ("px4-auto", 20, 3)
+    assert train_agents(tiny, silent, silent) == grid  # nothing is left to do
+    data, recogniser = load_recordings(folder / "raising.npz"), load_setting(told).recogniser_sha256
+    flies = replace(told, track="px4-auto")
+    assert load_agent(flies, data, "dagger", recogniser_sha256=recogniser, seed=0).length is None
+    ran = benchmark(("il", "il-ppo", "dagger"), replace(flies, length=LENGTH), reporter=Log())
+    assert set(ran.records) == {"il/0", "il-ppo/0", "dagger/0"}
+    on_grid = ModelPlace.of(load_setting(told))
+    reasons = [on_grid.reason_for_no_agent(name) is None for name in ("il", "il-ppo", "dagger")]
+    assert reasons == [True, True, False]
 
 
 def test_planners_over_the_field_move_and_fly(folder: Path) -> None:
@@ -293,8 +337,59 @@ def test_streams_are_an_environment_by_its_name(folder: Path) -> None:
     )
     observations, _ = flying.reset(seed=0)
     assert observations["velocity"].shape == (2, 3)
+    motion = flying.unwrapped.episodes.controls.motion  # type: ignore[attr-defined]
+    assert motion.vehicle == around_centre(VEHICLES["px4-auto"])  # limits count in the world's frame
+    assert motion.centre.position.shape == (2, LENGTH, 3)
     with pytest.raises(UsageError, match=r"tiny: expected streams, got trimmed sequences: `ehar/Grid-v0` takes them"):
         clips = Conditions(data=tiny_data(), recogniser=FakeRecogniser())
         gym.make("ehar/Stream-v0", conditions=clips)
     with pytest.raises(UsageError, match="raising: expected trimmed sequences, got streams"):
         gym.make("ehar/Grid-v0", conditions=told)
+
+
+def test_everything_that_planners_need_is_trained_on_streams(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(agent_training, "train_agents", lambda config, *_: [config.directory / "il.safetensors"])
+    told = Conditions(data=str(folder / "raising.npz"), length=40)
+    trained = train_all(TrainAllConfig(conditions=told, out=folder / "models"))
+    lines = capsys.readouterr().out.splitlines()
+    parts = ("the recogniser", "the gain field", "the place of fixed-best")
+    assert lines[:3] == [f"{i} of 4: {part} in {folder / 'models'} is kept" for i, part in enumerate(parts, 1)]
+    assert lines[3:] == ["4 of 4: the agents il, ppo, il-ppo and dagger"]
+    assert trained.lines[0].endswith("--length 40")
+    with pytest.raises(UsageError, match="--setting paper: expected trimmed sequences, got streams"):
+        train_all(TrainAllConfig(conditions=replace(told, views="paper"), out=folder / "models", setting="paper"))
+
+
+def test_an_episode_of_a_stream_is_explained_by_the_seconds_to_come(folder: Path, tmp_path: Path) -> None:
+    told = Conditions(data=str(folder / "raising.npz"), models=folder / "models", length=LENGTH)
+    found = explain(told, planner="nbv-search", episode=1, frames=2, out=tmp_path / "a.svg", reporter=Log())
+    held = watched(folder, "nbv-search").records["nbv-search"]
+    np.testing.assert_array_equal(np.where(found.labels == 3, NO_ACTIVITY, found.labels), held.label[1])
+    np.testing.assert_allclose(found.of_true(found.recognised), held.true_probability[1], atol=1e-5)
+    assert found.outcome == f"right in {int(found.right.sum())} of {LENGTH} frames"
+    assert (found.ahead, found.reach, found.subject) == (2.0, 20, "a stream for 5 s")
+    assert found.believed.shape == (LENGTH - 1, 4)  # with no activity
+    (table,) = found.tables()
+    assert [row[0] for row in table.rows] == [f"{frame / 10:.1f}" for frame in found.moments]
+    assert "over the coming 2 s" in table.footnotes[1]
+    assert "of the next 2 s" in (tmp_path / "a.svg").read_text()
+
+
+def test_a_vehicle_that_watches_a_stream_follows_people_within_its_limits(folder: Path) -> None:
+    setting = load_setting(
+        Conditions(data=str(folder / "raising.npz"), models=folder / "models", length=LENGTH, track="px4-auto")
+    )
+    scenarios = cut_scenarios(setting.recordings, setting.sequences, LENGTH, lambda _: None)
+    workload = Workload(setting.runner, random_starts(scenarios, 1, 0, setting.world))
+    flown = workload.followed.batch(0)
+    limits = centre_limits(VEHICLES["px4-auto"])
+    assert flown.centre is not None and np.linalg.norm(flown.centre.velocity, axis=-1).max() <= limits.speed
+    assert workload.episodes.batch(0).centre is None
+    np.testing.assert_array_equal(flown.noise.dropout, workload.episodes.batch(0).noise.dropout)
+    fast = raising_streams()
+    fast.positions[:, :, :, 0] += (0.2 * (np.arange(len(fast.positions)) % 120))[:, None, None]  # 2 m/s
+    told = Conditions(data=fast, models=folder / "models", length=LENGTH, track="ground-robot")
+    with pytest.raises(UsageError, match="track ground-robot: too slow for the people of 'stream-"):
+        benchmark("no-act", told, reporter=Log())

@@ -10,12 +10,13 @@ import pytest
 from ehar.conditions import Conditions
 from ehar.errors import DataError, UsageError
 from ehar.processes import Engine, Processes
-from eval.cli.main import main
+from eval.cli.main import main, parse
 from eval.running import sweep
 from eval.running.cost import Steps, duration, predicted, steps_of
 from eval.running.sweep import Stage, SweepConfig, stages_of, train_sets
 from eval.running.training import TrainAllConfig, Trained
 from tests.helpers.fakes import tiny_data
+from tests.helpers.streams import raising_streams
 
 SHORT = Conditions(length=10)
 
@@ -56,6 +57,18 @@ def test_each_stage_waits_for_those_that_it_needs(tmp_path: Path) -> None:
 def test_the_papers_agents_draw_their_own_demonstrations_and_need_no_field(tmp_path: Path) -> None:
     paper = config(tmp_path, setting="paper", conditions=replace(SHORT, views="paper"))
     assert {stage.kind for stage in stages_of(paper.sets)} == {"recogniser", "il", "ppo", "il-ppo"}
+    tiny = config(tmp_path, setting="tiny")
+    assert {stage.kind for stage in stages_of(tiny.sets)} == {"recogniser", "gain field", "demonstrations", "il"}
+
+
+def test_a_first_try_is_for_every_place_that_takes_settings(tmp_path: Path) -> None:
+    tiny = config(tmp_path, setting="tiny").sets
+    assert {stage.kind for stage in stages_of(tiny)} == {"recogniser", "gain field", "demonstrations", "il"}
+    least, most = steps_of(tiny["one"], tiny_data(sequences=40), "recogniser")
+    assert least == most == 20
+    with pytest.raises(SystemExit):
+        main(["train", "all", "--data", "duo", "--setting", "tinier", "--out", str(tmp_path)])
+    assert callable(parse(["train", "all", "--data", "duo", "--setting", "tiny", "--out", str(tmp_path)]))
 
 
 def test_what_fails_stops_nothing_but_what_needs_it(
@@ -91,7 +104,7 @@ def test_a_sweep_says_what_follows_and_ends_with_1_if_something_failed(
         return Trained((), ("one failed",), failed=len(config.data) > 1)
 
     monkeypatch.setattr(sweep, "train_sets", failing)
-    main(["train", "all", "--data", "duo", "--out", str(tmp_path)])
+    main(["train", "all", "--data", "duo", "--setting", "tiny", "--out", str(tmp_path)])
     with pytest.raises(SystemExit) as exit_code:
         main(["train", "all", "--data", "duo", "solo", "--out", str(tmp_path)])
     assert exit_code.value.code == 1
@@ -99,8 +112,16 @@ def test_a_sweep_says_what_follows_and_ends_with_1_if_something_failed(
 
 def test_one_set_on_this_machine_is_trained_as_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[TrainAllConfig] = []
-    monkeypatch.setattr(sweep, "train_all", lambda config: told.append(config) or Trained((), ()))
+    monkeypatch.setattr(sweep, "train_all", lambda config, foretell: told.append(config) or Trained((), (foretell(),)))
+    monkeypatch.setattr(sweep, "step_seconds", lambda _: 0.5)
+    begun = train_sets(config(tmp_path, data=("duo",), seeds=(7, 8), workers=3)).lines
+    assert begun[0].startswith("13 stages on 1 set: ") and begun[0].endswith(" on 3")
+    kept, heard = [Stage("duo", kind) for kind in ("recogniser", "gain field")], list[Any]()
+    monkeypatch.setattr(sweep, "_is_kept", lambda stage, _: stage in kept)
+    monkeypatch.setattr(sweep, "predicted", lambda graph, costs, cores: heard.append(costs) or Steps(1, 2))
     train_sets(config(tmp_path, data=("duo",), seeds=(7, 8), workers=3))
+    assert [stage for stage, cost in heard[0].items() if cost.most == 0] == kept, "what is done costs nothing"
+    assert told.pop() == told[0]
     assert told == [TrainAllConfig(conditions=replace(SHORT, data="duo"), out=tmp_path, seeds=(7, 8), workers=3)]
 
 
@@ -123,10 +144,11 @@ def test_what_cannot_be_trained_is_told_before_anything_begins(tmp_path: Path, t
 
 def test_costs_are_those_of_the_stages_on_so_many_cores(tmp_path: Path) -> None:
     (one, _) = config(tmp_path, seeds=(7, 8)).sets.values()
-    least, most = steps_of(one, "recogniser")
+    data = tiny_data()
+    least, most = steps_of(one, data, "recogniser")
     assert (least, most) == (20_000 / 32, 400_000 / 32)
     for kind in ("gain field", "il", "ppo"):
-        least, most = steps_of(one, kind)
+        least, most = steps_of(one, data, kind)
         assert 0 < least < most
     a, b, c = Stage("one", "recogniser"), Stage("one", "ppo", 0), Stage("one", "ppo", 1)
     costs = {a: Steps(10, 20), b: Steps(4, 8), c: Steps(6, 9)}
@@ -134,6 +156,17 @@ def test_costs_are_those_of_the_stages_on_so_many_cores(tmp_path: Path) -> None:
     assert predicted(graph, costs, 1) == Steps(20, 37)
     assert predicted(graph, costs, 2) == predicted(graph, costs, 50) == Steps(16, 29)
     assert [duration(seconds) for seconds in (40, 720, 12_600)] == ["40 s", "12 min", "3.5 h"]
+
+
+def test_stages_on_streams_cost_as_many_steps_more_as_their_windows_are_longer(tmp_path: Path) -> None:
+    clips = TrainAllConfig(conditions=Conditions(length=60), out=tmp_path)
+    streams = replace(clips, conditions=Conditions())
+    data, flown = tiny_data(frames=60), raising_streams(people=20)
+    assert steps_of(streams, flown, "recogniser") == steps_of(clips, data, "recogniser")
+    for kind, times in (("gain field", 8 / 4), ("ppo", 60 / 40)):  # windows of 8 s and 4 s; 4 s are 40 frames
+        one, other = steps_of(streams, flown, kind), steps_of(clips, data, kind)
+        assert one == pytest.approx([times * steps for steps in other])
+    assert steps_of(streams, flown, "fixed-best").most > 0
 
 
 def test_a_stage_on_a_machine_without_the_folder_says_so(tmp_path: Path) -> None:

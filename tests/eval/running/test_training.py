@@ -11,6 +11,8 @@ import pytest
 from ehar.conditions import Conditions
 from ehar.data.source import load_data
 from ehar.errors import DataError, EharError, ModelError, UsageError
+from ehar.files import write_text
+from eval.running.sweep import SweepConfig, train_sets
 from eval.running.training import (
     TrainAllConfig,
     has_fixed_best,
@@ -269,3 +271,21 @@ def test_what_will_be_missing_is_told_before_anything_begins(
     line, *_ = capsys.readouterr().out.splitlines()
     assert line == "warning: no training sequence of at least 20 frames of never: the recogniser will never name it"
     assert calls == ["recogniser"]
+
+
+def test_a_folder_that_cannot_be_written_to_is_told_before_anything_begins(tmp_path: Path) -> None:
+    write_text(tmp_path / "file", [])
+    out = tmp_path / "file" / "models"
+    everything = TrainAllConfig(conditions=DUO, out=out)
+    for train, told in (
+        (train_recogniser, everything.recogniser),
+        (train_gain_field, everything.gain_field),
+        (train_fixed_best, everything.fixed_best),
+        (train_agents, everything.agents),
+        (train_all, everything),
+        (train_sets, SweepConfig(conditions=Conditions(), data=("duo", "solo"), out=out, workers=1)),
+    ):
+        with pytest.raises(
+            UsageError, match=r"file/models.*: expected a folder that can be written to, /.*file is not"
+        ):
+            train(told)

@@ -22,6 +22,7 @@ from ehar.errors import ModelError, UsageError
 from ehar.files import write_text
 from eval.cli.main import main
 from eval.records.config import CONFIG, SCHEMA, UNFINISHED
+from eval.records.job_times import JOB_TIMES, read_job_times
 from eval.records.run_files import EPISODES, SUMMARY
 from eval.running.episodes import CHUNK
 from eval.running.jobs import Job
@@ -30,6 +31,7 @@ from eval.running.unfinished import UnfinishedRun
 from planners.heuristic import NoAct
 from tests.helpers.fakes import tiny_data
 from tests.helpers.made_records import CONFIG_OF_RUN
+from tests.helpers.processes import descendants, needs_proc, still_running
 from tests.helpers.tiny_benchmarks import Log, but_times, bytes_of, run
 
 pytestmark = pytest.mark.usefixtures("fake_weights", "same_times")
@@ -55,9 +57,10 @@ class Fatal(Planner):
 
 @pytest.fixture
 def same_times(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let every plan take a second, as only times differ from run to run; and draw no figure, which takes longer."""
+    """Let each plan and job take a second, as only times differ between runs; draw no figure, which takes long."""
     seconds = count()
     monkeypatch.setattr(sys.modules["ehar.rollout"], "time", SimpleNamespace(perf_counter=lambda: float(next(seconds))))
+    monkeypatch.setattr("eval.running.jobs.process_time", lambda: float(next(seconds)))
     monkeypatch.setattr("eval.render.figures.draw_accuracy", draw)
 
 
@@ -72,7 +75,7 @@ def never_stopped(tmp_path: Path) -> dict[str, bytes]:
     """Return the files of a run that was never stopped."""
     run(PLANNERS, out=tmp_path / "never-stopped")
     found = bytes_of(tmp_path / "never-stopped")
-    assert list(found) == ["accuracy.svg", CONFIG, EPISODES, SUMMARY, "table.md"]
+    assert list(found) == ["accuracy.svg", CONFIG, EPISODES, JOB_TIMES, SUMMARY, "table.md"]
     return found
 
 
@@ -110,6 +113,28 @@ def test_a_run_that_is_killed_twenty_times_ends_in_the_same_bytes(
     assert went_on > 2
 
 
+@pytest.mark.slow
+@needs_proc
+def test_workers_end_with_a_driver_that_is_killed(tmp_path: Path, never_stopped: dict[str, bytes]) -> None:
+    rng, context, out = np.random.default_rng(1), multiprocessing.get_context("fork"), tmp_path / "killed"
+    for most in (1, JOBS // 2):  # jobs that are done when it is killed, or a few more
+        process = context.Process(target=run, args=(PLANNERS,), kwargs={"out": out, "workers": 2})
+        process.start()
+        assert process.pid is not None
+        while process.is_alive() and len(list(out.glob(f"{UNFINISHED}/[0-9]*.json"))) < most:
+            time.sleep(0.01)
+        time.sleep(rng.uniform(0, 0.1))
+        workers = descendants(process.pid)
+        process.kill()
+        process.join()
+        assert process.exitcode == -signal.SIGKILL and len(workers) >= 2
+        assert still_running(workers) == []
+    log = Log()
+    run(PLANNERS, out=out, reporter=log)
+    assert log.jobs <= JOBS // 2
+    assert but_times(bytes_of(out)) == but_times(never_stopped)
+
+
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_what_is_done_is_not_run_again(tmp_path: Path, workers: int, never_stopped: dict[str, bytes]) -> None:
     out = tmp_path / "run"
@@ -134,6 +159,13 @@ def test_a_run_that_is_stopped_before_a_job_is_done_leaves_nothing(
     assert not (tmp_path / "run").exists()
 
 
+def test_it_is_kept_what_each_job_took(tmp_path: Path, never_stopped: dict[str, bytes]) -> None:
+    jobs = read_job_times(tmp_path / "never-stopped")
+    assert [job.planner for job in jobs] == [name for name in PLANNERS for _ in range(JOBS // 4)]
+    assert {(job.episodes, job.frames) for job in jobs} == {(CHUNK, 10)}
+    assert all(job.core_seconds >= 1 and job.returned_bytes > 32 * 10 * 50 for job in jobs)
+
+
 def test_the_same_command_after_the_end_begins_anew(tmp_path: Path, never_stopped: dict[str, bytes]) -> None:
     log = Log()
     run(PLANNERS, out=tmp_path / "never-stopped", reporter=log)
@@ -153,6 +185,15 @@ def test_a_job_whose_files_are_damaged_is_run_again(tmp_path: Path, never_stoppe
     run(PLANNERS, out=out, reporter=log)
     assert log.done.count("no-act") == 3
     assert log.jobs == JOBS - 12 + 4
+    assert bytes_of(out) == never_stopped
+
+
+def test_a_file_that_a_killed_process_was_writing_is_left_out(tmp_path: Path, never_stopped: dict[str, bytes]) -> None:
+    out = tmp_path / "run"
+    stop(out, after=3)
+    for name in (".0-3.123.jsonl", ".0-3.123.json", ".config.123.json", "whole/.summary.123.json"):
+        write_text(out / UNFINISHED / name, ["{"])
+    run(PLANNERS, out=out)
     assert bytes_of(out) == never_stopped
 
 
