@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from eval.running.benchmark import benchmark as benchmark
     from eval.running.run import read_run as read_run
     from eval.studies.compare import compare as compare
-    from eval.studies.headroom import headroom as headroom
+    from eval.studies.headroom.study import headroom as headroom
     from eval.verification.verify import verify as verify
 else:
     __getattr__, __dir__, __all__ = lazy_exports(
@@ -29,7 +29,7 @@ else:
             "check_recogniser": "eval.conformance.recogniser",
             "check_sensor": "eval.conformance.sensor",
             "compare": "eval.studies.compare",
-            "headroom": "eval.studies.headroom",
+            "headroom": "eval.studies.headroom.study",
             "make_report": "eval.reports.page",
             "read_run": "eval.running.run",
             "verify": "eval.verification.verify",

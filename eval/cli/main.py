@@ -1,6 +1,8 @@
 """The command line, `ehar`: it finds the command that the words name, and runs it."""
 
 import operator
+import os
+import select
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -59,20 +61,40 @@ def main(arguments: Sequence[str] | None = None) -> None:
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        if arguments == ["--version"]:
-            from ehar.version import __version__  # imported here: too slow for `ehar --help`
-
-            print(f"ehar {__version__}")
-        else:
-            code = parse(arguments)()
-            if code:
-                sys.exit(code)
+        try:
+            code = _run(arguments)
+        finally:
+            sys.stdout.flush()
+        if code:
+            sys.exit(code)
+    except BrokenPipeError:
+        _end_unread()
     except EharError as error:
         print(f"ehar: error: {error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt as interrupt:
         print(": ".join(("ehar: interrupted", *map(str, interrupt.args))), file=sys.stderr)
         sys.exit(130)
+
+
+def _run(arguments: Sequence[str]) -> int | None:
+    """Run the command that the arguments name, and return its exit code."""
+    if arguments == ["--version"]:
+        from ehar.version import __version__  # imported here: too slow for `ehar --help`
+
+        print(f"ehar {__version__}")
+        return None
+    return parse(arguments)()
+
+
+def _end_unread() -> NoReturn:
+    """Exit as programs do whose output nobody reads on, as with `| head`; raise the error if another pipe broke."""
+    watched = select.poll()
+    watched.register(sys.stdout.fileno(), 0)
+    if not watched.poll(0):
+        raise
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left is written there at exit
+    sys.exit(128 + signal.SIGPIPE)
 
 
 if __name__ == "__main__":

@@ -7,9 +7,9 @@ import cloudpickle
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
+from ehar.batch import Batch
 from ehar.conditions import Conditions
 from ehar.planner import Planner
-from ehar.rollout import Batch
 from ehar.sensors.sensor import Sensed
 from eval.conformance.checks import Conformance, ContractCheck, attempt, first_difference
 from eval.conformance.runs import PlannerRun, PlannerWorld, joined, replay, run_planner

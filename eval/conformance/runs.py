@@ -7,13 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
+from ehar.batch import Batch
 from ehar.errors import EpisodeError
 from ehar.motion import heading
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.plugins.blame import blamed
-from ehar.rollout import Batch
 from ehar.runner import Runner
-from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed, Sensor
 from eval.running.recorder import Recorder, array_names
 
@@ -86,9 +85,7 @@ def replay(planner: Planner, world: PlannerWorld, shown: list[Observation], batc
 
 def _imagination(world: PlannerWorld, batch: Batch) -> Callable[[int, FloatArray], Sensed]:
     def imagine(frame: int, candidates: FloatArray) -> Sensed:
-        noise = batch.noise.frame(frame).forked()
-        hidden = batch.hidden(frame, candidates)
-        return sense(world.runner.sensor, batch.positions[:, None, frame], candidates, noise, f"frame {frame}", hidden)
+        return batch.sense(world.runner.sensor, frame, candidates, f"frame {frame}")
 
     return imagine
 

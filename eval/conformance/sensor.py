@@ -8,9 +8,9 @@ import cloudpickle
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
+from ehar.batch import Batch
 from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
-from ehar.rollout import Batch
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed, Sensor, SensorNoise
 from ehar.world import World, load_world

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
+from ehar.batch import Batch
 from ehar.camera import Camera
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import TEST, part_of
 from ehar.data.streams.data import StreamData
 from ehar.errors import DataError
-from ehar.rollout import Batch
 from ehar.sensors.sensor import Sensed, SensorNoise, draw_noise
 from ehar.world import PAPER, World
 from eval.running.episodes import cut_scenarios, random_starts

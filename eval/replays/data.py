@@ -11,6 +11,7 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.errors import EharError
 from ehar.viewpoint import Workspace, wrap_azimuth
+from eval.records.episodes import EpisodeRecords
 from eval.render.field_map import gain_over_directions
 from eval.render.outlines import outlines
 from eval.replays.choice import Chosen
@@ -57,13 +58,14 @@ def replay_data(
     of_streams = replays.centres is not None
     if of_streams:
         replays = replays.thinned(max(1, round(replays.fps / A_SECOND)))
+    reference = next(iter(run.records.values()))
     pieces: list[dict[str, Any]] = []
     size = 0
     for row, one in enumerate(chosen):
-        piece = _episode(run, replays, row, one, planners)
+        piece = _episode(run, reference, replays, row, one, planners)
         while of_streams and not pieces and _size(piece) > MOST_BYTES:
             replays = replays.thinned(2)
-            piece = _episode(run, replays, row, one, planners)
+            piece = _episode(run, reference, replays, row, one, planners)
         size += _size(piece)
         if pieces and size > MOST_BYTES:
             break
@@ -102,9 +104,10 @@ def _down(workspace: Workspace) -> FloatArray:
     return down
 
 
-def _episode(run: Run, replays: Replays, row: int, one: Chosen, planners: Mapping[str, str]) -> dict[str, Any]:
-    """Return one episode with all planners."""
-    reference = next(iter(run.records.values()))
+def _episode(
+    run: Run, reference: EpisodeRecords, replays: Replays, row: int, one: Chosen, planners: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return one episode with all planners; the reference says which it is."""
     return {
         "episode": one.episode,
         "title": f"{reference.sequence[one.episode]} from frame {reference.first[one.episode]}",

@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.batch import Batch
 from ehar.camera import Camera
 from ehar.data.scenario import Scenarios, part_of
 from ehar.data.skeleton import Skeleton
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.errors import DataError
 from ehar.planner import Context, Observation, Planner
-from ehar.rollout import Batch
-from ehar.sensors.sensing import sense
 from eval.running.episodes import cut_scenarios, random_starts
 from eval.running.jobs import Workload
 from eval.running.recorder import Recorder
@@ -133,7 +132,7 @@ def replay_run(
     episodes = random_starts(scenarios, conditions.starts, conditions.seed, run.config.world)
     belief = inputs.place.load_gain_model().belief if run.config.readout == "belief" else None
     workload = Workload(inputs.setting.runner, episodes, belief)
-    batch = episodes.pick(indices)
+    batch = workload.followed.pick(indices)
     asked = tuple(planner for planner in run.config.planners if planner.name in names)
     planners, left = make_again(replace(run.config, planners=asked), inputs.place)
     notes = [f"What {name} wanted is not shown: {left[name]}." for name in names if name in left]
@@ -148,9 +147,9 @@ def replay_run(
             )
         advance(name)
     return Replays(
-        positions=batch.positions,
+        positions=batch.around_centre,
         labels=np.broadcast_to(batch.labels.reshape(len(batch.labels), -1), batch.positions.shape[:2]),
-        centres=_centres(scenarios, episodes.scenario[list(indices)]),
+        centres=_centres(workload.followed.scenarios, episodes.scenario[list(indices)]),
         skeleton=data.skeleton,
         class_names=data.recognised_names,
         fps=data.fps,
@@ -189,16 +188,7 @@ def _replay(
     difference = first_difference(name, records, np.array(indices), record)
     if difference is not None:
         raise DataError(difference)
-    frames = [
-        sense(
-            sensor,
-            batch.positions[:, frame],
-            record.viewpoints[:, frame],
-            batch.noise.frame(frame),
-            hidden=batch.hidden(frame, record.viewpoints[:, frame]),
-        )
-        for frame in range(way.shape[1])
-    ]
+    frames = [batch.sense(sensor, frame, record.viewpoints[:, frame]) for frame in range(way.shape[1])]
     astray: BoolArray = np.asarray(motion.elsewhere.any(axis=1))
     led = np.zeros(len(way), dtype=bool) if planner is None else ~astray
     return PlannerReplay(

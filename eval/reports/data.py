@@ -11,6 +11,7 @@ from ehar.data.streams.data import NO_ACTIVITY_NAME
 from eval.records.episodes import EpisodeRecords, join_records
 from eval.reports.delays import ClassDelays, class_delays
 from eval.running.run import Run
+from eval.scores.answers import answers_of, episodes_only
 from eval.scores.behaviour import (
     PositionHistogram,
     SphereDensity,
@@ -73,6 +74,7 @@ class ReportData:
         curves: (L,) accuracy after each frame, by planner; of streams (20,), after equal shares of activities.
         bands: (L, 2) 95 % interval of that accuracy, by planner; NaN without an interval.
         planners: data of each planner by name, in the order of the run.
+        reference: the episodes, which all planners share; nothing of what happened in them.
     """
 
     run: Run
@@ -81,6 +83,7 @@ class ReportData:
     curves: Mapping[str, FloatArray]
     bands: Mapping[str, FloatArray]
     planners: Mapping[str, PlannerData]
+    reference: EpisodeRecords
 
     @property
     def summary(self) -> Summary:
@@ -119,15 +122,15 @@ class ReportData:
 
 
 def report_data(run: Run, class_names: tuple[str, ...]) -> ReportData:
-    """Compute what a report shows.
+    """Compute what a report shows; one planner's records are in memory at a time.
 
     Args:
         run: the run, with records, conditions and summary.
         class_names: K class names.
     """
-    scored = run.scored
-    pooled = pool_seeds(run.records)
+    scored = answers_of(run.records)
     resamples = draw_resamples(list(scored.values()))
+    pooled = pool_seeds(run.records)
     return ReportData(
         run=run,
         class_names=class_names,
@@ -135,6 +138,7 @@ def report_data(run: Run, class_names: tuple[str, ...]) -> ReportData:
         curves=curves(scored),
         bands=accuracy_bands(scored, resamples),
         planners={name: _planner(name, held, seeds_of(scored), len(class_names), run) for name, held in pooled.items()},
+        reference=episodes_only(next(iter(run.records.values()))),
     )
 
 
@@ -150,7 +154,7 @@ def _planner(
     Args:
         name: its name.
         pooled: records of all its trainings.
-        trainings: the records that accuracies are taken of, by planner, one for each training.
+        trainings: the answers that accuracies are taken of, by planner, one for each training.
         classes: K.
         run: the run.
     """

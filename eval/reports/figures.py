@@ -11,7 +11,7 @@ from eval.reports.data import ReportData, finite
 from eval.reports.style import Figure, figure, plain
 from eval.scores.differences import Difference
 from eval.scores.planner_metrics import PATH_LENGTH
-from eval.scores.planner_summary import NO_ACT, ORACLE
+from eval.scores.planner_summary import ENERGY, NO_ACT, ORACLE
 
 LEAST_MS = 1e-4  # planning times below are drawn here, as the axis is logarithmic
 
@@ -85,6 +85,19 @@ def cost_against_time(data: ReportData, _: str) -> Figure:
     if milliseconds.max() > 100 * milliseconds.min():
         axis["dtick"] = 1  # powers of ten alone: over so many of them the labels of 2 and 5 overlap
     return _cost(data, milliseconds, axis, "ms")
+
+
+def has_energy(data: ReportData) -> bool:
+    """Return whether the energy of every planner's flights is known."""
+    return all(ENERGY.of(planner) is not None for planner in data.summary.planners)
+
+
+def cost_against_energy(data: ReportData, _: str) -> Figure | None:
+    """Return accuracy against the energy of flights, with the Pareto front; None where it is not known."""
+    if not has_energy(data):
+        return None
+    kilojoules = np.array([ENERGY.of(planner) for planner in data.summary.planners], dtype=np.float64)
+    return _cost(data, kilojoules, {"title": "energy of an episode [kJ], not from 0"}, "kJ")
 
 
 def pareto_front(cost: FloatArray, value: FloatArray) -> BoolArray:

@@ -11,6 +11,7 @@ from typing import Any
 from ehar.errors import EharError
 from ehar.files import write_text
 from ehar.version import __version__
+from eval.records.one_by_one import OneByOne
 from eval.render.palette import DARK, LIGHT
 from eval.replays.choice import MOST, MOST_STREAMS, OF_CLIPS, RULE, RULE_ALONE, choose_episodes, choose_planners
 from eval.replays.data import replay_data
@@ -27,7 +28,7 @@ from eval.reports.tables import (
 )
 from eval.reports.timelines import timelines
 from eval.running.progress import ConsoleReporter, Reporter
-from eval.running.run import class_names, read_run
+from eval.running.run import class_names, stored_run
 from eval.scores.closing import closing_sentences
 from eval.scores.planner_summary import NO_ACT
 from eval.scores.resampling.training_seeds import first_trainings
@@ -70,7 +71,7 @@ def make_report(
         EharError: one line that says what was got and what was expected.
     """
     reporter = reporter or ConsoleReporter()
-    finished = read_run(run)
+    finished = stored_run(run)
     _ = finished.summary  # first, so that one which is damaged is all that is heard of
     shown = report_data(finished, class_names(finished, reporter.note, data))
     replays, rule = _replays(shown, data, models, reporter)
@@ -124,7 +125,7 @@ def _replays(
 ) -> tuple[dict[str, Any], str]:
     """Return the replays of the most telling episodes, and the rule that chose them."""
     shown = first_trainings(data.run.records)
-    records = {name: data.run.records[record] for name, record in shown.items()}
+    records = OneByOne(list(shown), lambda name: data.run.records[shown[name]])
     led = data.lead if NO_ACT in records else None
     most = MOST_STREAMS if data.of_streams else MOST
     chosen = choose_episodes(records, led, NO_ACT if led else None, most=most)
@@ -165,7 +166,7 @@ def _replay_part(data: ReportData, replays: dict[str, Any], rule: str) -> str:
             '<p class="notice">There are no replays: they need the data and the recogniser of the run. '
             f"{escape(replays['missing'])}</p>"
         )
-    label = next(iter(data.run.records.values())).label
+    label = data.reference.label
     episodes = {
         str(row): ("" if data.of_streams else f"{data.class_names[label[episode['episode']]]}: ")
         + f"{episode['title']} (episode {episode['episode']})"
@@ -173,7 +174,7 @@ def _replay_part(data: ReportData, replays: dict[str, Any], rule: str) -> str:
     }
     names = list(data.planners)
     first, second = (*choose_planners(names, data.lead), "")[:2]
-    count = len(next(iter(data.run.records.values())))
+    count = len(data.reference)
     told = f"Shown are {len(episodes)} of {count} episodes, {rule}."
     notes = "".join(f"<li>{escape(note)}</li>" for note in replays["notes"])
     sensor = data.run.conditions.sensor

@@ -22,6 +22,7 @@ class ReportFigure:
         heading: above it, where a section has several.
         text: what it shows, as HTML; or a function of the data.
         missing: what stands in its place.
+        shown: whether a run has a place for it; None if every run has.
     """
 
     key: str
@@ -31,6 +32,7 @@ class ReportFigure:
     heading: str = ""
     text: str | Callable[[ReportData], str] = ""
     missing: str | Callable[[ReportData], str] = ""
+    shown: Callable[[ReportData], bool] | None = None
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,11 @@ class Section:
     before: Callable[[ReportData], str] | None = None
     after: Callable[[ReportData], str] | None = None
 
+    def rows(self, data: ReportData) -> list[list[ReportFigure]]:
+        """Return the figures that a run has a place for, row by row."""
+        shown = ([figure for figure in row if figure.shown is None or figure.shown(data)] for row in self.figures)
+        return [row for row in shown if row]
+
 
 _ROWS = {1: "", 2: "pair", 3: "triple"}  # the class of a row, by how many figures it has
 
@@ -70,7 +77,7 @@ def section_html(section: Section, data: ReportData) -> str:
     text = section.text(data) if callable(section.text) else section.text
     parts += [f"<p>{text}</p>"] if text else []
     parts += [] if section.before is None else [section.before(data)]
-    for row in section.figures:
+    for row in section.rows(data):
         drawn = [_figure_html(figure, data, alone=len(row) == 1) for figure in row]
         kind = _ROWS.get(len(row), "pair")
         parts.append(f'<div class="{kind}">{"".join(drawn)}</div>' if kind else drawn[0])
@@ -93,7 +100,7 @@ def _figure_html(figure: ReportFigure, data: ReportData, *, alone: bool) -> str:
 
 def drawn(sections: Sequence[Section], data: ReportData) -> dict[str, Any]:
     """Return all figures for the page's script: those of their own, and those of a planner that the reader picks."""
-    figures = [figure for section in sections for row in section.figures for figure in row]
+    figures = [figure for section in sections for row in section.rows(data) for figure in row]
     names = list(data.planners)
     focused = {name: _of_planner(figures, data, name, focused=True) for name in names}
     missing = {

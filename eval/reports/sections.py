@@ -1,7 +1,13 @@
 """The sections of a report that show figures, in `SECTIONS`."""
 
 from eval.reports.behaviour_figures import moves, moves_text, position, sphere
-from eval.reports.figures import accuracy_figure, cost_against_motion, cost_against_time
+from eval.reports.figures import (
+    accuracy_figure,
+    cost_against_energy,
+    cost_against_motion,
+    cost_against_time,
+    has_energy,
+)
 from eval.reports.recognition_figures import calibration, classes, confused, gains, predictability_figure
 from eval.reports.section import ReportFigure, Section
 from eval.reports.tables import differences_part, levels_table
@@ -45,6 +51,15 @@ COST = Section(
             ),
             ReportFigure(
                 key="time", label="Mean accuracy against planning time", draw=cost_against_time, focused=False
+            ),
+        ),
+        (
+            ReportFigure(
+                key="energy",
+                label="Mean accuracy against the energy of flights",
+                draw=cost_against_energy,
+                focused=False,
+                shown=has_energy,
             ),
         ),
     ),

@@ -10,7 +10,7 @@ from eval.reports.data import ReportData
 from eval.running.run import Run
 from eval.scores.metrics import ACC_AT
 from eval.scores.planner_metrics import METRICS
-from eval.scores.planner_summary import NO_ACT, ORACLE
+from eval.scores.planner_summary import NO_ACT, ORACLE, known_costs
 from eval.scores.predictability import LEVELS
 from eval.scores.summary_table import basis_lines
 
@@ -22,7 +22,7 @@ _SELECTED = " selected"
 def what_ran(data: ReportData) -> str:
     """Return the conditions, the data, the seeds and the versions."""
     config, told = data.run.config, data.run.conditions
-    first = next(iter(data.run.records.values()))
+    first = data.reference
     seeds = {one.name: one.training_seeds for one in data.summary.planners if one.training_seeds}
     trained = ", ".join(f"{name} ({', '.join(map(str, held))})" for name, held in seeds.items())
     facts = {
@@ -80,7 +80,7 @@ def planner_table(data: ReportData) -> str:
     """Return the sortable table of all planners."""
     planners = data.summary.planners
     notice, _ = basis_lines(data.summary.basis, data.summary.no_intervals)
-    flown = data.run.flown
+    flown, costs = data.run.flown, known_costs(planners)
     kept = any(planner.accuracy_kept is not None for planner in planners)
     header = [
         "planner",
@@ -91,6 +91,7 @@ def planner_table(data: ReportData) -> str:
         "IQM %",
         *(metric.header for metric in METRICS),
         *["peak m/s", "effort m²/s³", "at limit %"] * flown,
+        *(cost.header for cost in costs),
         "ms/step",
     ]
     rows = []
@@ -109,6 +110,7 @@ def planner_table(data: ReportData) -> str:
                 _cell(planner.flight.effort, 1),
                 _share(planner.flight.limit_share, None),
             ]
+        cells += [_cell(cost.of(planner), cost.digits) for cost in costs]
         cells += [_cell(planner.step_ms, 3)]
         rows.append(tuple(cells))
     table = Table(

@@ -9,6 +9,7 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.data.recordings import Recordings
 from ehar.data.skeleton import Skeleton
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
+from eval.records.episodes import EpisodeRecords
 from eval.render.palette import looks
 from eval.replays.data import CENTI, integers, viewpoints
 from eval.reports.data import ReportData
@@ -34,8 +35,7 @@ def timelines(data: ReportData, wanted: Collection[int], recordings: Recordings 
         wanted: numbers of episodes.
         recordings: the streams; None without them, when nobody knows where people face.
     """
-    records = {name: data.run.records[record] for name, record in first_trainings(data.run.records).items()}
-    reference = next(iter(records.values()))
+    records, reference = first_trainings(data.run.records), data.reference
     count, length = reference.label.shape
     fps, workspace = data.run.conditions.fps or 1.0, data.run.config.world.workspace
     every = max(1, round(fps / A_SECOND), -(-length // MOST_POINTS))
@@ -43,6 +43,7 @@ def timelines(data: ReportData, wanted: Collection[int], recordings: Recordings 
     shown = sorted({*range(min(count, most)), *wanted})
     facing = None if recordings is None else _facing(data, recordings, shown)
     styles = looks(data.privileged)
+    planners = {name: _planner(data.run.records[record], shown, every, data) for name, record in records.items()}
     return {
         "fps": fps,
         "frames": length,
@@ -55,14 +56,7 @@ def timelines(data: ReportData, wanted: Collection[int], recordings: Recordings 
                 "episode": index,
                 "shown": _rows(reference.label[index], data),
                 "facing": None if facing is None else _angles(facing[row, ::every]),
-                "planners": {
-                    name: {
-                        "believed": _rows(held.predicted[index], data),
-                        "sure": integers(100 * held.true_probability[index, ::every], np.uint8),
-                        "path": viewpoints(held.viewpoint[index, ::every]),
-                    }
-                    for name, held in records.items()
-                },
+                "planners": {name: held[row] for name, held in planners.items()},
             }
             for row, index in enumerate(shown)
         ],
@@ -70,9 +64,21 @@ def timelines(data: ReportData, wanted: Collection[int], recordings: Recordings 
     }
 
 
+def _planner(records: EpisodeRecords, shown: list[int], every: int, data: ReportData) -> list[dict[str, Any]]:
+    """Return what a planner believed in some episodes, and its way at every so many frames."""
+    return [
+        {
+            "believed": _rows(records.predicted[index], data),
+            "sure": integers(100 * records.true_probability[index, ::every], np.uint8),
+            "path": viewpoints(records.viewpoint[index, ::every]),
+        }
+        for index in shown
+    ]
+
+
 def timelines_part(data: ReportData) -> str:
     """Return the choice of an episode, and where its timeline is drawn."""
-    reference = next(iter(data.run.records.values()))
+    reference = data.reference
     episodes = {
         str(index): f"episode {index}: {reference.sequence[index]} from frame {reference.first[index]}"
         for index in range(len(reference))

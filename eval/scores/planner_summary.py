@@ -1,13 +1,14 @@
 """The summary of one planner."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from ehar.errors import DataError
 from ehar.files import parse_json
 from eval.records.contacts import CONTACTS, ContactSummary, contact_numbers
-from eval.records.flights import KEYS, FlightSummary, flight_numbers
+from eval.records.flights import COSTS, KEYS, FlightSummary, flight_numbers
 from eval.records.solves import Solves
 from eval.scores.metrics import ACC_AT
 from eval.scores.planner_metrics import METRICS
@@ -77,7 +78,7 @@ class PlannerSummary:
     def to_json(self) -> dict[str, Any]:
         """Return the planner's flat object in summary.json; its keys are the same for every planner and track.
 
-        In a world without obstacles there are no contacts.
+        In a world without obstacles there are no contacts, and on the ideal track no costs of flights.
         """
         values: dict[str, Any] = {}
         for name, value in asdict(self).items():
@@ -94,6 +95,36 @@ class PlannerSummary:
         }
 
 
+class FlightCost(NamedTuple):
+    """A column of what flights cost.
+
+    Attributes:
+        key: of `FlightSummary`.
+        header: of the column, with its unit.
+        unit: in SI units.
+        digits: behind the decimal point.
+    """
+
+    key: str
+    header: str
+    unit: float
+    digits: int
+
+    def of(self, planner: PlannerSummary) -> float | None:
+        """Return the cost of a planner's flights in the column's unit; None if nobody knows."""
+        held = None if planner.flight is None else getattr(planner.flight, self.key)
+        return None if held is None else held / self.unit
+
+
+ENERGY = FlightCost("energy", "energy [kJ]", 1000.0, 2)
+FLIGHT_COSTS = (FlightCost("distance", "flown [m]", 1.0, 1), ENERGY, FlightCost("noise", "noise [dB(A)]", 1.0, 1))
+
+
+def known_costs(planners: Sequence[PlannerSummary]) -> list[FlightCost]:
+    """Return the costs that are known of any of the planners' flights."""
+    return [cost for cost in FLIGHT_COSTS if any(cost.of(planner) is not None for planner in planners)]
+
+
 def parse_planner(held: dict[str, Any], where: str) -> PlannerSummary:
     """Parse a planner's object in summary.json; the numbers of flights and plans are flat beside the others.
 
@@ -101,9 +132,9 @@ def parse_planner(held: dict[str, Any], where: str) -> PlannerSummary:
         DataError: the object is not a result of `PlannerSummary.to_json`; the error names `where` and the field.
     """
     metrics = {metric.key: held[metric.key] for metric in METRICS if metric.key in held}
-    flown = {key: held.get(key) for key in KEYS}
+    flown = {key: held.get(key) for key in (*KEYS, *COSTS) if key in KEYS or key in held}
     solves = held.get("solves")
-    flat = (*KEYS, *CONTACTS, *metrics)
+    flat = (*KEYS, *COSTS, *CONTACTS, *metrics)
     nested: dict[str, Any] = {name: value for name, value in held.items() if name not in flat}
     nested["contacts"] = {key: held.get(key) for key in CONTACTS} if CONTACTS[0] in held else None
     nested["metrics"] = metrics

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from eval.records.episodes import EpisodeRecords, join_records
+from eval.records.one_by_one import OneByOne
 from eval.scores.metrics import acc_at, mean_acc
 from eval.scores.resampling.training_seeds import group_planners
 
@@ -51,9 +52,10 @@ def seeds_of(records: Mapping[str, EpisodeRecords]) -> dict[str, list[EpisodeRec
     return {group.name: [records[name] for name in group.records] for group in group_planners(records)}
 
 
-def pool_seeds(records: Mapping[str, EpisodeRecords]) -> dict[str, EpisodeRecords]:
-    """Return the records of each planner, with its trainings one after another."""
-    return {name: join_records(seeds) for name, seeds in seeds_of(records).items()}
+def pool_seeds(records: Mapping[str, EpisodeRecords]) -> Mapping[str, EpisodeRecords]:
+    """Return the records of each planner, with its trainings one after another; they are made when asked for."""
+    groups = {group.name: group.records for group in group_planners(records)}
+    return OneByOne(list(groups), lambda name: join_records([records[record] for record in groups[name]]))
 
 
 def accuracy_over_seeds(name: str, seeds: Sequence[EpisodeRecords], at: Sequence[int] = TABLE_3_AT) -> SeedAccuracy:

@@ -12,6 +12,7 @@ from eval.records.contacts import ContactRecords, ContactSummary, join_contacts,
 from eval.records.episodes import EpisodeRecords, join_records
 from eval.records.flights import FlightRecords, FlightSummary, join_flights, summarise_flights
 from eval.records.solves import Solves, join_solves
+from eval.scores.answers import answers_only, check_same_episodes
 from eval.scores.differences import differences
 from eval.scores.metrics import ACC_AT, acc_at, gap_closed, mean_acc
 from eval.scores.planner_accuracy import PlannerAccuracy, draw_resamples, planner_accuracy
@@ -21,7 +22,6 @@ from eval.scores.resampling.resamples import Resamples
 from eval.scores.resampling.statistics import pair
 from eval.scores.resampling.training_seeds import PlannerGroup, group_planners, mean_over_seeds, resample_seeds
 from eval.scores.sequence_scores import interquartile_mean, resampled_interquartile_means
-from eval.scores.streams.activities import activities
 from eval.scores.streams.scores import stream_scores
 from eval.scores.summary import Summary
 
@@ -54,12 +54,12 @@ def summarise(
     answers: dict[str, EpisodeRecords] = {}
     # One pass, and one planner at a time: records may lie on disk, as they are too many for memory.
     for name in records:
-        answers[name] = _answers(name, records[name], next(iter(answers.values()), None))
+        answers[name] = answers_only(name, records[name], next(iter(answers.values()), None))
         told[name] = _Told.of(records[name], step_ms[name], None if solves is None else solves[name])
     stored, records, reference = records, answers, next(iter(answers.values()))
     of_streams, fps = any(one.of_streams for one in told.values()), config.conditions.fps
     for name, episodes in (on_ideal or {}).items():
-        _check_same_episodes(f"{name} on the ideal track", episodes, reference)
+        check_same_episodes(f"{name} on the ideal track", episodes, reference)
     groups = group_planners(records)
     trainings = [[records[name] for name in group.records] for group in groups]
     resamples = draw_resamples(list(records.values()))
@@ -131,36 +131,6 @@ class _Told(NamedTuple):
         return _Told(
             len(records), records.of_streams, metrics, step_ms, records.flight, records.contacts, tracking, solves
         )
-
-
-def _answers(name: str, records: EpisodeRecords, reference: EpisodeRecords | None) -> EpisodeRecords:
-    """Return records with nothing but episodes and answers, a byte or two a frame; of streams, those of activities.
-
-    Args:
-        name: name of the planner.
-        records: its records.
-        reference: what was returned for the planner before it, whose episodes are shared; None for the first.
-
-    Raises:
-        DataError: these are other episodes.
-    """
-    records = activities(records) if records.of_streams else records
-    reference = records if reference is None else reference
-    _check_same_episodes(name, records, reference)
-    count = len(records)
-    nothing = np.empty((count, 0))
-    least = np.min_scalar_type(-max(int(records.predicted.max(initial=0)) + 1, 1))
-    return EpisodeRecords(
-        sequence=reference.sequence,
-        first=reference.first,
-        start=reference.start,
-        label=reference.label,
-        subjects=reference.subjects,
-        viewpoint=np.empty((count, 0, 3)),
-        predicted=records.predicted.astype(least),
-        true_probability=nothing,
-        top_probability=nothing,
-    )
 
 
 def _flights(trainings: Sequence[FlightRecords | None]) -> FlightSummary | None:
@@ -264,13 +234,3 @@ def _shares(
     acc, low, high = resampled
     linear = acc - low - np.nan_to_num(share)[:, None] * (high - low)
     return share, resamples.interval(share, gap_closed(*resampled), linear=linear)
-
-
-def _check_same_episodes(name: str, episodes: EpisodeRecords, reference: EpisodeRecords) -> None:
-    """Raise a DataError unless a planner ran the reference's episodes, in the same order."""
-    same = episodes.sequence == reference.sequence and all(
-        np.array_equal(getattr(episodes, field), getattr(reference, field))
-        for field in ("first", "start", "label", "subjects")
-    )
-    if not same:
-        raise DataError(f"planner {name!r}: expected the same {len(reference)} episodes as the planner before it")

@@ -15,7 +15,7 @@ from eval.render.tables import (
 from eval.scores.differences import Difference
 from eval.scores.metrics import ACC_AT, Metric
 from eval.scores.planner_metrics import METRICS
-from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
+from eval.scores.planner_summary import ENERGY, NO_ACT, ORACLE, FlightCost, PlannerSummary, known_costs
 from eval.scores.resampling.resamples import Basis
 
 TOGETHER = "Intervals are corrected together: all of them cover in 95 of 100 such tables."
@@ -79,11 +79,12 @@ def benchmark_table(title: str, planners: Sequence[PlannerSummary], basis: Basis
     flown = any(planner.flight is not None for planner in planners)
     compared = any(planner.accuracy_kept is not None for planner in planners)
     beside = any(planner.contacts is not None for planner in planners)
-    own = (*(_CONTACTS * beside), *(_FLIGHT * flown), "ms/step")
+    costs = known_costs(planners)
+    own = (*(_CONTACTS * beside), *(_FLIGHT * flown), *(cost.header for cost in costs), "ms/step")
     return Table(
         title=title,
         header=(*header, *(_KEPT * compared), *(metric.header for metric in METRICS), *own),
-        rows=tuple(_row(planner, compared) for planner in planners),
+        rows=tuple(_row(planner, compared, costs) for planner in planners),
         footnotes=(*basis.footnotes, *_footnotes(planners, flown=flown, compared=compared)),
         notice=basis.notice,
     )
@@ -109,6 +110,11 @@ def _footnotes(planners: Sequence[PlannerSummary], *, flown: bool, compared: boo
         yield (
             "Peaks are Cartesian, the largest of all episodes; effort is the mean integral of the squared "
             "acceleration; at limit is the share of frames in which 99 % of some limit is used."
+        )
+    if ENERGY in known_costs(planners):
+        yield (
+            "Flown, energy and noise are of a mean episode: metres in the world's frame; the energy that a model of "
+            "the vehicle's rotors takes; and the equivalent sound level at the centre of the people."
         )
     if any(planner.contacts is not None for planner in planners):
         yield f"Frames near: all those in which a camera was less than {MARGIN:g} m from an obstacle; hit: in it."
@@ -140,7 +146,7 @@ def _training_footnotes(planners: Sequence[PlannerSummary]) -> Iterator[str]:
         yield f"One training seed: {names}; its intervals do not say what another training would give."
 
 
-def _row(planner: PlannerSummary, compared: bool) -> tuple[str, ...]:
+def _row(planner: PlannerSummary, compared: bool, costs: Sequence[FlightCost]) -> tuple[str, ...]:
     flight: tuple[str, ...] = ()
     if planner.flight is not None:
         peaks = (planner.flight.peak_speed, planner.flight.peak_acceleration, planner.flight.peak_jerk)
@@ -156,14 +162,18 @@ def _row(planner: PlannerSummary, compared: bool) -> tuple[str, ...]:
         *(_metric(planner, metric) for metric in METRICS),
         *(() if planner.contacts is None else map(str, vars(planner.contacts).values())),
         *flight,
+        *(_number(cost.of(planner), cost.digits) for cost in costs),
         f"{planner.step_ms:.3f}",
     )
 
 
 def _metric(planner: PlannerSummary, metric: Metric) -> str:
     """Return a metric as text; a run of an older version may lack it."""
-    value = planner.metrics.get(metric.key)
-    return NONE if value is None else f"{value:.{metric.digits}f}"
+    return _number(planner.metrics.get(metric.key), metric.digits)
+
+
+def _number(value: float | None, digits: int) -> str:
+    return NONE if value is None else f"{value:.{digits}f}"
 
 
 def differences_table(

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from ehar.arrays import FloatArray
+from ehar.batch import Batch, noise_of
 from ehar.conditions import Conditions
 from ehar.data.joins import DURATIONS, join, placed
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.synthetic.sets import TRAINING_CASTS, dance
 from ehar.recogniser import Recogniser
-from ehar.rollout import Batch, noise_of
 from ehar.runner import Runner
 from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensing import sense

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from eval.studies.compare_table import Comparison as Comparison
     from eval.studies.deciding.deciding import Deciding as Deciding
     from eval.studies.explanation import Explanation as Explanation
-    from eval.studies.headroom import Headroom as Headroom
+    from eval.studies.headroom.study import Headroom as Headroom
     from eval.studies.learning import LearningCurve as LearningCurve
     from eval.studies.overview import RunOverview as RunOverview
     from eval.studies.published import PublishedReport as PublishedReport
@@ -21,7 +21,7 @@ else:
     __getattr__, __dir__, __all__ = lazy_exports(
         __name__,
         {
-            "Headroom": "eval.studies.headroom",
+            "Headroom": "eval.studies.headroom.study",
             "BeliefReport": "eval.studies.belief.study",
             "Deciding": "eval.studies.deciding.deciding",
             "Explanation": "eval.studies.explanation",

@@ -6,7 +6,6 @@ import numpy as np
 
 from ehar.arrays import IntArray
 from ehar.conditions import Conditions
-from ehar.data.streams.data import StreamData
 from ehar.errors import UsageError
 from eval.running.choice import ModelPlace
 from eval.running.episodes import CHUNK, cut_scenarios, random_starts
@@ -14,6 +13,7 @@ from eval.running.progress import ConsoleReporter, Reporter
 from eval.running.recorder import Recorder
 from eval.studies.explanation import Explanation
 from planners.registry import VALUING, make_planner, needs_gain_model
+from planners.value.situation import frames_to_come
 from planners.value.view_value import ViewValue
 from recognition.setting import length_note, load_setting
 
@@ -30,6 +30,8 @@ def explain(
     reporter: Reporter | None = None,
 ) -> Explanation:
     """Run one episode of the benchmark, and keep what the planner saw and believed.
+
+    In a stream, which has no end, what a view is worth and what is believed are about the coming seconds.
 
     Args:
         conditions: conditions of the benchmark; None takes the defaults.
@@ -49,21 +51,16 @@ def explain(
         check_format(Path(out))
     if not needs_gain_model(planner):
         raise UsageError(f"unknown planner {planner!r}; expected one that values views: {', '.join(VALUING)}")
-    length = conditions.frames
+    setting = load_setting(conditions)
+    data, length = setting.recordings, setting.conditions.frames
     if length < 2 or not 1 <= frames <= length - 1:
         raise UsageError(f"frames: expected 1 to {length - 1} moments of episodes of {length} frames, got {frames}")
-    setting = load_setting(conditions)
-    if isinstance(setting.recordings, StreamData):
-        raise UsageError(
-            f"{setting.recordings.name}: expected trimmed sequences, got streams: explain draws what a view is worth "
-            "up to the end of an episode, and a stream has none"
-        )
     model = ModelPlace.of(setting).load_gain_model()
     note = length_note(length, {"recogniser": setting.trained_length, "gain field": model.length})
     if note is not None:
         reporter.note(f"warning: {note}")
-    scenarios = cut_scenarios(setting.data, setting.sequences, length, reporter.note)
-    episodes = random_starts(scenarios, 1, conditions.seed, setting.world)
+    scenarios = cut_scenarios(data, setting.sequences, length, reporter.note)
+    episodes = random_starts(setting.runner.followed(scenarios), 1, conditions.seed, setting.world)
     if not 0 <= episode < len(episodes):
         raise UsageError(f"episode: expected 0 to {len(episodes) - 1}, got {episode}")
     batch, runner = episodes.pick([episode]), setting.runner
@@ -80,11 +77,11 @@ def explain(
         facing.append(value.situation.facing[0].copy())
         facing_std.append(value.situation.facing_std[0].copy())
     explanation = Explanation(
-        title=f"{setting.data.title}, {conditions.sensor} sensor, {conditions.views} views",
+        title=f"{data.title}, {conditions.sensor} sensor, {conditions.views} views",
         planner=recorder.name,
         sequence=batch.names[0],
-        class_names=setting.data.class_names,
-        label=int(batch.labels[0]),
+        class_names=data.recognised_names,
+        labels=batch.frame_labels[0],
         viewpoints=record.viewpoints[0],
         recognised=np.exp(record.log_probs[0].astype(np.float64)),
         targets=np.array([target[0] for target in recorder.targets]),
@@ -95,6 +92,8 @@ def explain(
         moments=moments(length, frames),
         workspace=motion.workspace,
         span=value.span,
+        frame_time=1 / data.fps,
+        ahead=None if recorder.context.length is not None else frames_to_come(recorder.context) / data.fps,
     )
     if out is not None:
         draw_explanation(explanation, Path(out))

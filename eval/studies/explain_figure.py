@@ -1,5 +1,6 @@
 """An explained episode as a picture: gain fields with the path over them, beliefs below, and the course of both."""
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -52,13 +53,13 @@ def draw_explanation(explanation: Explanation, path: Path) -> None:
     )
     colours = figure.add_subplot(grid[0, columns])
     _draw_maps(explanation, [figure.add_subplot(grid[0, column]) for column in range(columns)], colours)
-    _draw_key(figure.add_subplot(grid[1, :columns]), _map_key(explanation.facing.shape[1]))
+    _draw_key(figure.add_subplot(grid[1, :columns]), _map_key(explanation.facing.shape[1], explanation.ahead))
     _draw_beliefs(explanation, bars, [figure.add_subplot(grid[2, column]) for column in range(columns)])
     _draw_key(figure.add_subplot(grid[3, :columns]), _belief_key(len(explanation.class_names) - len(bars)))
     _draw_course(explanation, figure.add_subplot(grid[4, :columns]))
     figure.suptitle(
         f"{explanation.title}: {explanation.sequence}\n"
-        f"{explanation.planner} looks at {explanation.class_names[explanation.label]}: {explanation.outcome}",
+        f"{explanation.planner} looks at {explanation.subject}: {explanation.outcome}",
         fontsize=12,
     )
     FigureCanvasAgg(figure)
@@ -75,10 +76,10 @@ def check_format(path: Path) -> None:
 def shown_classes(explanation: Explanation) -> list[int]:
     """Return the classes with a bar, at most `MOST_CLASSES`: the most believed ones at any moment shown.
 
-    The true class is among them. The order is that of the data, so that columns can be compared.
+    The true classes are among them. The order is that of the data, so that columns can be compared.
     """
     most = explanation.believed[explanation.moments].max(axis=0)
-    most[explanation.label] = np.inf
+    most[explanation.labels[explanation.moments]] = np.inf
     return sorted(np.argsort(-most, kind="stable")[:MOST_CLASSES].tolist())
 
 
@@ -108,9 +109,10 @@ def _draw_maps(explanation: Explanation, axes: list[Any], colours: Any) -> None:
         )
         _draw_facing(explanation, frame, place)
         share = 100 * (frame + 1) / len(explanation.viewpoints)
-        place.set_title(
-            f"frame {frame + 1} ({share:.0f} %), camera at {explanation.viewpoints[frame, 0]:.1f} m", fontsize=10
-        )
+        when = f"frame {explanation.when(frame)} ({share:.0f} %)"
+        if explanation.ahead is not None:
+            when = f"{explanation.when(frame)} s, {explanation.class_names[explanation.labels[frame]]}"
+        place.set_title(f"{when}, camera at {explanation.viewpoints[frame, 0]:.1f} m", fontsize=10)
         place.set_xlim(0, 360)
         place.set_ylim(field.polar[-1], field.polar[0])
         place.set_xticks(range(0, 361, 90), [f"{angle}°" for angle in range(0, 361, 90)])
@@ -129,12 +131,11 @@ def _draw_path(explanation: Explanation, frame: int, place: Any) -> None:
     path = np.degrees(np.unwrap(explanation.viewpoints[:, AZIMUTH])), np.degrees(explanation.viewpoints[:, POLAR])
     azimuth, polar = path[0] - path[0][frame] + path[0][frame] % 360, path[1]
     target = np.degrees(explanation.targets[frame])
+    before, after = slice(max(frame - explanation.reach, 0), frame + 1), slice(frame, frame + explanation.reach + 1)
     way = (target[AZIMUTH] - azimuth[frame] + 180) % 360 - 180
     for turn in TURNS:
-        place.plot(azimuth[frame:] + turn, polar[frame:], ":", color="white", linewidth=LINE, path_effects=_thin())
-        place.plot(
-            azimuth[: frame + 1] + turn, polar[: frame + 1], color="white", linewidth=STRONG, path_effects=_OUTLINE
-        )
+        place.plot(azimuth[after] + turn, polar[after], ":", color="white", linewidth=LINE, path_effects=_thin())
+        place.plot(azimuth[before] + turn, polar[before], color="white", linewidth=STRONG, path_effects=_OUTLINE)
         here = azimuth[frame] + turn, polar[frame]
         if np.hypot(way, target[POLAR] - polar[frame]) > 1:
             place.annotate(
@@ -181,8 +182,11 @@ def _draw_facing(explanation: Explanation, frame: int, place: Any) -> None:
         )
 
 
-def _map_key(persons: int) -> list[Any]:
-    """Return the entries of the legend below the maps."""
+def _map_key(persons: int, ahead: float | None) -> list[Any]:
+    """Return the entries of the legend below the maps, which show the whole path, or so many seconds of it."""
+    before, after = "path so far", "path from here on"
+    if ahead is not None:
+        before, after = f"path of the last {ahead:g} s", f"of the next {ahead:g} s"
     black = {"markeredgecolor": "black", "linestyle": "none"}
     people = [
         Line2D([], [], marker="^", color=colour, markersize=9, label=f"person {person + 1} faces", **black)  # type: ignore[arg-type]
@@ -190,9 +194,9 @@ def _map_key(persons: int) -> list[Any]:
     ]
     return [
         Line2D([], [], marker="o", color="white", markersize=9, label="camera", **black),  # type: ignore[arg-type]
-        Line2D([], [], color="white", linewidth=STRONG, path_effects=_OUTLINE, label="path so far"),
+        Line2D([], [], color="white", linewidth=STRONG, path_effects=_OUTLINE, label=before),
         Line2D([], [], color="black", marker=">", linewidth=2, label="heads for"),
-        Line2D([], [], color="white", linestyle=":", linewidth=LINE, path_effects=_thin(), label="path from here on"),
+        Line2D([], [], color="white", linestyle=":", linewidth=LINE, path_effects=_thin(), label=after),
         Line2D([], [], color="white", linewidth=THIN, path_effects=_thin(), label="as good as here"),
         Line2D([], [], marker="*", color=YELLOW, markersize=14, label="best view at this distance", **black),  # type: ignore[arg-type]
         *people,
@@ -203,7 +207,7 @@ def _draw_beliefs(explanation: Explanation, bars: list[int], axes: list[Any]) ->
     """Draw the belief at each moment, with the true class marked, and the probabilities of the recogniser."""
     places = np.arange(len(bars))
     for place, frame in zip(axes, explanation.moments, strict=True):
-        colours = [_TRUE if label == explanation.label else _OTHER for label in bars]
+        colours = [_TRUE if label == explanation.labels[frame] else _OTHER for label in bars]
         believed: FloatArray = 100 * explanation.believed[frame, bars]
         place.barh(places, believed, color=colours, height=0.72)
         recognised = 100 * explanation.recognised[frame, bars]
@@ -219,7 +223,7 @@ def _draw_beliefs(explanation: Explanation, bars: list[int], axes: list[Any]) ->
         place.set_yticks(places, [])
     axes[0].set_yticks(places, [explanation.class_names[label] for label in bars], fontsize=9)
     for name, label in zip(axes[0].get_yticklabels(), bars, strict=True):
-        if label == explanation.label:
+        if (explanation.labels[explanation.moments] == label).all():
             name.set(fontweight="bold", color=_TRUE)
 
 
@@ -243,25 +247,48 @@ def _draw_key(place: Any, handles: list[Any]) -> None:
 
 def _draw_course(explanation: Explanation, place: Any) -> None:
     """Draw the probability of the true class in each frame, when it was recognised, and the moments shown."""
-    frames = np.arange(1, len(explanation.viewpoints) + 1)
+    frames, stream = np.arange(1.0, len(explanation.viewpoints) + 1), explanation.ahead is not None
+    if stream:
+        frames = (frames - 1) * explanation.frame_time
+        _name_activities(explanation, frames, place)
     place.fill_between(
         frames, 0, 100, where=explanation.right, step="mid", color=RIGHT, linewidth=0, label="recognised rightly"
     )
     place.plot(
         frames,
-        100 * explanation.recognised[:, explanation.label],
+        100 * explanation.of_true(explanation.recognised),
         color=_RECOGNISER,
         linewidth=LINE,
         label="recogniser",
     )
-    place.plot(
-        frames[:-1], 100 * explanation.believed[:, explanation.label], color=_TRUE, linewidth=STRONG, label="belief"
-    )
+    believed = 100 * explanation.of_true(explanation.believed)
+    label = "belief, of the coming 2 s" if stream else "belief"
+    place.plot(frames[:-1], believed, color=_TRUE, linewidth=STRONG, label=label)
     for frame in explanation.moments:
-        place.axvline(frame + 1, color=_OTHER, linewidth=THIN, linestyle="--", zorder=1)
-    place.set_xlim(1, len(frames))
+        place.axvline(frames[frame], color=_OTHER, linewidth=THIN, linestyle="--", zorder=1)
+    place.set_xlim(frames[0], frames[-1])
     place.set_ylim(0, 100)
-    place.set_xlabel("frame (dashed: the moments above)")
+    place.set_xlabel(f"{'time [s]' if stream else 'frame'} (dashed: the moments above)")
     place.set_ylabel("true class [%]")
     place.spines[["top", "right"]].set_visible(False)
     place.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, fontsize=9, frameon=False)
+
+
+def _name_activities(explanation: Explanation, times: FloatArray, place: Any) -> None:
+    """Write the names of a stream's activities above the course, each where it is shown."""
+    edges = np.flatnonzero(np.diff(explanation.labels, prepend=-1, append=-1))
+    for begin, end in itertools.pairwise(edges):
+        label, middle = explanation.labels[begin], times[(begin + end - 1) // 2]
+        place.axvline(times[begin], color=_OTHER, linewidth=THIN, zorder=1)
+        if label < len(explanation.class_names) - 1:
+            name = explanation.class_names[label]
+            place.annotate(
+                name,
+                (middle, 1),
+                (0, 2),
+                xycoords=place.get_xaxis_transform(),
+                fontsize=8,
+                ha="center",
+                textcoords="offset points",
+                annotation_clip=False,
+            )

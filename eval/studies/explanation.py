@@ -19,7 +19,7 @@ class FieldMap(NamedTuple):
 
     azimuth: FloatArray  # (A,) [deg], 0 to 360
     polar: FloatArray  # (H,) [deg], 0 is straight above
-    gain: FloatArray  # (H, A), probability gained by looking from there instead of from here, up to the end
+    gain: FloatArray  # (H, A), probability gained by looking from there instead of from here, in the frames to come
     best: tuple[int, int]  # row and column of the best view
 
 
@@ -31,25 +31,27 @@ class Explanation:
         title: title of the data, with sensor and views.
         planner: name of the planner.
         sequence: sequence of the episode, and its first frame there.
-        class_names: K names.
-        label: the true class.
+        class_names: K names; in a stream, the last one is no activity.
+        labels: (L,), the true class in each frame.
         viewpoints: (L, 3), viewpoints of the camera.
         recognised: (L, K), probabilities of the recogniser.
         targets: (L - 1, 3), targets of the planner; there is no plan after the last frame.
-        believed: (L - 1, K), probabilities of the belief.
+        believed: (L - 1, K), probabilities of the belief; in a stream, the shares of classes in the coming 2 s.
         weights: (L - 1, 21), weights of the gain field, see `view_basis.field_value`.
         facing: (L - 1, P) [rad], azimuths that people are believed to face.
         facing_std: (L - 1, P) [rad], standard deviations of these azimuths.
         moments: the frames to show.
         workspace: workspace of the camera.
         span: range of distances of the world.
+        frame_time: duration of a frame [s].
+        ahead: how far the planner looks ahead in a stream [s]; None in a clip, which it watches to its end.
     """
 
     title: str
     planner: str
     sequence: str
     class_names: tuple[str, ...]
-    label: int
+    labels: IntArray
     viewpoints: FloatArray
     recognised: FloatArray
     targets: FloatArray
@@ -60,17 +62,41 @@ class Explanation:
     moments: IntArray
     workspace: Workspace
     span: DistanceRange = PAPER_RANGE
+    frame_time: float = 0.04
+    ahead: float | None = None
+
+    @property
+    def subject(self) -> str:
+        """What the planner looks at: an activity, or a stream of several."""
+        if self.ahead is None:
+            return self.class_names[int(self.labels[0])]
+        return f"a stream for {self.frame_time * len(self.labels):.0f} s"
+
+    @property
+    def reach(self) -> int:
+        """How many frames before and after a moment its map shows the path of: all, in a stream as far as one looks."""
+        return len(self.labels) if self.ahead is None else round(self.ahead / self.frame_time)
+
+    def when(self, frame: int) -> str:
+        """Return when a frame is: its number, in a stream its second."""
+        return str(frame + 1) if self.ahead is None else f"{self.frame_time * frame:.1f}"
+
+    def of_true(self, probabilities: FloatArray) -> FloatArray:
+        """Return the probability of the true class in each frame, (T,), from those of all, (T, K)."""
+        return probabilities[np.arange(len(probabilities)), self.labels[: len(probabilities)]]
 
     @property
     def right(self) -> BoolArray:
         """Whether the recognised class is the true one after each frame, (L,)."""
-        right: BoolArray = self.recognised.argmax(axis=1) == self.label
+        right: BoolArray = self.recognised.argmax(axis=1) == self.labels
         return right
 
     @property
     def outcome(self) -> str:
-        """The class that was recognised in the end, and since which frame."""
+        """The class that was recognised in the end, and since which frame; in a stream, how often it was right."""
         length = len(self.right)
+        if self.ahead is not None:
+            return f"right in {int(self.right.sum())} of {length} frames"
         last = self.class_names[int(self.recognised[-1].argmax())]
         if not self.right[-1]:
             return f"taken for {last} in the end, right in {int(self.right.sum())} of {length} frames"
@@ -96,22 +122,24 @@ class Explanation:
 
 def explain_table(explanation: Explanation) -> Table:
     """Return a table with the viewpoint, the belief and the best view at each moment."""
-    rows = []
+    rows, stream = [], explanation.ahead is not None
+    true_class = "" if stream else f"True class: {explanation.subject}. "
+    to_come = f"over the coming {explanation.ahead:g} s, " if stream else ""
     for frame in explanation.moments:
         distance, azimuth, polar = explanation.viewpoints[frame]
         here = field_value(explanation.weights[frame], explanation.viewpoints[frame], explanation.span)
         field = explanation.field_map(frame)
         row, column = field.best
         believed = explanation.believed[frame]
-        top = int(believed.argmax())
+        top, label = int(believed.argmax()), int(explanation.labels[frame])
         rows.append(
             (
-                str(frame + 1),
+                explanation.when(frame),
                 f"{distance:.1f}",
                 f"{np.degrees(wrap_azimuth(azimuth)):.0f}",
                 f"{np.degrees(polar):.0f}",
                 f"{explanation.class_names[top]} {100 * believed[top]:.0f} %",
-                f"{100 * believed[explanation.label]:.0f} %",
+                f"{stream * (explanation.class_names[label] + ' ')}{100 * believed[label]:.0f} %",
                 f"{100 * float(here):+.2f}",
                 f"{100 * (float(here) + field.gain[row, column]):+.2f}",
                 f"{field.azimuth[column] % 360:.0f}",
@@ -121,7 +149,7 @@ def explain_table(explanation: Explanation) -> Table:
     return Table(
         title=f"{explanation.title}: {explanation.sequence}, {explanation.planner}, {explanation.outcome}",
         header=(
-            "frame",
+            "time [s]" if stream else "frame",
             "distance [m]",
             "azimuth [deg]",
             "polar [deg]",
@@ -134,8 +162,9 @@ def explain_table(explanation: Explanation) -> Table:
         ),
         rows=tuple(rows),
         footnotes=(
-            f"True class: {explanation.class_names[explanation.label]}. Polar angle 0 is straight above, 90 level.",
-            "The field is the gained probability of the true class, at the camera's distance; only its differences "
-            "mean anything. It does not count that different views together tell more.",
+            f"{true_class}Polar angle 0 is straight above, 90 level.",
+            f"The field is the gained probability of the true class, {to_come}at the camera's distance; only its "
+            "differences mean anything. It does not count that different views together tell more.",
+            *stream * ("What is believed is the share of each class in the coming 2 s.",),
         ),
     )

@@ -155,7 +155,8 @@ def learning(runs: Sequence[str | Path], *, planner: str = NBV, out: str | Path 
         out: folder for table.md and the picture.
 
     Raises:
-        UsageError: a folder holds no run, the runs have other episodes or conditions, or a planner is missing.
+        UsageError: a folder holds no run, the runs have other episodes or conditions, a planner is missing, or a
+            recogniser's training went on from other weights.
         DataError: files cannot be read, or a recogniser's file is not the one of the run.
     """
     if len(runs) < 2:
@@ -182,6 +183,11 @@ def _learned(run: Run) -> Learned:
     description = read_json(description_path(path), RecogniserDescription, "a recogniser's description", optional=LATER)
     if recogniser_sha256(path, description.temperature) != run.config.recogniser_sha256:
         raise DataError(f"{path}: expected the recogniser of {run.folder}, got another one: it was trained since")
+    if description.training.get("run", {}).get("init_sha256") is not None:
+        raise UsageError(
+            f"{path}: expected a training that began at nothing, got one that went on from other weights (--init): "
+            f"how many clips those had seen is not known"
+        )
     held = json.dumps(description.training.get("evaluations", []))
     evaluations = parse_json(held, tuple[Evaluation, ...], str(path), "the evaluations of a training")
     if not evaluations:

@@ -3,7 +3,8 @@
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
-from ehar.motion import FollowingMotion, GridMotion, Motion, keep_clear, move
+from ehar.data.streams.following import CentreMotion
+from ehar.motion import CarriedMotion, FollowingMotion, GridMotion, Motion, keep_clear, move
 from ehar.obstacles.surroundings import Surroundings
 from ehar.plugins.blame import blamed
 from ehar.viewpoint import AZIMUTH, wrap_difference
@@ -35,6 +36,16 @@ class FollowedWay:
     def keep_clear(self, surroundings: Surroundings | None) -> None:
         """Tell the motion what stands around the episodes."""
         keep_clear(self._motion, surroundings)
+
+    @property
+    def centre(self) -> CentreMotion | None:
+        """The motion of the centre that the motion follows; None if it follows none."""
+        return self._motion.centre if isinstance(self._motion, CarriedMotion) else None
+
+    @centre.setter
+    def centre(self, centre: CentreMotion | None) -> None:
+        if isinstance(self._motion, CarriedMotion):
+            self._motion.centre = centre
 
     def reset(self, viewpoint: FloatArray, frame_time: float) -> None:
         """Begin at viewpoints (B, 3)."""

@@ -24,7 +24,7 @@ from ehar.rollout import Record
 from ehar.track import IDEAL
 from eval.records.config import PlannerConfig, RunConfig, planner_config
 from eval.records.episodes import DIGITS, SECOND, EpisodeRecords
-from eval.records.flights import KEYS, FlightRecords, flights_of
+from eval.records.flights import KEYS, FlightRecords, flights_of, held_flight
 from eval.records.run_files import EPISODES
 from eval.running.choice import ModelPlace
 from eval.running.episodes import CHUNK, Episodes
@@ -80,7 +80,7 @@ def check_replay(
             rows, motion = _on_the_way(records[name], chunk, setting.runner.new_motion())
             # A planner that stays sees the same on the recorded way. The planner of the run is not asked, nor is its
             # file loaded before: what it did to the recogniser would be seen again.
-            record = workload.roll(NoAct(), episodes.batch(chunk), chunk, motion)
+            record = workload.roll(NoAct(), workload.followed.batch(chunk), chunk, motion)
             difference = first_difference(name, records[name], rows, record)
             if difference is not None:
                 return [Check("seen again", FAILED, difference)]
@@ -92,7 +92,7 @@ def check_replay(
             if name in planners:
                 body = setting.runner.new_motion()
                 rows, motion = _on_the_way(records[name], chunk, body)
-                workload.roll(planners[name], episodes.batch(chunk), chunk, motion)
+                workload.roll(planners[name], workload.followed.batch(chunk), chunk, motion)
                 flight = flights_of(body)
                 if flight is not None:
                     difference = flight_difference(name, records[name], rows, flight, motion.elsewhere)
@@ -259,8 +259,11 @@ def flight_difference(
     """
     if recorded.flight is None:
         return f"{EPISODES}: {name}: got no {', '.join(KEYS)}, expected those of a flight"
-    for key in KEYS:
-        got, expected = getattr(recorded.flight, key)[rows], getattr(flight, key)
+    now = held_flight(flight)
+    for key, values in held_flight(recorded.flight).items():
+        if key not in now:
+            return f"{EPISODES}: {name}: got {key}, expected none for this vehicle"
+        got, expected = values[rows], now[key]
         # A frame counts as at a limit or not: one frame may lie on the edge.
         slack = 1 / recorded.predicted.shape[1] if key == "limit_share" else FLIGHT * np.maximum(expected, 1)
         off = ~(np.abs(got - expected) <= slack + 10**-DIGITS) & ~elsewhere.any(axis=1)

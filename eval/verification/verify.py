@@ -62,7 +62,7 @@ def verify(
         if not (directory / EPISODES).is_file():
             raise
         return Verification((Check("records", FAILED, str(error)),), notes)
-    reason = why_incomplete(directory, config, records)
+    reason = why_incomplete(directory, config, {name: len(held) for name, held in records.items()})
     if reason is not None:
         return Verification((Check("complete", FAILED, f"{directory}: this run is incomplete: {reason}"),), notes)
     inputs = check_inputs(config, data, models, run_own_code=rerun_episodes > 0)

@@ -110,6 +110,17 @@ def test_the_vehicles_are_listed_with_their_limits() -> None:
         assert listed[name] == pytest.approx([*limits, 57.29577951308232 * vehicle.yaw_rate])
 
 
+def test_the_bodies_of_vehicles_are_listed() -> None:
+    rows = re.findall(r"^\| .+: (`.+`) \| (.+) \|$", (DOCS / "planners" / "flight.md").read_text(), flags=re.MULTILINE)
+    listed = {name: numbers.split(" | ") for names, numbers in rows for name in re.findall(r"`(\S+)`", names)}
+    assert set(listed) == {name for name, vehicle in VEHICLES.items() if vehicle.body is not None}
+    for name, numbers in listed.items():
+        body = VEHICLES[name].body
+        assert body is not None
+        for number, value in zip(numbers, (*vars(body).values(), body.hover_power), strict=True):
+            assert number == f"{value:.{len(number.partition('.')[2])}f}"
+
+
 @pytest.fixture(scope="module")
 def formulas() -> ModuleType:
     pytest.importorskip("mkdocs", reason=NO_MKDOCS)

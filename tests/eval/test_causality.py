@@ -13,19 +13,21 @@ import numpy as np
 import pytest
 
 from ehar.arrays import FloatArray
+from ehar.batch import Batch, noise_of
 from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import Scenarios, windows
 from ehar.data.source import load_data
+from ehar.data.streams.scenario import StreamScenarios
 from ehar.errors import ModelError
 from ehar.flight.vehicle import VEHICLES
 from ehar.planner import Context, Observation, Planner
-from ehar.rollout import Batch, Record, noise_of
+from ehar.rollout import Record
 from ehar.runner import Runner
 from ehar.sensors.registry import SENSORS, make_sensor
 from ehar.sensors.sensor import SensorNoise
 from ehar.track import IDEAL, load_track
-from ehar.world import PAPER
+from ehar.world import PAPER, ROOM
 from eval.running.choice import ModelPlace, choose_planners
 from eval.running.recorder import Recorder, array_names
 from planners.registry import LEARNED, planner_names
@@ -37,6 +39,7 @@ from recognition.setting import load_setting
 from recognition.streaming import StreamingRecogniser
 from tests.helpers.places import SHARED
 from tests.helpers.random_networks import randomised
+from tests.helpers.streams import StreamRecogniser, raising_streams
 
 LENGTH, LAST = 12, 5  # frames of an episode, and the last one that both futures share
 EPISODES = 3
@@ -158,6 +161,32 @@ def test_no_planner_acts_on_the_future(data: str, sensor: str, track: str) -> No
         assert_causal(planner, setting.runner, world, place.load_gain_model().belief)
         acted.add(name)
     assert acted >= RULES | PLANNING
+
+
+@pytest.mark.parametrize("track", [IDEAL, "px4-auto"])
+def test_in_a_stream_nobody_is_told_where_the_centre_will_be(track: str) -> None:
+    data = raising_streams(people=EPISODES, seconds=3)
+    positions = data.positions.reshape(EPISODES, 30, *data.positions.shape[1:]).copy()
+    positions[..., 0] += np.linspace(0, 2, 30, dtype=np.float32)[:, None, None]
+    later = positions.copy()
+    later[:, 20:, ..., 1] += 0.9
+    recorders = []
+    for motion in (positions, later):
+        streams = replace(data, positions=motion.reshape(data.positions.shape))
+        windows_of = StreamScenarios(streams, 30, np.arange(EPISODES), np.zeros(EPISODES, dtype=np.int64))
+        runner = Runner(streams, StreamRecogniser(), make_sensor("perfect", streams), load_track(track), ROOM)
+        starts = ROOM.sample_starts(np.random.default_rng(1), EPISODES)
+        batch = runner.batch(windows_of, np.arange(EPISODES), starts, np.random.default_rng(2))
+        recorders.append(rolled(Everything(), runner, batch)[0])
+        assert batch.surroundings is not None and batch.surroundings.moved is not None
+        for observation in recorders[-1].observations:
+            np.testing.assert_array_equal(observation.centre, batch.surroundings.moved[:, observation.frame])
+    one, other = (recorder.observations for recorder in recorders)
+    assert "centre" in array_names(one[0])
+    for here, there in zip(one[:20], other[:20], strict=True):
+        for name in array_names(here):
+            np.testing.assert_array_equal(getattr(here, name), getattr(there, name), f"{name} in frame {here.frame}")
+    assert (one[-1].centre != other[-1].centre).any(), "the futures differ"
 
 
 def test_an_origin_that_knows_the_whole_window_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

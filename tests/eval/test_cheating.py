@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from ehar.arrays import FloatArray
+from ehar.batch import Batch
 from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
 from ehar.errors import EpisodeError
 from ehar.flight.motion import FlightMotion
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner
-from ehar.rollout import Batch
 from eval import benchmark
 from eval.records.episodes import COLUMNS, SECOND, EpisodeRecords
 from eval.running.run import Run

@@ -22,7 +22,7 @@ from eval.reports.page import make_report
 from eval.running.benchmark import benchmark
 from eval.running.run import Run, read_run
 from eval.studies.compare import compare
-from eval.studies.headroom import headroom
+from eval.studies.headroom.study import headroom
 from eval.verification.verify import verify
 from recognition.setting import load_setting
 

@@ -107,7 +107,7 @@ def test_no_camera_comes_too_near_and_the_records_and_the_table_say_so(lab: Path
 
 
 def test_weights_of_the_open_world_will_do_and_that_is_said_aloud(lab: Path, run: Run, log: Log) -> None:
-    said = "the recogniser was trained in the world lab without what is in the way there"
+    said = "the recogniser was trained where nothing is in the way; in the world lab something is"
     assert f"warning: {said}" in log.notes
     assert f"Warning: {said}." in run.summary.tables()[0].footnotes
     opened = benchmark(["no-act"], told(lab, world=str(lab / "open.json")), reporter=Log())
@@ -156,7 +156,7 @@ def test_a_motion_of_ones_own_that_does_not_know_of_obstacles_is_counted(lab: Pa
 
 
 def test_a_vehicle_keeps_clear(lab: Path) -> None:
-    found = benchmark(["h-rotate", "oracle"], told(lab, track="tracking-drone", length=20), reporter=Log())
+    found = benchmark(["h-rotate", "nbv", "oracle"], told(lab, track="tracking-drone", length=20), reporter=Log())
     for planner in found.summary.planners:
         assert planner.contacts is not None and planner.contacts.near_frames == 0
         assert planner.flight is not None

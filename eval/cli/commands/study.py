@@ -16,11 +16,13 @@ STUDY = CommandGroup(
     """,
     {
         "headroom": Command(
-            "eval.studies.headroom:headroom",
+            "eval.studies.headroom.study:headroom",
             show_result,
             text="""Say what there is to win: accuracy of fixed cameras.
 
-            A map of viewpoints and the best of them, beside no-act and the oracles.
+            A map of viewpoints, the best of them beside no-act and the oracles.
+
+            A map of each class, and what it is worth to know the class.
 
             For example:
                 ehar study headroom --data duo --out runs/headroom
@@ -84,6 +86,7 @@ STUDY = CommandGroup(
             flags={
                 **SENSED,
                 "seed": Flag("seed of the start viewpoint and noise."),
+                "length": Flag("frames of an episode.", hint="60; streams 30 s"),
                 "planner": Flag("nbv, nbv-search or nbv-greedy."),
                 "episode": Flag("number of the test episode, from 0."),
                 "out": Flag(default=Path("explain.png")),
@@ -237,6 +240,53 @@ STUDY = CommandGroup(
                 ehar study paper runs/duo-paper runs/duo-encoders --out tables.md
             """,
             flags={"runs": Flag(kind=tuple[Path, ...], positional=True, metavar="RUN ...", hint="at least one")},
+        ),
+        "scaling": Command(
+            "eval.studies.scaling.forecast:scaling",
+            show_result,
+            text="""Say how long commands take on many machines.
+
+            And what the jobs of finished runs took. `make left` asks it.
+
+            For example:
+                ehar study scaling runs/mine
+                make -n pages | ehar study scaling --commands - --machines 4 16 64
+            """,
+            flags={
+                "runs": Flag(
+                    "folders of finished runs, whose jobs tell what planners take.",
+                    kind=tuple[Path, ...],
+                    default=(),
+                    positional=True,
+                    metavar="[RUN ...]",
+                    hint="as measured on solo",
+                ),
+                "commands": Flag(metavar="FILE", hint="none"),
+                "machines": Flag(kind=tuple[int, ...], metavar="COUNT ..."),
+                "step": Flag(
+                    "time of a core for a step of a recogniser's training on one person [s].", hint="one is timed"
+                ),
+            },
+        ),
+        "engines": Command(
+            "eval.studies.scaling.engines:engines",
+            show_result,
+            text="""Say how much longer Ray takes than processes.
+
+            The same benchmark by both, in turn, on a machine that is idle else.
+
+            For example:
+                ehar study engines --data solo --sensor estimator
+                ehar study engines no-act nbv oracle --data solo-stream --sensor estimator
+            """,
+            conditions=(*SEEN[:4], "starts", *SEEN[4:]),
+            flags={
+                **SENSED,
+                "planners": Flag(
+                    "names.", kind=tuple[str, ...] | None, positional=True, metavar="[PLANNER ...]", hint="all of ours"
+                ),
+                "seed": Flag("seed of starts, noise and random."),
+            },
         ),
         "overview": Command(
             "eval.studies.overview:overview",

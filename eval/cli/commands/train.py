@@ -31,11 +31,12 @@ TRAIN = CommandGroup(
             flags={
                 **TRAINED_ANEW,
                 "data": Flag(
-                    "duo, solo, or a prepared .npz; or several, each to a folder in --out.",
+                    "a built-in set or a prepared .npz, in clips or in streams; or several, each to a folder in --out.",
                     kind=tuple[str, ...],
                     default=REQUIRED,
                     metavar="DATA ...",
                 ),
+                "length": Flag("frames of an episode.", hint="60; streams 4 s or 8 s"),
                 "engine": Flag("processes, or ray: a cluster that shares --out and data.", kind=str),
                 "address": Flag("of a Ray cluster, or auto.", hint="started here"),
             },
@@ -93,15 +94,18 @@ TRAIN = CommandGroup(
             For example:
                 ehar train agent --data mine.npz --models models/mine --stages il,il-ppo
             """,
-            conditions=(*TRAINED, "models", "form", "recogniser"),
+            conditions=(*TRAINED, "track", "models", "form", "recogniser"),
             flags={
                 **TRAINED_FROM,
-                "views": Flag("of the recogniser: moving, paper or recorded."),
+                "track": Flag("ideal, or a vehicle in which teachers and agents fly."),
+                "length": Flag("frames of an episode.", hint="60; streams 8 s"),
+                "views": Flag("moving, paper or recorded cameras."),
                 "form": Flag("of the recogniser; ctrgcn is as published."),
-                "stages": Flag("agents, with commas.", hint="all; il,ppo,il-ppo in paper"),
+                "stages": Flag("agents, with commas.", hint="all; no dagger in paper"),
+                "seeds": Flag(metavar="INT ..."),
                 "setting": Flag("paper takes a GPU, and --views paper --form ctrgcn."),
-                "episodes": Flag("demonstrated episodes.", hint="1,536; 10,000 in paper"),
-                "frames": Flag("most of PPO.", hint="600,000; 10 million in paper"),
+                "episodes": Flag("demonstrated.", hint="1,536; streams 384; paper 10,000"),
+                "frames": Flag("most of PPO.", hint="600,000; streams 2.4 M; paper 10 M"),
                 "variations": Flag("variations of each sequence.", hint="3; 0 in paper"),
                 "tensorboard": Flag(hint="none"),
             },

@@ -207,7 +207,7 @@ def _rolled(setting: Setting, episodes: Episodes, planner: Planner, reporter: Re
     workload, records = Workload(setting.runner, episodes), []
     for chunk in range(episodes.chunks):
         motion = setting.runner.new_motion()
-        records.append(workload.roll(planner, episodes.batch(chunk), chunk, motion))
+        records.append(workload.roll(planner, workload.followed.batch(chunk), chunk, motion))
         reporter.advance(planner.name)
     log_probs, viewpoints = (
         np.concatenate([getattr(record, name) for record in records]) for name in ("log_probs", "viewpoints")

@@ -163,7 +163,7 @@ def run_rollouts(workload: Workload, planner: Planner, reporter: Reporter) -> Ro
     records, episodes = [], workload.episodes
     for chunk in range(episodes.chunks):
         motion = workload.runner.new_motion()
-        records.append(workload.roll(planner, episodes.batch(chunk), chunk, motion))
+        records.append(workload.roll(planner, workload.followed.batch(chunk), chunk, motion))
         reporter.advance(planner.name)
     return Rollouts(
         log_probs=np.concatenate([record.log_probs for record in records]),

@@ -1,4 +1,6 @@
 import json
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -240,3 +242,21 @@ def test_check_planner_exits_with_1_where_a_check_fails(
         assert exit_code(["check", "planner", *planner, "--data", str(tiny)]) == code
         assert said in capsys.readouterr().out
     assert "unknown planner 'teleport'" in fails_with(["check", "planner", "teleport", "--data", str(tiny)], capsys)
+
+
+def test_a_reader_that_has_read_enough_ends_it_without_a_word() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as nobody_reads:
+        command = [sys.executable, "-m", "eval.cli.main", "train", "all", "--help"]
+        ended = subprocess.run(command, stdout=nobody_reads, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert (ended.returncode, ended.stderr) == (128 + signal.SIGPIPE, "")
+
+
+def test_a_pipe_of_another_kind_that_breaks_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def breaks(_: object) -> None:
+        raise BrokenPipeError("to a worker")
+
+    monkeypatch.setattr("eval.cli.main.parse", breaks)
+    with pytest.raises(BrokenPipeError, match="to a worker"):
+        main(["benchmark"])

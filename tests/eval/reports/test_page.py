@@ -1,5 +1,6 @@
 import json
 import re
+import weakref
 from base64 import b64decode
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,6 +18,7 @@ from ehar.data.motion_file import save_motion
 from ehar.viewpoint import Workspace
 from eval.cli.main import main
 from eval.records.episodes import EpisodeRecords
+from eval.records.one_by_one import OneByOne
 from eval.records.run_files import SUMMARY
 from eval.reports.page import for_script
 from eval.running.run import read_run
@@ -25,7 +27,7 @@ from planners.value.model import gain_model_path, save_gain_model
 from tests.helpers.commands import fails_with
 from tests.helpers.fakes import tiny_data
 from tests.helpers.gain_models import model_of, peak_weights
-from tests.helpers.made_records import flown, make_records, three_planners
+from tests.helpers.made_records import flown, make_records, make_stream_records, three_planners
 from tests.helpers.own_recogniser import OWN as RECOGNISER
 from tests.helpers.reports import embedded, report_of, tiny_run, written_run
 from tests.helpers.tiny_benchmarks import HashedRecogniser, Log
@@ -220,8 +222,36 @@ def test_runs_of_every_kind_have_a_report(tmp_path: Path, records: dict[str, Epi
     track = "px4-max" if any(of.flight is not None for of in records.values()) else "ideal"
     page = report_of(written_run(tmp_path / "run", hovering, track=track))
     assert told in page
+    flew = all(of.flight is not None for of in records.values())
+    assert ("energy" in embedded(page, "report")["figures"]) == ('data-figure="energy"' in page) == flew
     for _, figure in figures_of(embedded(page, "report")):
         plotly.graph_objects.Figure(coloured(figure))
+
+
+@pytest.mark.parametrize("streams", [False, True])
+def test_the_memory_of_a_report_does_not_depend_on_the_number_of_planners(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, streams: bool
+) -> None:
+    """Records are read from disk, and those of few planners are there at a time, however many there are."""
+    alive: list[weakref.ref[EpisodeRecords]] = []
+    together: list[int] = []
+    made = OneByOne.__getitem__
+
+    def counted(self: OneByOne[Any], name: str) -> Any:
+        found = made(self, name)
+        if isinstance(found, EpisodeRecords) and all(one() is not found for one in alive):
+            alive.append(weakref.ref(found))
+        together.append(sum(one() is not None for one in alive))
+        return found
+
+    records = {f"mine-{number}": make_records(number, skill=number / 2) for number in range(7)}
+    if streams:
+        labels = np.tile([-1, 0, 0, -1, 1, 1, 1, -1], (9, 1))
+        records = {name: make_stream_records(labels, np.roll(labels, at)) for at, name in enumerate(records)}
+    run = written_run(tmp_path / "run", records, track="px4-max", fps=4.0)
+    monkeypatch.setattr(OneByOne, "__getitem__", counted)
+    report_of(run)
+    assert len(alive) > 3 * len(records) and max(together) <= 3
 
 
 def test_trainings_are_one_planner_and_the_first_is_replayed(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from ehar.errors import DataError, UsageError
 from ehar.files import json_text
 from eval.records.config import RunConfig
 from eval.records.episodes import EpisodeRecords, episode_lines, read_episodes
+from eval.records.flights import COSTS
 from eval.records.run_files import EPISODES, SUMMARY
 from eval.records.solves import Solves
 from eval.render.tables import markdown
@@ -115,8 +116,18 @@ def test_what_flights_demanded_is_written_and_summarised_on_flight_tracks_only(t
     assert mine["peak_speed"] == max(of["peak_speed"])
     assert (mine["effort"], mine["limit_share"]) == pytest.approx((np.mean(of["effort"]), np.mean(of["limit_share"])))
     assert "peak [m/s]" in summary.tables()[0].header
+    costs = {key: np.array([row[key] for row in rows if row["planner"] == "mine"]) for key in COSTS}
+    assert (mine["distance"], mine["energy"]) == pytest.approx((costs["distance"].mean(), costs["energy"].mean()))
+    assert mine["noise"] == pytest.approx(10 * np.log10((10 ** (costs["noise"] / 10)).mean()))
+    headers = ("flown [m]", "energy [kJ]", "noise [dB(A)]")
+    shown = dict(zip(summary.tables()[0].header, summary.tables()[0].rows[1], strict=True))
+    assert [shown[header] for header in headers] == [
+        f"{mine['distance']:.1f}",
+        f"{mine['energy'] / 1000:.2f}",
+        f"{mine['noise']:.1f}",
+    ]
     on_grid = summary_of(three_planners())
-    assert not {"peak [m/s]", "kept % [95 %]"} & set(on_grid.tables()[0].header)
+    assert not {"peak [m/s]", "kept % [95 %]", *headers} & set(on_grid.tables()[0].header)
     assert "peak_speed" not in next(iter(episode_lines(three_planners())))
 
 

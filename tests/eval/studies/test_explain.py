@@ -75,20 +75,21 @@ def test_it_explains_the_benchmarks_own_episode(tmp_path: Path) -> None:
             np.testing.assert_array_equal(draws[0], all_draws[index])
         explanation = explained(data=data, episode=index)
         np.testing.assert_allclose(explanation.viewpoints[0], recorded.start[index], atol=1e-6)
-        assert explanation.label == recorded.label[index]
+        assert (explanation.labels == recorded.label[index]).all()
         assert explanation.sequence.startswith(recorded.sequence[index])
 
 
 def explanation_of(right: list[bool]) -> Explanation:
     explanation = explained()
     recognised = np.full((len(right), len(CLASS_NAMES)), 0.1)
-    wrong = (explanation.label + 1) % len(CLASS_NAMES)
-    recognised[np.arange(len(right)), np.where(right, explanation.label, wrong)] = 0.8
-    return Explanation(**{**vars(explanation), "recognised": recognised})
+    label = explanation.labels[0]
+    wrong = (label + 1) % len(CLASS_NAMES)
+    recognised[np.arange(len(right)), np.where(right, label, wrong)] = 0.8
+    return Explanation(**{**vars(explanation), "recognised": recognised, "labels": np.full(len(right), label)})
 
 
 def test_the_outcome_says_what_was_recognised_and_since_when() -> None:
-    name = CLASS_NAMES[explained().label]
+    name = CLASS_NAMES[explained().labels[0]]
     assert explanation_of([True] * 4).outcome == f"recognised as {name} from the first frame on"
     assert explanation_of([True, False, True, True]).outcome == f"recognised as {name} for good from frame 3 of 4 on"
     outcome = explanation_of([True, True, False]).outcome
@@ -98,7 +99,7 @@ def test_the_outcome_says_what_was_recognised_and_since_when() -> None:
 def test_the_true_class_is_always_drawn() -> None:
     explanation = explained()
     believed = np.tile(np.linspace(1, 0, 30), (9, 1))
-    many = Explanation(**{**vars(explanation), "believed": believed, "label": 29})
+    many = Explanation(**{**vars(explanation), "believed": believed, "labels": np.full(10, 29)})
     assert shown_classes(many) == [*range(9), 29]
     assert shown_classes(explanation) == [0, 1, 2]
 

@@ -18,14 +18,17 @@ from tests.helpers.made_records import CONFIG_OF_RUN, make_records, write_finish
 SKILLS = {"no-act": 0.0, "h-rotate": 0.1, "front": 0.5, "nbv": 1.0, "oracle": 3.0}
 
 
-def run(folder: Path, clips: int, *, seed: int = 0, trained: bool = True, **skills: float) -> Path:
+def run(
+    folder: Path, clips: int, *, seed: int = 0, trained: bool = True, init: str | None = None, **skills: float
+) -> Path:
     """Write a recogniser that was best after some clips, and a run with it."""
     models = folder / f"models-{clips}"
     spec = NetworkSpec.of(tiny_data(), form="causal", size="small", length=4)
     accuracies = {clips // 2: 0.5, clips: 0.625, 2 * clips: 0.6}
     history = [asdict(Evaluation(1, seen, 1.0, 1.0, accuracy)) for seen, accuracy in accuracies.items()]
     path = recogniser_path(models, replace(CONFIG_OF_RUN.conditions, models=models))
-    save_recogniser(path, spec.build(clips), spec, Temperature(), {"evaluations": history if trained else []})
+    told = {"evaluations": history if trained else [], "run": {"init_sha256": init}}
+    save_recogniser(path, spec.build(clips), spec, Temperature(), told)
     records = {
         name: make_records(clips + row, skill=skill, episodes=60, people=6)
         for row, (name, skill) in enumerate({**SKILLS, **skills}.items())
@@ -67,6 +70,7 @@ def test_what_is_no_curve_is_refused(tmp_path: Path) -> None:
     refused(runs, UsageError, "expected a run with dagger, got no-act", planner="dagger")
     refused([runs[0], run(tmp_path / "b", 2000, seed=1)], UsageError, "they differ in seed")
     refused([runs[0], run(tmp_path / "c", 2000, trained=False)], DataError, "the evaluations of the training, got none")
+    refused([runs[0], run(tmp_path / "f", 2000, init="0" * 64)], UsageError, "went on from other weights")
     again = run(tmp_path / "d", 2000)
     run(tmp_path / "e", 3000)
     models = tmp_path / "d" / "models-2000"

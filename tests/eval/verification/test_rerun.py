@@ -159,5 +159,9 @@ def test_flights_that_left_their_way_are_not_compared() -> None:
     left = nowhere.copy()
     left[2, 3] = True
     assert flight_difference("nbv", kept, rows, harder, left) is None
+    old = replace(kept, flight=replace(kept.flight, distance=None, energy=None, noise=None))
+    assert flight_difference("nbv", old, rows, again, nowhere) is None
+    no_body = replace(again, energy=None, noise=None)
+    assert "got energy, expected none for this vehicle" in str(flight_difference("nbv", kept, rows, no_body, nowhere))
     grounded = replace(kept, flight=None)
     assert "got no peak_speed, " in str(flight_difference("nbv", grounded, rows, again, nowhere))

@@ -8,16 +8,13 @@ from typing import Any
 
 import pytest
 
-from ehar.conditions import Conditions
 from ehar.data.streams.data import NO_ACTIVITY
-from ehar.errors import UsageError
 from eval.records.run_files import EPISODES
 from eval.running.run import read_run
 from eval.studies.compare import compare
-from eval.studies.explain import explain
 from eval.verification.checks import FAILED
 from eval.verification.verify import verify
-from tests.helpers.stream_runs import FRAMES, forgetful, stream_run
+from tests.helpers.stream_runs import forgetful, stream_run
 from tests.helpers.tiny_benchmarks import Log
 
 
@@ -79,12 +76,6 @@ def test_a_probability_that_nobody_saw_is_named(run: Path) -> None:
     assert found.difference is not None and "random, episode 0 ('stream-6' from frame 0), frame 20" in found.difference
 
 
-def test_streams_are_not_explained(watched: Path) -> None:
-    conditions = Conditions(data=str(watched.parent / "raising.npz"), length=FRAMES)
-    with pytest.raises(UsageError, match="expected trimmed sequences, got streams: explain draws what a view is worth"):
-        explain(conditions, reporter=Log())
-
-
 def test_runs_of_streams_are_compared_by_their_activities(watched: Path) -> None:
     compared = compare(watched, watched, ("oracle", "no-act"))
     assert (compared.activities, compared.episodes) == (6, 4)
@@ -92,3 +83,9 @@ def test_runs_of_streams_are_compared_by_their_activities(watched: Path) -> None
     run = read_run(watched)
     assert row.acc == (run.summary.planner("oracle").acc_mean, run.summary.planner("no-act").acc_mean)
     assert "6 activities in 4 episodes" in str(compared)
+
+
+def test_a_flight_after_people_who_walk_is_flown_once_more(tmp_path: Path) -> None:
+    flown = stream_run(tmp_path, ("no-act", "front"), track="px4-auto")
+    found = verify(flown, rerun_episodes=4, reporter=Log())
+    assert found.verdict == "verified", str(found)
