@@ -134,6 +134,15 @@ class Conditions:
         return f"{self.sensor_name}-{self.views}"
 
     @property
+    def flown(self) -> str:
+        """The vehicle at the end of names of weight files: -px4-auto; empty on the grid."""
+        if self.track == IDEAL:
+            return ""
+        named = str(self.track) if isinstance(self.track, str | Path) else ""
+        name = named or getattr(self.track, "name", type(self.track).__name__)
+        return "-" + re.sub(r"[^\w.+-]", "-", Path(name).stem if name.endswith(".json") else name)
+
+    @property
     def data_option(self) -> str:
         """The data as an option of a command; for an object, the option names a file `X.npz` that has to be written."""
         from ehar.data.any_source import BUILT_IN_STREAMS  # imported here: too slow for `ehar --help`

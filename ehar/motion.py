@@ -63,6 +63,15 @@ class FollowingMotion(Protocol):
 
 
 @runtime_checkable
+class ForkedMotion(Protocol):
+    """A motion that can be tried before it is made: vehicles can."""
+
+    def forked(self, paths: int) -> Motion:
+        """Return a motion of B x `paths` cameras that go on from here: those of the first one first."""
+        ...
+
+
+@runtime_checkable
 class CarriedMotion(Protocol):
     """A motion around a centre that may move, which counts for what it demands of a vehicle."""
 

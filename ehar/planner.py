@@ -9,6 +9,7 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray, in_brief
 from ehar.data.skeleton import Skeleton
 from ehar.flight.vehicle import Vehicle
+from ehar.motion import Motion
 from ehar.recogniser import Recogniser
 from ehar.sensors.sensor import Sensed
 from ehar.viewpoint import Workspace
@@ -43,6 +44,7 @@ class Truth:
     state: Any  # the recogniser's state after the present frame
     sense: Callable[[int, FloatArray], Sensed]  # (frame, viewpoints (B, F, 3)) -> what would be sensed, (B, F, ...)
     frame_labels: IntArray  # (B, L), those of every frame
+    fork_motion: Callable[[int], Motion] | None = None  # F -> a vehicle's B x F cameras, which go on from here
 
     __repr__ = in_brief
 

@@ -1,6 +1,7 @@
 """The rollout loop: in each frame, all episodes of a batch sense, recognise, plan and move together."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +11,7 @@ from ehar.arrays import FloatArray, read_only
 from ehar.batch import Batch
 from ehar.data.skeleton import Skeleton
 from ehar.errors import EpisodeError
-from ehar.motion import Motion, keep_clear, move
+from ehar.motion import ForkedMotion, Motion, keep_clear, move
 from ehar.obstacles.shapes import MARGIN
 from ehar.obstacles.surroundings import too_near
 from ehar.onsets import Onset, ToldOnsets, begins
@@ -81,6 +82,7 @@ def rollout(
     with blamed(recogniser, f"{seeing}, start"):
         state = watching.start(episodes)
     trail = [viewpoint] * (LEAD + 1)
+    fork = _forks(motion)
     around = world.surroundings
     passers, moved = (None, None) if around is None else (around.passers, around.moved)
     for frame in range(length):
@@ -102,7 +104,7 @@ def rollout(
             embedding=read_only(recognition.embedding),
             velocity=read_only(finite_rates(motion, "velocity", episodes, frame)),
             acceleration=read_only(finite_rates(motion, "acceleration", episodes, frame)),
-            truth=Truth(read_only(frame_labels[:, frame + 1]), watching, state, imagine, frame_labels)
+            truth=Truth(read_only(frame_labels[:, frame + 1]), watching, state, imagine, frame_labels, fork)
             if privileged
             else None,
             time=frame * context.frame_time,
@@ -133,6 +135,11 @@ def rollout(
             f"{planning}: privileged was {privileged} at first, expected no change, got {not privileged}"
         )
     return Record(viewpoints, log_probs, plan_seconds)
+
+
+def _forks(motion: Motion) -> Callable[[int], Motion] | None:
+    """Return what forks a motion; None if it can't be forked. Through it nobody gets at the motion's own arrays."""
+    return (lambda paths: motion.forked(paths)) if isinstance(motion, ForkedMotion) else None
 
 
 def _own_context(context: Context) -> Context:

@@ -1,9 +1,11 @@
 """Upper bounds: planners that know the label and the future, and try their moves before they make them.
 
-They try the moves of the grid on every track. A vehicle does not make such a move within a frame. So on a vehicle's
-track they head in the direction of the best move, and are not upper bounds.
+`oracle` tries the moves of the grid on every track. A vehicle does not make such a move within a frame. So on a
+vehicle's track it heads in the direction of the best move, and is no upper bound. `oracle-lookahead` tries what the
+vehicle can fly.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,8 +13,11 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import EpisodeError, UsageError
 from ehar.planner import Context, Observation, Planner, Truth
-from ehar.viewpoint import MOVES
-from planners.heading import heading, moved
+from ehar.viewpoint import HOVER, MOVES
+from planners.heading import axis_speeds, heading, moved
+
+FLOWN_HORIZON = 2.0  # [s] that flights are imagined; a vehicle takes seconds to get anywhere
+REACHES = (0.25, 1.0)  # [s] at full speed, how far off the ends of flights are
 
 
 class Oracle(Planner):
@@ -41,6 +46,9 @@ class OracleLookahead(Planner):
     The greedy path is among the candidates, so the choice is never worse than greedy over the planned frames. A
     repeated move gets through viewpoints that are worse before they are better; a greedy path turns round there.
 
+    With a vehicle the paths are flights of 2 s: one stays, two go in the direction of each move, near and far. In
+    streams the frames of a path may show several activities, and those that show none count as 0.
+
     Args:
         horizon: number H of frames that are imagined; fewer at the end of the episode.
         commit: number of frames of the best path that are flown before the next plan. A step costs 14 `horizon` /
@@ -59,22 +67,52 @@ class OracleLookahead(Planner):
 
     def reset(self, context: Context) -> None:
         """Forget the path."""
-        self._in_flight = context.vehicle is not None
         self._context = context
         self._path: FloatArray = np.empty((context.episodes, 0, 3))
-        self._planned_at = 0
+        self._goal: FloatArray = np.empty((context.episodes, 3))
+        self._planned_at = -self.commit
 
     def act(self, observation: Observation) -> FloatArray:
-        """Return the next viewpoints of the best paths, or in flight the paths' ends; plan every `commit` frames."""
-        done = observation.frame - self._planned_at
-        if done >= min(self.commit, self._path.shape[1]):
-            self._path = self._plan(observation)
-            self._planned_at, done = observation.frame, 0
-        return self._path[:, -1 if self._in_flight else done]
-
-    def _plan(self, observation: Observation) -> FloatArray:
-        """Return the best path of each episode, (B, H, 3)."""
+        """Return the next viewpoints of the best paths, in flight their ends; plan every `commit` frames."""
         truth = truth_of(self, observation)
+        done = observation.frame - self._planned_at
+        if truth.fork_motion is not None:
+            if done >= self.commit:
+                self._goal, self._planned_at = self._best_flight(truth, observation), observation.frame
+            return self._goal
+        if done >= min(self.commit, self._path.shape[1]):
+            self._path = self._plan(truth, observation)
+            self._planned_at, done = observation.frame, 0
+        return self._path[:, done]
+
+    def _best_flight(self, truth: Truth, observation: Observation) -> FloatArray:
+        """Return where the best flight of each episode ends, (B, 3)."""
+        assert truth.fork_motion is not None
+        context, vehicle, here = self._context, self._context.vehicle, observation.viewpoint
+        assert vehicle is not None
+        ways = MOVES[:, None] * axis_speeds(vehicle, here)  # (7, B, 3)
+        flights = [here, *(here + reach * way for reach in REACHES for way in np.delete(ways, HOVER, axis=0))]
+        goals = context.workspace.clip(np.stack(flights, axis=1))
+        motion, state = truth.fork_motion(goals.shape[1]), truth.state.fork(goals.shape[1])
+        horizon = max(round(FLOWN_HORIZON / context.frame_time), 1)
+        worth = np.zeros(goals.shape[:2])
+        for frame in range(observation.frame + 1, min(observation.frame + 1 + horizon, truth.length)):
+            seen_from = motion.advance(goals.reshape(-1, 3)).reshape(goals.shape)
+            recognition, state = truth.recogniser.step(state, truth.sense(frame, seen_from), seen_from)
+            worth += self._worth(recognition.log_probs, truth, frame)
+        best: FloatArray = goals[np.arange(len(goals)), np.argmax(worth, axis=1)]
+        return best
+
+    def _worth(self, log_probs: FloatArray, truth: Truth, frame: int) -> FloatArray:
+        """Return the worth of a frame's log-probabilities (B, F, K), (B, F); 0 where the frame shows no activity."""
+        labels = truth.frame_labels[:, frame]
+        worth = frame_worth(log_probs, replace(truth, labels=labels))
+        if self._context.length is None:
+            worth *= (labels < len(self._context.class_names) - 1)[:, None]
+        return worth
+
+    def _plan(self, truth: Truth, observation: Observation) -> FloatArray:
+        """Return the best path of each episode, (B, H, 3)."""
         horizon = min(self.horizon, truth.length - 1 - observation.frame)
         straight, straight_worth = self._repeat_moves(truth, observation, horizon)
         greedy, greedy_worth = self._follow_greedy(truth, observation, horizon)
@@ -96,7 +134,7 @@ class OracleLookahead(Planner):
             viewpoint = moved(self._context, viewpoint, moves)
             recognition, state = truth.recogniser.step(state, truth.sense(frame, viewpoint), viewpoint)
             path[:, :, step] = viewpoint
-            worth += frame_worth(recognition.log_probs, truth)
+            worth += self._worth(recognition.log_probs, truth, frame)
         return path, worth / horizon
 
     def _follow_greedy(self, truth: Truth, observation: Observation, horizon: int) -> tuple[FloatArray, FloatArray]:
@@ -110,7 +148,7 @@ class OracleLookahead(Planner):
             candidates, log_probs, best, forked = try_moves(truth, state, frame, viewpoint, self._context)
             viewpoint, state = candidates[episodes, best], forked.select(best)
             path[:, step] = viewpoint
-            worth += frame_worth(log_probs, truth)[episodes, best]
+            worth += self._worth(log_probs, truth, frame)[episodes, best]
         return path, worth / horizon
 
 

@@ -1,5 +1,6 @@
 """`FlightMotion`: a vehicle carries the camera to its targets."""
 
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -95,7 +96,20 @@ class FlightMotion:
         self._flown = np.zeros(len(viewpoint))  # [s], how long each plan has been flown
         self._proposal = np.zeros(len(viewpoint), dtype=np.int64)  # index of the proposal that was adopted last
         self._frames = 0
-        self._telemetry = FlightTelemetry.none(len(viewpoint))
+        self._telemetry: FlightTelemetry | None = FlightTelemetry.none(len(viewpoint))
+
+    def forked(self, paths: int) -> "FlightMotion":
+        """Return a motion of B x `paths` cameras that go on from here, each for itself; it has no telemetry.
+
+        Those of the first camera come first, then those of the second.
+        """
+        rows = np.repeat(np.arange(len(self._flown)), paths)
+        fork = copy(self)
+        fork._state, fork._plan = _rows(self._state, rows), self._plan.select(rows)
+        fork._flown, fork._proposal = self._flown[rows], self._proposal[rows]
+        fork._surroundings = None if self._surroundings is None else self._surroundings.select(rows)
+        fork._telemetry = None
+        return fork
 
     def advance(self, target: FloatArray) -> FloatArray:
         """Fly for one frame towards targets (B, 3) and return the viewpoints reached, (B, 3)."""
@@ -166,18 +180,29 @@ class FlightMotion:
         self._flown += self._frame_time
         self._frames += 1
         self._state = SphericalState(*(part[:, 0] for part in self._plan.at(self._flown[:, None])))
+        if self._telemetry is not None:
+            self._telemetry = self._measured(self._telemetry, wanted)
+        return self.workspace.clip(self._state.viewpoint)
+
+    def _measured(self, telemetry: FlightTelemetry, wanted: FloatArray) -> FlightTelemetry:
+        """Return the telemetry after the last frame; for `wanted` see `_fly`."""
         times = np.linspace(0, self._frame_time, int(np.ceil(self._frame_time / SAMPLE_TIME)) + 1)
         states = self.sample(times)
         error = np.linalg.norm(cartesian(self._state.viewpoint) - wanted, axis=-1)
         motion = world_motion(states, self._centre_motion(times))
         shares = motion_shares(self._whole, motion, states.velocity[..., AZIMUTH])
         costs = flight_costs(self._whole.body, motion, states.viewpoint[..., DISTANCE], self._frame_time)
-        self._telemetry = self._telemetry.after(self._whole, shares, self._frame_time, error, costs)
-        return self.workspace.clip(self._state.viewpoint)
+        return telemetry.after(self._whole, shares, self._frame_time, error, costs)
 
     @property
     def telemetry(self) -> FlightTelemetry:
-        """The demands of the flights on the vehicle since the reset."""
+        """The demands of the flights on the vehicle since the reset.
+
+        Raises:
+            EpisodeError: these are forks of flights, of which nothing is measured.
+        """
+        if self._telemetry is None:
+            raise EpisodeError(f"flight of {self.vehicle.name!r}: expected one that is measured, got a fork")
         return self._telemetry
 
     @property

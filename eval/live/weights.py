@@ -51,10 +51,10 @@ def live_planner(spec: str | Planner, recogniser: StreamingRecogniser, condition
     """
 
     def load_model() -> "GainModel":
-        from planners.value.model import gain_model_path, open_gain_model
+        from planners.value.model import open_gain_model, used_gain_model
 
         told = _world_of(recogniser, conditions, spec)
-        path, joints = gain_model_path(Path(told.models or ""), told), len(recogniser.spec.skeleton.joint_names)
+        path, joints = used_gain_model(Path(told.models or ""), told), len(recogniser.spec.skeleton.joint_names)
         return open_gain_model(path, told, joints, recogniser.sha256)
 
     def load_place() -> "FixedPlace":

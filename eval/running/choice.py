@@ -117,11 +117,11 @@ class ModelPlace:
 
     def reason_for_no_gain_model(self) -> str | None:
         """Return why there can be no gain model here, and what to do about it; None where there is one."""
-        from planners.value.model import SHIPPED, gain_model_path
+        from planners.value.model import SHIPPED, used_gain_model
 
         if self.conditions.form != "causal":
             return f"{_CAUSAL_FIELDS}, and this is {self.form}"
-        path = gain_model_path(self.models or SHIPPED / self.data.name, self.conditions)
+        path = used_gain_model(self.models or SHIPPED / self.data.name, self.conditions)
         if self.conditions.recogniser is None and path.is_file():
             return None  # if it is another recogniser's, that is an error
         try:

@@ -72,15 +72,7 @@ def agent_path(directory: Path, name: str, conditions: Conditions, seed: int) ->
     The name tells the vehicle of an agent that was trained in flight.
     """
     form = "" if conditions.form == "causal" else f"{conditions.form}-"
-    flown = "" if conditions.track == IDEAL else f"-{_track_word(conditions)}"
-    return directory / f"agent-{name}-{form}{conditions.seen}{flown}-seed{seed}.safetensors"
-
-
-def _track_word(conditions: Conditions) -> str:
-    """Return the name of a track as it may stand in that of a file."""
-    track = conditions.track
-    name = str(track) if isinstance(track, str | Path) else getattr(track, "name", type(track).__name__)
-    return re.sub(r"[^\w.+-]", "-", Path(name).stem if name.endswith(".json") else name)
+    return directory / f"agent-{name}-{form}{conditions.seen}{conditions.flown}-seed{seed}.safetensors"
 
 
 def agent_seeds(conditions: Conditions, data: Recordings, name: str) -> tuple[int, ...]:

@@ -1,6 +1,6 @@
 """Rollouts on training scenarios that branch to many viewpoints, to learn what other views would have given."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -29,6 +29,7 @@ FORK_SPANS = ((0.0, 0.12), (0.12, 0.35), (0.35, 0.7))  # shares of the episode, 
 STREAM_SPANS = ((0.1, 0.4), (0.4, 0.7), (0.7, 1.0))  # of a window less what planners look ahead: all choices are alike
 WANDER = 0.6  # the share of episodes whose camera moves before it forks
 NEW_GOAL = 0.04  # the probability in each frame that a wandering camera picks a new goal
+NEW_FLOWN_GOAL = 0.01  # the same with a vehicle, which takes seconds to get anywhere
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +116,8 @@ class Forker(Planner):
         if self.lead is not None:
             self._goal = self.lead.act(replace(observation, truth=None))
         else:
-            anew = rng.random(len(self._goal)) < NEW_GOAL
+            new_goal = NEW_GOAL if self._context.vehicle is None else NEW_FLOWN_GOAL
+            anew = rng.random(len(self._goal)) < new_goal
             self._goal = np.where(anew[:, None], random_viewpoints(rng, anew.shape, workspace), self._goal)
         return np.where(self._wanders[:, None], self._goal, observation.viewpoint)
 
@@ -157,16 +159,17 @@ def follow_paths(
     classes: int,
     space: FreeSpace | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Fly to goals (B, M, 3) by grid moves and stay there, for some frames from each episode's present state.
+    """Go to goals (B, M, 3) by grid moves or in flight and stay there, for some frames from the present state.
 
     Args:
-        truth: the truth after the present frame.
+        truth: the truth after the present frame; it has the vehicle, if one carries the cameras.
         observation: the observation of the present frame.
         goals: (B, M, 3).
         workspace: where the camera may be.
         frames: number R of frames to come.
         classes: number K of activities; frames that show none count as 0, as no benchmark asks for them.
-        space: among obstacles, what is free: a camera stays before the first move that does not lead to a free cell.
+        space: among obstacles, what is free: on the grid a camera stays before the first move that does not lead to a
+            free cell.
 
     Returns:
         the mean probability of the true class over the frames to come, (B, M), and the viewpoints (B, M, R, 3).
@@ -174,11 +177,11 @@ def follow_paths(
     paths = goals.shape[1]
     state = truth.state.fork(paths)
     viewpoint = np.repeat(observation.viewpoint[:, None], paths, axis=1)
+    carried = _carrier(truth, goals, workspace, space)
     visited = np.empty((*goals.shape[:2], frames, 3))
     worth = np.zeros(goals.shape[:2])
     for step in range(frames):
-        moves = move_towards(viewpoint, goals, workspace)
-        viewpoint = apply_moves(viewpoint, moves, workspace) if space is None else space.after(viewpoint, moves)
+        viewpoint = carried(viewpoint)
         sensed = truth.sense(observation.frame + 1 + step, viewpoint)
         recognition, state = truth.recogniser.step(state, sensed, viewpoint)
         visited[:, :, step] = viewpoint
@@ -186,6 +189,21 @@ def follow_paths(
         of_true = np.exp(np.take_along_axis(recognition.log_probs, labels[:, None, None], axis=2)[..., 0])
         worth += of_true * (labels < classes)[:, None]
     return worth / frames, visited
+
+
+def _carrier(
+    truth: Truth, goals: FloatArray, workspace: Workspace, space: FreeSpace | None
+) -> Callable[[FloatArray], FloatArray]:
+    """Return what takes cameras from viewpoints (B, M, 3) one frame on to their goals (B, M, 3)."""
+    if truth.fork_motion is not None:
+        motion = truth.fork_motion(goals.shape[1])
+        return lambda _: motion.advance(goals.reshape(-1, 3)).reshape(goals.shape)
+
+    def step(viewpoint: FloatArray) -> FloatArray:
+        moves = move_towards(viewpoint, goals, workspace)
+        return apply_moves(viewpoint, moves, workspace) if space is None else space.after(viewpoint, moves)
+
+    return step
 
 
 def random_viewpoints(rng: np.random.Generator, leading: tuple[int, ...], workspace: Workspace) -> FloatArray:

@@ -1,6 +1,6 @@
 """The trained model of the planners that value views; on disk it is safetensors, with JSON beside them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from ehar.conditions import Conditions
 from ehar.data.recordings import Recordings
 from ehar.errors import ModelError
 from ehar.files import read_json
+from ehar.track import IDEAL
 from ehar.world import LATER, PAPER, World
 from planners.value.belief import BeliefModel
 from planners.value.field import GainField
@@ -87,8 +88,17 @@ class GainDescription:
 
 
 def gain_model_path(directory: Path, conditions: Conditions) -> Path:
-    """Return the path of the fields' weights in a models directory; the JSON lies beside them."""
-    return directory / f"gain-field-{conditions.seen}.safetensors"
+    """Return the path of the fields' weights in a models directory; the JSON lies beside them.
+
+    The name tells the vehicle of fields that were learned in flight.
+    """
+    return directory / f"gain-field-{conditions.seen}{conditions.flown}.safetensors"
+
+
+def used_gain_model(directory: Path, conditions: Conditions) -> Path:
+    """Return the path of the fields that planners use: those learned on this track, and without them the grid's."""
+    path = gain_model_path(directory, conditions)
+    return path if path.is_file() else gain_model_path(directory, replace(conditions, track=IDEAL))
 
 
 def save_gain_model(
@@ -132,7 +142,7 @@ def load_gain_model(conditions: Conditions, data: Recordings, recogniser_sha256:
     Raises:
         ModelError: the files are missing or malformed, or belong to another recogniser or another world.
     """
-    path = gain_model_path(conditions.directory or SHIPPED / data.name, conditions)
+    path = used_gain_model(conditions.directory or SHIPPED / data.name, conditions)
     return open_gain_model(path, conditions, len(data.skeleton.joint_names), recogniser_sha256)
 
 

@@ -18,6 +18,7 @@ USUAL_MEMORY = 0.5  # [s] that a view counts for in a stream, where the recognis
 STREAM_LOOKAHEAD = 2.0  # [s] that planners look ahead in a stream, whose end nobody knows
 FLIGHT_LOOKAHEAD = 6.0  # [s], with a vehicle, which takes so long to get anywhere
 STREAM_WINDOW = 8.0  # [s] of a stream, the usual length of an episode from which planners learn
+FLIGHT_WINDOW = STREAM_WINDOW - STREAM_LOOKAHEAD + FLIGHT_LOOKAHEAD  # [s], from which fields learn in flight
 _HISTORY = (1, 2, 3, 4, 5, 6, 7, 8, 16)  # places in the basis: harmonics of degree 1 and 2, and the distance
 
 

@@ -19,6 +19,7 @@ from ehar.errors import DataError, UsageError
 from ehar.files import check_folder, write_bytes
 from ehar.planner import Planner
 from ehar.processes import Engine, Processes
+from ehar.track import IDEAL
 from ehar.world import PAPER
 from planners.value.belief import BeliefModel
 from planners.value.belief_fit import fit_belief
@@ -37,7 +38,7 @@ from planners.value.fit import (
     stream_situations,
 )
 from planners.value.model import FULL, GainModel, gain_model_path, load_gain_model, save_gain_model
-from planners.value.situation import STREAM_WINDOW, USUAL_MEMORY, Situation
+from planners.value.situation import FLIGHT_WINDOW, STREAM_WINDOW, USUAL_MEMORY, Situation
 from planners.value.stream_belief import StreamBeliefModel
 from planners.value.stream_belief_fit import fit_evidence, learn_chain
 from planners.value.view_basis import DistanceRange
@@ -95,7 +96,7 @@ def train_gain_field(
     second round is kept if its field does better there, on the validation part.
 
     In streams episodes are windows of 8 s, or as long as the conditions say, and paths are as long as planners look
-    ahead.
+    ahead. With a vehicle, it flies the paths, windows have 12 s, and the second round is flown too.
 
     Args:
         config: the settings of the training.
@@ -122,8 +123,11 @@ def train_gain_field(
     setting = load_setting(conditions, device=config.device)
     if setting.length_note is not None:
         note(f"warning: {setting.length_note}")
+    if setting.runner.track.own is not None:
+        raise UsageError(f"train gain-field: expected {IDEAL} or a vehicle, got your own motion {conditions.track!r}")
     data, policy = setting.recordings, split_parts(setting.recordings).policy
-    length = with_length(conditions, data, STREAM_WINDOW).frames
+    flown = setting.runner.track.vehicle is not None
+    length = with_length(conditions, data, FLIGHT_WINDOW if flown else STREAM_WINDOW).frames
     sequences = policy[data.lengths[policy] >= length]
     if len(sequences) < 2:  # a field is judged on sequences that it was not fitted on
         raise DataError(
@@ -143,6 +147,7 @@ def train_gain_field(
     key += "" if setting.sensor_sha256 is None else f" {setting.sensor_sha256}"
     world = setting.world
     key += "" if world.agrees_with(PAPER) else f" {world.to_json()}"
+    key += "" if not flown else f" {setting.runner.track.vehicle}"
     rollouts = _Rollouts(config, path, key, report, engine or Processes(config.workers))
     unseen_task = replace(task, sequences=_unseen_sequences(task, sequences))
     unseen = rollouts.run(unseen_task, rollouts.few, "validation rollouts", "unseen")
@@ -200,7 +205,11 @@ def train_gain_field(
         "unseen_people": {str(count): found._asdict() for count, found in scores.items()},
         "second_round": {"before": before._asdict(), "after": after._asdict(), "kept": collection is both},
     }
-    own = {"recogniser": told.recogniser, "sensor_sha256": setting.sensor_sha256}
+    own = {
+        "track": told.track if flown else None,
+        "recogniser": told.recogniser,
+        "sensor_sha256": setting.sensor_sha256,
+    }
     history |= {name: value for name, value in own.items() if value is not None}
     save_gain_model(path, model, recogniser_sha256=setting.recogniser_sha256, history=history, world=world)
     return trained

@@ -12,7 +12,7 @@ from ehar.errors import EpisodeError
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
-from ehar.planner import Observation, Planner
+from ehar.planner import Observation, Planner, Truth
 from ehar.rollout import Record, rollout
 from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.perfect import PerfectSensor
@@ -148,6 +148,46 @@ def test_in_flight_an_oracle_heads_far_enough_to_get_somewhere(planner: Planner)
     still = rollout(NoAct(), batch, FakeRecogniser(), PerfectSensor(), GridMotion(), tiny_context())
     assert (record.viewpoints[:, -1, POLAR] > batch.starts[:, POLAR] + 0.4).all()
     assert true_class_probability(record, batch).mean() > true_class_probability(still, batch).mean()
+
+
+def test_in_flight_the_lookahead_crosses_a_hill_that_the_vehicle_can_cross() -> None:
+    """Eight cells, half a radian, from the best view: the next move leads away from it, two seconds of flight there."""
+    vehicle, length = VEHICLES["tracking-drone"], 40
+    context = replace(
+        tiny_context(episodes=EPISODES, length=length), frame_time=0.1, track=vehicle.name, vehicle=vehicle
+    )
+    batch = replace(tiny_batch(episodes=EPISODES, length=length), starts=foot_of_the_hill().starts)
+
+    def flown(planner: Planner) -> Record:
+        seen = FakeRecogniser(quality=hill)
+        return rollout(planner, batch, seen, PerfectSensor(), FlightMotion(vehicle=vehicle), context)
+
+    ahead, greedy = flown(OracleLookahead()), flown(Oracle())
+    nearest = [np.abs(wrap_difference(record.viewpoints[..., AZIMUTH])).min(axis=1) for record in (ahead, greedy)]
+    assert nearest[0].max() < np.radians(10) < nearest[1].min()
+    assert true_class_probability(ahead, batch).mean() > true_class_probability(greedy, batch).mean() + 0.05
+
+
+def test_in_a_stream_a_path_is_worth_what_each_of_its_frames_shows() -> None:
+    """From the fifth frame on another class is shown. Whoever took the next frame's label for all would go wrong."""
+    labels = np.where(np.arange(LENGTH) < 5, 0, 1) * np.ones((EPISODES, 1), dtype=np.int64)
+    truths: list[Truth] = []
+
+    class Watching(OracleLookahead):
+        def act(self, observation: Observation) -> FloatArray:
+            assert observation.truth is not None
+            truths.append(observation.truth)
+            return observation.viewpoint
+
+    batch = replace(episodes(), labels=labels)
+    planner = Watching()
+    context = replace(tiny_context(episodes=EPISODES, length=LENGTH), length=None)
+    rollout(planner, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), context)
+    log_probs = np.log(np.array([0.6, 0.3, 0.1])) * np.ones((EPISODES, 1, 3))
+    worth = [planner._worth(log_probs, truths[0], frame)[0, 0] for frame in (4, 5)]
+    np.testing.assert_allclose(worth, [1.6, 0.3])
+    nothing = replace(truths[0], frame_labels=np.full((EPISODES, LENGTH), 2))  # the last class is no activity
+    assert not planner._worth(log_probs, nothing, 4).any()
 
 
 @pytest.mark.parametrize("planner", [Oracle(), OracleLookahead()])

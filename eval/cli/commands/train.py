@@ -70,8 +70,13 @@ TRAIN = CommandGroup(
             For example:
                 ehar train gain-field --data mine.npz --models models/mine
             """,
-            conditions=(*TRAINED, "models", "recogniser", "seed"),
-            flags={**TRAINED_FROM, "seed": Flag("seed of episodes, forks and noise.")},
+            conditions=(*TRAINED, "track", "models", "recogniser", "seed"),
+            flags={
+                **TRAINED_FROM,
+                "track": Flag("ideal, or a vehicle in which paths are flown."),
+                "length": Flag("frames of an episode.", hint="60; streams 8 s, flown 12 s"),
+                "seed": Flag("seed of episodes, forks and noise."),
+            },
         ),
         "fixed-best": Command(
             "eval.running.training:train_fixed_best",

@@ -200,6 +200,25 @@ def test_a_copy_flies_on_alike() -> None:
         np.testing.assert_array_equal(motion.advance(target), copied.advance(target))
 
 
+def test_forks_fly_what_the_camera_would() -> None:
+    """Forked in the middle of a flight: the first path of each camera is what it flies, the second is another."""
+    rng = np.random.default_rng(0)
+    motion, targets = flying(PAPER.sample_starts(rng, 4)), [PAPER.sample_starts(rng, 4) for _ in range(6)]
+    for _ in range(8):
+        motion.advance(targets[0])
+    fork, before = motion.forked(2), motion.telemetry
+    for _ in range(10):
+        goals = np.stack([targets[1], targets[2]], axis=1)
+        tried = fork.advance(goals.reshape(-1, 3)).reshape(goals.shape)
+    assert motion.telemetry is before, "a fork should not move the camera"
+    for _ in range(10):
+        flown = motion.advance(targets[1])
+    np.testing.assert_allclose(tried[:, 0], flown, atol=1e-12)
+    assert np.abs(tried[:, 1] - flown).max(axis=1).min() > 0.01
+    with pytest.raises(EpisodeError, match="'px4-auto': expected one that is measured, got a fork"):
+        fork.telemetry  # noqa: B018
+
+
 def test_telemetry_adds_up() -> None:
     rng = np.random.default_rng(0)
     vehicle, start = VEHICLES["tracking-drone"], PAPER.sample_starts(rng, 6)

@@ -8,6 +8,8 @@ import pytest
 from ehar.arrays import FloatArray
 from ehar.data.motion_data import MotionData
 from ehar.errors import DataError
+from ehar.flight.motion import FlightMotion
+from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.processes import Processes
@@ -87,6 +89,23 @@ class Brancher(Planner):
         return self.goals[:, self.path]
 
 
+class FlyingBrancher(Brancher):
+    """Flies to the last goal until frame `at`, and tries the paths there."""
+
+    def __init__(self, goals: FloatArray, at: int, path: int, length: int) -> None:
+        super().__init__(goals, at, path)
+        self.length = length
+
+    def act(self, observation: Observation) -> FloatArray:
+        if observation.frame == self.at:
+            truth, left = observation.truth, self.length - 1 - self.at
+            assert isinstance(truth, Truth)
+            self.worth, self.visited = follow_paths(
+                truth, observation, self.goals, self.workspace, frames=left, classes=3
+            )
+        return self.goals[:, self.path]
+
+
 @pytest.mark.parametrize("at", [0, 4, LENGTH - 2])
 @pytest.mark.parametrize("sensor", ["perfect", "estimator"])
 def test_a_path_is_worth_what_a_rollout_along_it_gives(at: int, sensor: str) -> None:
@@ -103,6 +122,29 @@ def test_a_path_is_worth_what_a_rollout_along_it_gives(at: int, sensor: str) -> 
         np.testing.assert_allclose(brancher.worth[:, path], right[:, at + 1 :].mean(axis=1), atol=1e-6)
         np.testing.assert_allclose(brancher.visited[:, path], record.viewpoints[:, at + 1 :], atol=1e-12)
     assert np.ptp(brancher.worth, axis=1).max() > 1e-4, "paths should differ"
+
+
+@pytest.mark.parametrize("at", [0, 30])
+def test_a_flight_is_worth_what_a_rollout_along_it_gives(at: int) -> None:
+    """Forked in the middle of a flight too: at frame 30 the cameras are on their way."""
+    length, vehicle = 60, VEHICLES["tracking-drone"]
+    batch = tiny_batch(length=length)
+    context = replace(tiny_context(length=length), track=vehicle.name, vehicle=vehicle)
+    goals = random_viewpoints(np.random.default_rng(1), (6, 3), Workspace())
+    brancher = FlyingBrancher(goals, at, 2, length)
+    record = rollout(
+        brancher,
+        batch,
+        FakeRecogniser(quality=nearness),
+        task("perfect").runner.sensor,
+        FlightMotion(vehicle=vehicle),
+        context,
+    )
+    right = np.exp(record.log_probs[np.arange(6), :, batch.labels])
+    np.testing.assert_allclose(brancher.visited[:, 2], record.viewpoints[:, at + 1 :], atol=1e-9)
+    np.testing.assert_allclose(brancher.worth[:, 2], right[:, at + 1 :].mean(axis=1), atol=1e-6)
+    steps = np.abs(np.diff(brancher.visited[:, 1, :, 0], axis=1))
+    assert 0.01 < steps.max() <= vehicle.speed * context.frame_time, "a vehicle should fly the other paths too"
 
 
 def test_forks_hold_what_their_paths_gave(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -279,6 +279,19 @@ def test_the_second_round_is_kept_if_its_field_does_better_where_it_leads(
     assert written(config)[1]["training"]["second_round"]["kept"] == is_better
 
 
+def test_a_field_that_is_learned_in_flight_is_that_of_its_vehicle(config: GainTrainingConfig) -> None:
+    """It lies beside that of the grid, which vehicles without a field of their own go on using."""
+    train_gain_field(config, searching, silent)
+    flying = changed(config, track="tracking-drone")
+    train_gain_field(flying, searching, silent)
+    assert weights_path(flying).name == "gain-field-perfect-moving-tracking-drone.safetensors"
+    (_, of_grid), (_, of_vehicle) = written(config), written(flying)
+    assert (of_vehicle["training"]["track"], "track" in of_grid["training"]) == ("tracking-drone", False)
+    assert of_grid["training"]["unseen_people"] != of_vehicle["training"]["unseen_people"]
+    used = [loaded(changed(config, track=track)).sha256 for track in ("ideal", "px4-auto", "tracking-drone")]
+    assert used[0] == used[1] != used[2]
+
+
 def test_folds_differ_in_people_where_they_are_known() -> None:
     data = tiny_data(sequences=6)
     people = np.array([4, 4, 7, 7, 7, 9])[:, None]
