@@ -12,6 +12,8 @@ import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import EpisodeError, UsageError
+from ehar.flight.vehicle import Vehicle
+from ehar.motion import Motion
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.viewpoint import HOVER, MOVES
 from planners.heading import axis_speeds, heading, moved
@@ -76,32 +78,33 @@ class OracleLookahead(Planner):
         """Return the next viewpoints of the best paths, in flight their ends; plan every `commit` frames."""
         truth = truth_of(self, observation)
         done = observation.frame - self._planned_at
-        if truth.fork_motion is not None:
+        vehicle = self._context.vehicle
+        if truth.fork_motion is not None and vehicle is not None:
             if done >= self.commit:
-                self._goal, self._planned_at = self._best_flight(truth, observation), observation.frame
+                ends = self._flight_ends(observation.viewpoint, vehicle)
+                worth = self._worth_of_flights(truth, truth.fork_motion(ends.shape[1]), observation.frame, ends)
+                self._goal, self._planned_at = ends[np.arange(len(ends)), worth.argmax(axis=1)], observation.frame
             return self._goal
         if done >= min(self.commit, self._path.shape[1]):
             self._path = self._plan(truth, observation)
             self._planned_at, done = observation.frame, 0
-        return self._path[:, done]
+        return self._path[:, done if vehicle is None else -1]
 
-    def _best_flight(self, truth: Truth, observation: Observation) -> FloatArray:
-        """Return where the best flight of each episode ends, (B, 3)."""
-        assert truth.fork_motion is not None
-        context, vehicle, here = self._context, self._context.vehicle, observation.viewpoint
-        assert vehicle is not None
-        ways = MOVES[:, None] * axis_speeds(vehicle, here)  # (7, B, 3)
-        flights = [here, *(here + reach * way for reach in REACHES for way in np.delete(ways, HOVER, axis=0))]
-        goals = context.workspace.clip(np.stack(flights, axis=1))
-        motion, state = truth.fork_motion(goals.shape[1]), truth.state.fork(goals.shape[1])
-        horizon = max(round(FLOWN_HORIZON / context.frame_time), 1)
-        worth = np.zeros(goals.shape[:2])
-        for frame in range(observation.frame + 1, min(observation.frame + 1 + horizon, truth.length)):
-            seen_from = motion.advance(goals.reshape(-1, 3)).reshape(goals.shape)
-            recognition, state = truth.recogniser.step(state, truth.sense(frame, seen_from), seen_from)
-            worth += self._worth(recognition.log_probs, truth, frame)
-        best: FloatArray = goals[np.arange(len(goals)), np.argmax(worth, axis=1)]
-        return best
+    def _flight_ends(self, here: FloatArray, vehicle: Vehicle) -> FloatArray:
+        """Return where flights from viewpoints (B, 3) may end, (B, 13, 3): here, and near and far along each move."""
+        ways = np.delete(MOVES, HOVER, axis=0)[:, None] * axis_speeds(vehicle, here)
+        ends = [here, *(here + reach * way for reach in REACHES for way in ways)]
+        return self._context.workspace.clip(np.stack(ends, axis=1))
+
+    def _worth_of_flights(self, truth: Truth, motion: Motion, frame: int, ends: FloatArray) -> FloatArray:
+        """Return what flights to their ends (B, F, 3) are worth after a frame, (B, F)."""
+        state, horizon = truth.state.fork(ends.shape[1]), max(round(FLOWN_HORIZON / self._context.frame_time), 1)
+        worth = np.zeros(ends.shape[:2])
+        for later in range(frame + 1, min(frame + 1 + horizon, truth.length)):
+            seen_from = motion.advance(ends.reshape(-1, 3)).reshape(ends.shape)
+            recognition, state = truth.recogniser.step(state, truth.sense(later, seen_from), seen_from)
+            worth += self._worth(recognition.log_probs, truth, later)
+        return worth
 
     def _worth(self, log_probs: FloatArray, truth: Truth, frame: int) -> FloatArray:
         """Return the worth of a frame's log-probabilities (B, F, K), (B, F); 0 where the frame shows no activity."""
