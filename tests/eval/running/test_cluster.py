@@ -97,6 +97,17 @@ def test_a_job_that_ends_its_process_each_time_ends_the_run(machines: Any, monke
 
 
 @pytest.mark.slow
+def test_a_cluster_whose_head_ends_ends_the_run_in_one_line(machines: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eval.running.cluster.HEARD_EVERY", 0.1)
+    monkeypatch.setattr("eval.running.cluster.SILENT", 0.6)
+    jobs = Cluster(machines.address).each_batch(lambda _, seconds: time.sleep(seconds), None, [0, 60])
+    next(jobs)
+    monkeypatch.setattr("eval.running.cluster._wrong_at", lambda _: "Connection refused")
+    with pytest.raises(ModelError, match=r"cluster at .*:\d+ to go on, got: Connection refused, for 1 s; what is done"):
+        next(jobs)
+
+
+@pytest.mark.slow
 def test_stages_on_a_cluster_hand_out_their_jobs_and_hold_no_core_meanwhile(machines: Any) -> None:
     """As many stages as cores, each of which waits for jobs; and a stage that begins after another one."""
 
