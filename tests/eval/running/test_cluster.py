@@ -4,6 +4,7 @@ import os
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,9 @@ from ehar.planner import Observation
 from ehar.processes import Processes
 from ehar.runner import Runner
 from ehar.sensors.registry import make_sensor
+from eval.running import sweep
 from eval.running.cluster import Cluster, engine_of
-from eval.running.sweep import SweepConfig, train_sets
+from eval.running.sweep import SweepConfig, stages_of, train_sets
 from planners.heuristic import NoAct
 from planners.value.collection import CollectionTask, run_batches
 from tests.helpers.fakes import FakeRecogniser, tiny_data
@@ -146,6 +148,60 @@ def test_stages_whose_machine_dies_go_on_elsewhere_from_the_files_that_they_left
         done[number] = result
     machines.add_node(num_cpus=1)
     assert done == {number: number + number**2 + number**3 for number in (2, 3, 4, 5)}
+
+
+@pytest.mark.slow
+def test_a_training_whose_machine_dies_ends_in_the_same_weights(
+    machines: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The other machine is busy until then, so it is known which of them trains; without the field, which takes long."""
+    import ray
+
+    out, killed, busy = tmp_path / "cluster", tmp_path / "killed", tmp_path / "busy"
+
+    def keep_busy() -> None:
+        busy.touch()
+        while not killed.exists():
+            time.sleep(0.05)
+
+    def kill() -> None:
+        while not list(out.glob("*.checkpoint")):
+            time.sleep(0.01)
+        machines.remove_node(next(iter(machines.worker_nodes)), allow_graceful=False)
+        killed.touch()
+
+    monkeypatch.setattr("eval.running.sweep.step_seconds", lambda _: 0.5)
+    monkeypatch.setattr(
+        "eval.running.sweep.stages_of",
+        lambda sets: {one: needed for one, needed in stages_of(sets).items() if one.kind != "gain field"},
+    )
+    told = SweepConfig(
+        conditions=Conditions(length=5),
+        data=(tiny_data(sequences=40),),
+        out=out,
+        setting="tiny",
+        engine="ray",
+        address=machines.address,
+    )
+    ray.init(machines.address, log_to_driver=False)
+    try:
+        ray.remote(num_cpus=1, resources={"node:__internal_head__": 0.1})(keep_busy).remote()
+        while not busy.exists():
+            time.sleep(0.01)
+        with ThreadPoolExecutor(1) as pool:
+            killing = pool.submit(kill)
+            assert not train_sets(told).failed
+            killing.result()
+    finally:
+        killed.touch()
+        ray.shutdown()
+        machines.add_node(num_cpus=1)
+    never_stopped = replace(told, out=tmp_path / "here", engine="processes", address=None, workers=1)
+    for stage in sweep.stages_of(never_stopped.sets):
+        sweep.run_stage(sweep._Task(never_stopped.sets, never_stopped.inside, tmp_path), stage)
+    weights = {path.name: path.read_bytes() for path in never_stopped.out.glob("*.safetensors")}
+    assert len(weights) == 2
+    assert {path.name: path.read_bytes() for path in out.glob("*.safetensors")} == weights
 
 
 @pytest.mark.slow
