@@ -46,7 +46,8 @@ class Cluster:
     workers: int = 1
 
     def __post_init__(self) -> None:
-        """Check that there is a Ray."""
+        """Check that there is a Ray, and have its words about machines in its logs only, not amid a table."""
+        os.environ.setdefault("RAY_DEDUP_LOGS_SKIP_REGEX", ".")  # it is read when Ray is imported
         try:
             import ray  # noqa: F401  # imported where it is needed: it is large, and optional
         except ImportError as error:
@@ -164,7 +165,7 @@ class _Head:
         self.heard = time.monotonic()
 
     def check(self) -> None:
-        """Raise a ModelError if it has been silent for long; Ray itself would end this process, without a word of ours."""
+        """Raise a ModelError if it has been silent for long; Ray itself would end this process, in its own words."""
         silent = time.monotonic() - self.heard
         if silent < HEARD_EVERY:
             return
