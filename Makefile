@@ -344,12 +344,13 @@ results: left
 
 pages: $(PAGES:%=docs/results/%.md)
 
-# What is left of the results: how many commands, and how long they take on this machine. MACHINES="4 16 64" CORES=16 asks
-# about others.
+# What is left of the results: how many commands, and how long they take on this machine, after it has timed a step of a
+# training. MACHINES="4 16 64" CORES=16 asks about others.
 MACHINES ?= 1
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 left: setup
 	@$(MAKE) --no-print-directory -n pages | $(RUN)ehar study scaling --commands - --machines $(MACHINES) --cores $(CORES)
+	@echo 'make results does it. Without a GPU, or without data in $(DATA): see "Measure again" in docs/contributing.md.'
 
 clean:
 	rm -rf $(VENV)

@@ -12,10 +12,11 @@ from concurrent.futures import wait as wait_for
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
+from mmap import ACCESS_READ, mmap
 from multiprocessing.connection import wait
+from multiprocessing.reduction import DupFd
 from multiprocessing.synchronize import Event
-from pathlib import Path
-from tempfile import TemporaryDirectory, gettempdir
+from tempfile import TemporaryFile, gettempdir
 from typing import Any, Protocol, TypeVar
 
 from ehar.errors import ModelError, UsageError
@@ -84,7 +85,7 @@ def worker_pool(
         count: number of processes.
         initializer: called once in each process.
         initargs: its first arguments. They have to be small: if a process cannot start, their pipe blocks forever.
-        sent: its other arguments, of any size; they are pickled to a file.
+        sent: its other arguments, of any size; they are pickled to a file without a name, which nobody has to remove.
 
     Raises:
         UsageError: no process could start, for example because a script lacks `if __name__ == "__main__":`; or there
@@ -96,14 +97,13 @@ def worker_pool(
     context = multiprocessing.get_context("spawn")
     started = context.Event()
     try:
-        folder = TemporaryDirectory(prefix="ehar-")
-        file = Path(folder.name) / "sent"
-        file.write_bytes(pickle.dumps(sent))
+        file = TemporaryFile()
+        pickle.dump(sent, file)
+        file.flush()
     except OSError as error:
         raise UsageError(f"{gettempdir()}: cannot be written: {error.strerror}") from error
-    pool = ProcessPoolExecutor(
-        count, mp_context=context, initializer=_start_worker, initargs=(started, initializer, initargs, file)
-    )
+    told = (started, initializer, initargs, _Sent(file.fileno()))
+    pool = ProcessPoolExecutor(count, mp_context=context, initializer=_start_worker, initargs=told)
     try:
         with thread_share(count):
             yield pool
@@ -119,7 +119,31 @@ def worker_pool(
         pool.shutdown(wait=False, cancel_futures=True)
         for process in set(multiprocessing.active_children()) - others:
             process.terminate()
-        folder.cleanup()
+        file.close()
+
+
+@dataclass(frozen=True)
+class _Sent:
+    """A file that a worker inherits from its parent.
+
+    Args:
+        descriptor: number of the open file.
+    """
+
+    descriptor: int
+
+    def __reduce__(self) -> tuple[Callable[[Any], "_Sent"], tuple[Any]]:
+        """Hand the open file to a worker that is starting."""
+        return _inherited, (DupFd(self.descriptor),)
+
+    def read(self) -> Any:
+        """Return what it holds; all processes share one position in it, so none may use that."""
+        with mmap(self.descriptor, 0, access=ACCESS_READ) as content:
+            return pickle.loads(content)
+
+
+def _inherited(handed: Any) -> _Sent:
+    return _Sent(handed.detach())
 
 
 def payload(what: Any, name: str) -> bytes:
@@ -235,13 +259,13 @@ def _call_received(batch: Any) -> Any:
 
 
 def _start_worker(
-    started: Event, initializer: Callable[..., None] | None, initargs: tuple[Any, ...], file: Path
+    started: Event, initializer: Callable[..., None] | None, initargs: tuple[Any, ...], sent: _Sent
 ) -> None:
     started.set()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent receives Ctrl-C too, and ends its workers
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if initializer is not None:
-        initializer(*initargs, *pickle.loads(file.read_bytes()))
+        initializer(*initargs, *sent.read())
 
 
 def _end_with_parent() -> None:

@@ -6,6 +6,7 @@ import pickle
 import signal
 import socket
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -26,6 +27,7 @@ Result = TypeVar("Result")
 EngineName = Literal["processes", "ray"]
 AHEAD = 512  # jobs that are handed to Ray before they can run: it asks for more machines by what waits
 LOST = 10  # times that a job begins anew because its machine or its process has ended, before the run ends
+HEARD_EVERY, SILENT = 5.0, 30.0  # [s] the head is asked whether it is there; Ray would end this process after a minute
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,8 @@ class Cluster:
     workers: int = 1
 
     def __post_init__(self) -> None:
-        """Check that there is a Ray."""
+        """Check that there is a Ray, and have its words about machines in its logs only, not amid a table."""
+        os.environ.setdefault("RAY_DEDUP_LOGS_SKIP_REGEX", ".")  # it is read when Ray is imported
         try:
             import ray  # noqa: F401  # imported where it is needed: it is large, and optional
         except ImportError as error:
@@ -65,7 +68,7 @@ class Cluster:
         Raises:
             UsageError: the task cannot be sent, there is no room for it, no cluster answers, or a machine has other
                 versions of packages.
-            ModelError: a batch began anew too often.
+            ModelError: a batch began anew too often, or the head of the cluster has ended.
         """
         if not batches:
             return
@@ -77,11 +80,13 @@ class Cluster:
             run = ray.remote(num_cpus=1, max_retries=LOST)(_call_shared)
             waiting = deque(batches)
             pending: dict[ObjectRef[bytes], Batch] = {}
+            head = _Head(ray.get_runtime_context().gcs_address)
             while waiting or pending:
                 while waiting and len(pending) < AHEAD:
                     batch = waiting.popleft()
                     pending[run.remote([shared], versions, batch)] = batch
-                for done in ray.wait(list(pending))[0]:
+                head.check()
+                for done in ray.wait(list(pending), timeout=HEARD_EVERY)[0]:
                     batch, result = pending.pop(done), _result_of(done)
                     yield batch, result
                     waiting.extend(follow(batch, result) if follow else ())
@@ -134,14 +139,44 @@ def engine_of(engine: str, address: str | None, workers: int) -> Engine:
 
 def _check_answers(address: str) -> None:
     """Raise a UsageError if nothing listens at an address HOST:PORT, as Ray itself waits there for minutes."""
-    host, _, port = address.rpartition(":")
-    if not port.isdigit():
+    if not address.rpartition(":")[2].isdigit():
         return  # auto, or what Ray refuses at once
+    wrong = _wrong_at(address)
+    if wrong:
+        raise UsageError(f"address {address}: expected a Ray cluster that answers, got: {wrong}")
+
+
+def _wrong_at(address: str) -> str:
+    """Return why nothing listens at an address HOST:PORT; nothing if something does."""
+    host, _, port = address.rpartition(":")
     try:
-        socket.create_connection((host, int(port)), timeout=10).close()
+        socket.create_connection((host, int(port)), timeout=HEARD_EVERY).close()
     except OSError as error:
-        reason = error.strerror or error
-        raise UsageError(f"address {address}: expected a Ray cluster that answers, got: {reason}") from error
+        return error.strerror or str(error)
+    return ""
+
+
+class _Head:
+    """The process that all machines of a cluster hang on."""
+
+    def __init__(self, address: str) -> None:
+        """Begin with a head that answers at HOST:PORT."""
+        self.address = address
+        self.heard = time.monotonic()
+
+    def check(self) -> None:
+        """Raise a ModelError if it has been silent for long; Ray itself would end this process, in its own words."""
+        silent = time.monotonic() - self.heard
+        if silent < HEARD_EVERY:
+            return
+        wrong = _wrong_at(self.address)
+        if not wrong:
+            self.heard = time.monotonic()
+        elif silent > SILENT:
+            raise ModelError(
+                f"engine ray: expected the head of the cluster at {self.address} to go on, got: {wrong}, for "
+                f"{silent:.0f} s; what is done is kept, and the same command goes on"
+            )
 
 
 def _shared(sent: bytes) -> "ObjectRef[bytes]":

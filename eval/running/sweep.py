@@ -246,8 +246,11 @@ def _train(stage: Stage, config: TrainAllConfig, inside: Engine, note: Callable[
     else:
         assert stage.seed is not None
         kept = agent_path(config.out, stage.kind, config.with_models, stage.seed).is_file()
-        asked = replace(config.agents, stages=stage.kind, seeds=(stage.seed,))
-        agents.train_agents(asked, _silent, note)
+        asked, named = (
+            replace(config.agents, stages=stage.kind, seeds=(stage.seed,)),
+            f"{stage.kind} seed {stage.seed}: ",
+        )
+        agents.train_agents(asked, _silent, lambda line: note(line.removeprefix(named)))
         return kept
     return False
 

@@ -113,15 +113,16 @@ class Scaling:
             known = [work for work in some if work is not None]
             total = _sum([work.total for work in known])
             rows.append((kind or "all", str(len(known)), str(len(some) - len(known) or ""), str(total)))
+        footnotes = (
+            f"A step of a recogniser's training takes {self.costs.step:.2f} s of a core here. From the least, if "
+            "trainings stop as soon as they may, to the most. One that was stopped counts as a whole.",
+            "Not counted: what asks for a GPU, trains on real views, or has no data here.",
+        )
         return Table(
-            title="What is left",
+            title="What is left" if works else "Nothing is left",
             header=("command", "counted", "not counted", "time of one core"),
             rows=tuple(rows),
-            footnotes=(
-                f"A step of a recogniser's training takes {self.costs.step:.2f} s of a core here. From the least, if "
-                "trainings stop as soon as they may, to the most. One that was stopped counts as a whole.",
-                "Not counted: what asks for a GPU, trains on real views, or has no data here.",
-            ),
+            footnotes=footnotes if works else (),
         )
 
     def _of_machines(self) -> Table:

@@ -1,9 +1,11 @@
 """A benchmark on a cluster of Ray: the same bytes as here, whatever machines die and come."""
 
 import os
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,11 +18,13 @@ from ehar.conditions import Conditions
 from ehar.errors import EpisodeError, ModelError, UsageError
 from ehar.files import write_text
 from ehar.planner import Observation
-from ehar.processes import Processes
+from ehar.processes import Engine, Processes
 from ehar.runner import Runner
 from ehar.sensors.registry import make_sensor
+from eval.running import sweep
 from eval.running.cluster import Cluster, engine_of
-from eval.running.sweep import SweepConfig, train_sets
+from eval.running.sweep import Stage, SweepConfig, train_sets
+from eval.running.training import TrainAllConfig
 from planners.heuristic import NoAct
 from planners.value.collection import CollectionTask, run_batches
 from tests.helpers.fakes import FakeRecogniser, tiny_data
@@ -97,6 +101,17 @@ def test_a_job_that_ends_its_process_each_time_ends_the_run(machines: Any, monke
 
 
 @pytest.mark.slow
+def test_a_cluster_whose_head_ends_ends_the_run_in_one_line(machines: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eval.running.cluster.HEARD_EVERY", 0.1)
+    monkeypatch.setattr("eval.running.cluster.SILENT", 0.6)
+    jobs = Cluster(machines.address).each_batch(lambda _, seconds: time.sleep(seconds), None, [0, 60])
+    next(jobs)
+    monkeypatch.setattr("eval.running.cluster._wrong_at", lambda _: "Connection refused")
+    with pytest.raises(ModelError, match=r"cluster at .*:\d+ to go on, got: Connection refused, for 1 s; what is done"):
+        next(jobs)
+
+
+@pytest.mark.slow
 def test_stages_on_a_cluster_hand_out_their_jobs_and_hold_no_core_meanwhile(machines: Any) -> None:
     """As many stages as cores, each of which waits for jobs; and a stage that begins after another one."""
 
@@ -135,6 +150,60 @@ def test_stages_whose_machine_dies_go_on_elsewhere_from_the_files_that_they_left
         done[number] = result
     machines.add_node(num_cpus=1)
     assert done == {number: number + number**2 + number**3 for number in (2, 3, 4, 5)}
+
+
+@pytest.mark.slow
+def test_what_ray_says_of_machines_does_not_stand_amid_a_table() -> None:
+    pytest.importorskip("ray", reason="ray is not installed")
+    said = "dict(lines=['dead'], pid='raylet', is_err=False)"  # as Ray's listener prints it
+    code = "from eval.running.cluster import Cluster; Cluster(); import ray._private.worker as ray; "
+    code += f"ray.print_to_stdstream({said}, ignore_prefix=False)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == ""
+
+
+@pytest.mark.slow
+def test_a_training_whose_machine_dies_ends_in_the_same_weights(machines: Any, tmp_path: Path) -> None:
+    """The other machine is busy until then, so it is known which of them trains."""
+    import ray
+
+    killed, busy = tmp_path / "killed", tmp_path / "busy"
+    here = TrainAllConfig(
+        conditions=Conditions(data=tiny_data(sequences=40), length=5), out=tmp_path / "here", setting="tiny"
+    )
+    there = replace(here, out=tmp_path / "there")
+
+    def keep_busy() -> None:
+        busy.touch()
+        while not killed.exists():
+            time.sleep(0.05)
+
+    def kill() -> None:
+        while not list(there.out.glob("*.checkpoint")):
+            time.sleep(0.01)
+        machines.remove_node(next(iter(machines.worker_nodes)), allow_graceful=False)
+        killed.touch()
+
+    def train(engine: Engine, config: TrainAllConfig) -> bytes:
+        task = sweep._Task({"tiny": config}, engine, tmp_path)
+        ((_, end),) = engine.each_batch(sweep.run_stage, task, [Stage("tiny", "recogniser")])
+        assert end.error == ""
+        (weights,) = config.out.glob("*.safetensors")
+        return weights.read_bytes()
+
+    ray.init(machines.address, log_to_driver=False)
+    try:
+        ray.remote(num_cpus=1, resources={"node:__internal_head__": 0.1})(keep_busy).remote()
+        while not busy.exists():
+            time.sleep(0.01)
+        with ThreadPoolExecutor(1) as pool:
+            killing = pool.submit(kill)
+            trained = train(Cluster(machines.address), there)
+            killing.result()
+    finally:
+        killed.touch()
+        ray.shutdown()
+        machines.add_node(num_cpus=1)
+    assert trained == train(Processes(1), here)
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ from eval.running import sweep
 from eval.running.cost import Steps, duration, predicted, steps_of
 from eval.running.sweep import Stage, SweepConfig, stages_of, train_sets
 from eval.running.training import TrainAllConfig, Trained
+from planners.agents.config import AgentTrainingConfig
 from tests.helpers.fakes import tiny_data
 from tests.helpers.streams import raising_streams
 
@@ -176,3 +177,12 @@ def test_a_stage_on_a_machine_without_the_folder_says_so(tmp_path: Path) -> None
     assert error.startswith(f"{tmp_path / 'elsewhere'}: machine ") and error.endswith(
         "cannot open it: No such file or directory; expected a folder that all machines share"
     )
+
+
+def test_a_warning_of_an_agents_training_names_it_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def train(config: AgentTrainingConfig, report: Any, note: Callable[[str], None]) -> None:
+        note(f"{config.stages} seed {config.seeds[0]}: warning: cut short")
+
+    monkeypatch.setattr("planners.agents.training.train_agents", train)
+    task = sweep._Task(config(tmp_path).sets, Processes(), tmp_path)
+    assert sweep.run_stage(task, Stage("one", "il", 7)).warnings == ("warning: cut short",)

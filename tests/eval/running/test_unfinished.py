@@ -115,8 +115,12 @@ def test_a_run_that_is_killed_twenty_times_ends_in_the_same_bytes(
 
 @pytest.mark.slow
 @needs_proc
-def test_workers_end_with_a_driver_that_is_killed(tmp_path: Path, never_stopped: dict[str, bytes]) -> None:
+def test_workers_end_with_a_driver_that_is_killed_and_leave_no_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, never_stopped: dict[str, bytes]
+) -> None:
     rng, context, out = np.random.default_rng(1), multiprocessing.get_context("fork"), tmp_path / "killed"
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
     for most in (1, JOBS // 2):  # jobs that are done when it is killed, or a few more
         process = context.Process(target=run, args=(PLANNERS,), kwargs={"out": out, "workers": 2})
         process.start()
@@ -129,6 +133,7 @@ def test_workers_end_with_a_driver_that_is_killed(tmp_path: Path, never_stopped:
         process.join()
         assert process.exitcode == -signal.SIGKILL and len(workers) >= 2
         assert still_running(workers) == []
+    assert list((tmp_path / "temporary").iterdir()) == []
     log = Log()
     run(PLANNERS, out=out, reporter=log)
     assert log.jobs <= JOBS // 2

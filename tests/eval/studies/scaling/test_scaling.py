@@ -120,7 +120,7 @@ def test_finished_runs_tell_what_planners_take(tmp_path: Path, capsys: pytest.Ca
 def test_nothing_is_left_and_nothing_is_asked(tmp_path: Path) -> None:
     write_text(tmp_path / "none", ["make: Nothing to be done for 'pages'.\n"])
     (table,) = scaling(commands=tmp_path / "none").tables()
-    assert [row[:2] for row in table.rows] == [("all", "0")]
+    assert (table.title, [row[:2] for row in table.rows], table.footnotes) == ("Nothing is left", [("all", "0")], ())
     with pytest.raises(UsageError, match=r"^scaling: expected a run, or --commands FILE, got neither$"):
         scaling()
     with pytest.raises(UsageError, match="expected at least 1 machine and 1 core"):
