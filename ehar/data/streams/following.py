@@ -7,9 +7,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Ge, Gt
 
-from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.arrays import BoolArray, FloatArray
 
-HELD = 1.0  # [s] that people are expected to walk on unseen; then nobody knows where they are
 _SEED = 0  # the error of a localisation is a property of the stream, so all planners meet the same
 _PACE = 1.0  # [1/s]; how fast the centre that a vehicle follows gets to where people are thought to be
 _BETWEEN = 0.99  # share of the speed limit for frames, so that the speed keeps it between them too
@@ -61,9 +60,8 @@ class Localisation:
 
         A Kalman filter of constant velocity takes the positions that arrive, and predicts over their delay. What it
         says at frame t rests on frames up to t minus the delay. From a frame that is missing no position arrives, so
-        the filter only predicts, for `HELD` seconds. Then nobody knows where people are, and the centre rests; with
-        the next position that arrives the filter begins anew. Before the first position arrives, it is where people
-        are in the first frame that is not missing: someone put the camera there.
+        the filter only predicts. Before the first position arrives, it is where people are in the first frame that is
+        not missing: someone put the camera there.
 
         Args:
             middles: (T, 3) the people's middle [m]; in missing frames it is not read.
@@ -91,8 +89,7 @@ class Localisation:
         measured = middles + self.noise * rng.standard_normal(middles.shape)
         late = round(self.delay * fps)
         known = np.ones(len(middles), dtype=bool) if missing is None else ~missing
-        unseen = _unseen(known) / fps > HELD
-        gains, transition = _gains(1 / fps, known[1:], unseen[1:], max(self.noise, 1e-6), self.agility)
+        gains, transition = _gains(1 / fps, known[1:], max(self.noise, 1e-6), self.agility)
         ahead = np.linalg.matrix_power(transition, late)[0]
         begin = middles[known.argmax()]
         state = np.stack([begin, np.zeros(3)])  # position and velocity of the three axes
@@ -101,8 +98,6 @@ class Localisation:
         for frame in range(1, len(middles)):
             if frame > late:
                 state = transition @ state
-                if unseen[frame - late]:
-                    state[1] = 0
                 if known[frame - late]:
                     state += gains[frame - late - 1][:, None] * (measured[frame - late] - state[0])
                 centres[frame], velocities[frame] = ahead @ state, state[1]
@@ -180,6 +175,8 @@ class FollowedCentre:
         localisation: how well places are known; its delay is not used.
     """
 
+    HELD = 1.0  # [s]
+
     def __init__(
         self,
         place: FloatArray,
@@ -213,7 +210,7 @@ class FollowedCentre:
         from filterpy.common import Q_discrete_white_noise
 
         elapsed = time - self._time
-        if abs(elapsed) > HELD:
+        if abs(elapsed) > self.HELD:
             self._begin(place, time)
             return
         if elapsed <= 0:
@@ -228,7 +225,7 @@ class FollowedCentre:
         """Return the motion one frame later, each (3,)."""
         self._since += self._frame_time
         place, velocity = self._filter.x[:3, 0], self._filter.x[3:, 0]
-        if self._since > HELD:
+        if self._since > self.HELD:
             place, velocity = self._smooth.place, np.zeros(3)
         else:
             place = place + self._since * velocity
@@ -251,22 +248,11 @@ def _length(vector: FloatArray) -> float:
     return float(np.sqrt(vector @ vector))
 
 
-def _unseen(known: BoolArray) -> IntArray:
-    """Return for how many frames (T,) nobody has known where people are, up to one in which somebody does."""
-    frames = np.arange(len(known))
-    last: IntArray = np.maximum.accumulate(np.where(known, frames, 0))
-    unseen: IntArray = frames - np.concatenate([[0], last[:-1]]) - known
-    return unseen
-
-
-def _gains(
-    frame_time: float, known: BoolArray, unseen: BoolArray, noise: float, agility: float
-) -> tuple[FloatArray, FloatArray]:
+def _gains(frame_time: float, known: BoolArray, noise: float, agility: float) -> tuple[FloatArray, FloatArray]:
     """Return the gains (T, 2) of the filter of one axis, 0 in frames that are not `known` (T,); and its transition.
 
-    Where people are seen who had been `unseen` (T,) for long, the filter begins anew, as at first. Gains do not depend
-    on what is measured, and are the same for the three axes. So filterpy runs once, and only while they change: at the
-    beginning and after each gap.
+    Gains do not depend on what is measured, and are the same for the three axes. So filterpy runs once, and only while
+    they change: at the beginning and after each gap.
     """
     from filterpy.common import Q_discrete_white_noise  # imported here: it brings scipy, too slow for `ehar --help`
     from filterpy.kalman import KalmanFilter
@@ -276,17 +262,13 @@ def _gains(
     kalman.H = np.array([[1.0, 0.0]])
     kalman.R = np.array([[noise**2]])
     kalman.Q = Q_discrete_white_noise(dim=2, dt=frame_time, var=agility**2)
-    begin = kalman.P = np.diag([noise**2, 1.0])
+    kalman.P = np.diag([noise**2, 1.0])
     gains = np.zeros((len(known), 2))
     gaps = [*np.flatnonzero(~known).tolist(), len(known)]  # and the end
     frame = 0
     while frame < len(known):
         kalman.predict()
         if not known[frame]:
-            frame += 1
-            continue
-        if unseen[frame]:
-            kalman.P, gains[frame] = begin, (1, 0)
             frame += 1
             continue
         kalman.update(np.zeros(1))

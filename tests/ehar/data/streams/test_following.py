@@ -27,7 +27,7 @@ def walk(frames: int = 240, seed: int = 0) -> FloatArray:
     return np.cumsum(step, axis=0) + np.array([0.0, 0.0, 1.0])
 
 
-@pytest.mark.parametrize(("axis", "gaps"), [(0, ()), (1, ((50, 51), (120, 150))), (2, ((1, 4), (230, 240)))])
+@pytest.mark.parametrize(("axis", "gaps"), [(0, ()), (1, ((50, 51), (120, 160))), (2, ((1, 4), (230, 240)))])
 def test_without_delay_it_is_filterpy_s_filter_of_constant_velocity(axis: int, gaps: Gaps) -> None:
     told, way = Localisation(noise=0.05, delay=0.0), walk()
     missing = within(gaps)
@@ -52,21 +52,6 @@ def test_a_gap_says_nothing_and_a_stream_may_begin_with_one() -> None:
     np.testing.assert_array_equal(centres, Localisation().followed(other, FPS, 0, missing))
     np.testing.assert_array_equal(centres[:6], np.tile(way[5], (6, 1)))
     assert np.linalg.norm(centres - way, axis=1)[135:].max() < 0.5  # it finds people again
-
-
-def test_whoever_is_not_seen_for_long_is_not_followed_any_more() -> None:
-    """For a second people are expected to walk on. Where they turn up after eight, the filter begins as at first."""
-    way, missing = walk(frames=600), within(((100, 340),), 600)
-    told = Localisation(noise=0.05, delay=0.0)
-    centres = told.followed(way, FPS, 0, missing)
-    on_the_way = np.diff(centres[99:131], axis=0)
-    np.testing.assert_allclose(on_the_way[1:], np.tile(on_the_way[1], (30, 1)), atol=1e-12)
-    assert np.linalg.norm(on_the_way[1]) > 0.5 / FPS
-    np.testing.assert_array_equal(centres[131:340], np.tile(centres[131], (209, 1)))
-    measured = way + 0.05 * np.random.default_rng((0, 0)).standard_normal(way.shape)
-    np.testing.assert_allclose(centres[340], measured[340], atol=1e-12)
-    assert np.linalg.norm(centres - way, axis=1)[345:].max() < 0.5
-    np.testing.assert_array_equal(centres[:100], told.followed(way[:100], FPS, 0))
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.5])
