@@ -117,15 +117,18 @@ def draw_scenarios(
     return Scenarios(data, length, sequence, first)
 
 
-def advised_length(data: MotionData) -> int:
-    """Return a number of frames of an episode that nearly all sequences have, `USUAL_LENGTH` at most.
+def advised_length(data: MotionData | StreamData, usual: int = USUAL_LENGTH) -> int:
+    """Return a number of frames of an episode that nearly all sequences have, `usual` at most.
 
-    It is the longest at which every class keeps at least `KEPT_SHARE` of its sequences. One that is shorter than
-    `LEAST_LENGTH` is not advised: there would be nothing to watch.
+    It is the longest at which every class keeps at least `KEPT_SHARE` of its sequences, or of streams, which show many
+    classes each, that share of all. One that is shorter than `LEAST_LENGTH` is not advised: there would be nothing to
+    watch.
     """
-    members = (data.lengths[data.labels == label] for label in range(len(data.class_names)))
-    kept = [np.sort(lengths)[int((1 - KEPT_SHARE) * len(lengths))] for lengths in members if len(lengths)]
-    return int(np.clip(min(kept), LEAST_LENGTH, USUAL_LENGTH))
+    lengths = [data.lengths]
+    if not isinstance(data, StreamData):
+        lengths = [data.lengths[data.labels == label] for label in range(len(data.class_names))]
+    kept = [np.sort(some)[int((1 - KEPT_SHARE) * len(some))] for some in lengths if len(some)]
+    return int(np.clip(min(kept), LEAST_LENGTH, usual))
 
 
 def split_parts(data: MotionData | StreamData) -> Parts:
@@ -176,8 +179,8 @@ def stream_parts(data: StreamData) -> Parts:
 
     The data's own split decides the test part; without one it is a third of the people. Of the rest, validation has
     people of its own, if there are at least `LEAST_KNOWN`; or else streams of its own. So has the policy part, if that
-    leaves `LEAST_KNOWN` people to the recogniser. If it does not, the two share people and not streams, and each of them
-    has streams of as many people as it can. The shares are those of clips, as near as whole people or streams come.
+    leaves `LEAST_KNOWN` people to the recogniser. If it does not, the two share people and not streams: each has
+    streams of as many people as it can. The shares are those of clips, as near as whole people or streams come.
 
     Raises:
         DataError: fewer than three people, or streams, are left for training; or a part has no segment of a class. Only
