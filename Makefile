@@ -43,7 +43,7 @@ docs: setup
 # LAUNCH comes before every command, for a cluster: make -j 20 results LAUNCH="srun --ntasks=1". ENGINE is where the jobs
 # of each benchmark run: make results ENGINE="--engine ray --address auto". `make left` says what is left of the results.
 # A model set is NAME, NAME-SEED or NAME-indoor: models/duo-1 is the second training on duo, models/sbu-indoor the world of
-# a robot indoors. DATA is a folder with hdm05, bandai2, sbu and nwucla.npz. SEEDS are
+# a robot indoors. DATA is a folder with hdm05, bandai2, sbu, nwucla and utkinect.npz. SEEDS are
 # the agents' seeds, by name: another machine may train others into the same folder, SEEDS="5 6".
 LAUNCH ?=
 ENGINE ?=
@@ -176,16 +176,40 @@ $(SETS:%=runs/belief-%/table.md): runs/belief-%/table.md: models/%/planners-esti
 
 # Streams: planners that need nothing but the recogniser, and the belief.
 STREAMS := solo-stream duo-stream
+utkinect := --data $(DATA)/utkinect.npz
+stream_data = $(or $($(1)),--data $(1))
 STREAM_PLANNERS := no-act random towards h-rotate v-rotate near-level front side
 
-$(STREAMS:%=models/%/causal-estimator-moving.safetensors): models/%/causal-estimator-moving.safetensors: | setup
-	$(EHAR) train recogniser --data $* --sensor estimator --out $(@D)
+STREAM_RECOGNISER := models/%/causal-estimator-moving.safetensors
+$(STREAMS:%=$(STREAM_RECOGNISER)) models/utkinect/causal-estimator-moving.safetensors: $(STREAM_RECOGNISER): | setup
+	$(EHAR) train recogniser $(call stream_data,$*) --sensor estimator --out $(@D)
 
 $(STREAMS:%=runs/watched-%/table.md): runs/watched-%/table.md: models/%/causal-estimator-moving.safetensors
 	$(BENCHMARK) $(STREAM_PLANNERS) oracle --data $* --sensor estimator --models models/$* --starts $(STARTS) --out $(@D)
 
 $(STREAMS:%=runs/belief-%/table.md): runs/belief-%/table.md: models/%/causal-estimator-moving.safetensors
 	$(EHAR) study belief --data $* --sensor estimator --models models/$* --out $(@D)
+
+# Real streams, with every planner that is not an agent: on the grid, and flown.
+REAL_STREAM := models/utkinect/causal-estimator-moving.safetensors
+WATCHING := no-act front side near-level fixed-best nbv-greedy nbv-search nbv oracle
+
+models/utkinect/gain-field-estimator-moving.safetensors: $(REAL_STREAM)
+	$(EHAR) train gain-field $(utkinect) --sensor estimator --models $(@D)
+
+models/utkinect/fixed-best-estimator-moving.json: $(REAL_STREAM)
+	$(EHAR) train fixed-best $(utkinect) --sensor estimator --models $(@D)
+
+runs/utkinect/table.md: models/utkinect/gain-field-estimator-moving.safetensors models/utkinect/fixed-best-estimator-moving.json
+	$(BENCHMARK) $(WATCHING) $(utkinect) --sensor estimator --models models/utkinect --starts 2 --out $(@D)
+
+runs/utkinect-px4/table.md: runs/utkinect/table.md
+	$(BENCHMARK) $(WATCHING) $(utkinect) --sensor estimator --models models/utkinect --starts 2 --track px4-auto \
+	  --ideal $(<D) --out $(@D)
+
+# The film of the README: the episode in which nbv's gain over front is the median.
+docs/figures/stream.gif: runs/utkinect-px4/table.md
+	$(EHAR) replay $(<D) typical --planners nbv front --out $@
 
 # Episodes of validation people, on which rules of when to answer are fitted.
 $(SETS:%=runs/fitting-%/table.md): runs/fitting-%/table.md: models/%/planners-estimator-moving
@@ -277,6 +301,9 @@ docs/results/flown.md: $(SETS:%=runs/agents-%-drone/table.md)
 docs/results/streams.md: $(STREAMS:%=runs/watched-%/table.md)
 	$(call page,$@,Streams,ehar benchmark --data solo-stream --sensor estimator --models models/solo-stream,$^)
 
+docs/results/utkinect.md: runs/utkinect/table.md runs/utkinect-px4/table.md
+	$(call page,$@,Streams of a real Kinect,ehar benchmark $(WATCHING) --data utkinect.npz --sensor estimator,$^)
+
 docs/results/stream-belief.md: $(STREAMS:%=runs/belief-%/table.md)
 	$(call page,$@,The belief in streams,ehar study belief --data solo-stream --sensor estimator,$^)
 
@@ -337,7 +364,7 @@ docs/results/behaviour.md: runs/agents-hdm05-estimator/table.md
 docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/table.md runs/rules-$(set)-perfect/table.md)
 	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$^)
 
-PAGES := planners nbv indoor exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding streams stream-belief headroom forms \
+PAGES := planners nbv indoor exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding streams stream-belief utkinect headroom forms \
   published real-views paper agents behaviour benchmarks
 results: left
 	@$(MAKE) --no-print-directory pages

@@ -32,22 +32,24 @@ class Temperature:
         return np.exp(np.interp(ratio, KNOTS, self.log_temperatures))
 
 
-def fit_temperature(logits: FloatArray, labels: IntArray) -> Temperature:
+def fit_temperature(logits: FloatArray, labels: IntArray, weights: FloatArray | None = None) -> Temperature:
     """Return the temperature that minimises the NLL over all frames.
 
     Args:
         logits: (N, L, K), the logits of validation clips after every frame.
         labels: (N,), the true classes; of streams (N, L), for each frame its own.
+        weights: (K,) how much a frame of each class counts; None means all alike.
     """
     length = logits.shape[1]
     true = np.broadcast_to(labels.reshape(len(labels), -1, 1), (*logits.shape[:2], 1))
     ratio = np.arange(1, length + 1) / length
     wide = logits.astype(np.float64)
+    counts = None if weights is None else weights[true]
 
     def loss(log_temperatures: FloatArray) -> float:
         temperature = np.exp(np.interp(ratio, KNOTS, log_temperatures))
         log_probs = log_softmax(wide / temperature[:, None], axis=-1)
-        nll = -np.take_along_axis(log_probs, true, axis=-1).mean()
+        nll = -np.average(np.take_along_axis(log_probs, true, axis=-1), weights=counts)
         return float(nll + SMOOTHNESS * np.square(np.diff(log_temperatures)).sum())
 
     fitted = minimize(loss, np.zeros(len(KNOTS)), method="L-BFGS-B", bounds=[(-3.0, 4.0)] * len(KNOTS))

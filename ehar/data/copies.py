@@ -4,18 +4,19 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.motion_data import MotionData
+from ehar.data.recordings import Recordings
 from ehar.errors import DataError
 
 ALIKE = 0.5  # share of its frames that a copy has elsewhere; few may be alike by chance
 
 
-def copied(data: MotionData, sequences: IntArray) -> BoolArray:
+def copied(data: Recordings, sequences: IntArray) -> BoolArray:
     """Return which sequences (n,) are copies of any of the data's others: more than half of their frames are there too.
 
     Frames are the same if all joints are, to the last bit; no two recordings are. A recogniser that learned from the
     other sequences has met a copy already.
     """
-    others = np.setdiff1d(np.arange(len(data.labels)), sequences)
+    others = np.setdiff1d(np.arange(len(data.lengths)), sequences)
     known = set().union(*(_frames(data.sequence(other)) for other in others.tolist()))
     return np.array([_is_copy(data.sequence(sequence), known) for sequence in sequences.tolist()], dtype=bool)
 

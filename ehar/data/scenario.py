@@ -117,15 +117,18 @@ def draw_scenarios(
     return Scenarios(data, length, sequence, first)
 
 
-def advised_length(data: MotionData) -> int:
-    """Return a number of frames of an episode that nearly all sequences have, `USUAL_LENGTH` at most.
+def advised_length(data: MotionData | StreamData, usual: int = USUAL_LENGTH) -> int:
+    """Return a number of frames of an episode that nearly all sequences have, `usual` at most.
 
-    It is the longest at which every class keeps at least `KEPT_SHARE` of its sequences. One that is shorter than
-    `LEAST_LENGTH` is not advised: there would be nothing to watch.
+    It is the longest at which every class keeps at least `KEPT_SHARE` of its sequences, or of streams, which show many
+    classes each, that share of all. One that is shorter than `LEAST_LENGTH` is not advised: there would be nothing to
+    watch.
     """
-    members = (data.lengths[data.labels == label] for label in range(len(data.class_names)))
-    kept = [np.sort(lengths)[int((1 - KEPT_SHARE) * len(lengths))] for lengths in members if len(lengths)]
-    return int(np.clip(min(kept), LEAST_LENGTH, USUAL_LENGTH))
+    lengths = [data.lengths]
+    if not isinstance(data, StreamData):
+        lengths = [data.lengths[data.labels == label] for label in range(len(data.class_names))]
+    kept = [np.sort(some)[int((1 - KEPT_SHARE) * len(some))] for some in lengths if len(some)]
+    return int(np.clip(min(kept), LEAST_LENGTH, usual))
 
 
 def split_parts(data: MotionData | StreamData) -> Parts:
@@ -174,9 +177,10 @@ def split_parts(data: MotionData | StreamData) -> Parts:
 def stream_parts(data: StreamData) -> Parts:
     """Split streams into the four parts, by frames.
 
-    The data's own split decides the test part; without one it is a third of the people. Of the rest, each part has
-    people of its own, if there are at least `LEAST_KNOWN`; or else streams of its own. The shares are those of clips,
-    as near as whole people or streams come to them.
+    The data's own split decides the test part; without one it is a third of the people. Of the rest, validation has
+    people of its own, if there are at least `LEAST_KNOWN`; or else streams of its own. So has the policy part, if that
+    leaves `LEAST_KNOWN` people to the recogniser. If it does not, the two share people and not streams: each has
+    streams of as many people as it can. The shares are those of clips, as near as whole people or streams come.
 
     Raises:
         DataError: fewer than three people, or streams, are left for training; or a part has no segment of a class. Only
@@ -198,6 +202,8 @@ def stream_parts(data: StreamData) -> Parts:
     unseen = np.isin(unit, _drawn(rng, data, unit, rest, VALIDATION_SHARE)) & ~is_test
     rest = np.flatnonzero(~is_test & ~unseen)
     policy = np.isin(unit, _drawn(rng, data, unit, rest, 1 - RECOGNISER_SHARE)) & ~is_test & ~unseen
+    if len(np.unique(unit[rest[~policy[rest]]])) < LEAST_KNOWN:
+        policy = _shared_out(rng, data, people if named else streams, rest, 1 - RECOGNISER_SHARE)
     known = np.flatnonzero(~is_test & ~unseen & ~policy)
     parts = Parts(known, np.flatnonzero(policy), np.flatnonzero(unseen), np.flatnonzero(is_test))
     for part in ("recogniser", "policy", TEST):
@@ -214,9 +220,33 @@ def _drawn(rng: np.random.Generator, data: StreamData, unit: IntArray, streams: 
     """Draw units, of people or of streams, until they have a share of the frames of some streams; never all of them."""
     units = rng.permutation(np.unique(unit[streams]))
     frames = np.array([data.lengths[streams[unit[streams] == one]].sum() for one in units])
-    upto = np.cumsum(frames)
-    count = 1 + int(np.abs(upto[:-1] - share * upto[-1]).argmin())
-    return units[:count]
+    return units[: _nearest(np.cumsum(frames), share)]
+
+
+def _shared_out(
+    rng: np.random.Generator, data: StreamData, owner: IntArray, streams: IntArray, share: float
+) -> BoolArray:
+    """Draw streams, one of each owner in turn, until they have a share of the frames of `streams`; never all of them.
+
+    Args:
+        rng: what is drawn with.
+        data: the streams.
+        owner: (streams,) who is in each.
+        streams: (n,) those to draw from.
+        share: share of their frames.
+
+    Returns:
+        (streams,) whether each is drawn.
+    """
+    drawn = rng.permutation(streams)
+    turn = [int((owner[drawn[:at]] == owner[stream]).sum()) for at, stream in enumerate(drawn)]
+    drawn = drawn[np.argsort(turn, kind="stable")]
+    return np.isin(np.arange(len(data.lengths)), drawn[: _nearest(np.cumsum(data.lengths[drawn]), share)])
+
+
+def _nearest(upto: IntArray, share: float) -> int:
+    """Return how many of n, at least one and not all, come nearest to a share, by what the first 1 to n hold (n,)."""
+    return 1 + int(np.abs(upto[:-1] - share * upto[-1]).argmin())
 
 
 def part_of(data: MotionData | StreamData, part: str) -> IntArray:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 TELLING = ("gain", "loss", "typical")  # the first three episodes of a report, in this order
 MOST_PLANNERS = 2
 SLOWER = 4.0  # times slower than life: a clip lasts a second or two, too short to look at everything
-MOST_FPS = 30.0  # frames a second of a film
+MOST_FPS = {".mp4": 30.0, ".gif": 10.0}  # frames a second of a film; a GIF keeps every pixel that changes
 STRETCH = 30.0  # [s], of a stream that is filmed
 
 
@@ -102,7 +102,7 @@ def make_replay(
         from eval.replays.figure import ReplayFigure
 
         pace = slower or (1.0 if replay.of_streams else SLOWER)
-        every = max(1, round(replay.fps / pace / MOST_FPS))
+        every = max(1, round(replay.fps / pace / MOST_FPS[path.suffix]))
         draw = ReplayFigure(replay, pace).draw
         frames = -(-replay.frames // every)
         write_film(lambda frame: draw(frame * every), frames, replay.fps / pace / every, path)

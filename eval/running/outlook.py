@@ -46,7 +46,7 @@ def outlook(data: MotionData | StreamData, length: int | None) -> tuple[str, ...
     """
     parts, needed = split_parts(data), Needed.of(data, length)
     one = "stream" if isinstance(data, StreamData) else "sequence"
-    advice = "" if isinstance(data, StreamData) else _advice(data, needed.planners)
+    advice = _advice(data, needed.planners)
 
     def long_enough(sequences: IntArray, frames: int) -> IntArray:
         chosen: IntArray = sequences[data.lengths[sequences] >= frames]
@@ -96,6 +96,6 @@ def _shown(data: MotionData | StreamData, sequences: IntArray) -> IntArray:
     return data.labels[sequences]
 
 
-def _advice(data: MotionData, length: int) -> str:
-    advised = advised_length(data)
+def _advice(data: MotionData | StreamData, length: int) -> str:
+    advised = advised_length(data, length)
     return f"; --length {advised} is advised" if advised < length else ""

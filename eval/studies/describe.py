@@ -1,194 +1,192 @@
 """Describes a data set: a table of its classes, and a picture of a few skeletons of each class."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.colors import to_rgb
-from matplotlib.figure import Figure
 
-from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.arrays import BoolArray, IntArray
 from ehar.conditions import Conditions
 from ehar.data.copies import copied
 from ehar.data.motion_data import MotionData
-from ehar.data.scenario import USUAL_LENGTH, advised_length, split_parts, windows
-from ehar.data.skeleton import Skeleton
-from ehar.errors import DataError, UsageError
-from ehar.files import replacing
-from eval.render.palette import BLUE, EDGE, LINE, SOFT, THIN, VERMILION
-from eval.render.tables import Table
-from recognition.setting import load_motion_of
-
-FRAMES_SHOWN = 5
-ROW_HEIGHT = 1.8  # inches
-GROUND = -0.15  # [m] the lower edge of each row
-VIEW_AZIMUTH = np.radians(40)  # off the direction that the first person faces: between front and side
-VIEW_ELEVATION = np.radians(15)
-LEFT, RIGHT, MIDDLE = VERMILION, BLUE, SOFT
-PERSON_TINT = 0.45  # share of white in the colours of the second person
+from ehar.data.recordings import UNKNOWN_SUBJECT
+from ehar.data.scenario import PARTS, TEST, advised_length, part_of, split_parts, windows
+from ehar.data.streams.data import NO_ACTIVITY, NO_ACTIVITY_NAME, StreamData
+from eval.render.tables import NONE, Table
+from eval.running.outlook import Needed
+from eval.scores.streams.activities import activity_frames
+from eval.studies.describe_figure import activities, describe_figure, title_of
+from recognition.setting import load_recordings_of
 
 
 def describe(
-    data: str | Path | MotionData,
+    data: str | Path | MotionData | StreamData,
     *,
     fps: float | None = None,
-    length: int = USUAL_LENGTH,
+    length: int | None = None,
     figure: str | Path | None = None,
 ) -> Table:
-    """Return a table of the classes: sequences, their frames, the split, and the test windows of an episode's length.
+    """Return a table of the classes: how many activities of each there are, how long, and in which parts.
 
-    A footnote advises a shorter length, if many sequences are shorter than an episode.
+    A trimmed sequence is one activity. The last column counts what an episode's length leaves of the test part: windows
+    of sequences, and activities of streams that lie within an episode, as no others are scored. Footnotes say what
+    else the data hold, and advise a shorter length if many sequences or streams are shorter than an episode.
 
     Args:
-        data: duo, solo, or a prepared .npz.
+        data: a built-in set, or a prepared .npz of sequences or of streams.
         fps: frame rate to resample to [Hz].
-        length: frames of an episode.
+        length: frames of an episode; None means 60, of streams as many as 30 s have.
         figure: picture to write, with a few skeletons of each class: .png, .svg or .pdf.
 
     Raises:
         EharError: one line that says what was got and what was expected.
     """
-    data = load_motion_of(Conditions(data=data, fps=fps, length=length))
+    held = load_recordings_of(Conditions(data=data, fps=fps, length=length))
     if figure is not None:
-        describe_figure(data, Path(figure))
-    test = split_parts(data).test
-    is_test = np.isin(np.arange(len(data.labels)), test)
-    tested = windows(data, test, length, length).labels
-    rows = [
-        (name, *_counts(data, is_test, data.labels == label, int((tested == label).sum())))
-        for label, name in enumerate(data.class_names)
-    ]
-    rows.append(("all", *_counts(data, is_test, np.ones(len(data.labels), dtype=bool), len(tested))))
-    header = ("class", "sequences", "train", "test", "frames min", "median", "max", f"test windows L={length}")
+        describe_figure(held, Path(figure))
+    needed = Needed.of(held, length)
+    header, rows = _stream_rows(held, needed) if isinstance(held, StreamData) else _clip_rows(held, needed)
+    whole = next(index for index, row in enumerate(rows) if row[0] == "all")
     return Table(
-        title=_title(data),
+        title=title_of(held),
         header=header,
         rows=tuple(rows),
-        footnotes=tuple(_footnotes(data, length)),
-        bold=frozenset((len(rows) - 1, column) for column in range(len(header))),
+        footnotes=tuple(_footnotes(held, needed)),
+        bold=frozenset((whole, column) for column in range(len(header))),
     )
 
 
-def _counts(data: MotionData, is_test: BoolArray, members: BoolArray, test_windows: int) -> list[str]:
-    lengths = data.lengths[members]
-    numbers = [len(lengths), int((members & ~is_test).sum()), int((members & is_test).sum())]
-    frames = (
-        [int(lengths.min()), round(float(np.median(lengths))), int(lengths.max())] if len(lengths) else ["-", "-", "-"]
-    )
-    return [str(number) for number in (*numbers, *frames, test_windows)]
+Rows = tuple[tuple[str, ...], list[tuple[str, ...]]]  # header and rows
 
 
-def _title(data: MotionData) -> str:
-    persons = "1 person" if data.persons == 1 else f"{data.persons} persons"
-    joints = f"{len(data.skeleton.joint_names)} joints"
-    return f"{data.title}: {persons}, {joints}, {data.fps:g} fps, {len(data.class_names)} classes"
+def _clip_rows(data: MotionData, needed: Needed) -> Rows:
+    test = split_parts(data).test
+    is_test = np.isin(np.arange(len(data.labels)), test)
+    tested = windows(data, test, needed.benchmark, needed.benchmark).labels
+    header = ("class", "sequences", "train", "test", "frames min", "median", "max")
+    in_parts = {"train": ~is_test, "test": is_test}
+    rows = [
+        _row(name, data.lengths, data.labels == label, in_parts, int((tested == label).sum()))
+        for label, name in enumerate(data.class_names)
+    ]
+    rows.append(_row("all", data.lengths, np.ones(len(data.labels), dtype=bool), in_parts, len(tested)))
+    return (*header, f"test windows L={needed.benchmark}"), rows
 
 
-def _footnotes(data: MotionData, length: int) -> list[str]:
+def _stream_rows(data: StreamData, needed: Needed) -> Rows:
+    bounds, labels = activities(data)
+    scored = np.bincount(_scored(data, needed.benchmark), minlength=len(data.class_names))
+    parts = {part: part_of(data, part) for part in PARTS}
+
+    def row(name: str, shown: IntArray, scored: int | None) -> tuple[str, ...]:
+        stream = np.searchsorted(data.offsets, shown[:, 0], side="right") - 1
+        in_parts = {part: np.isin(stream, streams) for part, streams in parts.items()}
+        seconds = (shown[:, 1] - shown[:, 0]) / data.fps
+        return _row(name, seconds, np.ones(len(shown), dtype=bool), in_parts, scored, digits=1)
+
+    rows = [row(name, bounds[labels == label], int(scored[label])) for label, name in enumerate(data.class_names)]
+    rows += [row("all", bounds, int(scored.sum())), row(NO_ACTIVITY_NAME, _between(data), None)]
+    header = ("class", "activities", *PARTS, "seconds min", "median", "max")
+    return (*header, f"scored in test L={needed.benchmark}"), rows
+
+
+def _row(
+    name: str,
+    lengths: np.ndarray,
+    members: BoolArray,
+    in_parts: Mapping[str, BoolArray],
+    scored: int | None,
+    digits: int = 0,
+) -> tuple[str, ...]:
+    """Return a row: how many activities there are, in all and in each part, how long, and how many are scored."""
+    counts = [int(members.sum()), *(int((members & part).sum()) for part in in_parts.values())]
+    of_class = lengths[members]
+    spread = (of_class.min(), np.median(of_class), of_class.max()) if len(of_class) else ()
+    lengths_told = [f"{value:.{digits}f}" for value in spread] or [NONE] * 3
+    return (name, *map(str, counts), *lengths_told, NONE if scored is None else str(scored))
+
+
+def _between(data: StreamData) -> IntArray:
+    """Return the first and the end frame of each stretch that shows no activity, (n, 2)."""
+    first = np.sort(np.concatenate([data.offsets[:-1], data.segments[:, 1]]))
+    end = np.sort(np.concatenate([data.segments[:, 0], data.offsets[1:]]))
+    stretches = np.stack([first, end], axis=1)
+    found: IntArray = stretches[end > first]
+    return found
+
+
+def _scored(data: StreamData, length: int) -> IntArray:
+    """Return the class of each activity that is scored: it lies within an episode of the test part."""
+    labels = windows(data, part_of(data, TEST), length, length).labels
+    labels = np.where(labels == len(data.class_names), NO_ACTIVITY, labels)
+    episode, begin, _ = activity_frames(labels)
+    found: IntArray = labels[episode, begin]
+    return found
+
+
+def _footnotes(data: MotionData | StreamData, needed: Needed) -> list[str]:
     minutes = len(data.positions) / data.fps / 60
+    length = needed.benchmark
     short = int((data.lengths < length).sum())
-    advised = advised_length(data)
+    advised = advised_length(data, length)
     copies = int(copied(data, split_parts(data).test).sum())
-    notes = [f"warning: {copies} test sequences are copies of training sequences"] if copies else []
+    in_streams = isinstance(data, StreamData)
+    one = "stream" if in_streams else "sequence"
+    notes = [f"warning: {copies} test {one}s are copies of training {one}s"] if copies else []
     return [
         *notes,
         f"{'synthetic motion' if data.synthetic else 'recorded motion'}, {minutes:.1f} minutes, "
-        f"{short} of {len(data.labels)} sequences shorter than {length} frames",
-        *([f"--length {advised} is advised: few sequences are shorter"] if advised < length else []),
+        f"{short} of {len(data.lengths)} {one}s shorter than {length} frames",
+        *([f"--length {advised} is advised: few {one}s are shorter"] if advised < length else []),
+        *(_stream_notes(data, needed) if isinstance(data, StreamData) else []),
         f"split: {'as in the data' if data.is_test is not None else 'none in the data; held out from a fixed seed'}",
         f"licence: {data.license or 'not stated'}",
     ]
 
 
-def describe_figure(data: MotionData, path: Path) -> None:
-    """Draw one row for each class: a few frames of its sequence of median length, seen from ahead and to one side.
+def _stream_notes(data: StreamData, needed: Needed) -> list[str]:
+    parts = {part: part_of(data, part) for part in PARTS}
+    people = {part: {tuple(row) for row in data.subjects[streams].tolist()} for part, streams in parts.items()}
+    named = bool((data.subjects != UNKNOWN_SUBJECT).all())
+    who = "people" if data.persons == 1 else "groups of people"
 
-    Left limbs are orange, right limbs are blue, and the second person is lighter. All rows have the same scale.
+    def part_note(part: str, streams: IntArray) -> str:
+        shown_by = f" of {_counted(len(people[part]), who)}" if named else ""
+        return f"{part} {_counted(len(streams), 'streams')}{shown_by}, {_minutes(data, streams):.1f} minutes"
 
-    Raises:
-        UsageError: `path` does not end like a picture.
-        DataError: the file cannot be written.
-    """
-    path = Path(path)
-    figure = Figure(layout="constrained")
-    kinds = sorted(figure.canvas.get_supported_filetypes())
-    if path.suffix[1:] not in kinds:
-        raise UsageError(f"{path}: got the ending {path.suffix!r}, expected one of {', '.join(kinds)}")
-    rows = [_shown(data, label) for label in range(len(data.class_names))]
-    half_width = 1.05 * max(float(np.abs(points[..., 0]).max()) for _, _, points in rows)
-    top = 1.15 * max(float(points[..., 1].max()) for _, _, points in rows)
-    column = max(ROW_HEIGHT * 2 * half_width / (top - GROUND), 1.0)
-    figure.set_size_inches(FRAMES_SHOWN * column + 0.4, len(rows) * (ROW_HEIGHT + 0.2) + 0.5)
-    grid = figure.subplots(len(rows), FRAMES_SHOWN, squeeze=False)
-    for axes, (sequence, frames, points), class_name in zip(grid, rows, data.class_names, strict=True):
-        for axis, frame, joints in zip(axes, frames, points, strict=True):
-            _draw(axis, joints, data.skeleton)
-            axis.set(xlim=(-half_width, half_width), ylim=(GROUND, top), aspect="equal", xticks=[], yticks=[])
-            axis.set_xlabel(f"{frame / data.fps:.1f} s", fontsize=8, labelpad=1)
-            axis.spines[:].set_visible(False)
-            axis.patch.set_visible(False)  # otherwise it covers the title, which spans several columns
-        title = f"{class_name}   ({data.sequence_names[sequence]})"
-        # Above the heads, and outside the layout: a long title would widen its column.
-        axes[0].text(0, 1, title, transform=axes[0].transAxes, va="top", fontsize=9).set_in_layout(False)
-    second = ", second person pale" if data.persons > 1 else ""
-    figure.suptitle(f"{_title(data)}\nleft limbs orange, right limbs blue{second}", fontsize=9, x=0.02, ha="left")
-    _write(figure, path)
-
-
-def _shown(data: MotionData, label: int) -> tuple[int, IntArray, FloatArray]:
-    """Return a sequence of a class, the frames to show, and their joints in the picture, (F, P, J, 2) [m]."""
-    members = np.flatnonzero(data.labels == label)
-    if not members.size:
-        raise DataError(f"{data.name}: class {data.class_names[label]!r} has no sequence to draw")
-    sequence = int(members[np.argsort(data.lengths[members], kind="stable")[len(members) // 2]])
-    motion = data.sequence(sequence)
-    frames = np.linspace(0, len(motion) - 1, FRAMES_SHOWN).round().astype(np.int64)
-    shown = motion[frames].astype(np.float64)
-    shown[..., :2] -= shown[..., :2].mean(axis=(1, 2), keepdims=True)
-    shown[..., 2] -= np.percentile(motion[..., 2], 1)  # the lowest joints, without outliers
-    return sequence, frames, _project(shown, _facing(motion[frames[0]], data.skeleton) + VIEW_AZIMUTH)
-
-
-def _facing(joints: FloatArray, skeleton: Skeleton) -> float:
-    """Return the azimuth [rad] that the first person of (P, J, 3) faces; 0 if no joints are named left and right."""
-    left = np.flatnonzero(_is_left(skeleton))
-    if not left.size:
-        return 0.0
-    to_left = (joints[0, left] - joints[0, skeleton.mirror[left]]).sum(axis=0)
-    return float(np.arctan2(-to_left[0], to_left[1]))  # forward is left x up
-
-
-def _is_left(skeleton: Skeleton) -> BoolArray:
-    # Of two mirrored names, `left` sorts before `right` and `l` before `r`.
-    names = [name.lower() for name in skeleton.joint_names]
-    return np.array([name < names[other] for name, other in zip(names, skeleton.mirror, strict=True)])
-
-
-def _project(points: FloatArray, azimuth: float) -> FloatArray:
-    """Project points (..., 3) for a far camera at an azimuth and `VIEW_ELEVATION`: right and up, (..., 2)."""
-    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    toward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    up = np.array([0.0, 0.0, np.cos(VIEW_ELEVATION)]) - np.sin(VIEW_ELEVATION) * toward
-    return np.stack([points @ right, points @ up], axis=-1)
-
-
-def _draw(axis: Axes, joints: FloatArray, skeleton: Skeleton) -> None:
-    """Draw the persons (P, J, 2) of one frame, the first on top."""
-    left = _is_left(skeleton)
-    right = left[skeleton.mirror] & ~left
-    start, end = skeleton.bone_indices.T
-    sides = np.select([left[start] | left[end], right[start] | right[end]], [1, 2], default=0)
-    axis.axhline(0.0, color=EDGE, linewidth=THIN, zorder=0)
-    for person in reversed(range(len(joints))):
-        tint = PERSON_TINT * person / max(1, len(joints) - 1)
-        palette = [np.array(to_rgb(color)) * (1 - tint) + tint for color in (MIDDLE, LEFT, RIGHT)]
-        segments = np.stack([joints[person, start], joints[person, end]], axis=1)
-        axis.add_collection(
-            LineCollection(list(segments), colors=[palette[side] for side in sides], linewidths=LINE, capstyle="round")
+    shared = len(people["recogniser"] & people["policy"]) if named else 0
+    sharing = f"; recogniser and policy share {_counted(shared, who)}, in other streams" if shared else ""
+    seconds = (data.segments[:, 1] - data.segments[:, 0]) / data.fps
+    gaps = _runs(data)
+    told = [
+        "; ".join(part_note(part, streams) for part, streams in parts.items()) + sharing,
+        f"no activity in {100 * (data.labels < 0).mean():.0f} % of the frames",
+        f"an episode has {needed.benchmark} frames, {needed.benchmark / data.fps:g} s; windows have "
+        f"{needed.recogniser} for the recogniser, {needed.planners} for planners: {needed.recogniser / data.fps:g} "
+        f"and {needed.planners / data.fps:g} s, where an activity has {np.median(seconds):.1f} s in the median",
+    ]
+    if len(gaps):
+        told.append(
+            f"nobody is seen in {100 * data.missing.mean():.1f} % of the frames: {_counted(len(gaps), 'gaps')}, "
+            f"the longest of {max(gaps) / data.fps:.1f} s"
         )
+    return told
 
 
-def _write(figure: Figure, path: Path) -> None:
-    with replacing(path) as temporary:
-        figure.savefig(temporary, format=path.suffix[1:], dpi=120)
+def _counted(count: int, what: str) -> str:
+    """Return a number of things, of one in the singular."""
+    singular = {"people": "person", "groups of people": "group of people"}.get(what, what.removesuffix("s"))
+    return f"{count} {singular if count == 1 else what}"
+
+
+def _minutes(data: StreamData, streams: IntArray) -> float:
+    return float(data.lengths[streams].sum() / data.fps / 60)
+
+
+def _runs(data: StreamData) -> Sequence[int]:
+    """Return the frames of each gap: frames in a row, of one stream, in which nobody is seen."""
+    runs: list[int] = []
+    for missing in np.split(data.missing, data.offsets[1:-1]):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.astype(np.int64), [0]])))
+        runs += (edges[1::2] - edges[::2]).tolist()
+    return runs

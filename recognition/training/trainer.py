@@ -14,9 +14,10 @@ from torch import Tensor
 from torch.nn import functional
 from torch.optim.swa_utils import AveragedModel
 
-from ehar.arrays import FloatArray
+from ehar.arrays import FloatArray, IntArray
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.scenario import split_parts
+from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.errors import ModelError, UsageError
 from ehar.files import as_json, check_folder, parse_json
 from ehar.sensors.registry import load_sensor
@@ -49,6 +50,7 @@ GRADIENT_NORM = 1.0  # gradients are clipped to this norm
 WINDOW = 4.0  # [s], the usual length of a training clip of streams
 VALIDATION_CLIPS = 768
 VALIDATION_SEED = 1_000_003  # draws the same clips for every run on the same data
+NO_ACTIVITY_WEIGHT = 2.0  # of all frames without activity together, relative to those of the average class, at most
 PREFIXES = 10  # observation ratios at which the published form is validated: its prefixes are not cheap
 
 
@@ -120,6 +122,28 @@ def time_step(config: TrainingConfig, steps: int = 3) -> float:
         return (clock() - begin) / steps
 
 
+def frame_weights(data: StreamData, streams: IntArray) -> FloatArray | None:
+    """Return how much a frame of each class, and last one without activity, counts in training, (K + 1,).
+
+    In recordings of real life people do nothing in most frames. A recogniser for which all frames count alike learns to
+    name nothing: it would be right in most frames, and in few activities, which are what is scored. So frames without
+    activity together count at most `NO_ACTIVITY_WEIGHT` times as much as the average class's (in training it is the
+    same as adjusting logits by a prior: Menon et al., ICLR 2021).
+
+    Args:
+        data: the streams.
+        streams: those of the recogniser part.
+
+    Returns:
+        The weights; None if all frames count alike, as few are without activity.
+    """
+    classes = len(data.class_names)
+    labels = np.concatenate([data.labels[data.offsets[one] : data.offsets[one + 1]] for one in streams])
+    without = float((labels == NO_ACTIVITY).mean())
+    most = NO_ACTIVITY_WEIGHT * (1 - without) / classes
+    return None if without <= most else np.append(np.ones(classes), most / without)
+
+
 class _Run:
     """One training run: its data, network, optimiser and evaluations."""
 
@@ -156,6 +180,7 @@ class _Run:
             known = np.isin(people, data.subjects[parts.recogniser]).all()
             self.validated_on = "other sequences of people it knows" if known else "people it does not know"
         self.validation = held_out.draw(np.random.default_rng(VALIDATION_SEED), VALIDATION_CLIPS)
+        self.weights = frame_weights(data, parts.recogniser) if isinstance(data, StreamData) else None
         self.spec = NetworkSpec.of(
             data, form=config.conditions.form, size=config.size, length=config.conditions.frames, world=world
         )
@@ -168,6 +193,8 @@ class _Run:
         self.identity = _identify(config, data.sha256)
         if loaded.sha256 is not None:
             self.identity["sensor_sha256"] = loaded.sha256
+        if self.weights is not None:
+            self.identity["no_activity_weight"] = float(self.weights[-1])
         if not world.agrees_with(PAPER):
             self.identity["world"] = as_json(world.to_json())
         self.optimiser = make_optimiser(
@@ -236,7 +263,10 @@ class _Run:
         return value
 
     def _loss(self, clips: Clips, rng: np.random.Generator) -> Tensor:
-        """Return the mean cross-entropy over clips and frames; for the published form, over clips at one prefix."""
+        """Return the mean cross-entropy over clips and frames; for the published form, over clips at one prefix.
+
+        In streams frames count by `frame_weights`.
+        """
         seen, labels = clips.features.to(self.device), clips.labels.to(self.device)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=has_bfloat16(self.device)):
             if isinstance(self.network, CausalCTRGCN):
@@ -245,7 +275,10 @@ class _Run:
             else:
                 prefix = int(rng.integers(1, self.config.conditions.frames + 1))
                 logits = self.network(seen[:, :prefix].permute(0, 4, 1, 3, 2))
-        return functional.cross_entropy(logits.float(), labels)
+        return functional.cross_entropy(logits.float(), labels, weight=self._class_weights(self.device))
+
+    def _class_weights(self, device: torch.device) -> Tensor | None:
+        return None if self.weights is None else torch.from_numpy(self.weights.astype(np.float32)).to(device)
 
     def _logits(self, network: Network, clips: Clips) -> FloatArray:
         """Return validation logits (N, L, K); for the published form, a frame takes those of the next prefix."""
@@ -268,8 +301,10 @@ class _Run:
         network = self._averaged()
         logits = torch.from_numpy(self._logits(network, self.validation))
         labels = self.validation.frame_labels
-        nll = float(functional.cross_entropy(logits.flatten(0, 1), labels.flatten()))
-        accuracy = float((logits.argmax(dim=-1) == labels).float().mean())
+        weight = self._class_weights(torch.device("cpu"))
+        nll = float(functional.cross_entropy(logits.flatten(0, 1), labels.flatten(), weight=weight))
+        right = (logits.argmax(dim=-1) == labels).float()
+        accuracy = float(right.mean() if weight is None else (right * weight[labels]).sum() / weight[labels].sum())
         if not np.isfinite(nll):
             raise ModelError(
                 f"{self.path.name}: the validation loss is {nll} at step {self.step}: expected a finite one"
@@ -289,7 +324,9 @@ class _Run:
     def _finish(self) -> Outcome:
         """Calibrate and save the best weights, and remove the checkpoint."""
         self.network.load_state_dict(self.best)
-        temperature = fit_temperature(self._logits(self.network, self.validation), self.validation.labels.numpy())
+        temperature = fit_temperature(
+            self._logits(self.network, self.validation), self.validation.labels.numpy(), self.weights
+        )
         outcome = conclude(self.evaluations, self.clips, runs_to_end=self.runs_to_end)
         history = {
             "data": self.data_title,

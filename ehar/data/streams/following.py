@@ -12,6 +12,7 @@ from ehar.arrays import BoolArray, FloatArray
 _SEED = 0  # the error of a localisation is a property of the stream, so all planners meet the same
 _PACE = 1.0  # [1/s]; how fast the centre that a vehicle follows gets to where people are thought to be
 _BETWEEN = 0.99  # share of the speed limit for frames, so that the speed keeps it between them too
+HELD = 1.0  # [s] for which people are thought to go on as they went, if nobody says where they are; then they stay
 _SETTLED = 1e-12  # relative change of the gain from which on it counts as constant
 
 
@@ -60,8 +61,9 @@ class Localisation:
 
         A Kalman filter of constant velocity takes the positions that arrive, and predicts over their delay. What it
         says at frame t rests on frames up to t minus the delay. From a frame that is missing no position arrives, so
-        the filter only predicts. Before the first position arrives, it is where people are in the first frame that is
-        not missing: someone put the camera there.
+        the filter only predicts, for `HELD` seconds. Then it stays: nobody walks on as he did for the ten seconds that
+        a tracker may take to find him. Before the first position arrives, it is where people are in the first frame
+        that is not missing: someone put the camera there.
 
         Args:
             middles: (T, 3) the people's middle [m]; in missing frames it is not read.
@@ -92,13 +94,17 @@ class Localisation:
         gains, transition = _gains(1 / fps, known[1:], max(self.noise, 1e-6), self.agility)
         ahead = np.linalg.matrix_power(transition, late)[0]
         begin = middles[known.argmax()]
+        held, unknown = round(HELD * fps), 0  # frames
         state = np.stack([begin, np.zeros(3)])  # position and velocity of the three axes
         centres = np.repeat(begin[None].astype(np.float64), len(middles), axis=0)
         velocities = np.zeros(centres.shape)
         for frame in range(1, len(middles)):
             if frame > late:
                 state = transition @ state
-                if known[frame - late]:
+                unknown = 0 if known[frame - late] else unknown + 1
+                if unknown > held:
+                    state[1] = 0.0
+                if not unknown:
                     state += gains[frame - late - 1][:, None] * (measured[frame - late] - state[0])
                 centres[frame], velocities[frame] = ahead @ state, state[1]
         return centres, velocities
@@ -175,8 +181,6 @@ class FollowedCentre:
         localisation: how well places are known; its delay is not used.
     """
 
-    HELD = 1.0  # [s]
-
     def __init__(
         self,
         place: FloatArray,
@@ -210,7 +214,7 @@ class FollowedCentre:
         from filterpy.common import Q_discrete_white_noise
 
         elapsed = time - self._time
-        if abs(elapsed) > self.HELD:
+        if abs(elapsed) > HELD:
             self._begin(place, time)
             return
         if elapsed <= 0:
@@ -225,7 +229,7 @@ class FollowedCentre:
         """Return the motion one frame later, each (3,)."""
         self._since += self._frame_time
         place, velocity = self._filter.x[:3, 0], self._filter.x[3:, 0]
-        if self._since > self.HELD:
+        if self._since > HELD:
             place, velocity = self._smooth.place, np.zeros(3)
         else:
             place = place + self._since * velocity

@@ -51,12 +51,16 @@ DATA = CommandGroup(
         "describe": Command(
             "eval.studies.describe:describe",
             show_table,
-            text="""Print what some data hold, class by class.
+            text="""Print what sequences or streams hold, class by class.
 
             For example:
                 ehar data describe mine.npz --figure mine.png
             """,
-            flags={"data": Flag(kind=str, positional=True, metavar="DATA"), "figure": Flag(hint="none")},
+            flags={
+                "data": Flag(kind=str, positional=True, metavar="DATA"),
+                "figure": Flag(hint="none"),
+                "length": Flag(hint="60; streams 30 s"),
+            },
         ),
         "stitch": Command(
             "ehar.data.stitching:stitch",

@@ -7,11 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ehar.arrays import IntArray
 from ehar.data.motion_data import MotionData
+from ehar.data.scenario import PARTS, Parts, split_parts
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError, UsageError
-from eval.studies.describe import _facing, _project, describe, describe_figure
+from eval.studies.describe import describe
+from eval.studies.describe_figure import _facing, _project, describe_figure
 from tests.helpers.places import SHARED
+from tests.helpers.streams import raising_streams
 
 DATA = SHARED
 
@@ -33,6 +37,10 @@ def data() -> MotionData:
         license="CC0",
         synthetic=True,
     )
+
+
+def parts_of(parts: Parts) -> list[IntArray]:
+    return [getattr(parts, part) for part in PARTS]
 
 
 def row(data: MotionData, name: str) -> tuple[object, ...]:
@@ -64,6 +72,59 @@ def test_what_the_data_is(data: MotionData) -> None:
         assert words in recorded
 
 
+def test_streams_are_described_by_their_activities() -> None:
+    data = replace(raising_streams(), missing=np.isin(np.arange(960), [50, 51, 119, 120]))
+    data.missing[-1] = True
+    table = describe(data, length=40)
+    assert table.header[:6] == ("class", "activities", "recogniser", "policy", "validation", "test")
+    assert table.header[-1] == "scored in test L=40"
+    rows = {row[0]: row[1:] for row in table.rows}
+    parts = split_parts(data)
+    label = data.class_names.index("nod")
+    shown = [int((data.segments[np.isin(data.stream_of, part), 2] == label).sum()) for part in parts_of(parts)]
+    assert rows["nod"][:5] == tuple(map(str, (sum(shown), *shown)))
+    assert rows["all"][0] == "48" and rows["all"][5:8] == ("1.0", "1.0", "1.0")
+    # In 12 s an activity begins every 2 s from 0 on: of the two in an episode of 4 s, the first may be cut.
+    assert rows["all"][-1] == "6" and rows["no activity"] == ("48", *rows["no activity"][1:5], "1.0", "1.0", "1.0", "-")
+    assert sum(int(row[-1]) for row in table.rows[:3]) == 6
+    text = "\n".join(table.footnotes)
+    for words in (
+        "0 of 8 streams shorter than 40 frames",
+        "; test 2 streams of 2 people, 0.4 minutes",
+        "no activity in 50 % of the frames",
+        "an episode has 40 frames, 4 s; windows have 40 for the recogniser, 40 for planners: 4 and 4 s",
+        "nobody is seen in 0.5 % of the frames: 4 gaps, the longest of 0.2 s",  # none reaches into another stream
+    ):
+        assert words in text
+    assert "advised" not in text and "share" not in text
+
+
+def test_short_streams_and_shared_people_are_told() -> None:
+    person = np.repeat(np.arange(8), 2)
+    data = replace(raising_streams(people=16), subjects=person[:, None], is_test=person > 5)
+    text = "\n".join(describe(data).footnotes)  # 30 s, of which no stream has as many
+    assert "16 of 16 streams shorter than 300 frames\n--length 120 is advised: few streams are shorter" in text
+    assert "recogniser and policy share 4 people, in other streams" in text
+    assert "an episode has 300 frames, 30 s; windows have 40 for the recogniser, 80 for planners" in text
+    unknown = replace(raising_streams(), subjects=np.full((8, 1), -1), is_test=None)
+    assert "people" not in "\n".join(describe(unknown).footnotes)
+
+
+def test_built_in_streams_are_described() -> None:
+    table = describe("duo-stream", fps=10)
+    assert "duo (synthetic): 2 persons" in table.title.replace("duo-stream", "duo")
+    assert any("groups of people" in note for note in table.footnotes)
+
+
+def test_a_real_recording_is_described() -> None:
+    if not (DATA / "utkinect.npz").is_file():
+        pytest.skip("utkinect.npz of shared/data is not here")
+    table = describe(DATA / "utkinect.npz")
+    rows = {row[0]: row for row in table.rows}
+    assert rows["all"] == ("all", "199", "40", "60", "20", "79", "0.8", "3.7", "22.3", "59")
+    assert any("25 gaps, the longest of 9.6 s" in note for note in table.footnotes)
+
+
 def test_facing_and_projection() -> None:
     skeleton = Skeleton(("hip", "lhand", "rhand"), ((0, 1), (0, 2)))
     joints = np.array([[[0, 0, 1], [0, 0.3, 1], [0, -0.3, 1]]])  # the left hand is at +y: facing +x
@@ -74,6 +135,11 @@ def test_facing_and_projection() -> None:
     seen = _project(joints, 0.0)  # from ahead: the left hand is at the right of the picture
     assert seen[0, 1, 0] == pytest.approx(0.3)
     assert _project(np.array([0.0, 0.0, 1.0]), 0.7)[1] > 0.9
+
+
+def test_a_picture_of_streams(tmp_path: Path) -> None:
+    describe_figure(raising_streams(), tmp_path / "picture.png")
+    assert (tmp_path / "picture.png").stat().st_size > 5000
 
 
 @pytest.mark.parametrize("ending", ["png", "svg"])

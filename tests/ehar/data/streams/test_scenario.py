@@ -70,6 +70,18 @@ def test_few_people_share_the_parts_by_streams() -> None:
     assert all(len(getattr(parts, part)) for part in PARTS)
 
 
+def test_the_policy_part_shares_people_whom_the_recogniser_needs() -> None:
+    person = np.repeat(np.arange(8), 2)
+    data = replace(raising_streams(people=16), subjects=person[:, None], is_test=person > 5)
+    parts = split_parts(data)
+    people = {part: set(data.subjects[getattr(parts, part)].ravel()) for part in PARTS}
+    assert people["test"] == {6, 7} and len(people["validation"]) == 1
+    assert not people["validation"] & (people["recogniser"] | people["policy"])
+    assert len(people["policy"]) == 5 and len(people["recogniser"]) == len(parts.recogniser) == 4
+    streams = np.concatenate([getattr(parts, part) for part in PARTS])
+    assert sorted(streams.tolist()) == list(range(16))
+
+
 def test_streams_without_a_split_are_split_by_people() -> None:
     parts = split_parts(replace(raising_streams(people=9), is_test=None))
     assert len(parts.test) == 3
