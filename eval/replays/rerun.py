@@ -110,7 +110,7 @@ def replay_run(
     """Replay some episodes of a run.
 
     They run as one batch and not in their original chunks, so a planner that draws random numbers draws other ones. Its
-    targets are left out if they do not lead along the recorded path; its gain field, which rests on what was seen, stays.
+    targets are left out if they do not lead along the recorded path. Its gain field rests on what was seen, and stays.
 
     Args:
         run: the run.
