@@ -110,7 +110,7 @@ def replay_run(
     """Replay some episodes of a run.
 
     They run as one batch and not in their original chunks, so a planner that draws random numbers draws other ones. Its
-    targets are left out if they do not lead along the recorded path.
+    targets are left out if they do not lead along the recorded path. Its gain field rests on what was seen, and stays.
 
     Args:
         run: the run.
@@ -197,7 +197,7 @@ def _replay(
         confidence=np.stack([sensed.confidence for sensed in frames], axis=1),
         probabilities=np.exp(record.log_probs.astype(np.float64)),
         targets=_by_episode(recorder.targets, led),
-        weights=_by_episode(weights, led),
+        weights=_by_episode(weights, np.ones(len(way), dtype=bool)),  # they rest on what was seen, on the recorded path
     ), int(astray.sum())
 
 
