@@ -113,18 +113,15 @@ class FlightMotion:
 
     def advance(self, target: FloatArray) -> FloatArray:
         """Fly for one frame towards targets (B, 3) and return the viewpoints reached, (B, 3)."""
-        way = self._towards(self.workspace.clip(target)) - self._state.viewpoint
-        way[:, AZIMUTH] = wrap_difference(way[:, AZIMUTH])
-        off = self._plan.end.viewpoint - self._state.viewpoint - way
-        off[:, AZIMUTH] = wrap_difference(off[:, AZIMUTH])
-        self._replan(way, np.all(np.abs(off) < SAME_PLACE, axis=1))
-        return self._fly(np.full(way.shape, np.nan))
+        self._head_for(target, np.arange(len(target)))
+        return self._fly(np.full(target.shape, np.nan))
 
     def follow(self, states: FloatArray) -> FloatArray:
         """Fly for one frame along a path and return the viewpoints reached, (B, 3).
 
         A camera that is off its path gets back to it within some frames. It stops after the path, if that does not end
-        at rest. A path is flown if the whole flight is valid; if no valid flight leads along it, the camera brakes.
+        at rest. A path is flown if the whole flight is valid. If no valid flight leads along it, the camera flies to
+        its end, as to a target.
 
         Args:
             states: (B, F, 3, 3) after each of the next F frames: viewpoint, velocity, acceleration. The jerk is
@@ -138,7 +135,7 @@ class FlightMotion:
         pending = np.flatnonzero(~self._leads_along(path))
         for lead, frames in JOINS:
             pending = pending[~self._join(pending, path[pending, :frames], lead)]
-        self._brake(pending)
+        self._head_for(path[:, -1, 0], pending)
         return self._fly(cartesian(path[:, 0, 0]))
 
     def _leads_along(self, path: FloatArray) -> BoolArray:
@@ -247,14 +244,19 @@ class FlightMotion:
             np.broadcast_to(jerk, (len(jerk), len(times), 3)),
         )
 
-    def _replan(self, way: FloatArray, planned: BoolArray) -> None:
-        """Find plans to targets that lie `way` (B, 3) from here; plans where `planned` (B,) already lead there.
+    def _head_for(self, target: FloatArray, rows: IntArray) -> None:
+        """Find plans of some rows (R,) to targets (B, 3), unless their plans already lead there.
 
         Every frame tries one proposal, in turn, if it arrives sooner than the plan. For a new target it has to arrive
         sooner than the proposal that was adopted last; next, that proposal is tried, and finally all of them.
         """
+        way = self._towards(self.workspace.clip(target)) - self._state.viewpoint
+        way[:, AZIMUTH] = wrap_difference(way[:, AZIMUTH])
+        off = self._plan.end.viewpoint - self._state.viewpoint - way
+        off[:, AZIMUTH] = wrap_difference(off[:, AZIMUTH])
+        planned = np.all(np.abs(off) < SAME_PLACE, axis=1)
         remaining = self._plan.duration - self._flown - WORTH_WHILE
-        rows = np.flatnonzero(~planned | (remaining > 0))
+        rows = rows[~planned[rows] | (remaining[rows] > 0)]
         if len(rows) == 0:
             return
         state, way, pending = _rows(self._state, rows), way[rows], ~planned[rows]

@@ -81,6 +81,17 @@ def test_a_path_that_nothing_can_fly_breaks_no_limit(faster: float) -> None:
     np.testing.assert_allclose(viewpoint, target, atol=1e-6)
 
 
+def test_the_end_of_a_path_that_is_a_little_too_fast_is_flown_to() -> None:
+    """A planner who plans such a path again and again, from wherever the camera is, would else never get it away."""
+    way, motion = np.array([[0.0, 0.8, 0.0], [-6.9, 0.0, 0.0]]), flying()
+    path, times = path_to(way), np.linspace(0, TIME, 41)
+    for frame in range(250):
+        viewpoint = motion.follow(path[:, min(frame, FRAMES - 1) :])
+        assert limit_shares(PX4, motion.sample(times)).max() <= 1
+    assert motion.telemetry.tracking_error.max(axis=1).min() > 0.1, "the paths should be too fast"
+    np.testing.assert_allclose(cartesian(viewpoint), cartesian(START + way), atol=1e-6)
+
+
 def test_rows_do_not_depend_on_each_other() -> None:
     path = path_to(np.array([[1.0, 0.3, -0.2], [-9.0, -2.0, 1.0]]))
     together, alone = flying(), flying(START[1:])
