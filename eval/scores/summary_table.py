@@ -103,7 +103,7 @@ def _footnotes(planners: Sequence[PlannerSummary], *, flown: bool, compared: boo
             yield f"Gap closed needs both {NO_ACT} and {ORACLE} among the planners."
     if flown and ORACLE in names:
         yield (
-            "Oracles try the moves of the grid and head for where the best lead: in flight they are no upper bound. "
+            "The oracle tries moves of the grid and heads for where the best leads: in flight it is no upper bound. "
             "Compared with a run on the ideal track, the gap reaches up to its oracle."
         )
     if flown:
