@@ -14,10 +14,10 @@ from torch import Tensor
 from torch.nn import functional
 from torch.optim.swa_utils import AveragedModel
 
-from ehar.arrays import FloatArray, IntArray
+from ehar.arrays import FloatArray
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.scenario import split_parts
-from ehar.data.streams.data import NO_ACTIVITY, StreamData
+from ehar.data.streams.data import StreamData
 from ehar.errors import ModelError, UsageError
 from ehar.files import as_json, check_folder, parse_json
 from ehar.sensors.registry import load_sensor
@@ -33,6 +33,7 @@ from recognition.torch_threads import one_torch_thread
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.training.clips import Clips, ClipSource
 from recognition.training.config import TrainingConfig
+from recognition.training.frame_weights import frame_weights
 from recognition.training.optimisers import make_optimiser, published_rate
 from recognition.training.stopping import (
     Evaluation,
@@ -50,7 +51,6 @@ GRADIENT_NORM = 1.0  # gradients are clipped to this norm
 WINDOW = 4.0  # [s], the usual length of a training clip of streams
 VALIDATION_CLIPS = 768
 VALIDATION_SEED = 1_000_003  # draws the same clips for every run on the same data
-NO_ACTIVITY_WEIGHT = 2.0  # of all frames without activity together, relative to those of the average class, at most
 PREFIXES = 10  # observation ratios at which the published form is validated: its prefixes are not cheap
 
 
@@ -120,28 +120,6 @@ def time_step(config: TrainingConfig, steps: int = 3) -> float:
         for _ in range(steps):
             run._learn()
         return (clock() - begin) / steps
-
-
-def frame_weights(data: StreamData, streams: IntArray) -> FloatArray | None:
-    """Return how much a frame of each class, and last one without activity, counts in training, (K + 1,).
-
-    In recordings of real life people do nothing in most frames. A recogniser for which all frames count alike learns to
-    name nothing: it would be right in most frames, and in few activities, which are what is scored. So frames without
-    activity together count at most `NO_ACTIVITY_WEIGHT` times as much as the average class's (in training it is the
-    same as adjusting logits by a prior: Menon et al., ICLR 2021).
-
-    Args:
-        data: the streams.
-        streams: those of the recogniser part.
-
-    Returns:
-        The weights; None if all frames count alike, as few are without activity.
-    """
-    classes = len(data.class_names)
-    labels = np.concatenate([data.labels[data.offsets[one] : data.offsets[one + 1]] for one in streams])
-    without = float((labels == NO_ACTIVITY).mean())
-    most = NO_ACTIVITY_WEIGHT * (1 - without) / classes
-    return None if without <= most else np.append(np.ones(classes), most / without)
 
 
 class _Run:

@@ -62,3 +62,10 @@ def test_stays_finite_on_clips_that_are_all_right() -> None:
     labels = np.arange(3)
     logits = np.repeat(50.0 * np.eye(3)[:, None], LENGTH, axis=1)
     assert np.isfinite(fit_temperature(logits, labels).at(RATIO)).all()
+
+
+def test_what_counts_little_in_training_counts_little_in_calibration() -> None:
+    logits, labels = np.zeros((40, 6, 2), dtype=np.float32), np.arange(40) % 2
+    logits[..., 0] = 2.0
+    sure = fit_temperature(logits, labels, np.array([1.0, 0.01])).at(np.array([0.5]))[0]
+    assert sure < fit_temperature(logits, labels).at(np.array([0.5]))[0]

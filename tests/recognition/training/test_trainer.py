@@ -20,17 +20,15 @@ from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import load_motion, save_motion
 from ehar.data.scenario import split_parts
 from ehar.errors import DataError, EharError, ModelError, UsageError
-from recognition.calibration import fit_temperature
 from recognition.storage import load_recogniser, recogniser_path
 from recognition.training import stopping
 from recognition.training import trainer as training
 from recognition.training.checkpoints import load_checkpoint, save_checkpoint
 from recognition.training.config import TrainingConfig
 from recognition.training.stopping import Evaluation
-from recognition.training.trainer import frame_weights, train_recogniser
+from recognition.training.trainer import train_recogniser
 from tests.helpers.fakes import tiny_data
 from tests.helpers.settings import changed
-from tests.helpers.streams import raising_streams
 
 LENGTH = 8
 
@@ -398,19 +396,3 @@ def test_a_device_that_is_not_there(config: TrainingConfig, device: str) -> None
     if device == "cuda" and torch.cuda.is_available():
         pytest.skip("there is a CUDA device here")
     assert refusal(UsageError, config, device=device).startswith(f"--device {device}: expected")
-
-
-def test_frames_without_activity_do_not_drown_the_others() -> None:
-    streams = raising_streams()  # three classes, and no activity in half of the frames
-    weights = frame_weights(streams, np.arange(8))
-    assert weights is not None
-    np.testing.assert_allclose(weights, [1, 1, 1, 2 / 3])  # so that they count as much as two of three classes
-    busy = replace(streams, segments=np.add(streams.segments, [0, 8, 0]))  # in all but a tenth
-    assert frame_weights(busy, np.arange(8)) is None
-
-
-def test_what_counts_little_in_training_counts_little_in_calibration() -> None:
-    logits, labels = np.zeros((40, 6, 2), dtype=np.float32), np.arange(40) % 2
-    logits[..., 0] = 2.0
-    sure = fit_temperature(logits, labels, np.array([1.0, 0.01])).at(np.array([0.5]))[0]
-    assert sure < fit_temperature(logits, labels).at(np.array([0.5]))[0]
