@@ -134,7 +134,7 @@ class Conditions:
         return f"{self.sensor_name}-{self.views}"
 
     @property
-    def flown(self) -> str:
+    def flown_suffix(self) -> str:
         """The vehicle at the end of names of weight files: -px4-auto; empty on the grid."""
         if self.track == IDEAL:
             return ""

@@ -72,7 +72,7 @@ def agent_path(directory: Path, name: str, conditions: Conditions, seed: int) ->
     The name tells the vehicle of an agent that was trained in flight.
     """
     form = "" if conditions.form == "causal" else f"{conditions.form}-"
-    return directory / f"agent-{name}-{form}{conditions.seen}{conditions.flown}-seed{seed}.safetensors"
+    return directory / f"agent-{name}-{form}{conditions.seen}{conditions.flown_suffix}-seed{seed}.safetensors"
 
 
 def agent_seeds(conditions: Conditions, data: Recordings, name: str) -> tuple[int, ...]:

@@ -92,7 +92,7 @@ def gain_model_path(directory: Path, conditions: Conditions) -> Path:
 
     The name tells the vehicle of fields that were learned in flight.
     """
-    return directory / f"gain-field-{conditions.seen}{conditions.flown}.safetensors"
+    return directory / f"gain-field-{conditions.seen}{conditions.flown_suffix}.safetensors"
 
 
 def used_gain_model(directory: Path, conditions: Conditions) -> Path:

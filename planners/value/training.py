@@ -124,7 +124,9 @@ def train_gain_field(
     if setting.length_note is not None:
         note(f"warning: {setting.length_note}")
     if setting.runner.track.own is not None:
-        raise UsageError(f"train gain-field: expected {IDEAL} or a vehicle, got your own motion {conditions.track!r}")
+        raise UsageError(
+            f"train gain-field: expected {IDEAL} or a vehicle, got your own motion {setting.runner.track.named}"
+        )
     data, policy = setting.recordings, split_parts(setting.recordings).policy
     flown = setting.runner.track.vehicle is not None
     length = with_length(conditions, data, FLIGHT_WINDOW if flown else STREAM_WINDOW).frames

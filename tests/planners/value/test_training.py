@@ -14,6 +14,7 @@ from ehar.data.motion_file import load_motion, save_motion
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.scenario import split_parts
 from ehar.errors import DataError, EharError, ModelError, UsageError
+from ehar.motion import GridMotion
 from ehar.planner import Planner
 from planners.search.view_search import NextBestViewSearch
 from planners.value import collection as gain_collection
@@ -290,6 +291,12 @@ def test_a_field_that_is_learned_in_flight_is_that_of_its_vehicle(config: GainTr
     assert of_grid["training"]["unseen_people"] != of_vehicle["training"]["unseen_people"]
     used = [loaded(changed(config, track=track)).sha256 for track in ("ideal", "px4-auto", "tracking-drone")]
     assert used[0] == used[1] != used[2]
+
+
+def test_a_field_is_not_learned_in_a_motion_of_your_own(config: GainTrainingConfig) -> None:
+    """Such a motion says nothing of what it could do from where it is."""
+    refused = refusal(UsageError, config, track=GridMotion())
+    assert refused.startswith("train gain-field: expected ideal or a vehicle, got your own motion")
 
 
 def test_folds_differ_in_people_where_they_are_known() -> None:
