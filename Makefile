@@ -209,7 +209,7 @@ runs/utkinect-px4/table.md: runs/utkinect/table.md
 
 # The film of the README: the episode in which nbv's gain over front is the median, and of it the most activities.
 docs/figures/stream.gif: runs/utkinect-px4/table.md
-	$(EHAR) replay $(<D) typical --planners nbv front --since 8 --until 20 --out $@
+	$(EHAR) replay $(<D) typical --planners nbv front --since 8 --until 18 --out $@
 
 # Episodes of validation people, on which rules of when to answer are fitted.
 $(SETS:%=runs/fitting-%/table.md): runs/fitting-%/table.md: models/%/planners-estimator-moving
