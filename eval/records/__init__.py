@@ -8,8 +8,8 @@ if TYPE_CHECKING:
     from eval.records.config import PlannerConfig as PlannerConfig
     from eval.records.config import RunConfig as RunConfig
     from eval.records.config import read_config as read_config
+    from eval.records.episode_lines import read_episodes as read_episodes
     from eval.records.episodes import EpisodeRecords as EpisodeRecords
-    from eval.records.episodes import read_episodes as read_episodes
     from eval.records.flights import FlightRecords as FlightRecords
     from eval.records.solves import Solves as Solves
 else:
@@ -20,7 +20,7 @@ else:
             "PlannerConfig": "eval.records.config",
             "read_config": "eval.records.config",
             "EpisodeRecords": "eval.records.episodes",
-            "read_episodes": "eval.records.episodes",
+            "read_episodes": "eval.records.episode_lines",
             "FlightRecords": "eval.records.flights",
             "Solves": "eval.records.solves",
         },

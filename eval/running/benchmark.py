@@ -10,7 +10,8 @@ from ehar.flight.vehicle import Vehicle
 from ehar.planner import Planner
 from ehar.processes import check_workers
 from eval.records.config import RunConfig, planner_config, run_config
-from eval.records.episodes import EpisodeRecords, stored_episodes
+from eval.records.episode_lines import stored_episodes
+from eval.records.episodes import EpisodeRecords
 from eval.records.one_by_one import OneByOne
 from eval.records.run_files import EPISODES, check_out
 from eval.running.accuracy_kept import read_ideal_run

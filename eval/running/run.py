@@ -14,7 +14,8 @@ from ehar.errors import DataError, EharError, UsageError
 from ehar.files import json_text, write_text
 from ehar.track import IDEAL
 from eval.records.config import CONFIG, RunConfig, read_config
-from eval.records.episodes import EpisodeRecords, episode_lines, read_episodes, stored_episodes
+from eval.records.episode_lines import episode_lines, read_episodes, stored_episodes
+from eval.records.episodes import EpisodeRecords
 from eval.records.flights import held_flight
 from eval.records.one_by_one import OneByOne
 from eval.records.run_files import EPISODES, SUMMARY, check_out

@@ -13,7 +13,7 @@ from pathlib import Path
 from ehar.errors import DataError, EharError, EpisodeError, UsageError
 from ehar.files import json_text, read_json, write_text
 from eval.records.config import CONFIG, UNFINISHED, RunConfig
-from eval.records.episodes import episode_lines, read_episodes
+from eval.records.episode_lines import episode_lines, read_episodes
 from eval.records.job_times import JOB_TIMES, JobTime, write_job_times
 from eval.records.solves import Solves
 from eval.running.jobs import Done, Job

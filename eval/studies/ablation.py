@@ -12,7 +12,7 @@ from ehar.planner import Planner
 from ehar.processes import Processes, check_workers
 from ehar.track import IDEAL, load_track
 from eval.records.config import CONFIG, planner_config, run_config
-from eval.records.episodes import episode_lines
+from eval.records.episode_lines import episode_lines
 from eval.records.run_files import EPISODES, SUMMARY, check_out
 from eval.render.tables import Table, interval_text, markdown, share_text
 from eval.running.benchmark import summarise_runs

@@ -10,7 +10,8 @@ from ehar.data.scenario import part_of
 from ehar.data.streams.data import StreamData
 from ehar.errors import DataError, EharError, UsageError
 from eval.records.config import RunConfig, installed_versions, read_config
-from eval.records.episodes import EpisodeRecords, read_episodes
+from eval.records.episode_lines import read_episodes
+from eval.records.episodes import EpisodeRecords
 from eval.records.run_files import EPISODES, SUMMARY
 from eval.running.accuracy_kept import read_ideal_run
 from eval.running.episodes import Episodes, cut_scenarios, random_starts

@@ -12,7 +12,7 @@ from ehar.errors import EpisodeError
 from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import cartesian
 from eval.records.config import SCHEMA
-from eval.records.episodes import read_episodes
+from eval.records.episode_lines import read_episodes
 from eval.records.job_times import JOB_TIMES
 from eval.records.run_files import EPISODES, SUMMARY
 from tests.helpers.fakes import tiny_data

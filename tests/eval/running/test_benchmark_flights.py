@@ -10,7 +10,7 @@ import pytest
 
 from ehar.errors import UsageError
 from ehar.flight.vehicle import VEHICLES
-from eval.records.episodes import read_episodes
+from eval.records.episode_lines import read_episodes
 from eval.records.flights import summarise_flights
 from eval.records.run_files import EPISODES, SUMMARY
 from tests.helpers.agents import save_untrained

@@ -15,7 +15,7 @@ from ehar.motion import GridMotion
 from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.world import PAPER
-from eval.records.episodes import read_episodes
+from eval.records.episode_lines import read_episodes
 from eval.records.run_files import EPISODES
 from eval.running.episodes import CHUNK, cut_scenarios, random_starts
 from planners.heuristic import NoAct

@@ -9,7 +9,8 @@ import pytest
 
 from ehar.errors import DataError, UsageError
 from eval.records.config import CONFIG
-from eval.records.episodes import EpisodeRecords, episode_lines
+from eval.records.episode_lines import episode_lines
+from eval.records.episodes import EpisodeRecords
 from eval.records.job_times import JOB_TIMES
 from eval.records.run_files import EPISODES, SUMMARY
 from eval.render.tables import text

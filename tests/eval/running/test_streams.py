@@ -23,7 +23,7 @@ from ehar.planner import Context, Observation, Planner
 from ehar.world import ROOM
 from eval import benchmark, check_planner
 from eval.records.config import read_config
-from eval.records.episodes import read_episodes
+from eval.records.episode_lines import read_episodes
 from eval.records.run_files import EPISODES, SUMMARY
 from eval.running.choice import ModelPlace
 from eval.running.episodes import cut_scenarios, random_starts

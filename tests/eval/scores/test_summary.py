@@ -11,7 +11,8 @@ import pytest
 from ehar.errors import DataError, UsageError
 from ehar.files import json_text
 from eval.records.config import RunConfig
-from eval.records.episodes import EpisodeRecords, episode_lines, read_episodes
+from eval.records.episode_lines import episode_lines, read_episodes
+from eval.records.episodes import EpisodeRecords
 from eval.records.flights import COSTS
 from eval.records.run_files import EPISODES, SUMMARY
 from eval.records.solves import Solves

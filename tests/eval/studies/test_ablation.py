@@ -10,7 +10,7 @@ from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
 from ehar.errors import UsageError
 from eval.cli.main import main
-from eval.records.episodes import read_episodes
+from eval.records.episode_lines import read_episodes
 from eval.scores.metrics import mean_acc
 from eval.studies.ablation import GROUPS, Ablation, ablation, ablation_tables, variants
 from planners.search.next_best_view import NextBestView

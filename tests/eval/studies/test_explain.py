@@ -11,7 +11,7 @@ from ehar.data.scenario import split_parts
 from ehar.errors import UsageError
 from ehar.world import PAPER
 from eval.cli.main import main
-from eval.records.episodes import read_episodes
+from eval.records.episode_lines import read_episodes
 from eval.running.episodes import cut_scenarios, random_starts
 from eval.studies.explain import explain, moments
 from eval.studies.explain_figure import draw_explanation, shown_classes

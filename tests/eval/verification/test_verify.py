@@ -13,7 +13,7 @@ from ehar.data.motion_file import save_motion
 from ehar.errors import EharError, UsageError
 from eval.cli.main import main
 from eval.records.config import CONFIG, read_config
-from eval.records.episodes import read_episodes
+from eval.records.episode_lines import read_episodes
 from eval.records.run_files import EPISODES, SUMMARY
 from eval.verification.checks import FAILED, OK, UNCHECKED, Verification
 from eval.verification.steps import check_steps

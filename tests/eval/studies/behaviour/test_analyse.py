@@ -12,7 +12,8 @@ from ehar.errors import DataError, UsageError
 from ehar.files import write_text
 from eval.cli.main import main
 from eval.records.config import CONFIG, PlannerConfig
-from eval.records.episodes import EpisodeRecords, episode_lines
+from eval.records.episode_lines import episode_lines
+from eval.records.episodes import EpisodeRecords
 from eval.records.run_files import EPISODES, SUMMARY
 from eval.running.run import read_run
 from eval.studies.behaviour.agent_states import Purity

@@ -9,7 +9,7 @@ from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
 from ehar.errors import UsageError
 from eval.cli.main import main
-from eval.records.episodes import read_episodes
+from eval.records.episode_lines import read_episodes
 from eval.studies.belief.study import NLL_AT, BeliefReport, belief_report, belief_row, belief_tables
 from planners.value.belief_fit import ABLATIONS
 from planners.value.view_basis import BASIS_SIZE
