@@ -158,15 +158,15 @@ class TrajectorySolver:
     def _best_attempt(self, task: TrajectoryTask, guesses: list[Trajectory], every: bool) -> "_Attempt | None":
         """Return the best attempt of those that keep the limits; ipopt is called if all seeds failed.
 
-        The first guess is always tried, or the best one where something is in the way; unless `every` one is, others
-        only if they collect more than has been found.
+        The first guess is always tried, or the best one in flight and where something is in the way; unless `every` one
+        is, others only if they collect more than has been found.
 
         The first guess is kept if no attempt beats it by more than the solver's tolerance. So if there is nothing to
         gain, the camera stays, or follows its previous plan.
         """
         first = at_rest_at_the_end(guesses[0], task) if self._capped else guesses[0]
         attempts: list[_Attempt] = []
-        if task.scene is not None:  # a solve takes longer there: from the best guess, not from every one
+        if task.scene is not None or task.limits.vehicle is not None:  # a solve takes longer there: from the best guess
             guesses = sorted(guesses, key=lambda guess: -self._objective(task, guess))
             every = False
         for guess in guesses:

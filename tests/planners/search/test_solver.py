@@ -12,6 +12,7 @@ from ehar.flight.kinematics import SphericalState
 from ehar.flight.limits import limit_shares
 from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, cartesian
 from ehar.world import PAPER
+from planners.search.guess import best_guesses
 from planners.search.solver import TOLERANCE, SolveStatus, TrajectorySolver
 from planners.search.task import Trajectory, TrajectoryLimits, TrajectoryTask
 from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, view_basis
@@ -174,6 +175,18 @@ def test_more_seeds_never_collect_less() -> None:
     for _ in range(5):
         task, goals = random_task(rng, limits=GRID, node_time=0.16), PAPER.sample_starts(rng, 16)
         assert many.solve_best(task, goals).objective >= LED.solve_best(task, goals).objective - 1e-9
+
+
+def test_a_first_flight_is_solved_from_its_best_guess_alone_and_a_first_plan_on_the_grid_from_every_one() -> None:
+    rng = np.random.default_rng(3)
+    goals = PAPER.sample_starts(rng, 16)
+    for limits, solves in ((FLIGHT, 1), (GRID, 2)):
+        solver = TrajectorySolver(flown=limits.vehicle is not None)
+        task = random_task(rng, limits=limits, node_time=0.4)
+        solution = solver.solve_best(task, goals)
+        assert solution.status is SolveStatus.OPTIMAL
+        assert len(solver.statistics.solve_seconds) == solves
+        assert solution.objective >= task.objective(best_guesses(goals, task, 1, task.objective)[0])
 
 
 @pytest.mark.parametrize("name", ["field_weights", "gain_weights"])
