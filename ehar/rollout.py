@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -47,14 +48,14 @@ def rollout(
     Frame 0 is seen from the start viewpoint; after each frame but the last the planner moves the camera. With `onset`
     known, the recogniser begins anew with each activity of a stream.
 
-    A planner gets read-only copies. In Python a planner can still find the motion, the batch or the recogniser, and
-    write into them. So every step is checked against what the motion can do, and at the end the batch is compared with
-    what it was, and the recogniser if it has a `fingerprint`.
+    A planner gets read-only copies. In Python a planner can still find the motion, the batch, the world, the sensor or
+    the recogniser, and write into them. So every step is checked against what the motion can do, and at the end the
+    batch and the world are compared with what they were, and sensor and recogniser if they have a `fingerprint`.
 
     Raises:
         EpisodeError: a start lies outside of the workspace; or planner, recogniser, sensor or motion raised an error,
             or returned arrays of other shapes, or arrays that are not finite; or somebody moved the camera by hand, or
-            wrote into the batch or the recogniser.
+            wrote into the batch, the world, the sensor or the recogniser.
     """
     _check_starts(batch, context)
     world = batch.protected()
@@ -72,7 +73,7 @@ def rollout(
         return Sensed(*(read_only(array) for array in sensed))
 
     planning, privileged = f"planner {planner.name!r}", bool(planner.privileged)
-    seeing, fingerprint = f"recogniser {type(recogniser).__name__}", _fingerprint(recogniser)
+    seeing, shared = f"recogniser {type(recogniser).__name__}", _Shared.now(context, sensor, recogniser)
     moving, steps = f"motion {type(motion).__name__}", StepLimits.of(motion, context.frame_time)
     with blamed(motion, f"{moving}, reset"):
         keep_clear(motion, world.surroundings)
@@ -128,8 +129,9 @@ def rollout(
     changed = batch.first_change(world)
     if changed is not None:
         raise EpisodeError(f"{planning}: {changed} of the episodes changed during the rollout, expected no change")
-    if _fingerprint(recogniser) != fingerprint:
-        raise EpisodeError(f"{planning}: {seeing} changed during the rollout, expected no change")
+    other = shared.first_change(_Shared.now(context, sensor, recogniser))
+    if other is not None:
+        raise EpisodeError(f"{planning}: {other} changed during the rollout, expected no change")
     if bool(planner.privileged) != privileged:
         raise EpisodeError(
             f"{planning}: privileged was {privileged} at first, expected no change, got {not privileged}"
@@ -149,16 +151,29 @@ def _own_context(context: Context) -> Context:
         skeleton=Skeleton(context.skeleton.joint_names, context.skeleton.bones),
         workspace=replace(context.workspace),
         vehicle=None if context.vehicle is None else replace(context.vehicle),
+        world=deepcopy(replace(context.world, workspace=replace(context.world.workspace))),
     )
 
 
-def _fingerprint(recogniser: Recogniser) -> bytes | None:
-    """Return a hash of what decides a recogniser's answers; None if it gives none."""
-    fingerprint = getattr(recogniser, "fingerprint", None)
-    if fingerprint is None:
-        return None
-    with blamed(recogniser, f"recogniser {type(recogniser).__name__}, fingerprint"):
-        return bytes(fingerprint())
+@dataclass(frozen=True, eq=False)
+class _Shared:
+    """What all planners share, as it is at one moment: by name a copy of it, or a hash of what decides its answers."""
+
+    parts: dict[str, Any]
+
+    @staticmethod
+    def now(context: Context, sensor: Sensor, recogniser: Recogniser) -> "_Shared":
+        parts: dict[str, Any] = {"the world": deepcopy((context.world, context.workspace, context.vehicle))}
+        for kind, part in (("sensor", sensor), ("recogniser", recogniser)):
+            fingerprint = getattr(part, "fingerprint", None)
+            name = f"{kind} {type(part).__name__}"
+            with blamed(part, f"{name}, fingerprint"):
+                parts[name] = None if fingerprint is None else bytes(fingerprint())
+        return _Shared(parts)
+
+    def first_change(self, later: "_Shared") -> str | None:
+        """Return the name of the first part that is another one later; None if all are the same."""
+        return next((name for name, part in self.parts.items() if later.parts[name] != part), None)
 
 
 def check_recognition(recognition: Recognition, recogniser: Recogniser, episodes: int, frame: str) -> None:

@@ -1,7 +1,7 @@
 """The steps that a camera can make from frame to frame: a move of the grid, or a flight within a vehicle's limits."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -49,12 +49,14 @@ class StepLimits:
 
     @staticmethod
     def of(motion: Motion, frame_time: float) -> "StepLimits | None":
-        """Return the limits of a motion of ehar; None for your own motion, whose limits nobody knows."""
+        """Return a copy of the limits of a motion of ehar; None for your own motion, whose limits nobody knows."""
         if type(motion) is GridMotion:
-            return StepLimits(motion.workspace, frame_time)
+            return StepLimits(replace(motion.workspace), frame_time)
         from ehar.flight.motion import FlightMotion  # imported here: Ruckig takes time to load
 
-        return StepLimits(motion.workspace, frame_time, motion.vehicle) if type(motion) is FlightMotion else None
+        if type(motion) is not FlightMotion:
+            return None
+        return StepLimits(replace(motion.workspace), frame_time, replace(motion.vehicle))
 
     def first_broken(self, way: FloatArray, error: float) -> BrokenStep | None:
         """Return the first step of the first episode that the camera cannot have made; None if there is none.

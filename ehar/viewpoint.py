@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.arrays import BoolArray, FloatArray, IntArray, read_only
 from ehar.errors import UsageError
 
 DISTANCE, AZIMUTH, POLAR = 0, 1, 2
@@ -73,12 +73,12 @@ class Workspace:
     @cached_property
     def origin(self) -> FloatArray:
         """The viewpoint of cell (0, 0, 0), (3,)."""
-        return np.array([self.distance_min, 0.0, self.polar_min])
+        return read_only(np.array([self.distance_min, 0.0, self.polar_min]))
 
     @cached_property
     def step(self) -> FloatArray:
         """The changes of distance, azimuth and polar angle by a move, (3,) [m], [rad], [rad]."""
-        return np.array([self.distance_step, self.angle_step, self.angle_step])
+        return read_only(np.array([self.distance_step, self.angle_step, self.angle_step]))
 
     @cached_property
     def cells(self) -> tuple[int, int, int]:

@@ -109,6 +109,11 @@ class EstimatorSensor:
             )
         return Sensed(joints_2d.reshape(*leading, persons, joints, 2), confidence.reshape(*leading, persons, joints))
 
+    def fingerprint(self) -> bytes:
+        """Return what decides what it sees."""
+        told = vars(self) | {"skeleton": (self.skeleton.joint_names, self.skeleton.bones)}
+        return repr(told).encode()
+
     def _sense_chunk(
         self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise, radii: FloatArray, hidden: BoolArray
     ) -> tuple[FloatArray, FloatArray]:

@@ -28,3 +28,7 @@ class PerfectSensor:
         if hidden is not None:
             pixels[hidden], confidence[hidden] = (self.camera.width / 2, self.camera.height / 2), 0.0
         return Sensed(pixels, confidence)
+
+    def fingerprint(self) -> bytes:
+        """Return what decides what it sees."""
+        return repr(vars(self)).encode()

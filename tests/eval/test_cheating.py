@@ -11,12 +11,17 @@ import pytest
 
 from ehar.arrays import FloatArray
 from ehar.batch import Batch
+from ehar.camera import Camera
 from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
+from ehar.data.skeleton import Skeleton
 from ehar.errors import EpisodeError
 from ehar.flight.motion import FlightMotion
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner
+from ehar.sensors.estimator import EstimatorSensor
+from ehar.sensors.perfect import PerfectSensor
+from ehar.world import PAPER
 from eval import benchmark
 from eval.records.episodes import COLUMNS, SECOND, EpisodeRecords
 from eval.running.run import Run
@@ -74,6 +79,11 @@ class WritesIntoTheSkeleton(Honest):
         context.skeleton.mirror[:] = 0
 
 
+class WritesIntoTheSteps(Honest):
+    def begun(self, context: Context) -> None:
+        context.world.workspace.step[:] = 2.0
+
+
 class MovesTheMotion(Honest):
     def tries(self, observation: Observation) -> None:
         for motion in alive(GridMotion):
@@ -124,6 +134,7 @@ STOPPED: list[tuple[Honest, dict[str, Any], str]] = [
     *((Writes(array), {}, "ValueError: assignment destination is read-only (") for array in ARRAYS),
     (MakesWriteable(), {}, "ValueError: cannot set WRITEABLE flag to True of this array ("),
     (WritesIntoTheSkeleton(), {}, "reset: ValueError: assignment destination is read-only ("),
+    (WritesIntoTheSteps(), {}, "reset: ValueError: assignment destination is read-only ("),
     (MovesTheMotion(), {}, "expected a move of the grid within Workspace("),
     (MovesTheMotion(), {"track": "px4-max"}, "expected at most 12 of 'px4-max'"),
     (HurriesTheVehicle(), {"track": "px4-max"}, "expected at most 12 of 'px4-max'"),
@@ -168,6 +179,53 @@ def test_other_weights_of_the_recogniser_are_noticed(monkeypatch: pytest.MonkeyP
     run([Honest(), "no-act"])
     with pytest.raises(EpisodeError, match=r"planner 'mine': recogniser Weighted changed during the rollout"):
         run([ImprovesTheRecogniser(), "no-act"])
+
+
+class SilencesTheSensor(Honest):
+    def __init__(self, patch: pytest.MonkeyPatch, part: str, value: Any) -> None:
+        self.patch, self.part, self.value = patch, part, value
+
+    def begun(self, context: Context) -> None:
+        for sensor in alive(EstimatorSensor):
+            self.patch.setattr(sensor, self.part, self.value)
+
+
+@pytest.mark.parametrize(
+    ("part", "value"),
+    [
+        ("relative_noise", 0.0),
+        ("camera", Camera(focal_length=1000.0)),
+        ("skeleton", Skeleton(("one",), ())),
+        ("sense", PerfectSensor().sense),
+    ],
+)
+def test_another_sensor_is_noticed(part: str, value: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(EpisodeError, match="planner 'mine'"):
+        run([SilencesTheSensor(monkeypatch, part, value), "no-act"], sensor="estimator")
+
+
+class MovesTheWorld(Honest):
+    """Writes into the very world that everybody shares, and keeps what was there."""
+
+    def __init__(self, held: Any, name: str, value: float) -> None:
+        self.held, self.name_of, self.value, self.before = held, name, value, getattr(held, name)
+
+    def begun(self, context: Context) -> None:
+        object.__setattr__(self.held, self.name_of, self.value)
+
+
+@pytest.mark.parametrize(
+    ("held", "name", "value"), [(PAPER.camera, "focal_length", 1000.0), (PAPER.workspace, "distance_min", 4.0)]
+)
+def test_another_world_is_noticed(held: Any, name: str, value: float) -> None:
+    cheat = MovesTheWorld(held, name, value)
+    try:
+        with pytest.raises(EpisodeError, match=r"planner 'mine'.*changed during the rollout, expected no change"):
+            run([cheat, "no-act"], sensor="estimator")
+    finally:
+        object.__setattr__(held, name, cheat.before)
+        for cached in {"origin", "step", "cells"} & vars(held).keys():
+            del vars(held)[cached]
 
 
 def quietly(trick: Callable[[], Any]) -> None:
@@ -235,6 +293,8 @@ class ChangesItsContext(Honest):
         for held, name, value in (
             (context.workspace, "distance_min", 0.1),
             (context.workspace, "polar_max", 3.0),
+            (context.world.workspace, "distance_min", 0.1),
+            (context.world.camera, "focal_length", 1000.0),
             (context.vehicle, "speed", 900.0),
             (context.vehicle, "yaw_rate", 900.0),
             (context, "length", 2),
