@@ -149,7 +149,8 @@ def simultaneous(estimates: FloatArray, resampled: FloatArray, wider: Widening) 
     as in Romano & Wolf, Exact and Approximate Stepdown Methods, JASA 2005. T is the distance of a resampled difference
     from the estimate in standard errors. One standard error serves for all resamples: one that is computed anew within
     each resample is unstable where people are few. The maximum over the m pairs says at what level each pair has to be
-    tested; Student's t takes that level to the degrees of freedom of each pair.
+    tested; Student's t takes that level to the degrees of freedom of each pair. That level is never above the one of a
+    pair alone: with two people, resampled differences lie at most about 1.4 standard errors from the estimate.
 
     Args:
         estimates: (m,) differences.
@@ -165,17 +166,19 @@ def simultaneous(estimates: FloatArray, resampled: FloatArray, wider: Widening) 
     largest = np.sort(distance.max(axis=0))
     # The interval excludes zero if at most 5 % of the resamples, the data among them, have as large a maximum.
     beyond = int((1 - LEVEL / 100) * (len(largest) + 1) + _ROUNDING) - 1
-    level = float(ndtr(-largest[min(len(largest) - beyond, len(largest)) - 1]))  # one-sided, of each pair
+    alone = (1 - LEVEL / 100) / 2
+    level = min(float(ndtr(-largest[min(len(largest) - beyond, len(largest)) - 1])), alone)  # one-sided, of each pair
     scale = np.where(varies, wider.factor * error, 0.0)
     half = np.where(varies, scale * stdtrit(wider.freedom, 1 - level), 0.0)
     tail = stdtr(wider.freedom, -np.abs(estimates) / np.where(varies, scale, 1.0))
     reached = len(largest) - np.searchsorted(largest, -ndtri(tail) - _TIE)
+    one = np.minimum(2 * tail, 1)
     # A difference that never varies is certain, or certainly none.
     known = np.where(np.abs(estimates) > _ROUNDING, 0.0, 1.0)
     return Simultaneous(
         ends=np.stack([estimates - half, estimates + half], axis=-1),
-        p=np.where(varies, (1 + reached) / (1 + len(largest)), known),
-        p_alone=np.where(varies, np.minimum(2 * tail, 1), known),
+        p=np.where(varies, np.maximum((1 + reached) / (1 + len(largest)), one), known),
+        p_alone=np.where(varies, one, known),
         smallest=np.where(varies, half + _POWER * scale, np.nan),
     )
 

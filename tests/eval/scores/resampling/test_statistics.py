@@ -127,7 +127,22 @@ def test_a_corrected_interval_excludes_zero_where_its_p_value_is_below_5_percent
     found = simultaneous(estimates, estimates[:, None] + rng.normal(size=(5, 999)), wider)
     excludes = (found.ends[:, 0] > 0) | (found.ends[:, 1] < 0)
     assert (excludes == (found.p <= 0.05)).all()
-    assert (found.p >= found.p_alone * 0.5).all()  # the first is counted, the second is Student's
+    assert (found.p >= found.p_alone).all()
+
+
+@pytest.mark.parametrize("people", [2, 3, 4])
+@pytest.mark.parametrize("pairs", [1, 3])
+def test_a_correction_never_makes_an_interval_narrower_where_people_are_few(people: int, pairs: int) -> None:
+    rng = np.random.default_rng(people)
+    values = rng.normal(size=(pairs, people))
+    counts = resample_counts(rng, people)
+    resampled = values @ counts.T / people
+    error = resampled.std(axis=1, ddof=1)
+    wider = Widening(np.full(pairs, np.sqrt(people / (people - 1))), np.full(pairs, people - 1.0))
+    found = simultaneous(values.mean(axis=1), resampled, wider)
+    alone = wider.factor * error * student.ppf(0.975, people - 1)
+    assert (np.ptp(found.ends, axis=1) / 2 >= alone * (1 - 1e-9)).all()
+    assert (found.p >= found.p_alone).all()
 
 
 def test_differences_that_never_vary_are_certain_and_take_no_part_in_the_correction() -> None:
