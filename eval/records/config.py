@@ -55,8 +55,8 @@ class RunConfig:
         schema: schema number of all files of the run.
         sensor_sha256: hash of the file and arguments of your own sensor; None for a sensor of ehar.
         track_sha256: hash of the file and arguments of your own motion; None for a track of ehar.
-        trained_lengths: number of frames of an episode in the training of the recogniser, the gain field and each
-            agent, as far as they are known; None in runs from before it was recorded.
+        trained_lengths: number of frames of an episode in the training of the recogniser, the gain field, each
+            agent and a fixed place, as far as they are known; None in runs from before it was recorded.
         device: torch device of the recogniser; another one rounds otherwise.
         trained_open: whether the recogniser was trained in the world without its obstacles and passers-by.
     """
@@ -157,7 +157,7 @@ def run_config(
 ) -> RunConfig:
     """Return the configuration of a run in a setting; the arguments are as in `RunConfig`.
 
-    `lengths` are the trained lengths of gain field and agents.
+    `lengths` are the trained lengths of gain field, agents and fixed place.
     """
     trained = {"recogniser": setting.trained_length, **(lengths or {})}
     return RunConfig(

@@ -205,9 +205,11 @@ class Choice(NamedTuple):
 
     @property
     def lengths(self) -> dict[str, int | None]:
-        """The number of frames of an episode in the training of the gain field and of each agent."""
+        """The number of frames of an episode in the training of the gain field, of each agent and of a fixed place."""
         trained = {
-            planner.name: getattr(planner, "length", None) for planner in self.planners if _learned(planner.name)
+            planner.name: getattr(planner, "length", None)
+            for planner in self.planners
+            if is_learned(planner.name) or needs_fixed_place(planner.name)
         }
         return trained if self.model is None else {"gain field": self.model.length, **trained}
 

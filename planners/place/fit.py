@@ -132,16 +132,18 @@ def fit_fixed_best(
         "part": part,
         "windows": len(scenarios),
         "starts": STARTS,
-        "world": setting.world.to_json(),
     }
     own = {"recogniser": told.recogniser, "sensor_sha256": setting.sensor_sha256}
     history |= {name: value for name, value in own.items() if value is not None}
     decisive = {name: value for name, value in history.items() if name not in ("data", "models", "out")}
+    decisive["world"] = setting.world.to_json()
     key = json_text([decisive, setting.recogniser_sha256, [asdict(place) for place in places]])
     kept = path.with_name(f"{path.stem}-tried-{hashlib.sha256(key.encode()).hexdigest()[:8]}.json")
     tried = best_first(places, _try_all(task, engine or Processes(config.workers), kept, report))
     history["tried"] = [asdict(one) for one in tried]
-    save_fixed_place(path, tried[0].place, recogniser_sha256=setting.recogniser_sha256, history=history)
+    save_fixed_place(
+        path, tried[0].place, recogniser_sha256=setting.recogniser_sha256, history=history, world=setting.world
+    )
     kept.unlink(missing_ok=True)
     return FixedPlaceFit(path, tried, part)
 

@@ -62,13 +62,15 @@ class GoToPlace(Planner):
         name: name of the planner.
         place: the place.
         sha256: hash of the file that the place was read from; None for a place that nobody fitted.
+        length: number of frames of the episodes that the place was chosen on; None if nobody chose it on any.
     """
 
-    def __init__(self, *, name: str, place: Place, sha256: str | None = None) -> None:
+    def __init__(self, *, name: str, place: Place, sha256: str | None = None, length: int | None = None) -> None:
         """Create the planner."""
         self.name = name
         self.place = place
         self.sha256 = sha256
+        self.length = length
 
     def reset(self, context: Context) -> None:
         """Forget the people."""

@@ -9,7 +9,9 @@ from ehar.conditions import Conditions
 from ehar.data.recordings import Recordings
 from ehar.errors import ModelError
 from ehar.files import json_text, read_json, write_text
+from ehar.world import LATER, PAPER, World
 from planners.place.go_to_place import GoToPlace, Place
+from recognition.weight_files import check_world
 
 SHIPPED = Path(__file__).parents[1] / "weights"
 FIXED_BEST = "fixed-best"
@@ -22,15 +24,17 @@ class FixedPlace:
     Args:
         place: the place.
         sha256: hash of the file, recorded beside results.
+        length: number of frames of the episodes that it was chosen on; None in streams, or if it is not recorded.
     """
 
     place: Place
     sha256: str
+    length: int | None = None
 
     @property
     def planner(self) -> GoToPlace:
         """A new planner that goes there."""
-        return GoToPlace(name=FIXED_BEST, place=self.place, sha256=self.sha256)
+        return GoToPlace(name=FIXED_BEST, place=self.place, sha256=self.sha256, length=self.length)
 
 
 @dataclass(frozen=True)
@@ -40,12 +44,14 @@ class FixedPlaceDescription:
     Args:
         recogniser_sha256: hash of the recogniser whose accuracy decided.
         place: the best place.
-        training: how it was fitted, with the accuracy of each place; kept for people, not read back.
+        training: how it was fitted, with the accuracy of each place; kept for people; only the length is read back.
+        world: the world that it was fitted in.
     """
 
     recogniser_sha256: str
     place: Place
     training: dict[str, Any]
+    world: World
 
 
 def fixed_place_path(directory: Path, conditions: Conditions) -> Path:
@@ -53,28 +59,32 @@ def fixed_place_path(directory: Path, conditions: Conditions) -> Path:
     return directory / f"{FIXED_BEST}-{conditions.seen}.json"
 
 
-def save_fixed_place(path: Path, place: Place, *, recogniser_sha256: str, history: dict[str, Any]) -> None:
+def save_fixed_place(
+    path: Path, place: Place, *, recogniser_sha256: str, history: dict[str, Any], world: World = PAPER
+) -> None:
     """Save a place.
 
     Args:
         path: the JSON file.
         place: the best place.
         recogniser_sha256: hash of the recogniser whose accuracy decided.
-        history: how it was fitted; kept for people, not read back.
+        history: how it was fitted; kept for people; only the length is read back.
+        world: the world that it was fitted in.
     """
-    write_text(path, [json_text(asdict(FixedPlaceDescription(recogniser_sha256, place, history)))])
+    held = asdict(FixedPlaceDescription(recogniser_sha256, place, history, world))
+    write_text(path, [json_text(held | {"world": world.to_json()})])
 
 
 def load_fixed_place(conditions: Conditions, data: Recordings, recogniser_sha256: str) -> FixedPlace:
-    """Load the place, and check that it belongs to the recogniser.
+    """Load the place, and check that it belongs to the recogniser and the world.
 
     Args:
-        conditions: conditions of the fit: folder, sensor and views.
+        conditions: conditions of the fit: folder, sensor, views and world.
         data: the data that it will be used on.
         recogniser_sha256: hash of the recogniser that it will work with.
 
     Raises:
-        ModelError: the file is missing or malformed, or belongs to another recogniser.
+        ModelError: the file is missing or malformed, or belongs to another recogniser or another world.
     """
     path = fixed_place_path(conditions.directory or SHIPPED / data.name, conditions)
     return open_fixed_place(path, conditions, recogniser_sha256)
@@ -85,7 +95,7 @@ def open_fixed_place(path: Path, conditions: Conditions, recogniser_sha256: str)
 
     Args:
         path: the JSON file.
-        conditions: conditions of the fit: folder, sensor and views.
+        conditions: conditions of the fit: folder, sensor, views and world.
         recogniser_sha256: hash of the recogniser that it will work with.
 
     Raises:
@@ -95,10 +105,13 @@ def open_fixed_place(path: Path, conditions: Conditions, recogniser_sha256: str)
         command = f"`ehar train fixed-best {conditions.options} {conditions.models_option}`"
         raise ModelError(f"{path}: no such file: expected a fixed place, as made by {command}")
     what = "a fixed place, as `ehar train fixed-best` writes it"
-    description = read_json(path, FixedPlaceDescription, what, wrong=ModelError)
+    description = read_json(path, FixedPlaceDescription, what, optional=LATER, wrong=ModelError)
+    check_world(path, description.world, conditions)
     if description.recogniser_sha256 != recogniser_sha256:
         raise ModelError(
             f"{path}: fitted for another recogniser: its sha256 was {description.recogniser_sha256[:12]}..., "
             f"this one's is {recogniser_sha256[:12]}...; fit it again"
         )
-    return FixedPlace(description.place, hashlib.sha256(path.read_bytes()).hexdigest())
+    length = description.training.get("length")
+    known = isinstance(length, int) and not conditions.in_streams
+    return FixedPlace(description.place, hashlib.sha256(path.read_bytes()).hexdigest(), length if known else None)

@@ -9,7 +9,8 @@ import pytest
 
 from ehar.conditions import Conditions
 from ehar.errors import ModelError
-from planners.place.storage import FixedPlace, load_fixed_place
+from ehar.world import INDOOR
+from planners.place.storage import FixedPlace, fixed_place_path, load_fixed_place, save_fixed_place
 from tests.helpers.fakes import tiny_data
 from tests.helpers.fixed_places import PLACE, save_place
 
@@ -44,6 +45,16 @@ def test_a_file_that_is_not_there_or_is_for_another_recogniser_sensor_or_view(tm
         line = refusal(path, **told)
         assert line.startswith(f"{tmp_path / f'fixed-best-{name}.json'}: no such file: expected a fixed place, ")
         assert "`ehar train fixed-best --data X.npz " in line
+
+
+def test_a_place_of_another_world_is_refused_and_its_length_is_told(tmp_path: Path) -> None:
+    path = fixed_place_path(tmp_path, Conditions())
+    save_fixed_place(path, PLACE, recogniser_sha256="fake", history={"length": 40})
+    assert load(path).planner.length == 40
+    assert refusal(path, world="indoor").startswith(f"{path}: trained in the world paper (5 to 15 m")
+    path.unlink()
+    save_fixed_place(path, PLACE, recogniser_sha256="fake", history={}, world=INDOOR)
+    assert load(path, world="indoor") == FixedPlace(PLACE, hashlib.sha256(path.read_bytes()).hexdigest(), None)
 
 
 @pytest.mark.parametrize(
