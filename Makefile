@@ -174,41 +174,48 @@ runs/trainings-duo/table.md runs/trainings-solo/table.md: runs/trainings-%/table
 $(SETS:%=runs/belief-%/table.md): runs/belief-%/table.md: models/%/planners-estimator-moving
 	$(EHAR) study belief $(call data_of,$*) --sensor estimator --models models/$* --out $(@D)
 
-# Streams: planners that need nothing but the recogniser, and the belief.
-STREAMS := solo-stream duo-stream
+# Streams, synthetic ones and those of a real Kinect, with every planner that is not an agent: on the grid, and flown.
+STREAMS := solo-stream duo-stream utkinect
 utkinect := --data $(DATA)/utkinect.npz
 stream_data = $(or $($(1)),--data $(1))
-STREAM_PLANNERS := no-act random towards h-rotate v-rotate near-level front side
+WATCHING := no-act h-rotate near-level front side fixed-best nbv-greedy nbv-search nbv oracle
 
 STREAM_RECOGNISER := models/%/causal-estimator-moving.safetensors
-$(STREAMS:%=$(STREAM_RECOGNISER)) models/utkinect/causal-estimator-moving.safetensors: $(STREAM_RECOGNISER): | setup
+$(STREAMS:%=$(STREAM_RECOGNISER)): $(STREAM_RECOGNISER): | setup
 	$(EHAR) train recogniser $(call stream_data,$*) --sensor estimator --out $(@D)
 
-$(STREAMS:%=runs/watched-%/table.md): runs/watched-%/table.md: models/%/causal-estimator-moving.safetensors
-	$(BENCHMARK) $(STREAM_PLANNERS) oracle --data $* --sensor estimator --models models/$* --starts $(STARTS) --out $(@D)
+$(STREAMS:%=models/%/planners): models/%/planners: $(STREAM_RECOGNISER)
+	$(EHAR) train gain-field $(call stream_data,$*) --sensor estimator --models $(@D)
+	$(EHAR) train fixed-best $(call stream_data,$*) --sensor estimator --models $(@D)
+	touch $@
 
-$(STREAMS:%=runs/belief-%/table.md): runs/belief-%/table.md: models/%/causal-estimator-moving.safetensors
-	$(EHAR) study belief --data $* --sensor estimator --models models/$* --out $(@D)
+$(STREAMS:%=runs/watched-%/table.md): runs/watched-%/table.md: models/%/planners
+	$(BENCHMARK) $(WATCHING) $(call stream_data,$*) --sensor estimator --models models/$* --starts $(STARTS) --out $(@D)
 
-# Real streams, with every planner that is not an agent: on the grid, and flown.
-REAL_STREAM := models/utkinect/causal-estimator-moving.safetensors
-WATCHING := no-act front side near-level fixed-best nbv-greedy nbv-search nbv oracle
+define watched_in_flight
+$$(STREAMS:%=runs/watched-%-$(1)/table.md): runs/watched-%-$(1)/table.md: runs/watched-%/table.md
+	$$(BENCHMARK) $$(WATCHING) $$(call stream_data,$$*) --sensor estimator --models models/$$* --starts $$(STARTS) \
+	  --track $(1) --ideal $$(<D) --out $$(@D)
+endef
+$(foreach vehicle,px4-auto tracking-drone,$(eval $(call watched_in_flight,$(vehicle))))
 
-models/utkinect/gain-field-estimator-moving.safetensors: $(REAL_STREAM)
-	$(EHAR) train gain-field $(utkinect) --sensor estimator --models $(@D)
+$(STREAMS:%=runs/belief-%/table.md): runs/belief-%/table.md: $(STREAM_RECOGNISER)
+	$(EHAR) study belief $(call stream_data,$*) --sensor estimator --models models/$* --out $(@D)
 
-models/utkinect/fixed-best-estimator-moving.json: $(REAL_STREAM)
-	$(EHAR) train fixed-best $(utkinect) --sensor estimator --models $(@D)
+# Things in the way: three trainings of the open world.
+IN_THE_WAY := room crowd
+OF_SOLO := solo solo-1 solo-2
+define in_the_way
+$$(OF_SOLO:%=runs/$(1)-%/table.md): runs/$(1)-%/table.md: models/%/planners-estimator-moving
+	$$(BENCHMARK) $$(RULES) oracle --data solo --sensor estimator --world $(1) --models models/$$* --out $$(@D)
 
-runs/utkinect/table.md: models/utkinect/gain-field-estimator-moving.safetensors models/utkinect/fixed-best-estimator-moving.json
-	$(BENCHMARK) $(WATCHING) $(utkinect) --sensor estimator --models models/utkinect --starts 2 --out $(@D)
-
-runs/utkinect-px4/table.md: runs/utkinect/table.md
-	$(BENCHMARK) $(WATCHING) $(utkinect) --sensor estimator --models models/utkinect --starts 2 --track px4-auto \
-	  --ideal $(<D) --out $(@D)
+runs/trainings-$(1)/table.md: $$(OF_SOLO:%=runs/$(1)-%/table.md)
+	$$(EHAR) study trainings $$(^:/table.md=) --out $$(@D)
+endef
+$(foreach world,$(IN_THE_WAY),$(eval $(call in_the_way,$(world))))
 
 # The film of the README: the episode in which nbv's gain over front is the median, and of it the most activities.
-docs/figures/stream.gif: runs/utkinect-px4/table.md
+docs/figures/stream.gif: runs/watched-utkinect-px4-auto/table.md
 	$(EHAR) replay $(<D) typical --planners nbv front --since 8 --until 18 --out $@
 
 # Episodes of validation people, on which rules of when to answer are fitted.
@@ -218,6 +225,9 @@ $(SETS:%=runs/fitting-%/table.md): runs/fitting-%/table.md: models/%/planners-es
 
 $(SETS:%=runs/headroom-%/table.md): runs/headroom-%/table.md: models/%/causal-estimator-moving.safetensors
 	$(EHAR) study headroom $(call data_of,$*) --sensor estimator --models models/$* --azimuths 6 --polars 3 --out $(@D)
+
+runs/class-maps-hdm05/table.md: models/hdm05/causal-estimator-moving.safetensors
+	$(EHAR) study headroom $(hdm05) --sensor estimator --models models/hdm05 --azimuths 8 --polars 3 --out $(@D)
 
 $(SETS:%=runs/ablation-%/table.md): runs/ablation-%/table.md: models/%/planners-estimator-moving
 	$(EHAR) study ablation $(call data_of,$*) --sensor estimator --models models/$* --starts $(STARTS) \
@@ -298,11 +308,17 @@ docs/results/exact-joints.md: $(SETS:%=runs/rules-%-perfect/table.md)
 docs/results/flown.md: $(SETS:%=runs/agents-%-drone/table.md)
 	$(call side_by_side,nbv,All planners in flight on single clips)
 
-docs/results/streams.md: $(STREAMS:%=runs/watched-%/table.md)
-	$(call page,$@,Streams,ehar benchmark --data solo-stream --sensor estimator --models models/solo-stream,$^)
+docs/results/streams.md: $(foreach track,. -px4-auto. -tracking-drone.,$(foreach set,solo-stream duo-stream,runs/watched-$(set)$(track:.=)/table.md))
+	$(call page,$@,Streams,ehar benchmark $(WATCHING) --data solo-stream --sensor estimator --models models/solo-stream,$^)
 
-docs/results/utkinect.md: runs/utkinect/table.md runs/utkinect-px4/table.md
+docs/results/utkinect.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-utkinect$(track:.=)/table.md)
 	$(call page,$@,Streams of a real Kinect,ehar benchmark $(WATCHING) --data utkinect.npz --sensor estimator,$^)
+
+docs/results/obstacles.md: $(IN_THE_WAY:%=runs/trainings-%/table.md)
+	$(call page,$@,Things in the way,ehar benchmark $(RULES) oracle --data solo --sensor estimator --world room,$^)
+
+docs/results/class-maps.md: runs/class-maps-hdm05/table.md
+	$(call page,$@,Where each class is best seen,ehar study headroom hdm05.npz --azimuths 8 --polars 3,$^)
 
 docs/results/stream-belief.md: $(STREAMS:%=runs/belief-%/table.md)
 	$(call page,$@,The belief in streams,ehar study belief --data solo-stream --sensor estimator,$^)
@@ -364,8 +380,9 @@ docs/results/behaviour.md: runs/agents-hdm05-estimator/table.md
 docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/table.md runs/rules-$(set)-perfect/table.md)
 	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$^)
 
-PAGES := planners nbv indoor exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding streams stream-belief utkinect headroom forms \
-  published real-views paper agents behaviour benchmarks
+# Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), and what stood before (mended).
+PAGES := planners nbv indoor obstacles exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding streams stream-belief \
+  utkinect headroom class-maps forms published real-views paper agents behaviour benchmarks
 results: left
 	@$(MAKE) --no-print-directory pages
 

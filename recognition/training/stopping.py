@@ -68,13 +68,14 @@ def enough_clips(evaluations: Sequence[Evaluation], clips: int) -> int:
     return max(2 * enough, LEAST_CLIPS, clips)
 
 
-def conclude(evaluations: Sequence[Evaluation], clips: int, *, runs_to_end: bool) -> Outcome:
+def conclude(evaluations: Sequence[Evaluation], clips: int, *, runs_to_end: bool, begun: bool = False) -> Outcome:
     """Return why training stopped after some clips, and what it reached.
 
     Args:
         evaluations: all evaluations, at least one.
         clips: clips seen in training.
         runs_to_end: whether a schedule decides when training ends.
+        begun: whether it went on from other weights, whose clips nobody counts: twice its own is not twice all.
     """
     top = max(past.accuracy for past in evaluations)
     best = next(past for past in reversed(evaluations) if past.accuracy == top)
@@ -83,5 +84,6 @@ def conclude(evaluations: Sequence[Evaluation], clips: int, *, runs_to_end: bool
     if runs_to_end:
         return Outcome(best, gain, False, f"the published schedule ended after {clips:,} clips")
     if has_learned(evaluations):
-        return Outcome(best, gain, False, f"it had learned: {gained} on validation")
+        counted = ", counted from the weights that it began with" if begun else ""
+        return Outcome(best, gain, False, f"it had learned: {gained} on validation{counted}")
     return Outcome(best, gain, True, f"cut short at {clips:,} clips: {gained or 'too few to tell what more bring'}")

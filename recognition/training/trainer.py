@@ -305,7 +305,8 @@ class _Run:
         temperature = fit_temperature(
             self._logits(self.network, self.validation), self.validation.labels.numpy(), self.weights
         )
-        outcome = conclude(self.evaluations, self.clips, runs_to_end=self.runs_to_end)
+        begun = self.config.init is not None
+        outcome = conclude(self.evaluations, self.clips, runs_to_end=self.runs_to_end, begun=begun)
         history = {
             "data": self.data_title,
             "run": self.identity,

@@ -58,6 +58,8 @@ def test_concludes_what_it_reached_and_why() -> None:
     found = conclude(learning(0.5, 0.6, 0.6, 0.55), 4 * LEAST_CLIPS, runs_to_end=False)
     assert (found.best.step, found.cut_short) == (3, False)  # of equal ones the last
     assert found.reason == "it had learned: twice the clips, 40,000 to 80,000, gained 0.0 points on validation"
+    went_on = conclude(learning(0.5, 0.6, 0.6, 0.55), 4 * LEAST_CLIPS, runs_to_end=False, begun=True)
+    assert went_on.reason == f"{found.reason}, counted from the weights that it began with"
     short = conclude(learning(0.5, 0.6), 2 * LEAST_CLIPS, runs_to_end=False)
     assert (
         short.cut_short
