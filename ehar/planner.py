@@ -10,7 +10,7 @@ from ehar.arrays import FloatArray, IntArray, in_brief
 from ehar.data.skeleton import Skeleton
 from ehar.flight.vehicle import Vehicle
 from ehar.motion import Motion
-from ehar.recogniser import Recogniser
+from ehar.recogniser import Recogniser, Recognition
 from ehar.sensors.sensor import Sensed
 from ehar.viewpoint import Workspace
 from ehar.world import PAPER, World
@@ -45,6 +45,8 @@ class Truth:
     sense: Callable[[int, FloatArray], Sensed]  # (frame, viewpoints (B, F, 3)) -> what would be sensed, (B, F, ...)
     frame_labels: IntArray  # (B, L), those of every frame
     fork_motion: Callable[[int], Motion] | None = None  # F -> a vehicle's B x F cameras, which go on from here
+    # (frame, viewpoints (B, F, 3)) -> as the recogniser is told them: away from what cameras look at; None: as they are
+    seen_from: Callable[[int, FloatArray], FloatArray] | None = None
 
     __repr__ = in_brief
 
@@ -52,6 +54,17 @@ class Truth:
     def length(self) -> int:
         """L, the frames of the episode; in a stream too."""
         return int(self.frame_labels.shape[1])
+
+    def imagine(self, state: Any, frame: int, viewpoint: FloatArray) -> tuple[Recognition, Any]:
+        """Return what would be recognised after a frame, and the state then, just as if cameras had been there.
+
+        Args:
+            state: the recogniser's state before the frame: `state`, or one that follows from it, with F forks.
+            frame: the frame.
+            viewpoint: (B, F, 3).
+        """
+        told = viewpoint if self.seen_from is None else self.seen_from(frame, viewpoint)
+        return self.recogniser.step(state, self.sense(frame, viewpoint), told)
 
 
 @dataclass(frozen=True, repr=False)

@@ -72,6 +72,9 @@ def rollout(
         sensed = world.sense(sensor, frame, candidates, f"frame {frame}, as imagined")
         return Sensed(*(read_only(array) for array in sensed))
 
+    def seen_from(frame: int, candidates: FloatArray) -> FloatArray:
+        return world.seen_from(frame, candidates)
+
     planning, privileged = f"planner {planner.name!r}", bool(planner.privileged)
     seeing, shared = f"recogniser {type(recogniser).__name__}", _Shared.now(context, sensor, recogniser)
     moving, steps = f"motion {type(motion).__name__}", StepLimits.of(motion, context.frame_time)
@@ -105,7 +108,7 @@ def rollout(
             embedding=read_only(recognition.embedding),
             velocity=read_only(finite_rates(motion, "velocity", episodes, frame)),
             acceleration=read_only(finite_rates(motion, "acceleration", episodes, frame)),
-            truth=Truth(read_only(frame_labels[:, frame + 1]), watching, state, imagine, frame_labels, fork)
+            truth=Truth(read_only(frame_labels[:, frame + 1]), watching, state, imagine, frame_labels, fork, seen_from)
             if privileged
             else None,
             time=frame * context.frame_time,

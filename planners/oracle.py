@@ -101,8 +101,8 @@ class OracleLookahead(Planner):
         state, horizon = truth.state.fork(ends.shape[1]), max(round(FLOWN_HORIZON / self._context.frame_time), 1)
         worth = np.zeros(ends.shape[:2])
         for later in range(frame + 1, min(frame + 1 + horizon, truth.length)):
-            seen_from = motion.advance(ends.reshape(-1, 3)).reshape(ends.shape)
-            recognition, state = truth.recogniser.step(state, truth.sense(later, seen_from), seen_from)
+            viewpoint = motion.advance(ends.reshape(-1, 3)).reshape(ends.shape)
+            recognition, state = truth.imagine(state, later, viewpoint)
             worth += self._worth(recognition.log_probs, truth, later)
         return worth
 
@@ -135,7 +135,7 @@ class OracleLookahead(Planner):
         for step in range(horizon):
             frame = observation.frame + 1 + step
             viewpoint = moved(self._context, viewpoint, moves)
-            recognition, state = truth.recogniser.step(state, truth.sense(frame, viewpoint), viewpoint)
+            recognition, state = truth.imagine(state, frame, viewpoint)
             path[:, :, step] = viewpoint
             worth += self._worth(recognition.log_probs, truth, frame)
         return path, worth / horizon
@@ -173,7 +173,7 @@ def try_moves(
     """
     here = np.repeat(viewpoint[:, None], len(MOVES), axis=1)
     candidates = moved(context, here, np.broadcast_to(np.arange(len(MOVES)), here.shape[:2]))
-    recognition, forked = truth.recogniser.step(state.fork(len(MOVES)), truth.sense(frame, candidates), candidates)
+    recognition, forked = truth.imagine(state.fork(len(MOVES)), frame, candidates)
     best = np.argmax(true_log_probs(recognition.log_probs, truth), axis=1)
     return candidates, recognition.log_probs, best, forked
 

@@ -114,7 +114,7 @@ class StreamingRecogniser(_Recogniser):
     ) -> tuple[Recognition, StreamingRecogniserState]:
         """See one more frame; shapes as in `ehar.recogniser.Recogniser.step`."""
         with torch.inference_mode():
-            forked = state.network.forks > 1
+            forked = viewpoint.ndim == 3
             seen = with_view(self._features(sensed, viewpoint), self._to_device(viewpoint))
             logits, embedding, after = self._stepper.step(seen if forked else seen[:, None], state.network)
             recognition = self._recognition(logits, embedding, after.count)
@@ -173,7 +173,7 @@ class PrefixRecogniser(_Recogniser):
     def step(self, state: PrefixState, sensed: Sensed, viewpoint: FloatArray) -> tuple[Recognition, PrefixState]:
         """See one more frame; shapes as in `ehar.recogniser.Recogniser.step`."""
         with torch.inference_mode():
-            forked = state.forks > 1
+            forked = viewpoint.ndim == 3
             seen = self._features(sensed, viewpoint)
             after = replace(state, frames=(*state.frames, seen if forked else seen[:, None]))
             prefix = torch.stack([frame.expand(-1, state.forks, -1, -1, -1) for frame in after.frames], dim=2)

@@ -72,9 +72,11 @@ def replay(planner: Planner, world: PlannerWorld, shown: list[Observation], batc
         for observation in shown:
             here = replace(observation, **{name: getattr(observation, name)[rows] for name in array_names(observation)})
             if planner.privileged:
-                _, state = recogniser.step(state, Sensed(here.joints_2d, here.confidence), here.viewpoint)
-                labels = some.frame_labels
-                truth = Truth(labels[:, here.frame + 1], recogniser, state, _imagination(world, some), labels)
+                told = some.seen_from(here.frame, here.viewpoint)
+                _, state = recogniser.step(state, Sensed(here.joints_2d, here.confidence), told)
+                imagine, labels = _imagination(world, some), some.frame_labels
+                coming = labels[:, here.frame + 1]
+                truth = Truth(coming, recogniser, state, imagine, labels, seen_from=some.seen_from)
                 here = replace(here, truth=truth)
             target = heading(planner.act(here))
             if target.shape != (len(rows), 3):

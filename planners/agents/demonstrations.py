@@ -135,7 +135,7 @@ def look_ahead(truth: Truth, observation: Observation, context: Context) -> Floa
     for step in range(min(frames_ahead(context), truth.length - 1 - observation.frame)):
         viewpoint = _tried(context, viewpoint, moves)
         frame = observation.frame + 1 + step
-        recognition, state = truth.recogniser.step(state, truth.sense(frame, viewpoint), viewpoint)
+        recognition, state = truth.imagine(state, frame, viewpoint)
         labels = truth.frame_labels[:, frame]
         worth = frame_worth(recognition.log_probs, replace(truth, labels=labels), on_top=0.5)
         values += worth * (labels < classes)[:, None]

@@ -182,8 +182,7 @@ def follow_paths(
     worth = np.zeros(goals.shape[:2])
     for step in range(frames):
         viewpoint = carried(viewpoint)
-        sensed = truth.sense(observation.frame + 1 + step, viewpoint)
-        recognition, state = truth.recogniser.step(state, sensed, viewpoint)
+        recognition, state = truth.imagine(state, observation.frame + 1 + step, viewpoint)
         visited[:, :, step] = viewpoint
         labels = truth.frame_labels[:, observation.frame + 1 + step]
         of_true = np.exp(np.take_along_axis(recognition.log_probs, labels[:, None, None], axis=2)[..., 0])

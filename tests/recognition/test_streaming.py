@@ -149,6 +149,16 @@ def test_forked_arrays_and_the_chosen_alternative(
     )
 
 
+def test_one_alternative_is_a_fork_too(recogniser: TrainedRecogniser, frames: Any) -> None:
+    _, state = take(recogniser, recogniser.start(EPISODES), frames[:2])
+    alone, alone_after = take(recogniser, state, frames[2:4])
+    one = [(Sensed(*(array[:, None] for array in sensed)), view[:, None]) for sensed, view in frames[2:4]]
+    forked, after = take(recogniser, state.fork(1), one)
+    assert_same(Recognition(*(array[:, 0] for array in forked)), alone)
+    selected = after.select(np.zeros(EPISODES, dtype=np.int64))
+    assert_same(take(recogniser, selected, frames[4:])[0], take(recogniser, alone_after, frames[4:])[0])
+
+
 def test_a_fork_that_took_no_frame_selects_to_what_it_was(recogniser: TrainedRecogniser, frames: Any) -> None:
     _, state = take(recogniser, recogniser.start(EPISODES), frames[:3])
     selected = state.fork(FORKS).select(np.array([0, 3, 6]))
