@@ -174,11 +174,27 @@ def split_parts(data: MotionData | StreamData) -> Parts:
     )
 
 
+def _people_together(subjects: IntArray) -> IntArray:
+    """Return the group of each stream's people, (S,), from who performs, (S, P).
+
+    A group is everybody who performs together, or with the same others. If there are fewer than `LEAST_KNOWN` groups,
+    it is those who perform in a stream.
+    """
+    _, couple = np.unique(subjects, axis=0, return_inverse=True)
+    group = couple.copy()
+    for person in np.unique(subjects):
+        joined = np.unique(group[(subjects == person).any(axis=1)])
+        group[np.isin(group, joined)] = joined[0]
+    return group if len(np.unique(group)) >= LEAST_KNOWN else couple
+
+
 def stream_parts(data: StreamData) -> Parts:
     """Split streams into the four parts, by frames.
 
     The data's own split decides the test part; without one it is a third of the people. Of the rest, validation has
-    people of its own, if there are at least `LEAST_KNOWN`; or else streams of its own. So has the policy part, if that
+    people of its own, if there are at least `LEAST_KNOWN`; or else streams of its own. People who perform together, or
+    with the same others, go together. If that leaves fewer than `LEAST_KNOWN` groups, couples are divided, and one
+    person may be in two parts. So has the policy part, if that
     leaves `LEAST_KNOWN` people to the recogniser. If it does not, the two share people and not streams: each has
     streams of as many people as it can. The shares are those of clips, as near as whole people or streams come.
 
@@ -188,7 +204,7 @@ def stream_parts(data: StreamData) -> Parts:
     """
     rng = np.random.default_rng(SPLIT_SEED)
     streams = np.arange(len(data.lengths))
-    _, people = np.unique(data.subjects, axis=0, return_inverse=True)
+    people = _people_together(data.subjects)
     named = bool((data.subjects != UNKNOWN_SUBJECT).all())
     unit = people if named else streams
     is_test = data.is_test

@@ -52,6 +52,17 @@ def test_nothing_that_is_shown_depends_on_what_comes_later() -> None:
     assert (before[60] != after[60]).any()
 
 
+def test_people_who_perform_together_are_in_one_part() -> None:
+    data = raising_streams(people=48)
+    partners = np.arange(48) // 2  # each couple in two streams
+    couples = np.stack([2 * partners, 2 * partners + 1], axis=1)
+    couples[1::2] = couples[1::2, ::-1]
+    together = replace(data, positions=data.positions.repeat(2, axis=1), subjects=couples)
+    parts = split_parts(together)
+    people = [set(couples[getattr(parts, part)].ravel().tolist()) for part in PARTS]
+    assert sum(map(len, people)) == len(set.union(*people)) == 48
+
+
 def test_parts_of_streams_have_people_of_their_own() -> None:
     data = raising_streams(people=12)
     parts = split_parts(data)
