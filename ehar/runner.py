@@ -141,6 +141,15 @@ class Runner:
         """Whether a vehicle flies around a centre that moves; your own motion says nothing about how it follows."""
         return isinstance(self.data, StreamData) and self.track.vehicle is not None and self.track.own is None
 
+    def followed_everywhere(self, scenarios: Scenarios | StreamScenarios) -> Scenarios | StreamScenarios:
+        """Return scenarios as `followed` does, of which any may be drawn.
+
+        Raises:
+            UsageError: as `check_followed`, which looks at windows that do not overlap.
+        """
+        self.check_followed(scenarios, np.flatnonzero(scenarios.first % scenarios.length == 0))
+        return self.followed(scenarios)
+
     def check_followed(self, scenarios: Scenarios | StreamScenarios, chosen: IntArray | None = None) -> None:
         """Raise a UsageError that names the stream if people get away from the vehicle that follows them.
 

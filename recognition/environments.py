@@ -78,7 +78,7 @@ def _task(setting: Setting, scenarios: Scenarios | StreamScenarios) -> EpisodeTa
     if vehicle is not None:
         controls = FlightControls(vehicle=vehicle, workspace=space, moving_centre=streams)
     return EpisodeTask(
-        scenarios=setting.runner.followed(scenarios),
+        scenarios=setting.runner.followed_everywhere(scenarios),
         recogniser=setting.runner.recogniser,
         sensor=setting.runner.sensor,
         controls=controls,

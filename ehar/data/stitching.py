@@ -59,11 +59,13 @@ def stitch(data: str | Path | MotionData, *, seconds: float = 60.0, seed: int = 
         seed: of the order.
 
     Raises:
-        UsageError: `seconds` is not above 0, or the data are unknown.
+        UsageError: `seconds` is not above 0, `seed` is below 0, or the data are unknown.
         DataError: the data are malformed, do not name everybody who performs, or a sequence has only one frame.
     """
     if not seconds > 0:
         raise UsageError(f"--seconds: got {seconds:g}, expected more than 0")
+    if seed < 0:
+        raise UsageError(f"--seed: got {seed}, expected at least 0")
     data = data if isinstance(data, MotionData) else load_data(data)
     if (data.subjects == UNKNOWN_SUBJECT).any():
         raise DataError(f"{data.name}: subjects: expected all people by number, to put each one's activities in a row")

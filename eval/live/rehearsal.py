@@ -260,6 +260,8 @@ def rehearse(
     Raises:
         EharError: something is missing or malformed, or does not fit; or the data are no streams.
     """
+    if not 0 < minutes < np.inf:
+        raise UsageError(f"minutes: expected a number above 0, got {minutes}")
     setting = load_setting(conditions)
     streams, recogniser, vehicle = setting.recordings, setting.runner.recogniser, setting.runner.track.vehicle
     if not isinstance(streams, StreamData):

@@ -6,7 +6,10 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+import numpy as np
+
 from ehar.conditions import Conditions
+from ehar.errors import UsageError
 from ehar.planner import Planner
 from eval.live import rehearsal
 from eval.live.figures import LoopFigures
@@ -57,6 +60,8 @@ def live(
     Raises:
         EharError: something is missing or malformed, or does not fit.
     """
+    if not np.isfinite(origin).all():
+        raise UsageError(f"origin: expected three finite numbers, got {' '.join(map(str, origin))}")
     with ExitStack() as stack:
         stack.enter_context(one_torch_thread())
 

@@ -30,10 +30,15 @@ def live_recogniser(conditions: Conditions) -> StreamingRecogniser:
     """Return the recogniser of a folder of weights.
 
     Raises:
-        ModelError: it is missing or malformed.
+        ModelError: it is missing or malformed, or of a world with obstacles.
     """
     recogniser = open_recogniser(recogniser_path(Path(conditions.models or ""), conditions), conditions)
     assert isinstance(recogniser, StreamingRecogniser)  # the form of these conditions
+    if recogniser.spec.world.obstacles:
+        raise ModelError(
+            f"{conditions.models}: weights of the world {recogniser.spec.world.name}, which has obstacles: nobody "
+            "tells a live loop where they are; expected weights of an open world"
+        )
     return recogniser
 
 

@@ -91,7 +91,7 @@ class TrainingWorld:
         if self.flown is not None:
             controls = HeadingControls(runner)
         task = EpisodeTask(
-            scenarios=runner.followed(self.scenarios),
+            scenarios=runner.followed_everywhere(self.scenarios),
             recogniser=runner.recogniser,
             sensor=runner.sensor,
             controls=controls,

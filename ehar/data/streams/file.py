@@ -1,6 +1,7 @@
 """Streams on disk: an .npz with `segments` in place of `labels`, checked when it is read and written atomically."""
 
 import zipfile
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -72,7 +73,10 @@ def _parse(fields: Fields, *, name: str) -> StreamData:
         missing = fields.get("missing", BOOL, frames)
     shared = parse_shared(fields, missing=missing)
     offsets, names, class_names = shared["offsets"], shared["sequence_names"], shared["class_names"]
-    shared["positions"] = _filled(fields, shared["positions"], offsets, missing, names)
+    unseen = np.logical_and.reduceat(missing, offsets[:-1])
+    if unseen.any():
+        raise fields.error("missing", f"got no frame of sequence {names[unseen.argmax()]!r} that is not missing")
+    shared["positions"] = _filled(shared["positions"], offsets)
     _refuse_leaps(fields, shared["positions"], offsets, missing, names)
     segments = _parse_segments(fields, offsets, class_names)
     owners = np.searchsorted(offsets, segments[:, 0], side="right") - 1
@@ -104,19 +108,15 @@ def _ends(offsets: IntArray, frames: IntArray) -> IntArray:
     return ends
 
 
-def _filled(
-    fields: Fields, positions: FloatArray, offsets: IntArray, missing: BoolArray, names: tuple[str, ...]
-) -> FloatArray:
+def _filled(positions: FloatArray, offsets: IntArray) -> FloatArray:
     """Return positions whose missing frames that hold NaN are interpolated within their stream."""
     holes = np.logical_not(np.isfinite(positions).all(axis=(1, 2, 3)))
     if not holes.any():
         return positions
     filled = positions.copy()
-    for stream, name in enumerate(names):
-        part = slice(offsets[stream], offsets[stream + 1])
+    for begin, end in pairwise(offsets):
+        part = slice(begin, end)
         known = np.flatnonzero(~holes[part])
-        if not len(known):
-            raise fields.error("positions", f"got no frame of sequence {name!r} that is not missing")
         flat = filled[part].reshape(part.stop - part.start, -1)
         at = np.flatnonzero(holes[part])
         after = np.clip(np.searchsorted(known, at), 0, len(known) - 1)

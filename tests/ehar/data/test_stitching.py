@@ -144,6 +144,8 @@ def test_people_who_are_not_named_and_sequences_of_one_frame() -> None:
         stitch(short)
     with pytest.raises(UsageError, match="--seconds: got 0, expected more than 0"):
         stitch(named, seconds=0)
+    with pytest.raises(UsageError, match="--seed: got -1, expected at least 0"):
+        stitch(named, seed=-1)
 
 
 def test_the_command_writes_streams_and_says_what_they_hold(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,6 +10,7 @@ from ehar.errors import UsageError
 from eval.live import rehearsal
 from eval.live.figures import Latencies
 from eval.live.rehearsal import EQUAL, rehearse
+from eval.live.start import live
 from tests.helpers.live_worlds import save_live_world
 
 
@@ -47,6 +48,17 @@ def test_of_an_agent_with_several_trainings_the_first_is_rehearsed(tmp_path: Pat
     found = rehearse(told, planner="il", **options, outputs=lambda _: [], note=lambda _: None)
     assert found.title.startswith("raising: il on px4-auto")
     assert 0 < found.figures.counts["frames"] <= 6 and "planner failed" not in found.figures.counts
+
+
+@pytest.mark.parametrize("minutes", [0.0, -1.0, float("nan"), float("inf")])
+def test_how_long_is_a_number_above_0(minutes: float) -> None:
+    with pytest.raises(UsageError, match="minutes: expected a number above 0"):
+        live(models="", planner="no-act", rehearse="solo-stream", minutes=minutes)
+
+
+def test_where_people_are_is_a_number() -> None:
+    with pytest.raises(UsageError, match=r"origin: expected three finite numbers, got nan 0\.0 0\.0"):
+        live(models="", origin=(float("nan"), 0.0, 0.0))
 
 
 def test_only_streams_are_rehearsed(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from ehar.conditions import Conditions
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import cartesian
-from ehar.world import INDOOR
+from ehar.world import INDOOR, ROOM
 from eval import Watcher
 from eval.live.messages import CameraPose, Frame, SeenPerson, read_frame
 from eval.live.rehearsal import frame_message
@@ -346,6 +346,13 @@ def test_what_cannot_watch_live_is_refused_in_a_line(folder: Path, tmp_path: Pat
         watcher_of(tmp_path)
     with pytest.raises(UsageError, match="expected one that needs no truth"):
         watcher_of(folder, planner="oracle")
+    walled = Path(shutil.copytree(folder / "models", tmp_path / "walled"))
+    (told,) = walled.glob("causal-*.json")
+    held = json.loads(told.read_text())
+    held["spec"]["world"] |= {"name": "walled", "obstacles": asdict(ROOM.obstacles), "passers_by": 0}
+    told.write_text(json.dumps(held))
+    with pytest.raises(ModelError, match="weights of the world walled, which has obstacles: nobody tells"):
+        watcher_of(folder, models=walled)
     alone = tmp_path / "alone"
     alone.mkdir()
     for file in (folder / "models").glob("causal-*"):

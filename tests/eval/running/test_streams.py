@@ -393,3 +393,5 @@ def test_a_vehicle_that_watches_a_stream_follows_people_within_its_limits(folder
     told = Conditions(data=fast, models=folder / "models", length=LENGTH, track="ground-robot")
     with pytest.raises(UsageError, match="track ground-robot: too slow for the people of 'stream-"):
         benchmark("no-act", told, reporter=Log())
+    with pytest.raises(UsageError, match="track ground-robot: too slow for the people of 'stream-"):
+        gym.make("ehar/Stream-v0", conditions=told)

@@ -102,6 +102,10 @@ def with_segment(*segment: int) -> Callable[[Arrays], None]:
     return change
 
 
+def all_missing(held: Arrays) -> None:
+    held["missing"] = np.ones(len(held["positions"]), dtype=bool)  # though there are numbers
+
+
 def without_class_in_test(held: Arrays) -> None:
     held["segments"] = held["segments"][held["segments"][:, 2] != 2]
     held["segments"] = np.concatenate([held["segments"], [[30, 35, 2]]])
@@ -119,7 +123,8 @@ def without_class_in_test(held: Arrays) -> None:
         (with_segment(92, 95, 3), "segments: got 3 for segment 8, expected 0 to 2"),
         (without_class_in_test, "split: no test sequence of right"),
         (with_nan, "positions: got NaN in sequence 'morning', frame 5"),
-        (without_all, "positions: got no frame of sequence 'noon' that is not missing"),
+        (without_all, "missing: got no frame of sequence 'noon' that is not missing"),
+        (all_missing, "missing: got no frame of sequence 'morning' that is not missing"),
         (with_leap, "got a person who moves 3.0 m into frame 10 of sequence 'evening'; expected at most 1 m"),
         (lambda held: held.pop("segments"), "segments: missing; the file holds"),
     ],
