@@ -11,7 +11,6 @@ from ehar.errors import ModelError
 from ehar.files import json_text, read_json, write_text
 from ehar.world import LATER, PAPER, World
 from planners.place.go_to_place import GoToPlace, Place
-from recognition.weight_files import check_world
 
 SHIPPED = Path(__file__).parents[1] / "weights"
 FIXED_BEST = "fixed-best"
@@ -101,6 +100,8 @@ def open_fixed_place(path: Path, conditions: Conditions, recogniser_sha256: str)
     Raises:
         ModelError: as in `load_fixed_place`.
     """
+    from recognition.weight_files import check_world  # imported here: it brings torch, which takes seconds
+
     if not path.is_file():
         command = f"`ehar train fixed-best {conditions.options} {conditions.models_option}`"
         raise ModelError(f"{path}: no such file: expected a fixed place, as made by {command}")
