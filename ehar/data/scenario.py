@@ -192,11 +192,12 @@ def stream_parts(data: StreamData) -> Parts:
     """Split streams into the four parts, by frames.
 
     The data's own split decides the test part; without one it is a third of the people. Of the rest, validation has
-    people of its own, if there are at least `LEAST_KNOWN`; or else streams of its own. People who perform together, or
-    with the same others, go together. If that leaves fewer than `LEAST_KNOWN` groups, couples are divided, and one
-    person may be in two parts. So has the policy part, if that
+    people of its own, if there are at least `LEAST_KNOWN`; or else streams of its own. So has the policy part, if that
     leaves `LEAST_KNOWN` people to the recogniser. If it does not, the two share people and not streams: each has
     streams of as many people as it can. The shares are those of clips, as near as whole people or streams come.
+
+    People who perform together, or with the same others, go together. If that leaves fewer than `LEAST_KNOWN` groups,
+    couples are divided, and one person may be in two parts.
 
     Raises:
         DataError: fewer than three people, or streams, are left for training; or a part has no segment of a class. Only

@@ -200,7 +200,7 @@ class SilencesTheSensor(Honest):
     ],
 )
 def test_another_sensor_is_noticed(part: str, value: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(EpisodeError, match="planner 'mine'"):
+    with pytest.raises(EpisodeError, match="planner 'mine': sensor EstimatorSensor changed during the rollout"):
         run([SilencesTheSensor(monkeypatch, part, value), "no-act"], sensor="estimator")
 
 
