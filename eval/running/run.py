@@ -270,7 +270,7 @@ def read_run_of_clips(directory: str | Path) -> Run:
     if run.of_streams:
         raise UsageError(
             f"{directory}: expected a run of clips, got one of streams, which ehar report, replay, verify, "
-            "compare, study analyse, overview and trainings take"
+            "compare, study analyse, decide, overview and trainings take"
         )
     return run
 

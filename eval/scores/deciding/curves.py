@@ -58,6 +58,18 @@ class Curve:
     points: tuple[Point, ...]
 
 
+class Course(NamedTuple):
+    """The words of a planner frame by frame, if every activity is answered after the same one.
+
+    Args:
+        time: (T,) mean time of these answers [s]; an activity that has ended by then is answered at its end.
+        right: (T,) share of right answers, 0 to 1.
+    """
+
+    time: FloatArray
+    right: FloatArray
+
+
 @dataclass(frozen=True)
 class WorthDifference:
     """How much more one kind of answers is worth than another at a price, on the same episodes.
@@ -83,6 +95,7 @@ class DecidingOnce:
 
     Args:
         curves: planner by planner, rule by rule.
+        courses: by planner, what its words are worth frame by frame.
         rules: by planner, what the first rule of each of `RIVALS` is worth more than the other.
         planners: by planner, what it is worth more, by the same rule, than the one that others are compared with.
         basis: the people and sequences that intervals rest on.
@@ -90,6 +103,7 @@ class DecidingOnce:
     """
 
     curves: tuple[Curve, ...]
+    courses: Mapping[str, Course]
     rules: Mapping[str, tuple[WorthDifference, ...]]
     planners: Mapping[str, tuple[WorthDifference, ...]]
     basis: Basis
@@ -127,9 +141,10 @@ def deciding_once(
         against: name of the planner that others are compared with.
         tested: names of the planners that are compared with it.
     """
-    curves, worths = [], {}
+    curves, courses, worths = [], {}, {}
     for group in group_planners(seen):
         trainings = [seen[name] for name in group.records]
+        courses[group.name] = _course(trainings)
         for rule, fitted in rules.items():
             answers = _answers(trainings, fitted)
             value = _over_people(worth(answers.right, answers.time, np.array(prices)[:, None, None]), group, resamples)
@@ -139,6 +154,7 @@ def deciding_once(
     planners = dict.fromkeys(planner for planner, _ in worths)
     return DecidingOnce(
         curves=tuple(curves),
+        courses=courses,
         rules={
             planner: _differences(
                 [((planner, one), (planner, other)) for one, other in rivals], worths, prices, resamples
@@ -166,6 +182,14 @@ class _Statistic(NamedTuple):
 
     mean: FloatArray  # (prices,)
     resampled: FloatArray  # (prices, rows), the same in every row of the resamples
+
+
+def _course(trainings: Sequence[Seen]) -> Course:
+    """Return the mean course over the activities of all trainings, which are the same."""
+    words = trainings[0].words
+    frame = np.minimum(np.arange(words.shown.shape[1]), words.last[:, None])
+    right = [np.take_along_axis(seen.right, frame, axis=1).mean(axis=0) for seen in trainings]
+    return Course((frame + 1).mean(axis=0) * trainings[0].seconds, np.mean(right, axis=0))
 
 
 def _answers(trainings: Sequence[Seen], rules: Sequence[Rule]) -> _Answers:

@@ -10,6 +10,7 @@ from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.errors import DataError
 from eval.records.episodes import EpisodeRecords
 from eval.scores.deciding.rules import FixedTime, Rule, Sprt, Threshold, Words, decide, waited, words_of_records, worth
+from eval.scores.streams.activities import activities
 
 BOUNDS = 200  # candidates of a threshold: quantiles of what was seen
 LONGEST_LOOK = 0.2  # share of the frames, from a frame on, that say together what waiting in that frame is worth
@@ -51,7 +52,7 @@ class Seen:
 
 
 def seen_in(records: EpisodeRecords, seconds: float, *, second: bool = True) -> Seen:
-    """Return the episodes of a planner; each is one activity.
+    """Return the activities of a planner: its clips, or those that lie within its streams.
 
     Args:
         records: its records.
@@ -59,7 +60,8 @@ def seen_in(records: EpisodeRecords, seconds: float, *, second: bool = True) -> 
         second: whether the probability of the second most probable class may be used, if it is recorded.
     """
     words = words_of_records(records)
-    return Seen(words if second else replace(words, second=None), records.label, seconds)
+    label = activities(records).label if records.of_streams else records.label
+    return Seen(words if second else replace(words, second=None), label, seconds)
 
 
 def worth_of(rule: Rule, seen: Seen, price: float) -> FloatArray:
@@ -90,7 +92,8 @@ def _best(rules: Sequence[FittedRule], seen: Seen, price: float) -> FittedRule:
 
 def _bounds(values: FloatArray, seen: Seen) -> list[float]:
     """Return candidates of a threshold on values (B, T), among them one that all reach, and one that nothing does."""
-    return [-np.inf, *np.quantile(values[seen.words.shown], np.linspace(0, 1, BOUNDS)).tolist(), np.inf]
+    said = values[seen.words.open]
+    return [-np.inf, *(np.quantile(said, np.linspace(0, 1, BOUNDS)).tolist() if said.size else ()), np.inf]
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,13 +133,16 @@ def fit_induction(seen: Seen, price: float) -> Induction:
     window = max(1, round(LONGEST_LOOK * length))
     penalty = RIDGE * np.diag([0.0] + [1.0] * (count - 1))
     for frame in range(length - 2, -1, -1):
-        goes_on = last > frame
         gain[:, frame] = value - now[:, frame]
         near = slice(frame, min(frame + window, length - 1))
-        open_there = np.arange(near.start, near.stop) < last[:, None]
+        open_there = words.open[:, near] & (np.arange(near.start, near.stop) < last[:, None])
         here, there = terms[:, near][open_there], gain[:, near][open_there]
-        weights[frame] = np.linalg.solve(here.T @ here / len(here) + penalty, here.T @ there / len(here))
-        value = np.where(goes_on & (terms[:, frame] @ weights[frame] <= 0), now[:, frame], value)
+        if len(here):
+            weights[frame] = np.linalg.solve(here.T @ here / len(here) + penalty, here.T @ there / len(here))
+        elif frame + 1 < len(weights):
+            weights[frame] = weights[frame + 1]  # nobody could answer here, so nothing is known of this frame alone
+        can = words.open[:, frame] & (last > frame)
+        value = np.where(can & (terms[:, frame] @ weights[frame] <= 0), now[:, frame], value)
     return Induction(weights)
 
 

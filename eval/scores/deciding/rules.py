@@ -6,8 +6,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import DataError
 from eval.records.episodes import EpisodeRecords
+from eval.scores.streams.activities import activity_frames
 
 LEAST_PROBABILITY = 1e-6  # the resolution of records; a smaller probability counts as this
 
@@ -17,7 +19,7 @@ class Words:
     """What a recogniser, or a belief, says of B activities, each from its first frame on.
 
     Args:
-        answer: (B, T), the most probable class after each frame.
+        answer: (B, T), the most probable class after each frame; -1 is no activity, which answers nothing.
         top: (B, T), its probability.
         second: (B, T), the probability of the second most probable class; None if it is not known.
         shown: (B, T), whether the activity has that frame; frames that it does not have come last.
@@ -38,6 +40,12 @@ class Words:
         """The last frame of each activity, (B,)."""
         last: IntArray = self.shown.sum(axis=1) - 1
         return last
+
+    @property
+    def open(self) -> BoolArray:
+        """Whether an answer can be given after each frame, (B, T): the activity has it, and the word is an activity."""
+        can: BoolArray = self.shown & (self.answer != NO_ACTIVITY)
+        return can
 
     @property
     def odds(self) -> FloatArray:
@@ -76,9 +84,22 @@ def words_of(probabilities: FloatArray, shown: BoolArray | None = None) -> Words
 
 
 def words_of_records(records: EpisodeRecords) -> Words:
-    """Return what was said in the episodes of a planner; each is one activity."""
-    shown = np.ones(records.predicted.shape, dtype=np.bool_)
-    return Words(records.predicted, records.top_probability, records.second_probability, shown)
+    """Return what was said of the activities of a planner: its clips, or those that lie within its streams.
+
+    The words on an activity of a stream are those from its onset on, (M, T), where T is as long as the longest.
+
+    Raises:
+        DataError: no activity lies within a stream.
+    """
+    if not records.of_streams:
+        shown = np.ones(records.predicted.shape, dtype=np.bool_)
+        return Words(records.predicted, records.top_probability, records.second_probability, shown)
+    episode, begin, end = activity_frames(records.label)
+    frames = np.arange((end - begin).max(initial=0))
+    shown = frames < (end - begin)[:, None]
+    at = episode[:, None], np.minimum(begin[:, None] + frames, end[:, None] - 1)
+    second = records.second_probability
+    return Words(records.predicted[at], records.top_probability[at], None if second is None else second[at], shown)
 
 
 class Rule(Protocol):
@@ -93,12 +114,15 @@ class Decisions(NamedTuple):
     """The one answer to each activity."""
 
     frame: IntArray  # (B,), the frame after which it is given, counted from the onset
-    answer: IntArray  # (B,)
+    answer: IntArray  # (B,), -1 if there is none
 
 
 def decide(rule: Rule, words: Words) -> Decisions:
-    """Return the answers that a rule gives: after the first frame where it stops, or else after the last frame."""
-    stops = rule.stops(words) & words.shown
+    """Return the answers that a rule gives: after the first frame where it stops, or else after the last frame.
+
+    A word of no activity is no answer, so no rule stops there. If it is the last word, nothing is answered.
+    """
+    stops = rule.stops(words) & words.open
     frame = np.where(stops.any(axis=1), stops.argmax(axis=1), words.last)
     return Decisions(frame, np.take_along_axis(words.answer, frame[:, None], axis=1)[:, 0])
 

@@ -3,18 +3,18 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from ehar.data.source import load_data
+from ehar.data.any_source import load_recordings
 from ehar.errors import DataError, UsageError
 from ehar.files import write_text
-from eval.records.episodes import EpisodeRecords, join_records
+from eval.records.config import LATER
+from eval.records.episodes import join_records
 from eval.render.tables import markdown
-from eval.running.run import Run, read_run_of_clips
+from eval.running.run import Run, read_run
 from eval.scores.deciding.curves import deciding_once, fit_rules
 from eval.scores.deciding.fit import seen_in
 from eval.scores.differences import NBV
 from eval.scores.planner_accuracy import draw_resamples
 from eval.scores.planner_summary import NO_ACT, ORACLE
-from eval.scores.resampling.training_seeds import curves as accuracy_curves
 from eval.scores.resampling.training_seeds import group_planners
 from eval.studies.deciding.deciding import Deciding
 from eval.studies.same_episodes import label, shown
@@ -22,7 +22,7 @@ from eval.studies.same_episodes import label, shown
 DEFAULTS = (NO_ACT, NBV, ORACLE)  # as far as they ran
 SAME_WORDS = (  # what decides what is said in a frame, beside part, starts and seed
     *("data_sha256", "recogniser_sha256", "sensor", "sensor_sha256", "views", "form", "readout", "track"),
-    *("track_sha256", "length", "fps", "world"),
+    *("track_sha256", "length", "fps", "world", "onset"),
 )
 
 
@@ -48,7 +48,7 @@ def decide(
             conditions.
         DataError: files cannot be read, or the data are not those of the run.
     """
-    scored, fitted = read_run_of_clips(run), read_run_of_clips(fitted_on)
+    scored, fitted = read_run(run), read_run(fitted_on)
     _check_other_part(scored, fitted)
     seconds = 1 / _frame_rate(scored, data)
     privileged = {planner.name: planner.privileged for planner in scored.summary.planners}
@@ -61,21 +61,22 @@ def decide(
         raise UsageError(
             f"{fitted.folder}: expected a planner without the truth to fit rules on, got {', '.join(told)}"
         )
-    records = _records_of(scored, chosen)
-    fitting = join_records([fitted.episodes(name) for name in learners])
-    second = all(held.second_probability is not None for held in (*records.values(), fitting))
+    names = _records_of(scored, chosen)
+    records = {name: scored.records[name] for name in names}
+    joined = join_records([fitted.episodes(name) for name in learners])
+    second = all(held.second_probability is not None for held in (*records.values(), joined))
+    fitting = seen_in(joined, seconds, second=second)
     tested = [name for name in chosen if name != NO_ACT and not privileged[name]] if NO_ACT in chosen else []
     found = Deciding(
         run=scored,
         fitted_on=fitted,
         fitted_with=learners,
+        fitted_activities=len(fitting.label),
         planners={name: privileged[name] for name in chosen},
-        accuracy=accuracy_curves(records),
-        seconds=seconds,
         found=deciding_once(
             {name: seen_in(held, seconds, second=second) for name, held in records.items()},
-            fit_rules(seen_in(fitting, seconds, second=second)),
-            draw_resamples(list(records.values())),
+            fit_rules(fitting),
+            draw_resamples([scored.scored[name] for name in names]),
             against=NO_ACT,
             tested=tested,
         ),
@@ -91,7 +92,7 @@ def decide(
 def _check_other_part(scored: Run, fitted: Run) -> None:
     """Raise a UsageError unless rules can be fitted on one run and scored on the other."""
     where = f"{scored.directory} and {fitted.directory}"
-    in_scored, in_fitted = scored.config.to_json(), fitted.config.to_json()
+    in_scored, in_fitted = (LATER | run.config.to_json() for run in (scored, fitted))
     differing = [name for name in SAME_WORDS if in_scored[name] != in_fitted[name]]
     if differing:
         got = ", ".join(f"{label(name)} ({shown(name, in_scored)}, {shown(name, in_fitted)})" for name in differing)
@@ -112,14 +113,13 @@ def _frame_rate(run: Run, source: str | Path | None) -> float:
     if told.fps is not None:
         return told.fps
     place = told.data if source is None else source
-    held = load_data(str(place))
+    held = load_recordings(str(place))
     if held.sha256 != run.config.data_sha256:
         raise DataError(f"{place}: expected the data of {run.folder}, got others")
     return held.fps
 
 
-def _records_of(run: Run, planners: Sequence[str]) -> dict[str, EpisodeRecords]:
-    """Return the records of planners, by record name, in the order of the planners."""
+def _records_of(run: Run, planners: Sequence[str]) -> list[str]:
+    """Return the record names of planners, in the order of the planners."""
     groups = {group.name: group.records for group in group_planners(run.records)}
-    names = [name for planner in planners for name in groups.get(planner, (planner,))]
-    return {name: run.records[name] for name in names}
+    return [name for planner in planners for name in groups.get(planner, (planner,))]

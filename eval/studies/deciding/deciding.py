@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from ehar.arrays import FloatArray
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from eval.render.tables import PRIVILEGED, Table, html, interval_text, text
 from eval.running.run import Run
@@ -21,18 +20,16 @@ class Deciding:
         run: the run.
         fitted_on: the run that the rules were fitted on.
         fitted_with: names of the planners whose episodes they were fitted on.
+        fitted_activities: number of activities that they were fitted on, clips or activities of streams.
         planners: whether each planner that is shown was handed the truth, by name.
-        accuracy: accuracy of each after every frame (L,), 0 to 1.
-        seconds: duration of a frame [s].
         found: what was found.
     """
 
     run: Run
     fitted_on: Run
     fitted_with: tuple[str, ...]
+    fitted_activities: int
     planners: dict[str, bool]
-    accuracy: dict[str, FloatArray]
-    seconds: float
     found: DecidingOnce
 
     def tables(self) -> list[Table]:
@@ -65,7 +62,8 @@ class Deciding:
             ),
             footnotes=(
                 *basis.footnotes,
-                "A row is a price of waiting, for which each rule is fitted. The time is the mean over episodes.",
+                "A row is a price of waiting, for which each rule is fitted. The time is the mean over "
+                f"{self._activities}.",
                 *self._footnotes(),
             ),
             notice=basis.notice,
@@ -92,13 +90,22 @@ class Deciding:
                 basis,
             )
 
+    @property
+    def _activities(self) -> str:
+        return "activities" if self.run.of_streams else "episodes"
+
     def _footnotes(self) -> Iterator[str]:
         """Yield on whom the rules were fitted."""
-        episodes = sum(len(self.fitted_on.episodes(name)) for name in self.fitted_with)
         yield (
-            f"Rules were fitted on {episodes} episodes of {' and '.join(self.fitted_with)} on the "
-            f"{self.fitted_on.conditions.part} part, and are the same for every planner."
+            f"Rules were fitted on {self.fitted_activities} {self._activities} of {' and '.join(self.fitted_with)} on "
+            f"the {self.fitted_on.conditions.part} part, and are the same for every planner."
         )
+        if self.run.of_streams:
+            told = " is told it too" * (self.run.conditions.onset == "known") or " is not told"
+            yield (
+                f"Rules count from an activity's onset, which they know; the recogniser{told}. While its word is no "
+                "activity, a rule waits. An activity that ends so is not answered."
+            )
         people, known = (_people(run) for run in (self.run, self.fitted_on))
         if people is None or known is None:
             yield "The data do not say whether other people performed there."

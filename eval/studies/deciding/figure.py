@@ -20,9 +20,8 @@ def draw_deciding(deciding: Deciding, stem: Path) -> None:
     figure = Figure(figsize=(0.9 + 3.2 * len(deciding.planners), 3.6), layout="constrained")
     panels: Any = figure.subplots(1, len(deciding.planners), sharex=True, sharey=True, squeeze=False)[0]
     for axes, (planner, told) in zip(panels, deciding.planners.items(), strict=True):
-        accuracy = 100 * deciding.accuracy[planner]
-        frames = deciding.seconds * np.arange(1, len(accuracy) + 1)
-        axes.plot(frames, accuracy, color=LIGHT.neutral, linewidth=THIN, label="after each frame")
+        time, right = deciding.found.courses[planner]
+        axes.plot(time, 100 * right, color=LIGHT.neutral, linewidth=THIN, label="after each frame")
         for curve in deciding.found.curves:
             if curve.planner == planner:
                 _draw_curve(axes, curve)

@@ -1,5 +1,7 @@
 """Rules are fitted to a price: by exhaustion where that is possible, and induction against an exact solution."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,9 +12,11 @@ from eval.scores.deciding.fit import (
     fit_induction,
     fit_sprt,
     fit_threshold,
+    seen_in,
     worth_of,
 )
 from eval.scores.deciding.rules import FixedTime, Sprt, Threshold, decide, words_of
+from tests.helpers.made_records import make_stream_records
 
 SECONDS = 0.1
 FITS = (fit_fixed_time, fit_threshold, fit_sprt, fit_induction)
@@ -112,6 +116,44 @@ def test_a_rule_holds_for_longer_activities_than_it_was_fitted_on() -> None:
     rule = fit_induction(coin(frames=6), 5.0)
     decisions = decide(rule, coin(frames=12).words)
     assert decisions.frame.max() > 6
+
+
+def silent_at_first(seen: Seen, frames: int) -> Seen:
+    """Return activities of which nothing is said in the first frames: no activity is the word, and it is sure."""
+    first = np.arange(seen.words.shown.shape[1]) < frames
+    words = replace(
+        seen.words, answer=np.where(first, -1, seen.words.answer), top=np.where(first, 0.99, seen.words.top)
+    )
+    return Seen(words, seen.label, SECONDS)
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_being_sure_of_no_activity_says_nothing_of_when_to_answer(fit) -> None:
+    """The bounds are as good as those that are fitted on the words behind the silence alone."""
+    quiet, price = silent_at_first(coin(), 4), 20.0
+    rule = fit(quiet, price)
+    decisions = decide(rule, quiet.words)
+    assert (decisions.frame >= 4).all() and (decisions.answer >= 0).all()
+    words = quiet.words
+    behind = replace(words, **{name: getattr(words, name)[:, 4:] for name in ("answer", "top", "second", "shown")})
+    alone = worth_of(fit(Seen(behind, quiet.label, SECONDS), price), Seen(behind, quiet.label, SECONDS), price)
+    assert worth_of(rule, quiet, price).mean() == pytest.approx(alone.mean() - 4 * SECONDS * price, abs=0.5)
+
+
+@pytest.mark.parametrize("fit", FITS)
+def test_who_never_names_an_activity_never_answers(fit) -> None:
+    mute = silent_at_first(coin(activities=50), 12)
+    rule = fit(mute, 20.0)
+    assert (decide(rule, mute.words).answer == -1).all()
+    np.testing.assert_allclose(worth_of(rule, mute, 20.0), -20 * 12 * SECONDS)
+
+
+def test_activities_of_streams_have_their_own_lengths_and_labels() -> None:
+    labels = np.array([[-1, 1, 1, -1, 0, 0, 0, -1]])
+    seen = seen_in(make_stream_records(labels, labels), SECONDS)
+    assert seen.label.tolist() == [1, 0]
+    np.testing.assert_array_equal(seen.right, [[True, True, True], [True, True, True]])
+    np.testing.assert_array_equal(seen.words.last, [1, 2])
 
 
 def test_nothing_to_fit_on_is_refused() -> None:

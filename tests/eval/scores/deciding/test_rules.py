@@ -15,7 +15,7 @@ from eval.scores.deciding.rules import (
     words_of_records,
     worth,
 )
-from tests.helpers.made_records import make_records
+from tests.helpers.made_records import make_records, make_stream_records
 
 PROBABILITIES = np.array(
     [
@@ -44,6 +44,32 @@ def test_records_hold_the_same_words() -> None:
     words = words_of_records(records := make_records(0))
     assert words.answer is records.predicted and words.top is records.top_probability
     assert words.shown.all()
+
+
+# Frames of no activity, three of class 0, one of none, two of class 1, and class 1 again where the episode ends.
+LABELS = np.array([[-1, 0, 0, 0, -1, 1, 1, -1, 1, 1], [2, 2, -1, -1, 0, 0, 0, 0, 0, -1]])
+SAID = np.array([[-1, -1, 0, 0, 0, -1, -1, 1, 1, 1], [2, 2, 2, 2, 2, 2, 0, 0, 0, 0]])
+
+
+def test_records_of_streams_hold_the_words_on_each_activity_from_its_onset_on() -> None:
+    records = make_stream_records(LABELS, SAID)
+    words = words_of_records(records)
+    assert words.shown.sum(axis=1).tolist() == [3, 2, 5]  # what an episode begins or ends with may be cut
+    assert [row[shown].tolist() for row, shown in zip(words.answer, words.shown, strict=True)] == [
+        SAID[0, 1:4].tolist(),
+        SAID[0, 5:7].tolist(),
+        SAID[1, 4:9].tolist(),
+    ]
+    np.testing.assert_array_equal(words.top[1, :2], records.top_probability[0, 5:7])
+    assert words.second is None
+
+
+@pytest.mark.parametrize("rule", [FixedTime(0), Threshold(-np.inf)], ids=str)
+def test_no_activity_is_no_answer(rule: FixedTime | Threshold) -> None:
+    """A rule waits for a word, and where none comes until the end nothing is answered."""
+    decisions = decide(rule, words_of_records(make_stream_records(LABELS, SAID)))
+    assert decisions.frame.tolist() == [1, 1, 0]
+    assert decisions.answer.tolist() == [0, -1, 2]
 
 
 @pytest.mark.parametrize(

@@ -4,15 +4,19 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import DataError, EharError, UsageError
 from eval.cli.main import main
 from eval.records.episodes import EpisodeRecords
+from eval.scores.deciding.fit import seen_in
 from eval.studies.deciding.decide import decide
-from tests.helpers.made_records import make_records, write_finished
+from tests.helpers.made_records import make_records, make_stream_records, write_finished
 
 FPS = 10.0
+SOON = {"no-act": 0.2, "nbv": 0.6}  # the chance that a frame of a stream is the first one that is right
 SKILLS = {"no-act": 0.5, "random": 0.6, "nbv": 1.5, "oracle": 3.0}
 
 
@@ -53,6 +57,50 @@ def test_the_command_prints_tables_and_draws_curves(tmp_path: Path, capsys: pyte
     assert tables[-1].title.startswith("What answers of nbv are worth more than those of no-act")
     assert repr(found).startswith("Deciding(tiny (synthetic)")
     assert "decides once" in str(found) and "<table" in found._repr_html_()
+
+
+def streams(part: str, row: int, skill: float) -> EpisodeRecords:
+    """Return records of streams: an activity of 4 to 12 frames after a pause, eight times; skill is how soon."""
+    rng, order = np.random.default_rng(row), np.random.default_rng(len(part))
+    labels = np.full((6, 160), NO_ACTIVITY)
+    answers = labels.copy()
+    for stream in range(6):
+        for begin in range(4, 160, 20):
+            end, late = begin + int(order.integers(4, 12)), int(rng.geometric(skill))
+            labels[stream, begin:end] = order.integers(3)
+            answers[stream, begin + late : end + late] = labels[stream, begin]
+    sure = np.where(answers == labels, 0.6, 0.4) + 0.3 * rng.random(labels.shape)
+    held = make_stream_records(labels, answers, top_probability=sure)
+    return replace(
+        held,
+        sequence=tuple(f"{part} {name}" for name in held.sequence),
+        second_probability=(1 - sure) / 2,
+        subjects=held.subjects + (0 if part == "test" else 3),
+    )
+
+
+def run_of_streams(folder: Path, part: str, first_row: int, **options: str) -> Path:
+    records = {name: streams(part, first_row + at, skill) for at, (name, skill) in enumerate(SOON.items())}
+    return write_finished(folder / part, records, part=part, fps=FPS, length=160, **options)
+
+
+def test_activities_of_streams_are_decided_once(tmp_path: Path) -> None:
+    scored, fitted = run_of_streams(tmp_path, "test", 0), run_of_streams(tmp_path, "policy", 2)
+    found = decide(scored, fitted_on=fitted, out=tmp_path / "out")
+    assert (tmp_path / "out" / "deciding.png").is_file()
+    answers = found.tables()[0]
+    assert found.fitted_activities == 96
+    assert any(note.startswith("Rules were fitted on 96 activities of no-act and nbv") for note in answers.footnotes)
+    assert any("The time is the mean over activities" in note for note in answers.footnotes)
+    assert any("the recogniser is not told. While its word is no activity" in note for note in answers.footnotes)
+    for row, (name, skill) in enumerate(SOON.items()):
+        time, right = found.found.courses[name]
+        seen = seen_in(streams("test", row, skill), 1 / FPS)
+        assert time[-1] == pytest.approx((seen.words.last + 1).mean() / FPS)  # each at its end
+        assert right[-1] == pytest.approx(seen.right[range(48), seen.words.last].mean())
+    assert all(of.points > 0 for of in found.found.planners["nbv"] if of.one[1] == "threshold" and of.price == 20)
+    with pytest.raises(UsageError, match=r"they differ in onset \(unknown, known\)"):
+        decide(scored, fitted_on=run_of_streams(tmp_path, "validation", 4, onset="known"))
 
 
 def test_planners_can_be_named(tmp_path: Path) -> None:
