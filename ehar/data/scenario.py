@@ -24,6 +24,7 @@ KEPT_SHARE = 0.9  # of a class's sequences, which an advised length keeps
 TEST = "test"
 PARTS = ("recogniser", "policy", "validation", TEST)
 SPLIT_SEED = 0  # the parts are properties of the data, not of a run
+DRAWS = 200  # of the parts of streams, until every part has every class
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -199,11 +200,35 @@ def stream_parts(data: StreamData) -> Parts:
     People who perform together, or with the same others, go together. If that leaves fewer than `LEAST_KNOWN` groups,
     couples are divided, and one person may be in two parts.
 
+    Every part has a segment of every class. Only validation may do without: it is small, and what is chosen on it is no
+    figure. Parts are drawn until that is so.
+
     Raises:
-        DataError: fewer than three people, or streams, are left for training; or a part has no segment of a class. Only
-            validation may do without: it is small, and what is chosen on it is no figure.
+        DataError: fewer than three people, or streams, are left for training; or in none of `DRAWS` draws all parts
+            have all classes.
     """
     rng = np.random.default_rng(SPLIT_SEED)
+    for _ in range(DRAWS):
+        parts = _stream_parts_drawn(data, rng)
+        lacking = _lacking(data, parts)
+        if lacking is None:
+            return parts
+    part, name = lacking
+    raise DataError(f"{data.name}: expected a segment of every class in the {part} part, class {name!r} has none")
+
+
+def _lacking(data: StreamData, parts: Parts) -> tuple[str, str] | None:
+    """Return the first part that has no segment of a class, and the class; None if there is none."""
+    for part in ("recogniser", "policy", TEST):
+        shown = data.segments[np.isin(data.stream_of, getattr(parts, part)), 2]
+        for label, name in enumerate(data.class_names):
+            if label not in shown:
+                return part, name
+    return None
+
+
+def _stream_parts_drawn(data: StreamData, rng: np.random.Generator) -> Parts:
+    """Draw the four parts of streams once."""
     streams = np.arange(len(data.lengths))
     people = _people_together(data.subjects)
     named = bool((data.subjects != UNKNOWN_SUBJECT).all())
@@ -222,15 +247,7 @@ def stream_parts(data: StreamData) -> Parts:
     if len(np.unique(unit[rest[~policy[rest]]])) < LEAST_KNOWN:
         policy = _shared_out(rng, data, people if named else streams, rest, 1 - RECOGNISER_SHARE)
     known = np.flatnonzero(~is_test & ~unseen & ~policy)
-    parts = Parts(known, np.flatnonzero(policy), np.flatnonzero(unseen), np.flatnonzero(is_test))
-    for part in ("recogniser", "policy", TEST):
-        shown = data.segments[np.isin(data.stream_of, getattr(parts, part)), 2]
-        absent = [name for label, name in enumerate(data.class_names) if label not in shown]
-        if absent:
-            raise DataError(
-                f"{data.name}: expected a segment of every class in the {part} part, class {absent[0]!r} has none"
-            )
-    return parts
+    return Parts(known, np.flatnonzero(policy), np.flatnonzero(unseen), np.flatnonzero(is_test))
 
 
 def _drawn(rng: np.random.Generator, data: StreamData, unit: IntArray, streams: IntArray, share: float) -> IntArray:

@@ -1,6 +1,7 @@
 """Windows of streams, and their parts."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -96,6 +97,22 @@ def test_the_policy_part_shares_people_whom_the_recogniser_needs() -> None:
 def test_streams_without_a_split_are_split_by_people() -> None:
     parts = split_parts(replace(raising_streams(people=9), is_test=None))
     assert len(parts.test) == 3
+
+
+def test_parts_are_drawn_until_each_has_every_class() -> None:
+    """A class that two training streams show has to be divided between recogniser and policy part."""
+    data = raising_streams(people=12)
+    trained = np.flatnonzero(~data.is_test)
+    moved = set()
+    for pair in combinations(trained.tolist(), 2):
+        rare = (data.segments[:, 2] == 1) & ~np.isin(data.stream_of, [*pair, *np.flatnonzero(data.is_test)])
+        segments = np.where(rare[:, None] & (np.arange(3) == 2), 0, data.segments)
+        firsts = [np.flatnonzero(data.stream_of == stream)[0] for stream in pair]
+        segments[firsts, 2] = 1
+        parts = split_parts(replace(data, segments=segments))
+        assert {*parts.recogniser.tolist()} & {*pair} and {*parts.policy.tolist()} & {*pair}
+        moved.add(tuple(parts.recogniser.tolist()))
+    assert len(moved) > 1  # the first draw would not do for all of them
 
 
 def test_too_few_streams_to_train_on() -> None:
