@@ -28,7 +28,7 @@ from eval.render.tables import Table
 from eval.running.choice import ModelPlace
 from eval.running.episodes import Episodes, cut_scenarios, random_starts
 from planners.registry import resolve_planner
-from planners.value.stream_belief import read_streams
+from planners.value.belief.filters import read_streams
 from recognition.setting import Setting, load_setting
 from recognition.streaming import StreamingRecogniser
 

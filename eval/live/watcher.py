@@ -25,7 +25,8 @@ from eval.live.people import People
 from eval.live.setpoints import Setpoint, Setpoints
 from eval.live.views import centred, looked_from, viewpoint_of
 from eval.live.weights import conditions_of, live_belief, live_planner, live_recogniser
-from planners.value.stream_belief import OneStreamBelief, StreamBeliefModel
+from planners.value.belief.filters import OneStreamBelief
+from planners.value.belief.streams import StreamBeliefModel
 from recognition.streaming import StreamingRecogniser
 
 EMPTY, NO_POSE, LEFT_OUT, PLANNER_FAILED = "empty", "no camera pose", "people left out", "planner failed"

@@ -11,7 +11,7 @@ from ehar.flight.vehicle import Vehicle
 from ehar.planner import Planner
 from eval.scores.resampling.training_seeds import split_record_name
 from planners.registry import resolve_planner
-from planners.value.stream_belief import StreamBeliefModel
+from planners.value.belief.streams import StreamBeliefModel
 from recognition.storage import open_recogniser, recogniser_path
 from recognition.streaming import StreamingRecogniser
 

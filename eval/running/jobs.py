@@ -30,8 +30,8 @@ from eval.running.progress import Reporter
 from eval.running.side_by_side import SideBySide
 
 if TYPE_CHECKING:
-    from planners.value.belief import BeliefModel
-    from planners.value.stream_belief import StreamBeliefModel
+    from planners.value.belief.clips import BeliefModel
+    from planners.value.belief.streams import StreamBeliefModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ class Workload:
             record = self.runner.roll(planner, batch, self.episodes.planner_rng(planner.name, chunk), motion)
             if self.belief is not None:
                 # Imported here: it brings scipy, too slow for `ehar --help`.
-                from planners.value.stream_belief import read_belief
+                from planners.value.belief.recorded import read_belief
 
                 said, seen_from, fps = record.log_probs, record.viewpoints, self.runner.data.fps
                 record = replace(record, log_probs=read_belief(self.belief, said, seen_from, fps=fps))

@@ -7,11 +7,13 @@ import numpy as np
 from scipy.linalg import solve
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
-from planners.value.belief import BeliefModel, readout
+from planners.value.belief.chain import coming_shares
+from planners.value.belief.clips import BeliefModel, readout
+from planners.value.belief.filters import read_streams
+from planners.value.belief.streams import StreamBeliefModel
 from planners.value.collection import Collection
 from planners.value.field import GainField, feature_matrix
 from planners.value.situation import PARTS, STREAM_PARTS, Situation, frames_ahead, views_counted
-from planners.value.stream_belief import StreamBeliefModel, coming_shares, read_streams
 from planners.value.view_basis import BASIS_SIZE, SINES, basis_at, mean_direction, turned
 
 VARIANTS: dict[str, tuple[str, ...]] = {

@@ -15,10 +15,10 @@ from ehar.errors import ModelError
 from ehar.files import read_json
 from ehar.track import IDEAL
 from ehar.world import LATER, PAPER, World
-from planners.value.belief import BeliefModel
+from planners.value.belief.clips import BeliefModel
+from planners.value.belief.streams import StreamBeliefModel
 from planners.value.field import GainField
 from planners.value.situation import USUAL_MEMORY
-from planners.value.stream_belief import StreamBeliefModel
 from recognition.weight_files import check_files, check_world, description_path, files_sha256, save_weights
 
 SHIPPED = Path(__file__).parents[1] / "weights"

@@ -7,9 +7,11 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import UsageError
 from ehar.planner import Context, Observation
-from planners.value.belief import Belief, BeliefModel
+from planners.value.belief.chain import coming_shares
+from planners.value.belief.clips import Belief, BeliefModel
+from planners.value.belief.filters import StreamBelief
+from planners.value.belief.streams import StreamBeliefModel
 from planners.value.body_filter import BodyFilter
-from planners.value.stream_belief import StreamBelief, StreamBeliefModel, coming_shares
 from planners.value.view_basis import BASIS_SIZE, DistanceRange, basis_at, turned
 
 PARTS = ("ratio", "history", "belief", "embedding", "facing")  # parts of a situation that a gain field may use

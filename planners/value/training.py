@@ -21,8 +21,10 @@ from ehar.planner import Planner
 from ehar.processes import Engine, Processes
 from ehar.track import IDEAL
 from ehar.world import PAPER
-from planners.value.belief import BeliefModel
-from planners.value.belief_fit import fit_belief
+from planners.value.belief.clips import BeliefModel
+from planners.value.belief.clips_fit import fit_belief
+from planners.value.belief.streams import StreamBeliefModel
+from planners.value.belief.streams_fit import fit_evidence, learn_chain
 from planners.value.body_filter import trunk_pairs
 from planners.value.collection import Collection, CollectionTask, join, run_batches
 from planners.value.config import GainTrainingConfig
@@ -39,8 +41,6 @@ from planners.value.fit import (
 )
 from planners.value.model import FULL, GainModel, gain_model_path, load_gain_model, save_gain_model
 from planners.value.situation import FLIGHT_WINDOW, STREAM_WINDOW, USUAL_MEMORY, Situation
-from planners.value.stream_belief import StreamBeliefModel
-from planners.value.stream_belief_fit import fit_evidence, learn_chain
 from planners.value.view_basis import DistanceRange
 from recognition.setting import load_setting, refuse_loss, with_length
 

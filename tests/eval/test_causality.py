@@ -31,7 +31,7 @@ from ehar.world import PAPER, ROOM
 from eval.running.choice import ModelPlace, choose_planners
 from eval.running.recorder import Recorder, array_names
 from planners.registry import LEARNED, planner_names
-from planners.value.belief import BeliefModel, readout
+from planners.value.belief.clips import BeliefModel, readout
 from recognition.calibration import Temperature
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import NetworkSpec

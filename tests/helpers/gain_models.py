@@ -6,7 +6,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.viewpoint import DISTANCE, cartesian
-from planners.value.belief import BeliefModel
+from planners.value.belief.clips import BeliefModel
 from planners.value.field import GainField
 from planners.value.model import FULL, GainModel
 from planners.value.situation import PARTS, Situation

@@ -15,8 +15,8 @@ from ehar.viewpoint import HOVER, cartesian
 from planners.agents.inputs import InputSizes
 from planners.agents.network import AgentNetwork, AgentSpec
 from planners.agents.storage import agent_path, save_agent
+from planners.value.belief.streams import StreamBeliefModel
 from planners.value.model import gain_model_path, save_gain_model
-from planners.value.stream_belief import StreamBeliefModel
 from recognition.calibration import Temperature
 from recognition.networks.spec import NetworkSpec
 from recognition.storage import recogniser_path, recogniser_sha256, save_recogniser

@@ -18,7 +18,7 @@ from eval.records.job_times import JOB_TIMES
 from eval.records.run_files import SUMMARY
 from eval.running.run import Run
 from eval.scores.summary import Summary
-from planners.value.belief import BeliefModel
+from planners.value.belief.clips import BeliefModel
 from planners.value.model import gain_model_path, save_gain_model
 from tests.helpers.agents import save_untrained
 from tests.helpers.fakes import FakeRecogniser, tiny_data

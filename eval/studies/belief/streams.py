@@ -28,8 +28,9 @@ from eval.scores.resampling.statistics import Interval, pair, why_no_intervals
 from eval.scores.streams.table import STREAM_HEADER, STREAM_NOTES, stream_row
 from eval.scores.summary_table import basis_lines
 from planners.heuristic import NoAct, Random
-from planners.value.stream_belief import StreamBeliefModel, read_streams
-from planners.value.stream_belief_fit import fit_evidence, learn_chain
+from planners.value.belief.filters import read_streams
+from planners.value.belief.streams import StreamBeliefModel
+from planners.value.belief.streams_fit import fit_evidence, learn_chain
 from planners.value.view_basis import DistanceRange
 from recognition.setting import Setting
 

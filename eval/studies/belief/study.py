@@ -24,8 +24,8 @@ from eval.running.progress import ConsoleReporter, Reporter
 from eval.scores.metrics import ece, frame_at, nll
 from eval.studies.belief.streams import StreamBeliefReport, stream_belief_report
 from planners.heuristic import NoAct, Random
-from planners.value.belief_fit import ablate_belief
-from planners.value.stream_belief import read_belief
+from planners.value.belief.clips_fit import ablate_belief
+from planners.value.belief.recorded import read_belief
 from recognition.setting import load_setting
 
 NLL_AT = tuple(range(10, 101, 10))  # observation ratios [%]

@@ -24,7 +24,8 @@ from eval.running.choice import ModelPlace
 from eval.running.episodes import cut_scenarios, random_starts
 from planners.agents.agent import Agent
 from planners.registry import ORACLES, make_planner, planner_names
-from planners.value.stream_belief import StreamBeliefModel, read_streams
+from planners.value.belief.filters import read_streams
+from planners.value.belief.streams import StreamBeliefModel
 from recognition.setting import load_setting
 from recognition.storage import SHIPPED
 from recognition.weight_files import files_sha256

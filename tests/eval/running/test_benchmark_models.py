@@ -21,7 +21,7 @@ from eval.running.episodes import CHUNK, cut_scenarios, random_starts
 from planners.heuristic import NoAct
 from planners.registry import planner_names
 from planners.search.next_best_view import NextBestView
-from planners.value.belief import readout
+from planners.value.belief.clips import readout
 from planners.value.model import gain_model_path
 from tests.helpers.fakes import FakeRecogniser, tiny_context, tiny_data
 from tests.helpers.fixed_places import save_place

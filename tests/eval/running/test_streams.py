@@ -41,12 +41,13 @@ from planners.place import fit as places
 from planners.place.config import FixedBestConfig
 from planners.place.fit import fit_fixed_best
 from planners.search.view_search import NextBestViewSearch
-from planners.value import collection, stream_belief_fit
+from planners.value import collection
 from planners.value import fit as fields
 from planners.value import training as gain_training
+from planners.value.belief import streams_fit
+from planners.value.belief.streams import StreamBeliefModel
 from planners.value.config import GainTrainingConfig
 from planners.value.model import GainModel
-from planners.value.stream_belief import StreamBeliefModel
 from planners.value.training import train_gain_field
 from planners.value.view_value import ViewValue
 from recognition.setting import load_setting
@@ -82,7 +83,7 @@ def learn_to_look(folder: Path) -> None:
             (fields, "PENALTIES", (1.0,)),
             (fields, "FOLDS", 2),
             (gain_training, "UNSEEN_BATCHES", 1),
-            (stream_belief_fit, "STEPS", 2),
+            (streams_fit, "STEPS", 2),
             (places, "POLARS", (1.0,)),
             (places, "SIDES", (0.0,)),
             (places, "STARTS", 1),

@@ -22,7 +22,7 @@ from ehar.world import PAPER
 from planners.search.next_best_view import NextBestView
 from planners.search.solver import SolveStatus
 from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch
-from planners.value.belief import BeliefModel
+from planners.value.belief.clips import BeliefModel
 from planners.value.field import GainField
 from planners.value.model import FULL, GainModel
 from planners.value.view_basis import BASIS_SIZE

@@ -7,7 +7,7 @@ import pytest
 
 from ehar.arrays import FloatArray, IntArray
 from planners.value import fit as gain_fit
-from planners.value.belief import BeliefModel
+from planners.value.belief.clips import BeliefModel
 from planners.value.collection import Collection
 from planners.value.field import GainField
 from planners.value.fit import VARIANTS, Fit, Scores, fork_situations

@@ -11,7 +11,7 @@ from safetensors.numpy import load_file, save_file
 
 from ehar.conditions import Conditions
 from ehar.errors import ModelError
-from planners.value.belief import BeliefModel
+from planners.value.belief.clips import BeliefModel
 from planners.value.model import FULL, GainModel, gain_model_path, load_gain_model, save_gain_model
 from tests.helpers.fakes import tiny_data
 from tests.helpers.gain_models import PAIRS, random_field, random_situation

@@ -17,7 +17,8 @@ from ehar.rollout import Record, rollout
 from ehar.runner import Runner
 from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import wrap_difference
-from planners.value.belief import BeliefModel, readout
+from planners.value.belief.clips import BeliefModel, readout
+from planners.value.belief.streams import StreamBeliefModel
 from planners.value.body_filter import BodyFilter
 from planners.value.collection import Collection
 from planners.value.fit import stream_situations
@@ -30,7 +31,6 @@ from planners.value.situation import (
     frame_gains,
     frames_to_come,
 )
-from planners.value.stream_belief import StreamBeliefModel
 from planners.value.view_basis import PAPER_RANGE, basis_at, turned
 from tests.helpers.fakes import CLASS_NAMES, FakeRecogniser, tiny_batch, tiny_context
 from tests.helpers.gain_models import PAIRS, random_situation

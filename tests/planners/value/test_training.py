@@ -20,8 +20,8 @@ from planners.search.view_search import NextBestViewSearch
 from planners.value import collection as gain_collection
 from planners.value import fit as gain_fit
 from planners.value import training as gain_training
-from planners.value.belief import BeliefModel
-from planners.value.belief_fit import fit_belief
+from planners.value.belief.clips import BeliefModel
+from planners.value.belief.clips_fit import fit_belief
 from planners.value.body_filter import trunk_pairs
 from planners.value.collection import Collection, CollectionTask, collect_batch
 from planners.value.config import GainTrainingConfig

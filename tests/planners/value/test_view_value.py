@@ -11,7 +11,7 @@ from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
-from planners.value.belief import BeliefModel
+from planners.value.belief.clips import BeliefModel
 from planners.value.field import GainField
 from planners.value.model import GainModel
 from planners.value.situation import Tracker, frame_gains

@@ -11,7 +11,7 @@ from ehar.errors import UsageError
 from eval.cli.main import main
 from eval.records.episode_lines import read_episodes
 from eval.studies.belief.study import NLL_AT, BeliefReport, belief_report, belief_row, belief_tables
-from planners.value.belief_fit import ABLATIONS
+from planners.value.belief.clips_fit import ABLATIONS
 from planners.value.view_basis import BASIS_SIZE
 from tests.helpers.fakes import tiny_data
 from tests.helpers.gain_models import model_of

@@ -9,8 +9,10 @@ from scipy.special import log_softmax
 from ehar.data.streams.data import NO_ACTIVITY
 from ehar.data.streams.file import load_streams
 from ehar.errors import DataError
-from planners.value.stream_belief import StreamBeliefModel, begin, classes_of_states, read_streams, transition_matrix
-from planners.value.stream_belief_fit import (
+from planners.value.belief.chain import begin, classes_of_states, transition_matrix
+from planners.value.belief.filters import read_streams
+from planners.value.belief.streams import StreamBeliefModel
+from planners.value.belief.streams_fit import (
     fit_evidence,
     learn_chain,
     likeliest_phases,

@@ -3,8 +3,8 @@ import pytest
 from scipy.special import log_softmax
 
 from ehar.errors import DataError
-from planners.value.belief import readout
-from planners.value.belief_fit import ABLATIONS, BeliefParts, ablate_belief, fit_belief
+from planners.value.belief.clips import readout
+from planners.value.belief.clips_fit import ABLATIONS, BeliefParts, ablate_belief, fit_belief
 from recognition.calibration import fit_temperature
 
 

@@ -10,7 +10,7 @@ from torch.nn import functional
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import DataError
-from planners.value.belief import (
+from planners.value.belief.clips import (
     NOISE_BASIS,
     BeliefModel,
     Evidence,

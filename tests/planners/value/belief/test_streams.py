@@ -12,18 +12,9 @@ from scipy.special import log_softmax
 
 from ehar.errors import ModelError
 from ehar.files import parse_json
-from planners.value.stream_belief import (
-    Chain,
-    OneStreamBelief,
-    StreamBelief,
-    StreamBeliefModel,
-    advance,
-    begin,
-    classes_of_states,
-    coming_shares,
-    read_streams,
-    transition_matrix,
-)
+from planners.value.belief.chain import Chain, advance, begin, classes_of_states, coming_shares, transition_matrix
+from planners.value.belief.filters import OneStreamBelief, StreamBelief, read_streams
+from planners.value.belief.streams import StreamBeliefModel
 from tests.helpers.examples import share_of_examples
 
 FPS = 10.0

@@ -10,7 +10,7 @@ from scipy.special import log_softmax
 
 from ehar.errors import DataError, ModelError
 from ehar.files import parse_json
-from planners.value.belief import Belief, BeliefModel, knot_weights, noise_basis, readout
+from planners.value.belief.clips import Belief, BeliefModel, knot_weights, noise_basis, readout
 from planners.value.view_basis import PAPER_RANGE
 from recognition.calibration import KNOTS
 from tests.helpers.examples import share_of_examples

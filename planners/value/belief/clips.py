@@ -20,7 +20,7 @@ CERTAIN = -8.0  # log-variance of evidence beside which the default prior is fla
 
 @dataclass(frozen=True)
 class BeliefModel:
-    r"""The parameters of the belief about an activity; fitted on training data (`planners.value.belief_fit`).
+    r"""The parameters of the belief about an activity; fitted on training data (`planners.value.belief.clips_fit`).
 
     The state :math:`x_t \in R^K` holds the centred log-odds of the classes. It is a random walk, since an activity
     unfolds:

@@ -10,7 +10,8 @@ from scipy.special import expit, gammaln
 from ehar.arrays import FloatArray, IntArray
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.errors import DataError
-from planners.value.stream_belief import VIEW_TERMS, StreamBeliefModel, read_streams
+from planners.value.belief.filters import read_streams
+from planners.value.belief.streams import VIEW_TERMS, StreamBeliefModel
 from planners.value.view_basis import PAPER_RANGE, DistanceRange
 
 MOST_PHASES = 8  # the standard deviation of a duration is then a third of its mean

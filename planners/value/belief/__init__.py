@@ -1,0 +1,1 @@
+"""The belief: which activity is shown, from all that was recognised so far; in clips and in streams."""
