@@ -202,6 +202,20 @@ $(foreach vehicle,px4-auto tracking-drone,$(eval $(call watched_in_flight,$(vehi
 $(STREAMS:%=runs/belief-%/table.md): runs/belief-%/table.md: $(STREAM_RECOGNISER)
 	$(EHAR) study belief $(call stream_data,$*) --sensor estimator --models models/$* --out $(@D)
 
+# When to answer in streams, on the recogniser's words and on the belief's: rules are fitted on the policy part.
+define decided_in_streams
+runs/deciding-$(1)-test/table.md: models/solo-stream/planners
+	$$(BENCHMARK) no-act nbv --data solo-stream --sensor estimator --models models/solo-stream --readout $(1) --out $$(@D)
+
+runs/deciding-$(1)-policy/table.md: models/solo-stream/planners
+	$$(BENCHMARK) no-act nbv --data solo-stream --sensor estimator --models models/solo-stream --readout $(1) \
+	  --part policy --starts 2 --out $$(@D)
+
+runs/decided-$(1)/table.md: runs/deciding-$(1)-test/table.md runs/deciding-$(1)-policy/table.md
+	$$(EHAR) study decide runs/deciding-$(1)-test --fitted-on runs/deciding-$(1)-policy --out $$(@D)
+endef
+$(foreach words,recogniser belief,$(eval $(call decided_in_streams,$(words))))
+
 # Things in the way: three trainings of the open world.
 IN_THE_WAY := room crowd
 OF_SOLO := solo solo-1 solo-2
@@ -349,6 +363,11 @@ docs/results/deciding.md: $(foreach set,hdm05 sbu solo,runs/rules-$(set)-estimat
 	$(call page,$@,When to answer,ehar study decide runs/rules-hdm05-estimator --fitted-on runs/fitting-hdm05,\
 	  $(foreach set,hdm05 sbu solo,runs/deciding-$(set)/table.md))
 
+docs/results/deciding-streams.md: runs/decided-recogniser/table.md runs/decided-belief/table.md
+	cp runs/decided-recogniser/deciding.png docs/results/deciding-stream.png
+	cp runs/decided-belief/deciding.png docs/results/deciding-stream-believed.png
+	$(call page,$@,When to answer in streams,ehar study decide runs/deciding-recogniser-test --fitted-on runs/deciding-recogniser-policy,$^)
+
 docs/results/headroom.md: $(SETS:%=runs/headroom-%/table.md)
 	$(call page,$@,What there is to win,ehar study headroom $(sbu) --sensor estimator --models models/sbu,$^)
 
@@ -381,8 +400,8 @@ docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/t
 	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$^)
 
 # Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), and what stood before (mended).
-PAGES := planners nbv indoor obstacles exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding streams stream-belief \
-  utkinect headroom class-maps forms published real-views paper agents behaviour benchmarks
+PAGES := planners nbv indoor obstacles exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding deciding-streams \
+  streams stream-belief utkinect headroom class-maps forms published real-views paper agents behaviour benchmarks
 results: left
 	@$(MAKE) --no-print-directory pages
 
