@@ -213,6 +213,7 @@ def stream_parts(data: StreamData) -> Parts:
         lacking = _lacking(data, parts)
         if lacking is None:
             return parts
+    assert lacking is not None
     part, name = lacking
     raise DataError(f"{data.name}: expected a segment of every class in the {part} part, class {name!r} has none")
 
