@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ehar.errors import EharError as EharError
     from ehar.flight.motion import FlightMotion as FlightMotion
     from ehar.flight.vehicle import Vehicle as Vehicle
+    from ehar.localisation import Localisation as Localisation
     from ehar.motion import GridMotion as GridMotion
     from ehar.planner import Context as Context
     from ehar.planner import Observation as Observation
@@ -40,6 +41,7 @@ else:
             "EstimatorSensor": "ehar.sensors.estimator",
             "FlightMotion": "ehar.flight.motion",
             "GridMotion": "ehar.motion",
+            "Localisation": "ehar.localisation",
             "MotionData": "ehar.data.motion_data",
             "Observation": "ehar.planner",
             "PerfectSensor": "ehar.sensors.perfect",

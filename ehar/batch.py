@@ -8,9 +8,9 @@ import numpy.typing as npt
 
 from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief, read_only
 from ehar.data.scenario import Scenarios
-from ehar.data.streams.following import CentreMotion
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.window import Windows
+from ehar.localisation import CentreMotion
 from ehar.obstacles.surroundings import Surroundings
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise

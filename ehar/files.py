@@ -275,6 +275,8 @@ def _wanted(error: "ErrorDetails") -> str:
             return f"a number above {limits['gt']:g}"
         case "greater_than_equal":
             return f"at least {limits['ge']:g}"
+        case "less_than_equal":
+            return f"at most {limits['le']:g}"
     return error["msg"].removeprefix("Input should be ").splitlines()[0]
 
 

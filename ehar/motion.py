@@ -5,7 +5,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
-from ehar.data.streams.following import CentreMotion
+from ehar.localisation import CentreMotion
 from ehar.obstacles.free_space import FreeSpace, needed_clearance
 from ehar.obstacles.surroundings import Surroundings
 from ehar.viewpoint import AZIMUTH, DISTANCE, HOVER, MOVES, POLAR, Workspace, apply_moves, neighbours

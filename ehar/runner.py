@@ -7,7 +7,7 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.batch import Batch, noise_of
 from ehar.data.recordings import Recordings
-from ehar.data.scenario import Scenarios
+from ehar.data.scenario import Scenarios, localised
 from ehar.data.streams.data import StreamData
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.surroundings import surroundings_of
@@ -75,7 +75,8 @@ class Runner:
         return Batch.of(scenarios, chosen, starts, noise, surroundings_of(scenarios, chosen, self.world, rng))
 
     def followed(self, scenarios: Scenarios | StreamScenarios) -> Scenarios | StreamScenarios:
-        """Return scenarios whose centre keeps the limits of the vehicle that follows it, if one does."""
+        """Return scenarios with the world's localisation; a centre that a vehicle follows keeps its limits."""
+        scenarios = localised(scenarios, self.world)
         if isinstance(scenarios, StreamScenarios) and self._follows_people:
             assert self.track.vehicle is not None
             return replace(scenarios, limits=centre_limits(self.track.vehicle))

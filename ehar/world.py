@@ -1,4 +1,4 @@
-"""Worlds: where a camera may be, how it moves on the grid, where episodes begin, its lens, and what is in the way."""
+"""Worlds: where a camera may be and begins, its moves and lens, what is in the way, and how people are localised."""
 
 import math
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -12,6 +12,7 @@ from ehar.arrays import FloatArray
 from ehar.camera import Camera
 from ehar.errors import UsageError
 from ehar.files import read_json
+from ehar.localisation import USUAL_LOCALISATION, Localisation
 from ehar.obstacles.free_space import FreeSpace
 from ehar.obstacles.shapes import MARGIN, Box, Cylinder, Obstacles
 from ehar.viewpoint import Workspace
@@ -21,8 +22,11 @@ SAME = 1e-9  # share of a number by which two worlds may differ and be the same:
 PASSER_RADIUS = 0.25  # [m]
 PASSER_ROOM = PASSER_RADIUS + MARGIN  # [m], between the ways of passers-by and the nearest cameras
 LEAST_REACH = 2.0  # [m]; with less room passers-by would walk through people
-LATER = ("obstacles", "passers_by")  # what files from before there were obstacles do not have
-OPTIONAL = (*LATER, "walls", "boxes", "cylinders", "yaw_deg")  # keys of files that have a usual value
+LATER = ("obstacles", "passers_by", "localisation")  # what older files do not have
+OPTIONAL = (  # keys of files that have a usual value
+    *(*LATER, "walls", "boxes", "cylinders", "yaw_deg"),
+    *("noise", "delay", "agility"),
+)
 
 Positive = Annotated[float, Gt(0)]
 Count = Annotated[int, Ge(1)]
@@ -40,6 +44,7 @@ class World:
             first; None takes all cells of the workspace.
         obstacles: what stands there. It hides people, and cameras keep clear of it.
         passers_by: number of people who walk past those that are watched, and hide them.
+        localisation: how well, and how soon, it is known where people are in streams; of no meaning in clips.
 
     Raises:
         UsageError: there are no such start cells, or passers-by have no room between people and cameras.
@@ -51,6 +56,7 @@ class World:
     start_cells: tuple[int, int, int] | None = None
     obstacles: Obstacles = field(default_factory=Obstacles)
     passers_by: int = 0
+    localisation: Localisation = USUAL_LOCALISATION
 
     def __post_init__(self) -> None:
         """Check that the start cells are cells, and that there is room for passers-by."""
@@ -120,9 +126,12 @@ class World:
         return len(one) == len(two) and bool(np.allclose(one, two, rtol=SAME, atol=SAME))
 
     def to_json(self) -> dict[str, Any]:
-        """Return the world for files; an open one as before there were obstacles."""
-        held = asdict(self)
-        return {name: value for name, value in held.items() if not (self.is_open and name in LATER)}
+        """Return the world for files; without what older ones do not have, where it is usual."""
+        left = ("obstacles", "passers_by") if self.is_open else ()
+        held = {name: value for name, value in asdict(self).items() if name not in left}
+        if self.localisation == USUAL_LOCALISATION:
+            del held["localisation"]
+        return held
 
     def __str__(self) -> str:
         """Return the world on one line."""
@@ -131,6 +140,7 @@ class World:
         starts = " x ".join(map(str, self.start_cells or space.cells))
         inside = f", {self.obstacles}" if self.obstacles else ""
         inside += f", {self.passers_by} passers-by" if self.passers_by else ""
+        inside += "" if self.localisation == USUAL_LOCALISATION else f", people localised with {self.localisation}"
         return (
             f"{self.name} ({space.distance_min:g} to {space.distance_max:g} m, polar {low:g} to {high:g} deg, "
             f"steps of {space.distance_step:g} m and {turn:g} deg, {starts} starts, {self.camera}{inside})"
@@ -141,7 +151,8 @@ def _numbers(world: World) -> list[float]:
     """Return all numbers of a world."""
     parts = [getattr(part, field.name) for part in (world.workspace, world.camera) for field in fields(part)]
     starts = world.start_cells or world.workspace.cells
-    return [float(value) for value in (*parts, *starts, world.passers_by, *world.obstacles.numbers)]
+    parts += [*starts, world.passers_by, *world.localisation.numbers, *world.obstacles.numbers]
+    return [float(value) for value in parts]
 
 
 # Sec. 5.1: |P_0| = 100 * 100 * 25 = 250,000. The paper's ranges are half open for starts.
@@ -211,6 +222,7 @@ class WorldFile:
     start_cells: tuple[Count, Count, Count] | None = None
     obstacles: Obstacles = field(default_factory=Obstacles)
     passers_by: Annotated[int, Ge(0)] = 0
+    localisation: Localisation = USUAL_LOCALISATION
 
     def world(self, name: str) -> World:
         """Return the world under a name."""
@@ -223,14 +235,14 @@ class WorldFile:
             angle_step=math.radians(self.angle_step_deg),
         )
         camera = Camera(**vars(self.camera))
-        return World(name, workspace, camera, self.start_cells, self.obstacles, self.passers_by)
+        return World(name, workspace, camera, self.start_cells, self.obstacles, self.passers_by, self.localisation)
 
 
 def load_world(world: str | Path | World) -> World:
     """Return the world that a name or an object means, or read a world file.
 
-    A world file is a JSON object, whose keys are the fields of `WorldFile`; `start_cells`, `obstacles` and `passers_by`
-    may be left out. The name of the file, without `.json`, is the name of the world.
+    A world file is a JSON object, whose keys are the fields of `WorldFile`; `start_cells`, `obstacles`, `passers_by`
+    and `localisation` may be left out. The name of the file, without `.json`, is the name of the world.
 
     Raises:
         UsageError: there is no such world or file; or a key is missing or unknown, or a value is impossible.

@@ -11,6 +11,7 @@ from ehar.data.recordings import Recordings
 from ehar.data.scenario import part_of
 from ehar.data.streams.data import StreamData
 from ehar.errors import ModelError, UsageError
+from ehar.localisation import Localisation
 from ehar.runner import Runner
 from ehar.track import load_track
 from ehar.world import World, by_name, load_world
@@ -33,6 +34,7 @@ class Setting:
         trained_length: number of frames of the clips that the recogniser was trained on; None for your own.
         device: torch device of our recogniser.
         trained_open: whether our recogniser was trained in the world without its obstacles and passers-by.
+        trained_localisation: the localisation that our recogniser was trained with; None for your own, and in clips.
     """
 
     conditions: Conditions
@@ -43,6 +45,7 @@ class Setting:
     trained_length: int | None = None
     device: str = "cpu"
     trained_open: bool = False
+    trained_localisation: Localisation | None = None
 
     @property
     def world(self) -> World:
@@ -53,6 +56,12 @@ class Setting:
     def length_note(self) -> str | None:
         """The line that says that the recogniser was trained at another length; None if it was not."""
         return length_note(self.conditions.frames, {"recogniser": self.trained_length})
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The lines that say how the recogniser was trained otherwise."""
+        localised = localisation_note(self.world.localisation, {"recogniser": self.trained_localisation})
+        return tuple(filter(None, (self.length_note, localised)))
 
     @property
     def track_sha256(self) -> str | None:
@@ -95,6 +104,23 @@ def length_note(length: int, trained: Mapping[str, int | None]) -> str | None:
     if not other:
         return None
     return f"episodes have {length} frames, but weights were trained at another length: {', '.join(other)}"
+
+
+def localisation_note(localisation: Localisation, trained: Mapping[str, Localisation | None]) -> str | None:
+    """Return a line that names the weights that were trained with another localisation; None if there are none.
+
+    Args:
+        localisation: how well it is known where people are now.
+        trained: the same in the training of each weights, by name; None if it has no meaning there.
+    """
+    others: dict[Localisation, list[str]] = {}
+    for name, told in trained.items():
+        if told is not None and told != localisation:
+            others.setdefault(told, []).append(name)
+    if not others:
+        return None
+    found = "; ".join(f"{', '.join(names)} with {told}" for told, names in others.items())
+    return f"people are localised with {localisation}, but weights were trained with another localisation: {found}"
 
 
 def with_length(conditions: Conditions, data: Recordings, seconds: float) -> Conditions:
@@ -177,7 +203,8 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     runner = Runner(data, trained, loaded.sensor, track, world, conditions.onset)
     length = None if trained.spec.fading else trained.spec.length  # what fades is not meant for one length
     opened = not world.is_open and trained.spec.world.is_open
-    return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256, length, device, opened)
+    localisation = trained.spec.world.localisation if isinstance(data, StreamData) else None
+    return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256, length, device, opened, localisation)
 
 
 def refuse_loss(path: Path, setting: Setting, load: Callable[[Conditions, Recordings, str], object]) -> None:

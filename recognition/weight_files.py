@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,8 +60,10 @@ def check_world(path: Path, trained: World, conditions: Conditions) -> None:
     """Raise a ModelError that names both worlds, unless weights were trained in the world that conditions ask for.
 
     Weights of the open world will do where there are obstacles or passers-by: bounds, moves and images are the same.
+    So will weights that were trained with another localisation, or nobody could ask what a worse one costs.
     """
     asked = load_world(conditions.world)
+    trained = replace(trained, localisation=asked.localisation)
     if not (trained.agrees_with(asked) or trained.agrees_with(asked.opened)):
         raise ModelError(
             f"{path}: trained in the world {trained}, asked for {asked}; "

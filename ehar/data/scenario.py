@@ -1,6 +1,6 @@
 """Scenarios: labelled windows of L frames, cut from sequences that are split into four parts."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import overload
 
 import numpy as np
@@ -12,6 +12,7 @@ from ehar.data.streams.data import StreamData
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.window import Windows
 from ehar.errors import DataError, UsageError
+from ehar.world import World
 
 VALIDATION_SHARE = 0.15  # Sec. 5.1: train : validation = 0.85 : 0.15
 LEAST_PEOPLE = 3  # with fewer people in training, validation shares them: one person alone is too little to learn from
@@ -116,6 +117,21 @@ def draw_scenarios(
     if isinstance(data, StreamData):
         return StreamScenarios(data, length, sequence, first)
     return Scenarios(data, length, sequence, first)
+
+
+@overload
+def localised(scenarios: Scenarios, world: World) -> Scenarios: ...
+
+
+@overload
+def localised(scenarios: StreamScenarios, world: World) -> StreamScenarios: ...
+
+
+def localised(scenarios: Scenarios | StreamScenarios, world: World) -> Scenarios | StreamScenarios:
+    """Return scenarios in which it is known where people are as well, and as soon, as in a world; clips as they are."""
+    if isinstance(scenarios, StreamScenarios):
+        return replace(scenarios, localisation=world.localisation)
+    return scenarios
 
 
 def advised_length(data: MotionData | StreamData, usual: int = USUAL_LENGTH) -> int:

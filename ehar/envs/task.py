@@ -9,7 +9,7 @@ from gymnasium import spaces
 
 from ehar.arrays import BoolArray, FloatArray, IntArray, read_only
 from ehar.batch import Batch
-from ehar.data.scenario import Scenarios
+from ehar.data.scenario import Scenarios, localised
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.surroundings import surroundings_of
 from ehar.envs.controls import Controls
@@ -82,7 +82,8 @@ class EpisodeTask:
         recogniser: sees every frame.
         sensor: gives the recogniser its joints.
         controls: define the actions and the workspace.
-        world: the world whose starts are drawn; its workspace should be that of the controls.
+        world: the world whose starts are drawn, and in which people are localised; its workspace should be that of
+            the controls.
         copies: number of successive episodes with the same scenario, start and noise; only the agent's actions differ.
 
     Raises:
@@ -107,7 +108,7 @@ class EpisodeTask:
             raise UsageError(f"{data.name}: expected episodes of at least 2 frames, got {scenarios.length}")
         if tuple(recogniser.class_names) != data.recognised_names:
             raise UsageError(f"{data.name}: expected a recogniser of its {len(data.recognised_names)} classes")
-        self.scenarios = scenarios
+        self.scenarios = localised(scenarios, world)
         self.recogniser = recogniser
         self.sensor = sensor
         self.controls = controls

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from ehar.data.streams.following import CentreLimits
 from ehar.flight.vehicle import Vehicle
+from ehar.localisation import CentreLimits
 
 # Shares of a vehicle's limits with which it follows a centre. People walk at 1.4 m/s, px4-auto follows at 1.5 m/s.
 SPEED_SHARE, SHARE = 0.3, 0.2

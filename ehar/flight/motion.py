@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
-from ehar.data.streams.following import CentreMotion
 from ehar.errors import EpisodeError
 from ehar.flight.centre import around_centre
 from ehar.flight.clearance import first_towards, keeps_clear
@@ -18,6 +17,7 @@ from ehar.flight.proposals import BRAKING, PROPOSALS, limits_to_rest, limits_to_
 from ehar.flight.telemetry import FlightTelemetry
 from ehar.flight.time_optimal import PHASES, AxisLimits, TimeOptimal
 from ehar.flight.vehicle import Vehicle
+from ehar.localisation import CentreMotion
 from ehar.obstacles.free_space import FreeSpace
 from ehar.obstacles.surroundings import Surroundings
 from ehar.viewpoint import AZIMUTH, DISTANCE, Workspace, cartesian, wrap_difference

@@ -12,6 +12,7 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray
 from ehar.batch import Batch
 from ehar.conditions import Conditions
+from ehar.data.motion_data import MotionData
 from ehar.data.scenario import part_of
 from ehar.data.streams.data import StreamData
 from ehar.errors import UsageError
@@ -19,11 +20,13 @@ from ehar.planner import Planner
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed
 from ehar.viewpoint import AZIMUTH, POLAR, cartesian
+from ehar.world import World
 from eval.live.figures import LoopFigures
 from eval.live.loop import Loop, Said
 from eval.live.messages import Answer, CameraPose, Frame, SeenPerson, written
 from eval.live.setpoints import LimitShares
 from eval.live.watcher import Watcher
+from eval.live.weights import live_recogniser
 from eval.render.tables import Table
 from eval.running.choice import ModelPlace
 from eval.running.episodes import Episodes, cut_scenarios, random_starts
@@ -244,11 +247,12 @@ def rehearse(
     loss: float,
     outputs: Callable[[Watcher], Sequence[Callable[[Said], None]]],
     note: Callable[[str], None],
+    world: str | Path | World | None = None,
 ) -> Rehearsal:
     """Play test streams through the loop in real time, and compare it with the benchmark.
 
     Args:
-        conditions: streams, weights, sensor, views, vehicle and seed.
+        conditions: streams, weights, sensor, views, vehicle and seed; of the shipped weights also the world.
         planner: as in `Watcher`.
         belief: as in `Watcher`.
         sure: as in `Watcher`.
@@ -256,24 +260,40 @@ def rehearse(
         loss: share of frames that are lost, and that are late, in every second stream.
         outputs: returns what takes all that goes out.
         note: is told of progress.
+        world: as in `Watcher`.
 
     Raises:
-        EharError: something is missing or malformed, or does not fit; or the data are no streams.
+        EharError: something is missing or malformed, or does not fit; the data are no streams, or the world not open.
     """
     if not 0 < minutes < np.inf:
         raise UsageError(f"minutes: expected a number above 0, got {minutes}")
+    if not conditions.in_streams:
+        name = conditions.data.name if isinstance(conditions.data, MotionData) else conditions.data
+        raise UsageError(f"{name}: expected streams, as `ehar data stitch` makes them, got trimmed sequences")
+    if world is not None:
+        conditions = replace(conditions, world=world)
+    elif conditions.models is not None:
+        conditions = replace(conditions, world=live_recogniser(conditions).spec.world)
     setting = load_setting(conditions)
+    if not setting.world.is_open:
+        raise UsageError(f"world {setting.world.name}: expected one in which nothing is in the way of a rehearsal")
     streams, recogniser, vehicle = setting.recordings, setting.runner.recogniser, setting.runner.track.vehicle
-    if not isinstance(streams, StreamData):
-        raise UsageError(f"{streams.name}: expected streams, as `ehar data stitch` makes them, got trimmed sequences")
     if not 0 <= loss < 0.5:
         raise UsageError(f"loss: expected a share of frames from 0 to 0.5, got {loss}")
-    assert isinstance(recogniser, StreamingRecogniser) and vehicle is not None
+    assert isinstance(streams, StreamData) and isinstance(recogniser, StreamingRecogniser) and vehicle is not None
     place = ModelPlace.of(setting)
     chosen, _ = resolve_planner(planner, place.load_gain_model, place.load_agent, place.load_fixed_place)
     watcher = Watcher(
-        models=recogniser, vehicle=vehicle, planner=chosen, belief=belief, sure=sure, seed=conditions.seed
+        models=recogniser,
+        vehicle=vehicle,
+        planner=chosen,
+        belief=belief,
+        sure=sure,
+        seed=conditions.seed,
+        world=setting.world,
     )
+    if watcher.note is not None:
+        note(f"warning: {watcher.note}")
     scenarios = cut_scenarios(streams, part_of(streams, conditions.part), setting.conditions.frames, note)
     episodes = random_starts(scenarios, 1, conditions.seed, setting.world)
     count = max(round(60 * minutes * streams.fps / scenarios.length), 1)

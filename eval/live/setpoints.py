@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.data.streams.following import FollowedCentre
 from ehar.flight.centre import centre_limits
 from ehar.flight.kinematics import SphericalState, local_motion
 from ehar.flight.limits import keeps_limits
@@ -16,6 +15,7 @@ from ehar.flight.profile import JerkProfile
 from ehar.flight.proposals import BRAKING, limits_to_rest
 from ehar.flight.time_optimal import TimeOptimal
 from ehar.flight.vehicle import Vehicle
+from ehar.localisation import USUAL_LOCALISATION, FollowedCentre, Localisation
 from ehar.viewpoint import AZIMUTH, Workspace, cartesian
 from eval.live.messages import Vector
 
@@ -70,9 +70,17 @@ class Setpoints:
         vehicle: the vehicle that keeps its limits.
         workspace: where the camera may be.
         frame_time: time from one setpoint to the next [s].
+        localisation: how well it is told where people are; its delay is not used, as times are told.
     """
 
-    def __init__(self, *, vehicle: Vehicle, workspace: Workspace, frame_time: float) -> None:
+    def __init__(
+        self,
+        *,
+        vehicle: Vehicle,
+        workspace: Workspace,
+        frame_time: float,
+        localisation: Localisation = USUAL_LOCALISATION,
+    ) -> None:
         """Create the setpoints; they begin where `begin` says."""
         import filterpy.kalman  # noqa: F401  # for `follow`: it takes long, and later somebody flies
 
@@ -83,7 +91,7 @@ class Setpoints:
         self._viewpoint: FloatArray = np.empty((1, 3))
         self._target: FloatArray | None = None
         self._path: FloatArray | None = None  # (1, F, 3, 3) after each of the next frames
-        self._limits = centre_limits(vehicle)
+        self._limits, self._localisation = centre_limits(vehicle), localisation
         self._centre: FollowedCentre | None = None
         self._braking = False
         self._frames = 0
@@ -134,7 +142,7 @@ class Setpoints:
         """
         with self._lock:
             if self._centre is None or self._target is None:  # nobody flies yet, so the frame is where people are
-                self._centre = FollowedCentre(np.array(place), time, self.frame_time, self._limits)
+                self._centre = FollowedCentre(np.array(place), time, self.frame_time, self._limits, self._localisation)
             else:
                 self._centre.tell(np.array(place), time)
             return _vector(self._centre.motion.position)

@@ -38,6 +38,7 @@ def live(
     rehearse: str | None = None,
     minutes: float = 1.0,
     loss: float = 0.05,
+    world: str | Path | None = None,
 ) -> LoopFigures | rehearsal.Rehearsal:
     """Watch people through a pose estimator, and say where the camera should fly, until there are no more frames.
 
@@ -56,6 +57,7 @@ def live(
         rehearse: play these streams in real time instead, through the sensor: an .npz, or a built-in set.
         minutes: how long to rehearse.
         loss: share of frames that a rehearsal loses, and that come late, in every second stream.
+        world: a world .json whose localisation is that of the place; else as the weights' world.
 
     Raises:
         EharError: something is missing or malformed, or does not fit.
@@ -88,12 +90,22 @@ def live(
                 sure=sure,
                 minutes=minutes,
                 loss=loss,
+                world=world,
                 outputs=lambda watcher: [lambda said: _discard(said.line()), *outputs(watcher)],
                 note=_note,
             )
         watcher = Watcher(
-            models=models, vehicle=vehicle, planner=planner, sensor=sensor, views=views, belief=belief, sure=sure
+            models=models,
+            vehicle=vehicle,
+            planner=planner,
+            sensor=sensor,
+            views=views,
+            belief=belief,
+            sure=sure,
+            world=world,
         )
+        if watcher.note is not None:
+            _note(f"warning: {watcher.note}")
         box = Outbox(sys.stdout)
         stack.callback(box.close)
         # The autopilot first: a line on standard output can wait.

@@ -18,15 +18,17 @@ from ehar.plugins.blame import blamed
 from ehar.recogniser import Recognition
 from ehar.sensors.sensor import Sensed
 from ehar.viewpoint import AZIMUTH, cartesian
+from ehar.world import World
 from eval.live.clock import FrameClock
 from eval.live.joints import JointMap
 from eval.live.messages import WIDEST, Answer, Frame, Vector, read_frame
 from eval.live.people import People
 from eval.live.setpoints import Setpoint, Setpoints
 from eval.live.views import centred, looked_from, viewpoint_of
-from eval.live.weights import conditions_of, live_belief, live_planner, live_recogniser
+from eval.live.weights import conditions_of, live_belief, live_planner, live_recogniser, live_world
 from planners.value.belief.filters import OneStreamBelief
 from planners.value.belief.streams import StreamBeliefModel
+from recognition.setting import localisation_note
 from recognition.streaming import StreamingRecogniser
 
 EMPTY, NO_POSE, LEFT_OUT, PLANNER_FAILED = "empty", "no camera pose", "people left out", "planner failed"
@@ -49,6 +51,8 @@ class Watcher:
         belief: the belief, or its JSON, as `ehar study belief --out` writes it; None believes the recogniser.
         sure: least probability of an activity that is named.
         seed: seed of a planner that draws.
+        world: name, file or object of a world with the localisation that is there; else as in the world of the
+            weights, None takes that.
 
     Raises:
         EharError: weights, vehicle, planner or belief are missing, malformed or do not fit.
@@ -65,6 +69,7 @@ class Watcher:
         belief: str | Path | StreamBeliefModel | None = None,
         sure: float = 0.9,
         seed: int = 0,
+        world: str | Path | World | None = None,
     ) -> None:
         """Load everything; the first frame begins."""
         if isinstance(models, StreamingRecogniser):
@@ -86,12 +91,15 @@ class Watcher:
         self.belief_model = live_belief(belief, len(self.class_names))
         self._belief = OneStreamBelief(self.belief_model, fps=self.fps)
         self._sure, self._seed = sure, seed
-        self._world = spec.world
+        self._world = spec.world if world is None else live_world(world, spec.world, trained)
         self._clock = FrameClock(self.fps)
         self._people = People(spec.persons, len(spec.skeleton.joint_names))
         self._maps: dict[str, JointMap] = {}
         self.setpoints = Setpoints(
-            vehicle=self.vehicle, workspace=spec.world.workspace, frame_time=1 / self.setpoint_rate
+            vehicle=self.vehicle,
+            workspace=self._world.workspace,
+            frame_time=1 / self.setpoint_rate,
+            localisation=self._world.localisation,
         )
         self.counts: Counter[str] = Counter()
         self._viewpoint: FloatArray | None = None
@@ -99,6 +107,11 @@ class Watcher:
         nobody = np.zeros((spec.persons, len(spec.skeleton.joint_names), 3))
         self._watch(nobody, spec.world.workspace.origin, (1.0,))  # the first frame takes long, so here
         self._start()
+
+    @property
+    def note(self) -> str | None:
+        """The line that says that the recogniser was trained with another localisation; None if it was not."""
+        return localisation_note(self._world.localisation, {"recogniser": self.recogniser.spec.world.localisation})
 
     def see(
         self, frame: Frame | str | Mapping[str, Any], *, arrived: float | None = None, newest: bool = True

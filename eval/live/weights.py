@@ -9,16 +9,21 @@ from ehar.errors import ModelError, UsageError
 from ehar.files import read_json
 from ehar.flight.vehicle import Vehicle
 from ehar.planner import Planner
+from ehar.world import World, load_world
 from eval.scores.resampling.training_seeds import split_record_name
 from planners.registry import resolve_planner
 from planners.value.belief.streams import StreamBeliefModel
 from recognition.storage import open_recogniser, recogniser_path
 from recognition.streaming import StreamingRecogniser
+from recognition.weight_files import check_world
 
 if TYPE_CHECKING:
     from planners.agents.agent import Agent
     from planners.place.storage import FixedPlace
     from planners.value.model import GainModel
+
+
+_UNTOLD = "nobody tells a live loop where they are"
 
 
 def conditions_of(models: str | Path, sensor: str, views: str, vehicle: str | Path | Vehicle) -> Conditions:
@@ -36,10 +41,24 @@ def live_recogniser(conditions: Conditions) -> StreamingRecogniser:
     assert isinstance(recogniser, StreamingRecogniser)  # the form of these conditions
     if recogniser.spec.world.obstacles:
         raise ModelError(
-            f"{conditions.models}: weights of the world {recogniser.spec.world.name}, which has obstacles: nobody "
-            "tells a live loop where they are; expected weights of an open world"
+            f"{conditions.models}: weights of the world {recogniser.spec.world.name}, which has obstacles: {_UNTOLD}; "
+            "expected weights of an open world"
         )
     return recogniser
+
+
+def live_world(world: str | Path | World, trained: World, conditions: Conditions | None) -> World:
+    """Return a world that is that of the weights but for its localisation.
+
+    Raises:
+        UsageError: there is no such world, or it has obstacles.
+        ModelError: the weights were trained in another one.
+    """
+    asked = load_world(world)
+    if asked.obstacles:
+        raise UsageError(f"world {asked.name}, which has obstacles: {_UNTOLD}; expected an open one")
+    check_world(Path("models" if conditions is None else conditions.models or ""), trained, Conditions(world=asked))
+    return asked
 
 
 def live_planner(spec: str | Planner, recogniser: StreamingRecogniser, conditions: Conditions | None) -> Planner:

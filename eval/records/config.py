@@ -11,12 +11,13 @@ from ehar.conditions import Conditions
 from ehar.errors import DataError, UsageError
 from ehar.files import read_json
 from ehar.flight.vehicle import Vehicle
+from ehar.localisation import Localisation
 from ehar.planner import Planner
 from ehar.plugins.class_spec import json_arguments
 from ehar.version import package_version
 from ehar.world import PAPER, World, by_name, load_world
 from planners.own_planner import Origin, planner_source_sha256
-from recognition.setting import Setting, length_note
+from recognition.setting import Setting, length_note, localisation_note
 
 CONFIG = "config.json"
 UNFINISHED = "unfinished"  # folder in that of a run: what is done while the run is not finished
@@ -59,6 +60,8 @@ class RunConfig:
             agent and a fixed place, as far as they are known; None in runs from before it was recorded.
         device: torch device of the recogniser; another one rounds otherwise.
         trained_open: whether the recogniser was trained in the world without its obstacles and passers-by.
+        trained_localisations: in streams, the localisation in the training of the recogniser, the gain field, each
+            agent and a fixed place, of those that were trained with another than the world's; None if none was.
     """
 
     conditions: Conditions
@@ -78,6 +81,7 @@ class RunConfig:
     trained_lengths: dict[str, int] | None = None
     device: str = "cpu"
     trained_open: bool = False
+    trained_localisations: dict[str, Localisation] | None = None
 
     @property
     def world(self) -> World:
@@ -93,7 +97,8 @@ class RunConfig:
     def warnings(self) -> tuple[str, ...]:
         """The lines that a reader of results must not miss."""
         opened = f"the recogniser was trained where nothing is in the way; in the world {self.world.name} something is"
-        return (*filter(None, (self.length_note,)), *((opened,) * self.trained_open))
+        localised = localisation_note(self.world.localisation, self.trained_localisations or {})
+        return (*filter(None, (self.length_note, localised)), *((opened,) * self.trained_open))
 
     @property
     def in_world(self) -> str:
@@ -129,7 +134,7 @@ KEYS = (  # of config.json, in the order of the file
     *("schema", "source", "data", "data_sha256", "models", "recogniser_sha256", "sensor", "views", "form", "track"),
     *("vehicle", "readout", "part", "gain_model_sha256", "starts", "seed", "length", "fps", "ideal", "planners"),
     *("versions", "recogniser", "sensor_sha256", "track_sha256", "world", "trained_lengths", "device", "onset"),
-    "trained_open",
+    *("trained_open", "trained_localisations"),
 )
 LATER: dict[str, Any] = {  # a file without one of these means its default
     "schema": SCHEMA,
@@ -142,8 +147,9 @@ LATER: dict[str, Any] = {  # a file without one of these means its default
     "device": "cpu",
     "onset": "unknown",
     "trained_open": False,
+    "trained_localisations": None,
 }
-NEW = ("onset", "trained_open")  # keys that a file has only where they say something else
+NEW = ("onset", "trained_open", "trained_localisations")  # keys that a file has only where they say something else
 
 
 def run_config(
@@ -154,11 +160,15 @@ def run_config(
     gain_model_sha256: str | None = None,
     ideal: Path | None = None,
     lengths: Mapping[str, int | None] | None = None,
+    localisations: Mapping[str, Localisation | None] | None = None,
 ) -> RunConfig:
     """Return the configuration of a run in a setting; the arguments are as in `RunConfig`.
 
-    `lengths` are the trained lengths of gain field, agents and fixed place.
+    `lengths` and `localisations` are those in the training of gain field, agents and fixed place.
     """
+    localised = {"recogniser": setting.trained_localisation, **(localisations or {})}
+    usual = setting.world.localisation
+    others = {name: told for name, told in localised.items() if told is not None and told != usual}
     trained = {"recogniser": setting.trained_length, **(lengths or {})}
     return RunConfig(
         conditions=setting.conditions,
@@ -177,6 +187,7 @@ def run_config(
         trained_lengths={name: frames for name, frames in trained.items() if frames is not None},
         device=setting.device,
         trained_open=setting.trained_open,
+        trained_localisations=others or None,
     )
 
 

@@ -88,6 +88,7 @@ def benchmark(
         gain_model_sha256=None if model is None else model.sha256,
         ideal=None if ideal is None else Path(ideal),
         lengths=choice.lengths,
+        localisations=choice.localisations,
     )
     for warning in config.warnings:
         reporter.note(f"warning: {warning}")

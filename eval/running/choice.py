@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from ehar.conditions import Conditions
 from ehar.data.recordings import Recordings
 from ehar.errors import ModelError, UsageError
+from ehar.localisation import Localisation
 from ehar.planner import Planner
 from eval.scores.resampling.training_seeds import group_planners, record_name, split_record_name
 from planners.own_planner import Origin, check_planner_contract
@@ -212,6 +213,12 @@ class Choice(NamedTuple):
             if is_learned(planner.name) or needs_fixed_place(planner.name)
         }
         return trained if self.model is None else {"gain field": self.model.length, **trained}
+
+    @property
+    def localisations(self) -> dict[str, Localisation | None]:
+        """The localisation in the training of the gain field, of each agent and of a fixed place; None in clips."""
+        trained = {planner.name: getattr(planner, "localisation", None) for planner in self.planners}
+        return trained if self.model is None else {"gain field": self.model.localisation, **trained}
 
 
 def choose_planners(

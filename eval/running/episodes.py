@@ -10,7 +10,7 @@ from ehar.arrays import FloatArray, IntArray, in_brief
 from ehar.batch import Batch, noise_of
 from ehar.data.copies import copied
 from ehar.data.motion_data import MotionData
-from ehar.data.scenario import Scenarios, windows
+from ehar.data.scenario import Scenarios, localised, windows
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.surroundings import surroundings_of
@@ -38,7 +38,7 @@ class Episodes:
         scenario: (N,) index into `scenarios`.
         starts: (N, 3) start viewpoints.
         seed: seed of the sensor's noise and of the planners' generators.
-        world: what stands and walks around people.
+        world: what stands and walks around people, and how well it is known where they are.
     """
 
     scenarios: Scenarios | StreamScenarios
@@ -88,9 +88,10 @@ class Episodes:
         """Return one chunk, ready to run; its noise depends on the seed and the chunk only."""
         part = self.chunk(index)
         rng = np.random.default_rng([self.seed, _NOISE, index])
-        noise = noise_of(self.scenarios, len(part), rng)
-        around = surroundings_of(self.scenarios, part.scenario, self.world, rng)
-        return Batch.of(self.scenarios, part.scenario, part.starts, noise, around)
+        scenarios = localised(self.scenarios, self.world)
+        noise = noise_of(scenarios, len(part), rng)
+        around = surroundings_of(scenarios, part.scenario, self.world, rng)
+        return Batch.of(scenarios, part.scenario, part.starts, noise, around)
 
     def batches(self, chunks: Sequence[int]) -> Batch:
         """Return chunks that run in lockstep, with the noise that each has alone."""

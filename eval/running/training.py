@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ehar.conditions import Conditions
+from ehar.data.streams.data import StreamData
 from ehar.errors import ModelError
 from ehar.files import read_json
 from ehar.processes import cores
+from ehar.world import load_world
 from eval.running.outlook import outlook
 from planners.agents.config import PAPER_FORM, AgentTrainingConfig
 from planners.place.config import FixedBestConfig
@@ -262,7 +264,12 @@ def has_recogniser(config: TrainAllConfig) -> bool:
     if not (path.is_file() and description.is_file()):
         return False
     data = load_recordings_of(config.told)
-    load_recogniser(config.with_models, data)
+    trained, asked = load_recogniser(config.with_models, data).spec.world, load_world(config.told.world)
+    if isinstance(data, StreamData) and trained.localisation != asked.localisation:
+        raise ModelError(
+            f"{description}: trained with another localisation: {trained.localisation}, asked for "
+            f"{asked.localisation}: remove it to train again, or choose another --out"
+        )
     # Added recordings may leave classes and joints unchanged, but then other sequences are held out for the test.
     run = read_json(description, _Trained, "a recogniser", unknown=True, defaults=True, wrong=ModelError).training.run
     sha256 = run.data_sha256
@@ -287,24 +294,24 @@ def has_recogniser(config: TrainAllConfig) -> bool:
 
 
 def has_fixed_best(config: TrainAllConfig) -> bool:
-    """Return whether there is a place of fixed-best for the recogniser; the place for another one is found anew."""
+    """Return whether there is a place of fixed-best for the recogniser and localisation; any other is found anew."""
     from planners.place.storage import load_fixed_place
 
     setting = load_setting(config.with_models)
     try:
-        load_fixed_place(setting.conditions, setting.recordings, setting.recogniser_sha256)
+        found = load_fixed_place(setting.conditions, setting.recordings, setting.recogniser_sha256)
     except ModelError:
         return False
-    return True
+    return found.localisation in (None, setting.world.localisation)
 
 
 def has_gain_field(config: TrainAllConfig) -> bool:
-    """Return whether there is a gain field for the recogniser; a gain field for another one is trained anew."""
+    """Return whether there is a gain field for the recogniser and localisation; any other is trained anew."""
     from planners.value.model import load_gain_model
 
     setting = load_setting(config.with_models)
     try:
-        load_gain_model(setting.conditions, setting.recordings, setting.recogniser_sha256)
+        found = load_gain_model(setting.conditions, setting.recordings, setting.recogniser_sha256)
     except ModelError:
         return False
-    return True
+    return found.localisation in (None, setting.world.localisation)

@@ -49,7 +49,7 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
         episodes=a.summary.episodes,
         activities=a.summary.activities,
         sequences=a.summary.sequences,
-        differing=dict(_differing(a.config.to_json(), b.config.to_json())),
+        differing=dict(_differing(a.config.to_json(), b.config.to_json())) | _localisations(a, b),
         planners=tuple(
             ComparedPlanners(
                 difference=difference,
@@ -92,6 +92,12 @@ def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str
             continue
         elif a.get(name) != b.get(name) and not (name == "gain_model_sha256" and None in (a.get(name), b.get(name))):
             yield label(name).replace("_", " "), (shown(name, a), shown(name, b))
+
+
+def _localisations(a: Run, b: Run) -> dict[str, tuple[str, str]]:
+    """Return how well it was known where people are, if that differs; it has no meaning in clips."""
+    of_a, of_b = (run.config.world.localisation for run in (a, b))
+    return {"localisation": (f"({of_a})", f"({of_b})")} if a.of_streams and of_a != of_b else {}
 
 
 def _choose(a: Run, b: Run, planners: Sequence[str]) -> list[tuple[PlannerGroup, PlannerGroup]]:

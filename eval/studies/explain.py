@@ -15,7 +15,7 @@ from eval.studies.explanation import Explanation
 from planners.registry import VALUING, make_planner, needs_gain_model
 from planners.value.situation import frames_to_come
 from planners.value.view_value import ViewValue
-from recognition.setting import length_note, load_setting
+from recognition.setting import length_note, load_setting, localisation_note
 
 FIRST_MOMENT, LAST_MOMENT = 0.1, 0.9  # as shares of the episode
 
@@ -56,9 +56,13 @@ def explain(
     if length < 2 or not 1 <= frames <= length - 1:
         raise UsageError(f"frames: expected 1 to {length - 1} moments of episodes of {length} frames, got {frames}")
     model = ModelPlace.of(setting).load_gain_model()
-    note = length_note(length, {"recogniser": setting.trained_length, "gain field": model.length})
-    if note is not None:
-        reporter.note(f"warning: {note}")
+    trained = {"recogniser": setting.trained_localisation, "gain field": model.localisation}
+    for note in (
+        length_note(length, {"recogniser": setting.trained_length, "gain field": model.length}),
+        localisation_note(setting.world.localisation, trained),
+    ):
+        if note is not None:
+            reporter.note(f"warning: {note}")
     scenarios = cut_scenarios(data, setting.sequences, length, reporter.note)
     episodes = random_starts(setting.runner.followed(scenarios), 1, conditions.seed, setting.world)
     if not 0 <= episode < len(episodes):

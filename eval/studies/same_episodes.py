@@ -17,7 +17,8 @@ SAME_EPISODES = (
     "sensor",
     "sensor_sha256",
     "world",
-)  # they decide the episodes
+)  # they decide the episodes; of the world all but its name and its localisation
+LOCALISATION = "localisation"  # of the world; for studies of runs that may not differ in it
 _SHOWN = 12  # digits of a hash
 
 
@@ -27,7 +28,7 @@ def check_same_episodes(a: Run, b: Run, *, also: Sequence[str] = ()) -> None:
     Args:
         a: a run.
         b: another run.
-        also: further keys of config.json whose values have to be the same.
+        also: further keys of config.json whose values have to be the same, or `LOCALISATION`.
 
     Raises:
         UsageError: their configurations differ; the message names what differs, with both values.
@@ -35,7 +36,7 @@ def check_same_episodes(a: Run, b: Run, *, also: Sequence[str] = ()) -> None:
     """
     where = f"{a.directory} and {b.directory}"
     in_a, in_b = a.config.to_json(), b.config.to_json()
-    differing = [name for name in (*SAME_EPISODES, *also) if in_a[name] != in_b[name]]
+    differing = [name for name in (*SAME_EPISODES, *also) if _decisive(name, in_a) != _decisive(name, in_b)]
     if differing:
         got = ", ".join(f"{label(name)} ({shown(name, in_a)}, {shown(name, in_b)})" for name in differing)
         raise UsageError(f"{where}: expected runs of the same episodes; they differ in {got}")
@@ -47,6 +48,18 @@ def check_same_episodes(a: Run, b: Run, *, also: Sequence[str] = ()) -> None:
         )
 
 
+def _decisive(name: str, config: Mapping[str, Any]) -> Any:
+    """Return what of a key of config.json decides the episodes.
+
+    However well it is known where people are, they are the same people, seen from the same starts.
+    """
+    if name == LOCALISATION:
+        return config["world"].get(name)
+    if name != "world":
+        return config[name]
+    return {key: value for key, value in config["world"].items() if key not in ("name", LOCALISATION)}
+
+
 def label(name: str) -> str:
     """Return a key of config.json for people."""
     return name.removesuffix("_sha256")
@@ -56,6 +69,9 @@ def shown(name: str, config: Mapping[str, Any]) -> str:
     """Return a value of config.json for people: a hash is cut short, and the hash of the data follows its name."""
     if name == "world":
         return str(config["world"]["name"])
+    if name == LOCALISATION:
+        held = config["world"].get(name)
+        return "usual" if held is None else ", ".join(f"{key} {value:g}" for key, value in held.items())
     value = config.get(name, LATER.get(name))
     text = str(value)[:_SHOWN] if name.endswith("_sha256") else str(value)
     return f"{config.get('data')} {text}" if name == "data_sha256" else text

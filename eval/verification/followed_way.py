@@ -3,7 +3,7 @@
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
-from ehar.data.streams.following import CentreMotion
+from ehar.localisation import CentreMotion
 from ehar.motion import CarriedMotion, FollowingMotion, GridMotion, Motion, keep_clear, move
 from ehar.obstacles.surroundings import Surroundings
 from ehar.plugins.blame import blamed

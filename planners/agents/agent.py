@@ -5,6 +5,7 @@ import torch
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import UsageError
+from ehar.localisation import Localisation
 from ehar.planner import Context, Observation, Planner
 from planners.agents.inputs import AgentInputs, Inputs, seen_by_agent
 from planners.agents.network import AgentNetwork
@@ -22,16 +23,26 @@ class Agent(Planner):
         network: the trained network.
         sha256: hash of its files, recorded beside results.
         length: number of frames of the clips that it was trained on; None in streams, or if that is not recorded.
+        localisation: the localisation that it was trained with; None in clips, which have none.
     """
 
     privileged = False
 
-    def __init__(self, *, name: str, network: AgentNetwork, sha256: str = "", length: int | None = None) -> None:
+    def __init__(
+        self,
+        *,
+        name: str,
+        network: AgentNetwork,
+        sha256: str = "",
+        length: int | None = None,
+        localisation: Localisation | None = None,
+    ) -> None:
         """Put the network in evaluation mode."""
         self.name = name
         self.network = network.eval()
         self.sha256 = sha256
         self.length = length
+        self.localisation = localisation
 
     def reset(self, context: Context) -> None:
         """Forget what was seen.

@@ -186,7 +186,8 @@ def _description(path: Path, conditions: Conditions) -> AgentDescription:
 
 
 def _agent(path: Path, name: str, held: AgentDescription) -> Agent:
-    return Agent(name=name, network=_load_network(path, held), sha256=files_sha256(path), length=held.length)
+    network, localisation = _load_network(path, held), held.world.localisation if held.spec.streams else None
+    return Agent(name=name, network=network, sha256=files_sha256(path), length=held.length, localisation=localisation)
 
 
 def _check_fit(path: Path, held: AgentDescription, data: Recordings, recogniser_sha256: str) -> None:

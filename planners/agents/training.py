@@ -49,8 +49,8 @@ def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> lis
     config.check()
     check_folder(config.directory)
     world = TrainingWorld.load(config)
-    if world.setting.length_note is not None:
-        note(f"warning: {world.setting.length_note}")
+    for line in world.setting.notes:
+        note(f"warning: {line}")
     for departure in world.departures(config):
         note(f"warning: not the paper's recogniser: {departure}")
     paths: list[Path] = []

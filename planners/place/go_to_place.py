@@ -7,6 +7,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from ehar.arrays import FloatArray
+from ehar.localisation import Localisation
 from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, wrap_difference
 from planners.place.people import PeopleTracker
@@ -63,14 +64,24 @@ class GoToPlace(Planner):
         place: the place.
         sha256: hash of the file that the place was read from; None for a place that nobody fitted.
         length: number of frames of the episodes that the place was chosen on; None if nobody chose it on any.
+        localisation: the localisation that the place was chosen with; None in clips, or if nobody chose it.
     """
 
-    def __init__(self, *, name: str, place: Place, sha256: str | None = None, length: int | None = None) -> None:
+    def __init__(
+        self,
+        *,
+        name: str,
+        place: Place,
+        sha256: str | None = None,
+        length: int | None = None,
+        localisation: Localisation | None = None,
+    ) -> None:
         """Create the planner."""
         self.name = name
         self.place = place
         self.sha256 = sha256
         self.length = length
+        self.localisation = localisation
 
     def reset(self, context: Context) -> None:
         """Forget the people."""

@@ -9,6 +9,7 @@ from ehar.conditions import Conditions
 from ehar.data.recordings import Recordings
 from ehar.errors import ModelError
 from ehar.files import json_text, read_json, write_text
+from ehar.localisation import Localisation
 from ehar.world import LATER, PAPER, World
 from planners.place.go_to_place import GoToPlace, Place
 
@@ -24,16 +25,24 @@ class FixedPlace:
         place: the place.
         sha256: hash of the file, recorded beside results.
         length: number of frames of the episodes that it was chosen on; None in streams, or if it is not recorded.
+        localisation: the localisation that it was chosen with; None in clips, which have none.
     """
 
     place: Place
     sha256: str
     length: int | None = None
+    localisation: Localisation | None = None
 
     @property
     def planner(self) -> GoToPlace:
         """A new planner that goes there."""
-        return GoToPlace(name=FIXED_BEST, place=self.place, sha256=self.sha256, length=self.length)
+        return GoToPlace(
+            name=FIXED_BEST,
+            place=self.place,
+            sha256=self.sha256,
+            length=self.length,
+            localisation=self.localisation,
+        )
 
 
 @dataclass(frozen=True)
@@ -115,4 +124,9 @@ def open_fixed_place(path: Path, conditions: Conditions, recogniser_sha256: str)
         )
     length = description.training.get("length")
     known = isinstance(length, int) and not conditions.in_streams
-    return FixedPlace(description.place, hashlib.sha256(path.read_bytes()).hexdigest(), length if known else None)
+    return FixedPlace(
+        description.place,
+        hashlib.sha256(path.read_bytes()).hexdigest(),
+        length if known else None,
+        description.world.localisation if conditions.in_streams else None,
+    )

@@ -13,6 +13,7 @@ from ehar.conditions import Conditions
 from ehar.data.recordings import Recordings
 from ehar.errors import ModelError
 from ehar.files import read_json
+from ehar.localisation import Localisation
 from ehar.track import IDEAL
 from ehar.world import LATER, PAPER, World
 from planners.value.belief.clips import BeliefModel
@@ -36,6 +37,7 @@ class GainModel:
         sha256: hash of the files, recorded beside results.
         length: number of frames of the clips that it was trained on; None in streams, or if that is not recorded.
         memory: time that a view counts for in a stream [s]; of no use in clips.
+        localisation: the localisation that it was trained with; None in clips, which have none.
     """
 
     fields: dict[str, GainField]
@@ -44,6 +46,7 @@ class GainModel:
     sha256: str = ""
     length: int | None = None
     memory: float = USUAL_MEMORY
+    localisation: Localisation | None = None
 
     __repr__ = in_brief
 
@@ -188,4 +191,5 @@ def open_gain_model(path: Path, conditions: Conditions, joint_count: int, recogn
     if FULL not in fields:
         raise ModelError(f"{path}: expected a gain field {FULL!r}, got {', '.join(fields) or 'none'}")
     pairs = np.array(description.trunk, dtype=np.int64)
-    return GainModel(fields, belief, pairs, files_sha256(path), description.length, description.memory)
+    localisation = None if description.stream_belief is None else description.world.localisation
+    return GainModel(fields, belief, pairs, files_sha256(path), description.length, description.memory, localisation)

@@ -102,7 +102,7 @@ def train_gain_field(
         config: the settings of the training.
         lead: makes the planner that leads the second round from a model.
         report: called with progress: the name of the task, the amount done, and the total.
-        note: called with a line if the recogniser was trained at another length.
+        note: called with a line if the recogniser was trained at another length, or with another localisation.
         engine: runs the rollouts; None means worker processes, as many as `config` says.
 
     Raises:
@@ -121,8 +121,8 @@ def train_gain_field(
         raise UsageError("train gain-field: expected --models DIR, or --out DIR where the shipped recogniser is used")
     check_folder(directory)
     setting = load_setting(conditions, device=config.device)
-    if setting.length_note is not None:
-        note(f"warning: {setting.length_note}")
+    for line in setting.notes:
+        note(f"warning: {line}")
     if setting.runner.track.own is not None:
         raise UsageError(
             f"train gain-field: expected {IDEAL} or a vehicle, got your own motion {setting.runner.track.named}"

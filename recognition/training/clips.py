@@ -9,7 +9,7 @@ from torch import Tensor
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
-from ehar.data.scenario import draw_scenarios
+from ehar.data.scenario import draw_scenarios, localised
 from ehar.data.skeleton_tree import parents
 from ehar.data.streams.data import StreamData
 from ehar.data.surroundings import surroundings_of
@@ -49,7 +49,7 @@ class ClipSource:
         views: the training regime.
         form: form of the network; the causal one is told where the camera is.
         augment: whether bodies are scaled.
-        world: the world that cameras are in.
+        world: the world that cameras are in, and in which people are localised.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class ClipSource:
 
     def draw(self, rng: np.random.Generator, clips: int) -> Clips:
         """Draw B clips from random viewpoints of the regime."""
-        scenarios = draw_scenarios(self._data, self._sequences, self._length, rng, clips)
+        scenarios = localised(draw_scenarios(self._data, self._sequences, self._length, rng, clips), self._world)
         every = np.arange(clips)
         positions = scenarios.positions(every)
         if self._augment:

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from ehar.batch import Batch
-from ehar.data.streams.following import CentreMotion
+from ehar.localisation import CentreMotion
 from ehar.obstacles import Box, Obstacles, Surroundings
 from ehar.obstacles.surroundings import Passers
 from ehar.sensors.perfect import PerfectSensor

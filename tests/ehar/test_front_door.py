@@ -17,7 +17,8 @@ from ehar.plugins.loading import source_file, source_sha256
 ROOT = Path(__file__).parents[2]
 NOUNS = (
     "Planner Observation Context Recogniser Recognition Workspace Camera Vehicle Conditions MotionData Skeleton "
-    "World load_data save_motion rollout GridMotion FlightMotion PerfectSensor EstimatorSensor EharError __version__"
+    "World Localisation "
+    "load_data save_motion rollout GridMotion FlightMotion PerfectSensor EstimatorSensor EharError __version__"
 ).split()
 HEAVY = ("torch", "scipy", "casadi", "ruckig", "gymnasium", "matplotlib", "filterpy", "sklearn", "pandas")
 PACKAGES = ("ehar", "recognition", "planners", "eval")

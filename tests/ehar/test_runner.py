@@ -9,12 +9,12 @@ import pytest
 from ehar.arrays import FloatArray
 from ehar.batch import Batch
 from ehar.data.scenario import Scenarios, windows
-from ehar.data.streams.following import Localisation
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.errors import EpisodeError, UsageError
 from ehar.flight.centre import around_centre, centre_limits
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
+from ehar.localisation import Localisation
 from ehar.motion import GridMotion, Motion
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import rollout

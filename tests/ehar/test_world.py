@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ehar import Camera, EharError, GridMotion, Workspace, World
+from ehar import Camera, EharError, GridMotion, Localisation, Workspace, World
 from ehar.motion import move_towards
 from ehar.obstacles import MARGIN, Box, Cylinder, Obstacles
 from ehar.viewpoint import AZIMUTH, HOVER, MOVES, apply_moves, cartesian, wrap_difference
@@ -206,6 +206,43 @@ def test_obstacles_that_cannot_be_are_refused_in_one_line(
     with pytest.raises(EharError, match=complaint) as error:
         load_world(written(tmp_path, CONTENT | changes))
     assert str(tmp_path / "lab.json") in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_world_file_with_a_localisation(tmp_path: Path) -> None:
+    world = load_world(written(tmp_path, CONTENT | {"localisation": {"noise": 0.2, "delay": 1}}))
+    assert world.localisation == Localisation(noise=0.2, delay=1.0, agility=2.0)
+    assert str(world).endswith("focal length 300 px, people localised with noise 0.2 m, delay 1 s, agility 2 m/s^2)")
+    usual = load_world(written(tmp_path, CONTENT | {"localisation": {}}))
+    assert usual == load_world(written(tmp_path, CONTENT)) and not usual.agrees_with(world)
+    assert "localisation" in world.to_json() and "localisation" not in usual.to_json()
+    assert "obstacles" not in world.to_json()
+
+
+@pytest.mark.parametrize(
+    ("localisation", "complaint"),
+    [
+        ({"noise": -0.1}, "localisation.noise: expected at least 0, got -0.1"),
+        ({"noise": 11}, "localisation.noise: expected at most 10, got 11"),
+        ({"delay": 1e300}, r"localisation.delay: expected at most 10, got 1e\+300"),
+        ({"agility": 0}, "localisation.agility: expected a number above 0, got 0"),
+        ({"agility": 10**400}, "localisation.agility: expected "),
+        ({"agility": "quick"}, "localisation.agility: expected a number, got 'quick'"),
+        ({"speed": 1}, "localisation: unknown speed; expected noise, delay, agility"),
+        (0.1, "localisation: expected an object, got 0.1"),
+    ],
+)
+def test_a_localisation_that_cannot_be_is_refused_in_one_line(
+    tmp_path: Path, localisation: Any, complaint: str
+) -> None:
+    with pytest.raises(EharError, match=complaint) as error:
+        load_world(written(tmp_path, CONTENT | {"localisation": localisation}))
+    assert str(tmp_path / "lab.json") in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("wrong", [{"noise": -1.0}, {"delay": math.inf}, {"agility": math.nan}, {"agility": True}])
+def test_a_localisation_of_ones_own_is_checked_too(wrong: dict[str, Any]) -> None:
+    with pytest.raises(EharError, match=f"localisation: {next(iter(wrong))}: expected a number "):
+        Localisation(**wrong)
 
 
 def test_starts_are_free_and_where_none_is_free_this_is_said() -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ehar.conditions import Conditions
+from ehar.world import PAPER, World
 from planners.place.go_to_place import Place
 from planners.place.storage import FixedPlace, fixed_place_path, save_fixed_place
 
@@ -16,8 +17,8 @@ def fixed_place() -> FixedPlace:
     return FixedPlace(PLACE, "0123")
 
 
-def save_place(models: Path, *, recogniser_sha256: str = "fake") -> Path:
+def save_place(models: Path, *, recogniser_sha256: str = "fake", world: World = PAPER) -> Path:
     """Write the place to a models folder, and return the file."""
     path = fixed_place_path(models, Conditions())
-    save_fixed_place(path, PLACE, recogniser_sha256=recogniser_sha256, history={})
+    save_fixed_place(path, PLACE, recogniser_sha256=recogniser_sha256, history={}, world=world)
     return path

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.data.streams.following import CentreMotion, Localisation
 from ehar.flight.centre import centre_limits
 from ehar.flight.limits import limit_shares
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import Vehicle
+from ehar.localisation import CentreMotion, Localisation
 from ehar.viewpoint import AZIMUTH, Workspace, cartesian
 
 FLIGHTS = 50  # with one vehicle

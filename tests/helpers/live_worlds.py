@@ -12,6 +12,7 @@ from ehar.conditions import Conditions
 from ehar.data.streams.file import save_streams
 from ehar.track import IDEAL
 from ehar.viewpoint import HOVER, cartesian
+from ehar.world import PAPER, World
 from planners.agents.inputs import InputSizes
 from planners.agents.network import AgentNetwork, AgentSpec
 from planners.agents.storage import agent_path, save_agent
@@ -31,7 +32,7 @@ PEAK = np.array([7.0, 2.5, 1.4])
 HEIGHTS = (-0.9, 0.4, 0.4, 0.0, 0.9, 0.9)  # of the joints of a frame's person; y points down
 
 
-def save_live_world(folder: Path, *, fps: float = FPS) -> Path:
+def save_live_world(folder: Path, *, fps: float = FPS, world: World = PAPER) -> Path:
     """Write raising.npz, and models for it as seen through the perfect sensor; return the folder.
 
     The gain field is best at `PEAK`, whatever is seen. Of agents, `il` was trained on the grid, with seeds 2 and 10,
@@ -41,19 +42,19 @@ def save_live_world(folder: Path, *, fps: float = FPS) -> Path:
     folder.mkdir(exist_ok=True)
     save_streams(folder / "raising.npz", data)
     told = Conditions()
-    spec = NetworkSpec.of(data, form="causal", size="small", length=30)
+    spec = NetworkSpec.of(data, form="causal", size="small", length=30, world=world)
     network = spec.build()
     randomised(network)
     path, temperature = recogniser_path(folder / "models", told), Temperature((2.0,) * 5)
     save_recogniser(path, network, spec, temperature, {"run": {"size": "small"}})
     sha256 = recogniser_sha256(path, temperature)
     model = replace(model_of(peak_weights(PEAK)), belief=StreamBeliefModel.believing((0.25,) * 4))
-    save_gain_model(gain_model_path(folder / "models", told), model, recogniser_sha256=sha256, history={})
-    save_place(folder / "models", recogniser_sha256=sha256)
+    save_gain_model(gain_model_path(folder / "models", told), model, recogniser_sha256=sha256, history={}, world=world)
+    save_place(folder / "models", recogniser_sha256=sha256, world=world)
     for name, track, seed in (("il", IDEAL, 2), ("il", IDEAL, 10), ("dagger", IDEAL, 0), ("dagger", "px4-auto", 1)):
         agent = _agent_network(spec, network.embedding_size, flown=track != IDEAL, seed=seed)
         weights = agent_path(folder / "models", name, Conditions(track=track), seed)
-        save_agent(weights, agent, data, recogniser_sha256=sha256, history={})
+        save_agent(weights, agent, data, recogniser_sha256=sha256, history={}, world=world)
     return folder
 
 

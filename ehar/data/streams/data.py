@@ -7,7 +7,7 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.recordings import Recordings
-from ehar.data.streams.following import CentreLimits, CentreMotion, Localisation
+from ehar.localisation import CentreLimits, CentreMotion, Localisation
 
 NO_ACTIVITY = -1  # the label of frames that show none
 NO_ACTIVITY_NAME = "no activity"

@@ -6,8 +6,8 @@ import numpy as np
 
 from ehar.arrays import FloatArray, IntArray, in_brief
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
-from ehar.data.streams.following import CentreLimits, CentreMotion, Localisation
 from ehar.data.window import Windows
+from ehar.localisation import CentreLimits, CentreMotion, Localisation
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -21,5 +21,6 @@ LIVE = Command(
         "origin": Flag(metavar="EAST NORTH UP"),
         "page": Flag(metavar="PORT", hint="none"),
         "rehearse": Flag(metavar="DATA", hint="none"),
+        "world": Flag(metavar="WORLD", hint="that of the weights"),
     },
 )

@@ -142,6 +142,8 @@ def stream_belief_report(setting: Setting, *, out: str | Path | None, reporter: 
         raise UsageError(f"{streams.name}: expected streams, got trimmed sequences")
     planners: list[Planner] = [NoAct(), Random()]
     config = run_config(setting, [planner_config(planner) for planner in planners], readout="belief")
+    for warning in config.warnings:
+        reporter.note(f"warning: {warning}")
     if out is not None:
         check_out(Path(out), config.to_json())
     parts = split_parts(streams)

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ehar.data.streams.following import CentreLimits, CentreMotion, Localisation
 from ehar.flight.centre import around_centre, centre_limits
 from ehar.flight.kinematics import CartesianMotion, SphericalState
 from ehar.flight.limits import limit_shares
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
+from ehar.localisation import CentreLimits, CentreMotion, Localisation
 from tests.helpers.examples import share_of_examples
 from tests.helpers.flight_cases import worst_stream_excess
 

@@ -60,7 +60,7 @@ def test_a_place_of_another_world_is_refused_and_its_length_is_told(tmp_path: Pa
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"distance": 1.5}, "place.distance: expected less than or equal to 1, got 1.5"),
+        ({"distance": 1.5}, "place.distance: expected at most 1, got 1.5"),
         ({"distance": -0.1}, "place.distance: expected at least 0"),
         ({"polar": "level"}, "place.polar: expected a number"),
         ({"azimuth": "front"}, "place.azimuth: "),

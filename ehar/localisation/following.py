@@ -5,15 +5,19 @@ from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Gt, Le
 
 from ehar.arrays import BoolArray, FloatArray
+from ehar.errors import UsageError
 
 _SEED = 0  # the error of a localisation is a property of the stream, so all planners meet the same
 _PACE = 1.0  # [1/s]; how fast the centre that a vehicle follows gets to where people are thought to be
 _BETWEEN = 0.99  # share of the speed limit for frames, so that the speed keeps it between them too
 HELD = 1.0  # [s] for which people are thought to go on as they went, if nobody says where they are; then they stay
 _SETTLED = 1e-12  # relative change of the gain from which on it counts as constant
+MOST_NOISE = 10.0  # [m]; with more, cameras would look anywhere
+MOST_DELAY = 10.0  # [s]; nobody predicts farther
+MOST_AGILITY = 100.0  # [m/s^2]; people have a tenth of it
 
 
 class CentreMotion(NamedTuple):
@@ -50,11 +54,32 @@ class Localisation:
         noise: standard deviation of an axis of each frame's position [m].
         delay: age of the position that arrives in a frame [s]; it counts in whole frames.
         agility: standard deviation of people's acceleration that the filter expects [m/s^2].
+
+    Raises:
+        UsageError: a number is not finite, is below 0 or, for agility, 0, or is too large to be meant.
     """
 
-    noise: Annotated[float, Ge(0)] = 0.05
-    delay: Annotated[float, Ge(0)] = 0.1
-    agility: Annotated[float, Gt(0)] = 2.0
+    noise: Annotated[float, Ge(0), Le(MOST_NOISE)] = 0.05
+    delay: Annotated[float, Ge(0), Le(MOST_DELAY)] = 0.1
+    agility: Annotated[float, Gt(0), Le(MOST_AGILITY)] = 2.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name, most in (("noise", MOST_NOISE), ("delay", MOST_DELAY), ("agility", MOST_AGILITY)):
+            value = getattr(self, name)
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not (number and 0 <= value <= most) or (name == "agility" and value == 0):
+                least = "above 0, and at most" if name == "agility" else "from 0 to"
+                raise UsageError(f"localisation: {name}: expected a number {least} {most:g}, got {value!r:.80}")
+
+    def __str__(self) -> str:
+        """Return the numbers with their names and units."""
+        return f"noise {self.noise:g} m, delay {self.delay:g} s, agility {self.agility:g} m/s^2"
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """All numbers."""
+        return (self.noise, self.delay, self.agility)
 
     def followed(self, middles: FloatArray, fps: float, stream: int, missing: BoolArray | None = None) -> FloatArray:
         """Return where people are thought to be in each frame, (T, 3) [m].
@@ -108,6 +133,9 @@ class Localisation:
                     state += gains[frame - late - 1][:, None] * (measured[frame - late] - state[0])
                 centres[frame], velocities[frame] = ahead @ state, state[1]
         return centres, velocities
+
+
+USUAL_LOCALISATION = Localisation()
 
 
 def _smoothed(wanted: FloatArray, velocity: FloatArray, frame_time: float, limits: CentreLimits) -> CentreMotion:
@@ -178,7 +206,7 @@ class FollowedCentre:
         time: when [s].
         frame_time: time from one state to the next [s].
         limits: the limits of its motion.
-        localisation: how well places are known; its delay is not used.
+        localisation: how well places are known; its delay is not used, as places come with their times.
     """
 
     def __init__(
@@ -187,10 +215,10 @@ class FollowedCentre:
         time: float,
         frame_time: float,
         limits: CentreLimits,
-        localisation: Localisation | None = None,
+        localisation: Localisation = USUAL_LOCALISATION,
     ) -> None:
         """Create the centre, at rest where people are."""
-        self._told, self._frame_time = localisation or Localisation(), frame_time
+        self._told, self._frame_time = localisation, frame_time
         self._begin(place, time)
         self._smooth = SmoothCentre(place, frame_time, limits)
         self.motion = CentreMotion(*self._smooth.lead_on(place, np.zeros(3)))

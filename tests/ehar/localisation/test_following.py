@@ -6,7 +6,7 @@ from filterpy.common import Q_discrete_white_noise
 from filterpy.kalman import KalmanFilter
 
 from ehar.arrays import BoolArray, FloatArray
-from ehar.data.streams.following import CentreLimits, FollowedCentre, Localisation
+from ehar.localisation import CentreLimits, FollowedCentre, Localisation
 
 FPS = 30.0
 
