@@ -12,6 +12,8 @@ from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR
 IMAGE_WIDTH = 1280  # [px]
 IMAGE_HEIGHT = 720  # [px]
 FOCAL_LENGTH = 850.0  # [px]
+MOST_PIXELS = 100_000  # of an image's side; the largest cameras have a tenth
+MOST_FOCAL_LENGTH = 1e6  # [px]
 NEAR_PLANE = 0.1  # [m]; points that are nearer or behind are projected as if at this depth
 
 
@@ -25,7 +27,7 @@ class Camera:
         focal_length: focal length [px], the same for both axes.
 
     Raises:
-        UsageError: a number is not above 0.
+        UsageError: a number is not above 0, or is too large to be meant.
     """
 
     width: int = IMAGE_WIDTH
@@ -36,6 +38,11 @@ class Camera:
         """Check the intrinsics."""
         if not (self.width > 0 and self.height > 0 and 0 < self.focal_length < np.inf):
             raise UsageError(f"camera: expected width, height and focal length above 0, got {self}")
+        sides, most = max(self.width, self.height), MOST_FOCAL_LENGTH
+        if sides > MOST_PIXELS or self.focal_length > most:
+            raise UsageError(
+                f"camera: expected at most {MOST_PIXELS} px along a side, and {most:g} px of focal length, got more"
+            )
 
     def __str__(self) -> str:
         """Return the intrinsics in words."""

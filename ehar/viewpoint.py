@@ -21,6 +21,8 @@ MOVE_NAMES = ("distance+", "distance-", "azimuth+", "azimuth-", "polar+", "polar
 HOVER = 6
 
 
+MOST_DISTANCE = 10_000.0  # [m]; nobody sees joints from there
+MOST_CELLS = 100_000_000  # of a grid; the paper's has 262,600
 EDGE = 1e-9  # share of a step by which the last cell may lie beyond a bound, because sums of steps are rounded
 
 
@@ -40,7 +42,7 @@ class Workspace:
         angle_step: change of the azimuth or the polar angle by a move [rad]; a full turn is a whole number of steps.
 
     Raises:
-        UsageError: a number is not finite, or the workspace is impossible.
+        UsageError: a number is not finite, the workspace is impossible, or the grid has too many cells.
     """
 
     distance_min: float = 5.0  # Sec. 5.1: the paper's starts span [5, 15] m and [0, 90] degrees
@@ -54,19 +56,28 @@ class Workspace:
         """Check bounds and steps."""
         for part in fields(self):
             value = getattr(self, part.name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not number or not abs(value) < math.inf:
                 raise UsageError(f"workspace: {part.name}: expected a finite number, got {value!r}")
         if not 0 < self.distance_min <= self.distance_max:
             raise UsageError(
                 "workspace: expected 0 < distance_min <= distance_max, "
                 f"got {self.distance_min:g} and {self.distance_max:g} m"
             )
+        if self.distance_max > MOST_DISTANCE:
+            raise UsageError(f"workspace: expected a distance_max of at most {MOST_DISTANCE:g} m, got more")
         low, high, step = (math.degrees(angle) for angle in (self.polar_min, self.polar_max, self.angle_step))
         if not 0 <= self.polar_min <= self.polar_max <= np.pi:
             raise UsageError(f"workspace: expected polar angles 0 <= min <= max <= 180 deg, got {low:g} and {high:g}")
         if self.distance_step <= 0:
             raise UsageError(f"workspace: expected a distance_step above 0, got {self.distance_step:g} m")
-        turns = 2 * np.pi / self.angle_step if self.angle_step > 0 else 0.5
+        turns = 2 * math.pi / self.angle_step if self.angle_step > 0 else 0.5
+        deep = (self.distance_max - self.distance_min) / self.distance_step
+        if deep * turns * max(turns * (self.polar_max - self.polar_min) / (2 * math.pi), 1) > MOST_CELLS:
+            raise UsageError(
+                f"workspace: expected a grid of at most {MOST_CELLS:,} cells, got more, by steps of "
+                f"{self.distance_step:g} m and {step:g} deg"
+            )
         if abs(turns - round(turns)) > 1e-6:
             raise UsageError(f"workspace: expected an angle_step that divides 360 deg, got {step:g}")
 

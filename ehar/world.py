@@ -6,16 +6,16 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Gt, Le
 
 from ehar.arrays import FloatArray
-from ehar.camera import Camera
+from ehar.camera import MOST_FOCAL_LENGTH, MOST_PIXELS, Camera
 from ehar.errors import UsageError
 from ehar.files import read_json
 from ehar.localisation import USUAL_LOCALISATION, Localisation
 from ehar.obstacles.free_space import FreeSpace
 from ehar.obstacles.shapes import MARGIN, Box, Cylinder, Obstacles
-from ehar.viewpoint import Workspace
+from ehar.viewpoint import MOST_DISTANCE, Workspace
 
 SAME = 1e-9  # share of a number by which two worlds may differ and be the same: degrees become radians
 
@@ -28,7 +28,10 @@ OPTIONAL = (  # keys of files that have a usual value
     *("noise", "delay", "agility"),
 )
 
-Positive = Annotated[float, Gt(0)]
+MOST_PASSERS = 100  # more people would hide everything, all the time
+
+Metres = Annotated[float, Gt(0), Le(MOST_DISTANCE)]
+Pixels = Annotated[int, Ge(1), Le(MOST_PIXELS)]
 Count = Annotated[int, Ge(1)]
 
 
@@ -67,6 +70,8 @@ class World:
                 f"world {self.name}: start_cells: expected 3 numbers from 1 to {', '.join(map(str, cells))}, "
                 f"the cells along distance, azimuth and polar angle, got {list(starts)}"
             )
+        if self.passers_by > MOST_PASSERS:
+            raise UsageError(f"world {self.name}: passers_by: expected at most {MOST_PASSERS}, got more")
         if self.passers_by < 0 or (self.passers_by and self.passing_reach < LEAST_REACH):
             raise UsageError(
                 f"world {self.name}: passers_by: expected at least 0, and 0 unless distance_min is at least "
@@ -203,25 +208,25 @@ def by_name(world: World) -> str | World:
 class CameraFile:
     """The camera of a world file, as in `Camera`."""
 
-    width: Count
-    height: Count
-    focal_length: Positive
+    width: Pixels
+    height: Pixels
+    focal_length: Annotated[float, Gt(0), Le(MOST_FOCAL_LENGTH)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorldFile:
     """The content of a world file: as in `World` and `Workspace`, but angles are in degrees."""
 
-    distance_min: Positive
-    distance_max: Positive
+    distance_min: Metres
+    distance_max: Metres
     polar_min_deg: Annotated[float, Ge(0)]
     polar_max_deg: Annotated[float, Ge(0)]
-    distance_step: Positive
-    angle_step_deg: Positive
+    distance_step: Metres
+    angle_step_deg: Annotated[float, Gt(0)]
     camera: CameraFile
     start_cells: tuple[Count, Count, Count] | None = None
     obstacles: Obstacles = field(default_factory=Obstacles)
-    passers_by: Annotated[int, Ge(0)] = 0
+    passers_by: Annotated[int, Ge(0), Le(MOST_PASSERS)] = 0
     localisation: Localisation = USUAL_LOCALISATION
 
     def world(self, name: str) -> World:

@@ -1,5 +1,6 @@
 """The cells of a grid from which a camera keeps clear of obstacles, and the shortest ways between them."""
 
+import math
 from collections import OrderedDict
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 BODY = np.array([[0, 0, -0.5], [0, 0, 0], [0, 0, 0.5]])  # [m], of somebody at the centre
+MOST_CELLS = 10_000_000  # each takes about 100 bytes while free ones are looked for
 WAYS = 64  # goals whose shortest ways are remembered, a few bytes for each cell
 
 
@@ -30,12 +32,17 @@ class FreeSpace:
         obstacles: what stands there.
 
     Raises:
-        UsageError: no cell is free, or from no free cell anything is seen of somebody at the centre.
+        UsageError: there are too many cells, none is free, or none that is free sees somebody at the centre.
     """
 
     def __init__(self, workspace: Workspace, obstacles: Obstacles) -> None:
         """Find the free cells."""
         self.workspace, self.obstacles = workspace, obstacles
+        if math.prod(workspace.cells) > MOST_CELLS:
+            raise UsageError(
+                f"obstacles: expected a grid of at most {MOST_CELLS:,} cells around them, got "
+                f"{math.prod(workspace.cells):,}: larger steps have fewer"
+            )
         cells = np.stack(np.meshgrid(*map(np.arange, workspace.cells), indexing="ij"), axis=-1)
         viewpoints = workspace.from_cells(cells)
         places = cartesian(viewpoints).astype(np.float32)

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,9 @@ CONTENT = {
     "start_cells": [5, 50, 3],
     "camera": {"width": 320, "height": 240, "focal_length": 300},
 }
+
+
+TABLE = {"centre": [1.2, 0, -0.6], "size": [0.5, 0.5, 0.7], "yaw_deg": 30}
 
 
 def written(folder: Path, content: Any, name: str = "lab") -> Path:
@@ -149,6 +153,16 @@ def test_a_world_file(tmp_path: Path) -> None:
         ({"camera": {"width": 320, "height": 240}}, "camera: missing focal_length"),
         ({"camera": {"width": 320.5, "height": 240, "focal_length": 300}}, "camera.width: expected a whole number"),
         ({"camera": {"width": 320, "height": 0, "focal_length": 300}}, "camera.height: expected at least 1, got 0"),
+        ({"camera": {"width": 10**400, "height": 240, "focal_length": 300}}, "camera.width: expected at most 100000, "),
+        ({"camera": {"width": 320, "height": 240, "focal_length": 1e300}}, "focal_length: expected at most 1e\\+06"),
+        ({"distance_step": 1e-9}, "expected a grid of at most 100,000,000 cells, got more, by steps of 1e-09 m"),
+        ({"distance_step": 1e-320}, "expected a grid of at most 100,000,000 cells"),
+        ({"distance_step": 1e300}, "distance_step: expected at most 10000"),
+        ({"angle_step_deg": 0.001}, "expected a grid of at most 100,000,000 cells, got more"),
+        ({"angle_step_deg": 1e-320}, "expected a grid of at most 100,000,000 cells, got more"),
+        ({"distance_max": 1e300}, "distance_max: expected at most 10000"),
+        ({"passers_by": 10**400}, "passers_by: expected at most 100, got 1000"),
+        ({"obstacles": {"boxes": [TABLE]}, "distance_step": 4e-5}, "a grid of at most 10,000,000 cells around them"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_said_in_one_line(tmp_path: Path, changes: dict[str, Any], complaint: str) -> None:
@@ -157,7 +171,6 @@ def test_what_is_wrong_with_a_file_is_said_in_one_line(tmp_path: Path, changes: 
     assert str(tmp_path / "lab.json") in str(error.value) and "\n" not in str(error.value)
 
 
-TABLE = {"centre": [1.2, 0, -0.6], "size": [0.5, 0.5, 0.7], "yaw_deg": 30}
 ROUND_TABLE = {"centre": [1.2, 0, -0.6], "radius": 0.5, "height": 0.7}
 
 
@@ -243,6 +256,21 @@ def test_a_localisation_that_cannot_be_is_refused_in_one_line(
 def test_a_localisation_of_ones_own_is_checked_too(wrong: dict[str, Any]) -> None:
     with pytest.raises(EharError, match=f"localisation: {next(iter(wrong))}: expected a number "):
         Localisation(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "complaint"),
+    [
+        (lambda: Camera(width=10**400), "camera: expected at most 100000 px along a side"),
+        (lambda: Camera(focal_length=2e6), "camera: expected at most 100000 px"),
+        (lambda: Workspace(distance_max=10**400), "distance_max of at most 10000 m, got more"),
+        (lambda: Workspace(distance_step=1e-9), "expected a grid of at most 100,000,000 cells"),
+        (lambda: replace(PAPER, passers_by=101), "passers_by: expected at most 100, got more"),
+    ],
+)
+def test_what_is_too_large_is_refused_from_python_too(wrong: Callable[[], object], complaint: str) -> None:
+    with pytest.raises(EharError, match=complaint):
+        wrong()
 
 
 def test_starts_are_free_and_where_none_is_free_this_is_said() -> None:
