@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.data.streams.file import load_streams, save_streams
@@ -47,6 +49,57 @@ def test_another_frame_rate_keeps_when_activities_are(fps: float) -> None:
     assert other.missing.sum() / fps == pytest.approx(0.3, abs=0.21)
     assert len(other.missing) == len(other.positions)
     assert (other.sha256 == streams.sha256) == (fps == 10)
+
+
+def resampled(segments: list[tuple[int, int]], fps: float) -> list[list[int]]:
+    """Return where segments of the first stream, of 40 frames at 10 frames/s, are at another rate."""
+    whole = tiny_streams()
+    held = np.array([*((first, end, index % 3) for index, (first, end) in enumerate(segments)), (40, 70, 0)])
+    other = replace(whole, segments=held).resampled(fps)
+    assert other.segments[-1, 0] == other.offsets[1]
+    return other.segments[:-1, :2].tolist()
+
+
+@pytest.mark.parametrize(
+    ("segments", "fps", "expected"),
+    [
+        ([(10, 20), (20, 30)], 5.0, [[5, 10], [10, 15]]),
+        ([(9, 10), (10, 20)], 5.0, [[5, 6], [6, 10]]),  # the short one takes the first frame of the long one
+        ([(9, 10), (10, 11)], 5.0, [[5, 6], [6, 7]]),  # the second one is a frame late
+        ([(9, 10), (10, 11), (11, 20)], 5.0, [[5, 6], [6, 7], [7, 10]]),
+        ([(30, 38), (38, 39), (39, 40)], 5.0, [[15, 18], [18, 19], [19, 20]]),
+        ([(38, 39), (39, 40)], 5.0, [[18, 19], [19, 20]]),  # the first one is a frame early
+        ([(30, 37), (37, 40)], 2.0, [[6, 7], [7, 8]]),
+    ],
+)
+def test_short_segments_keep_a_frame_at_a_lower_rate_and_none_overlaps(
+    segments: list[tuple[int, int]], fps: float, expected: list[list[int]]
+) -> None:
+    assert resampled(segments, fps) == expected
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(1.0, 30.0))
+def test_segments_stay_apart_and_in_order_at_any_rate_or_the_rate_is_refused(seed: int, fps: float) -> None:
+    rng, whole = np.random.default_rng(seed), tiny_streams()
+    bounds = np.sort(rng.choice(41, size=2 * rng.integers(1, 9), replace=False)).reshape(-1, 2)
+    held = np.array([*((first, end, 0) for first, end in bounds), (40, 70, 0), (70, 120, 1)])
+    try:
+        other = replace(whole, segments=held).resampled(fps)
+    except UsageError as error:
+        assert "expected room for a frame of each segment" in str(error) and "\n" not in str(error)
+        return
+    assert (other.segments[:, 1] > other.segments[:, 0]).all()
+    assert (other.segments[1:, 0] >= other.segments[:-1, 1]).all()
+    assert other.stream_of.tolist() == replace(whole, segments=held).stream_of.tolist()
+    assert other.segments[-1, 1] <= len(other.positions)
+
+
+def test_a_rate_at_which_short_segments_have_no_room_is_refused() -> None:
+    with pytest.raises(
+        UsageError,
+        match=r"tiny: expected room for .* at 2 frames/s; of 'morning', 'nod' \(frames 13 to 14\) and those beside it",
+    ):
+        resampled([(10, 11), (11, 12), (12, 13), (13, 14)], 2.0)
 
 
 def test_a_rate_of_zero_is_refused() -> None:
