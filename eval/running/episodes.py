@@ -147,6 +147,8 @@ def _cut_streams(data: StreamData, streams: IntArray, length: int, note: Callabl
     Raises:
         DataError: no stream has `length` frames.
     """
+    for line in data.notes:
+        note(f"warning: {data.name}: {line}")
     counts = data.lengths[streams] // length
     if not counts.any():
         raise DataError(

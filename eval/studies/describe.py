@@ -133,6 +133,7 @@ def _footnotes(data: MotionData | StreamData, needed: Needed) -> list[str]:
     in_streams = isinstance(data, StreamData)
     one = "stream" if in_streams else "sequence"
     notes = [f"warning: {copies} test {one}s are copies of training {one}s"] if copies else []
+    notes += [f"warning: {line}" for line in data.notes] if isinstance(data, StreamData) else []
     return [
         *notes,
         f"{'synthetic motion' if data.synthetic else 'recorded motion'}, {minutes:.1f} minutes, "

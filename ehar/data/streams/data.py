@@ -23,10 +23,12 @@ class StreamData(Recordings):
             counted over all of `positions`. No two share a frame, and none reaches into another stream.
         missing: (total_frames,) bool, true where the tracker gave nothing. Positions there are interpolated between
             the frames around the gap, so nobody is shown them.
+        notes: what a reader had to change, for people who measure on it.
     """
 
     segments: IntArray
     missing: BoolArray
+    notes: tuple[str, ...] = ()
 
     @property
     def _activities(self) -> tuple[IntArray, ...]:

@@ -29,7 +29,8 @@ _SCHEMA = SHARED | {"segments", "missing"}
 def load_streams(path: str | Path) -> StreamData:
     """Read streams from an .npz; arrays that the schema does not name are ignored.
 
-    Where one segment begins before the one before it has ended, the earlier one ends there: annotators overlap.
+    Where one segment begins before the one before it has ended, the earlier one ends there: annotators overlap. The
+    notes of the data say so.
 
     Args:
         path: the file; its name without the suffix names the data in reports.
@@ -78,14 +79,16 @@ def _parse(fields: Fields, *, name: str) -> StreamData:
         raise fields.error("missing", f"got no frame of sequence {names[unseen.argmax()]!r} that is not missing")
     shared["positions"] = _filled(shared["positions"], offsets)
     _refuse_leaps(fields, shared["positions"], offsets, missing, names)
-    segments = _parse_segments(fields, offsets, class_names)
+    segments, notes = _parse_segments(fields, offsets, class_names)
     owners = np.searchsorted(offsets, segments[:, 0], side="right") - 1
     is_test = parse_split(fields, segments[:, 2], owners, class_names, names)
-    return StreamData(name=name, segments=segments, missing=missing, is_test=is_test, **shared)
+    return StreamData(name=name, segments=segments, missing=missing, is_test=is_test, notes=notes, **shared)
 
 
-def _parse_segments(fields: Fields, offsets: IntArray, class_names: tuple[str, ...]) -> IntArray:
-    """Return the segments in order, without overlaps."""
+def _parse_segments(
+    fields: Fields, offsets: IntArray, class_names: tuple[str, ...]
+) -> tuple[IntArray, tuple[str, ...]]:
+    """Return the segments in order, without overlaps, and a line that says which were cut, if any was."""
     held = fields.get("segments", INTEGER, "segments", 3).astype(np.int64)
     parse_labels(fields, "segments", held[:, 2], class_names, lambda index: f"segment {index}")
     segments = held[np.argsort(held[:, 0], kind="stable")]
@@ -98,8 +101,17 @@ def _parse_segments(fields: Fields, offsets: IntArray, class_names: tuple[str, .
     ):
         if wrong.any():
             raise fields.error("segments", f"got {segments[wrong.argmax()].tolist()}, {problem}")
+    cut, around = end[:-1] > first[1:], end[:-1] >= end[1:]
+    notes: tuple[str, ...] = ()
+    if cut.any():
+        one = segments[(cut & around).argmax() if (cut & around).any() else cut.argmax()]
+        notes = (
+            f"{cut.sum()} of {len(segments)} segments overlap the next one and end where it begins, "
+            f"{(cut & around).sum()} of them although it ends within them, such as {class_names[one[2]]!r} at frames "
+            f"{one[0]} to {one[1]}",
+        )
     segments[:-1, 1] = np.minimum(end[:-1], first[1:])
-    return segments
+    return segments, notes
 
 
 def _ends(offsets: IntArray, frames: IntArray) -> IntArray:

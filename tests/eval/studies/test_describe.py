@@ -12,6 +12,7 @@ from ehar.data.motion_data import MotionData
 from ehar.data.scenario import PARTS, Parts, split_parts
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError, UsageError
+from eval.running.episodes import cut_scenarios
 from eval.studies.describe import describe
 from eval.studies.describe_figure import _facing, _project, describe_figure
 from tests.helpers.places import SHARED
@@ -159,3 +160,11 @@ def test_figures_that_cannot_be(tmp_path: Path, data: MotionData) -> None:
     with pytest.raises(UsageError, match="cannot be written"):
         describe_figure(data, tmp_path / "file" / "picture.png")
     assert os.listdir(tmp_path) == ["file"]
+
+
+def test_what_a_reader_of_streams_changed_is_said_here_and_in_a_benchmark() -> None:
+    streams = replace(raising_streams(), notes=("2 of 9 segments overlap",))
+    assert "warning: 2 of 9 segments overlap" in describe(streams).footnotes
+    lines: list[str] = []
+    cut_scenarios(streams, np.arange(2), 50, lines.append)
+    assert lines[0] == "warning: raising: 2 of 9 segments overlap"

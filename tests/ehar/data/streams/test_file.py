@@ -120,8 +120,24 @@ def test_segments_are_put_in_order_and_end_where_the_next_begins(tmp_path: Path)
     mixed = [[10, 21, 1], [2, 12, 0], [60, 70, 0], [40, 69, 1], [75, 90, 2], [70, 74, 0], [100, 120, 1], [25, 40, 2]]
     held["segments"] = np.array(mixed)
     np.savez(tmp_path / "tiny.npz", **held)
-    found = load_streams(tmp_path / "tiny.npz").segments
-    assert found[:4].tolist() == [[2, 10, 0], [10, 21, 1], [25, 40, 2], [40, 60, 1]]
+    streams = load_streams(tmp_path / "tiny.npz")
+    assert streams.segments[:4].tolist() == [[2, 10, 0], [10, 21, 1], [25, 40, 2], [40, 60, 1]]
+    said = "2 of 8 segments overlap the next one and end where it begins, 0 of them although it ends within them, such"
+    assert streams.notes == (f"{said} as {streams.class_names[0]!r} at frames 2 to 12",)
+    assert streams.resampled(20.0).notes == streams.notes
+    save_streams(tmp_path / "again.npz", streams)
+    assert load_streams(tmp_path / "again.npz").notes == ()
+
+
+def test_a_segment_within_another_one_cuts_it_and_that_is_said(tmp_path: Path) -> None:
+    held = arrays(tmp_path / "tiny.npz")
+    held["segments"] = np.array([(2, 24, 0), *sorted(SEGMENTS)[1:]])
+    np.savez(tmp_path / "tiny.npz", **held)
+    streams = load_streams(tmp_path / "tiny.npz")
+    assert streams.segments[:2].tolist() == [[2, 10, 0], [10, 21, 1]]
+    (note,) = streams.notes
+    assert note.startswith("1 of 8 segments overlap the next one and end where it begins, 1 of them although it ends ")
+    assert note.endswith(f"such as {streams.class_names[0]!r} at frames 2 to 24")
 
 
 def test_missing_frames_may_hold_nothing_and_are_interpolated(tmp_path: Path) -> None:
@@ -212,4 +228,5 @@ def test_a_real_recording_with_gaps_and_overlaps() -> None:
     assert len(streams.lengths) == 20 and len(streams.segments) == 199
     assert (streams.segments[1:, 0] >= streams.segments[:-1, 1]).all()
     assert streams.missing.sum() == 877
+    assert streams.notes[0].startswith("11 of 199 segments overlap the next one and end where it begins, 2 of them")
     assert 0.5 < (streams.labels == NO_ACTIVITY).mean() < 0.7
