@@ -154,7 +154,11 @@ def viewpoints(path: FloatArray) -> str:
 
 
 def integers(values: FloatArray, kind: type[np.integer[Any]]) -> str:
-    """Return numbers, rounded and kept within what `kind` holds, as base64 of little-endian integers."""
+    """Return numbers, rounded and kept within what `kind` holds, as base64 of little-endian integers; NaN is the least.
+
+    Where a tracker lost people, nobody knows where they are.
+    """
     bounds = np.iinfo(kind)
-    whole = np.clip(np.rint(np.asarray(values, dtype=np.float64)), bounds.min, bounds.max)
+    told = np.nan_to_num(np.asarray(values, dtype=np.float64), nan=-np.inf, posinf=np.inf, neginf=-np.inf)
+    whole = np.clip(np.rint(told), bounds.min, bounds.max)
     return base64.b64encode(whole.astype(np.dtype(kind).newbyteorder("<")).tobytes()).decode("ascii")

@@ -105,7 +105,8 @@ def facing_of(positions: FloatArray, skeleton: Skeleton) -> FloatArray:
         return np.full(positions.shape[:-3], np.nan)
     across = (positions[..., pairs[:, 0], :2] - positions[..., pairs[:, 1], :2]).mean(axis=-2, dtype=np.float64)
     ahead = -1j * (across[..., 0] + 1j * across[..., 1])
-    mean = (ahead / np.maximum(np.abs(ahead), 1e-9)).mean(axis=-1)
+    length = np.abs(ahead)
+    mean = np.divide(ahead, length, out=np.zeros_like(ahead), where=length > 0).mean(axis=-1)  # 0 where nobody is seen
     facing: FloatArray = np.where(np.abs(mean) >= KNOWN, np.angle(mean), np.nan)
     return facing
 

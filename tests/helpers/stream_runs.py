@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ehar.arrays import FloatArray
-from ehar.data.streams.data import NO_ACTIVITY_NAME
+from ehar.data.streams.data import NO_ACTIVITY_NAME, StreamData
 from ehar.data.streams.file import save_streams
 from ehar.planner import Planner
 from ehar.recogniser import Recognition
@@ -33,7 +33,8 @@ class ForgetfulRecogniser(HashedRecogniser):
     def step(self, state: Any, sensed: Sensed, viewpoint: FloatArray) -> tuple[Recognition, FakeState]:
         height = -sensed.joints_2d[..., 0, :, 1]  # of the first person's joints in the image
         size = np.ptp(height, axis=-1, keepdims=True)
-        above = (height - height[..., 3:4]) / size  # the pelvis
+        seen = size > 0  # not where the tracker lost people
+        above = np.where(seen, (height - height[..., 3:4]) / np.where(seen, size, 1), 0)  # the pelvis
         evidence = np.zeros((*viewpoint.shape[:-1], len(self.class_names)))
         evidence[..., :-1] = 4 * above[..., : len(CLASS_NAMES)]
         evidence[..., -1] = 2.1
@@ -47,9 +48,11 @@ def forgetful(patch: pytest.MonkeyPatch) -> None:
     patch.setattr("recognition.storage.load_recogniser", lambda *_, **__: ForgetfulRecogniser())
 
 
-def stream_run(folder: Path, planners: tuple[str | Planner, ...], **options: Any) -> Path:
-    """Write raising.npz, let planners watch its test streams, and return the run's folder."""
-    save_streams(folder / "raising.npz", raising_streams())
+def stream_run(
+    folder: Path, planners: tuple[str | Planner, ...], *, streams: StreamData | None = None, **options: Any
+) -> Path:
+    """Write raising.npz, or other streams, let planners watch its test streams, and return the run's folder."""
+    save_streams(folder / "raising.npz", raising_streams() if streams is None else streams)
     out = folder / "run"
     run_tiny(planners, **{"data": folder / "raising.npz", "length": FRAMES, "starts": 1, "out": out, **options})
     return out

@@ -37,7 +37,7 @@ function farthest(path) {
 
 function lowest(people) {
   let low = Infinity;
-  for (let index = 2; index < people.length; index += 3) low = Math.min(low, people[index]);
+  for (let index = 2; index < people.length; index += 3) if (people[index] < low) low = people[index];
   return low;
 }
 
@@ -119,6 +119,7 @@ function drawPath(pen, at, of, look, frame) {
   stroke(pen, points.slice(0, frame + 1), colour(look.colour), 3.5, look.dash);
 }
 
+// Where the tracker lost people, their joints are NaN, and a canvas draws no line to NaN.
 function drawPeople(pen, at, people, frame) {
   const { persons, joints, bones } = replays;
   for (let who = 0; who < persons; who += 1) {

@@ -1,6 +1,7 @@
 """The report of a run of streams: its timelines, delays and replays are those of the records."""
 
 from base64 import b64decode
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from eval.verification.inputs import check_inputs
 from tests.helpers.fakes import CLASS_NAMES, POSE, SKELETON
 from tests.helpers.reports import embedded, report_of
 from tests.helpers.stream_runs import FRAMES, forgetful, stream_run
+from tests.helpers.streams import raising_streams
 
 NONE = len(CLASS_NAMES)  # as the page names it
 
@@ -45,6 +47,21 @@ def each_frame(rows: list[int]) -> list[int]:
 
 def named(classes: Any) -> list[int]:
     return np.where(classes == NO_ACTIVITY, NONE, classes).tolist()
+
+
+def test_where_the_tracker_lost_people_the_report_shows_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    forgetful(monkeypatch)
+    data = raising_streams()
+    missing = data.missing.copy()
+    missing[data.offsets[6] + 12 : data.offsets[6] + 20] = True  # in the first test stream
+    folder = stream_run(tmp_path, ("no-act",), streams=replace(data, missing=missing))
+    first = next(one for one in embedded(report_of(folder), "replays")["episodes"] if one["episode"] == 0)
+    people = values(first["people"], "int16").reshape(FRAMES, -1)
+    gone = (people == np.iinfo(np.int16).min).all(axis=1)
+    np.testing.assert_array_equal(np.flatnonzero(gone), np.arange(12, 20))
+    assert (people[~gone] > np.iinfo(np.int16).min).all()
+    positions = np.where(np.arange(2)[:, None, None, None] == 0, np.nan, POSE)
+    assert np.isnan(facing_of(positions, SKELETON)).tolist() == [True, False]
 
 
 def test_timelines_are_those_of_the_records(watched: tuple[Run, str]) -> None:
