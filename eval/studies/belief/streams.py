@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.data.scenario import split_parts
+from ehar.data.scenario import Parts, split_parts
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.errors import UsageError
 from ehar.files import json_text, write_text
@@ -125,8 +125,9 @@ class Rollouts(NamedTuple):
 def stream_belief_report(setting: Setting, *, out: str | Path | None, reporter: Reporter) -> StreamBeliefReport:
     """Score the belief in streams and the recogniser, with cameras that stay and with cameras that move at random.
 
-    The belief learns on the policy part: how long activities last and what follows what from its segments, and what a
-    frame tells from rollouts on it. Nobody of that part is in the test.
+    How long activities last and what follows what is learned from the segments of the policy part. What a frame tells
+    is learned from rollouts on people whom the recogniser does not know, as the recogniser is surer of those it knows.
+    Nobody of either is in the test.
 
     Args:
         setting: the streams, and who sees them.
@@ -148,7 +149,8 @@ def stream_belief_report(setting: Setting, *, out: str | Path | None, reporter: 
         check_out(Path(out), config.to_json())
     parts = split_parts(streams)
     chain = learn_chain(streams, parts.policy)
-    learned, tested = (_episodes(setting, of_part, reporter) for of_part in (parts.policy, parts.test))
+    unknown = strangers(streams, parts, setting.conditions.frames)
+    learned, tested = (_episodes(setting, some, reporter) for some in (unknown, parts.test))
     reporter.begin(len(planners) * (learned.chunks + tested.chunks))
     try:
         fitting = [_rolled(setting, learned, planner, reporter) for planner in planners]
@@ -177,6 +179,17 @@ def stream_belief_report(setting: Setting, *, out: str | Path | None, reporter: 
         write_text(Path(out) / "belief.json", [json_text(asdict(report.model))])
         write_text(Path(out) / "table.md", [markdown(*report.tables())])
     return report
+
+
+def strangers(data: StreamData, parts: Parts, length: int) -> IntArray:
+    """Return the streams of the policy and validation parts of people whom the recogniser does not know.
+
+    Where there are none of `length` frames, or the data do not say who performs, it is the policy part.
+    """
+    others = np.concatenate([parts.policy, parts.validation])
+    known = np.isin(data.subjects[others], data.subjects[parts.recogniser]).any(axis=1)
+    others = np.sort(others[~known & (data.lengths[others] >= length)])
+    return others if len(others) else parts.policy
 
 
 def _fitted(

@@ -1,16 +1,19 @@
 """The study of the belief in streams: the same episodes for every reader."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ehar.conditions import Conditions
+from ehar.data.scenario import split_parts
 from eval import Watcher
 from eval.scores.planner_metrics import NLL
-from eval.studies.belief.streams import StreamBeliefReport
+from eval.studies.belief.streams import StreamBeliefReport, strangers
 from eval.studies.belief.study import belief_report
 from tests.helpers.stream_worlds import save_stream_world
+from tests.helpers.streams import raising_streams
 from tests.helpers.tiny_benchmarks import Log
 
 
@@ -42,3 +45,20 @@ def test_every_reader_is_scored_on_the_same_episodes(folder: Path, tmp_path: Pat
     assert (tmp_path / "config.json").is_file()
     watcher = Watcher(models=folder / "models", sensor="perfect", belief=tmp_path / "belief.json")
     assert watcher.belief_model == report.model
+
+
+def test_what_a_frame_tells_is_learned_on_people_whom_the_recogniser_does_not_know() -> None:
+    person = np.repeat(np.arange(8), 2)
+    data = replace(raising_streams(people=16), subjects=person[:, None], is_test=person > 5)
+    parts = split_parts(data)  # the policy part shares four people with the recogniser's
+    chosen = strangers(data, parts, 50)
+    assert set(parts.validation) < set(chosen) < {*parts.validation, *parts.policy}
+    assert not set(data.subjects[chosen, 0]) & set(data.subjects[parts.recogniser, 0])
+    apart = split_parts(raising_streams(people=12))
+    np.testing.assert_array_equal(
+        strangers(raising_streams(people=12), apart, 50), np.sort([*apart.policy, *apart.validation])
+    )
+    for told, length in ((np.full((16, 1), -1), 50), (person[:, None], 500)):  # nobody is named; nothing is so long
+        unclear = replace(data, subjects=told)
+        parts = split_parts(unclear)
+        np.testing.assert_array_equal(strangers(unclear, parts, length), parts.policy)
