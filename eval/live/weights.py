@@ -121,7 +121,10 @@ def live_belief(belief: str | Path | StreamBeliefModel | None, classes: int) -> 
         model, where = belief, "belief"
     else:
         what = "a belief, as `ehar study belief` of streams writes it"
-        model, where = read_json(Path(belief), StreamBeliefModel, what, wrong=ModelError), str(belief)
+        model, where = (
+            read_json(Path(belief), StreamBeliefModel, what, optional=("learned",), wrong=ModelError),
+            str(belief),
+        )
     if model.classes + 1 != classes:
         raise ModelError(f"{where}: expected a belief over {classes - 1} activities, got one over {model.classes}")
     return model

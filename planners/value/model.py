@@ -166,7 +166,8 @@ def open_gain_model(path: Path, conditions: Conditions, joint_count: int, recogn
         f"a gain field, as made by `ehar train gain-field {conditions.options} {conditions.models_option}`",
     )
     file, what = description_path(path), "a gain field, as `ehar train gain-field` writes it"
-    description = read_json(file, GainDescription, what, optional=(*LATER, "stream_belief", "memory"), wrong=ModelError)
+    later = (*LATER, "stream_belief", "memory", "learned")
+    description = read_json(file, GainDescription, what, optional=later, wrong=ModelError)
     belief = description.stream_belief or description.belief
     if belief is None:
         raise ModelError(f"{file}: belief: expected the parameters of one, got null")

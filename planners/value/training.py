@@ -233,7 +233,7 @@ def _fitted_belief(
     if isinstance(data, MotionData):
         return fit_belief(unseen.log_probs, unseen.viewpoints, unseen.labels, unseen.sequences, span=span)
     labels = np.where(unseen.labels == len(data.class_names), NO_ACTIVITY, unseen.labels)
-    chain = learn_chain(data, policy)
+    chain = learn_chain(data, policy, split_parts(data).recogniser)
     return fit_evidence(chain, unseen.log_probs, unseen.viewpoints, labels, fps=data.fps, span=span)
 
 

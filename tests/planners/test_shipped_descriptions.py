@@ -26,7 +26,9 @@ def test_what_is_read_is_written_as_it_was(folder: Path, pattern: str, kind: Any
     assert len(paths) == 5  # duo and solo, with exact joints and through the estimator; solo-stream through it
     for path in paths:
         text = path.read_text(encoding="utf-8")
-        written = asdict(read_json(path, kind, "a description", optional=(*LATER, "stream_belief", "memory")))
+        written = asdict(
+            read_json(path, kind, "a description", optional=(*LATER, "stream_belief", "memory", "learned"))
+        )
         assert json.dumps(without_later(written, json.loads(text)), indent=1) + "\n" == text, path
 
 

@@ -148,7 +148,7 @@ def stream_belief_report(setting: Setting, *, out: str | Path | None, reporter: 
     if out is not None:
         check_out(Path(out), config.to_json())
     parts = split_parts(streams)
-    chain = learn_chain(streams, parts.policy)
+    chain = learn_chain(streams, parts.policy, parts.recogniser)
     unknown = strangers(streams, parts, setting.conditions.frames)
     learned, tested = (_episodes(setting, some, reporter) for some in (unknown, parts.test))
     reporter.begin(len(planners) * (learned.chunks + tested.chunks))

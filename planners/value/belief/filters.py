@@ -22,7 +22,7 @@ class Evidence:
     def __init__(self, model: StreamBeliefModel) -> None:
         """Begin with a recogniser that has said nothing."""
         self._model = model
-        self._prior = np.log(model.share)
+        self._prior = np.log(model.prior)
         self._before: FloatArray = np.zeros(model.classes + 1)
 
     def likelihood(self, log_probs: FloatArray, viewpoint: FloatArray) -> FloatArray:

@@ -28,8 +28,8 @@ class StreamBeliefModel:
     the probability `follows[k][j]`.
 
     A recogniser that accumulates says in each frame nearly what it said before. Its outputs are therefore not
-    independent evidence. Let :math:`y_t` be its log-probabilities, less the log of `share`, which it knows from its
-    training. The log-likelihood of frame t is the weighted increment
+    independent evidence. Let :math:`y_t` be its log-probabilities, less the log of `learned`: what it expects before it
+    sees anything. The log-likelihood of frame t is the weighted increment
 
     .. math:: z_t = e^{w \cdot \psi_t} (y_t - \rho\, y_{t-1}), \quad y_0 = 0,
 
@@ -42,6 +42,7 @@ class StreamBeliefModel:
         gap_share: (K,), how likely each activity is followed by a gap.
         gap_rate: one over the mean duration of a gap [1/s].
         share: (K + 1,), the share of time of each activity and, last, of no activity; where a stream begins.
+        learned: (K + 1,), the same in the recogniser's training, as frames counted there; None means `share`.
         phases: n of activities.
         gap_phases: n of gaps.
         view_weights: w.
@@ -54,6 +55,7 @@ class StreamBeliefModel:
     gap_share: tuple[float, ...]
     gap_rate: float
     share: tuple[float, ...]
+    learned: tuple[float, ...] | None = None
     phases: int = 1
     gap_phases: int = 1
     view_weights: tuple[float, ...] = (0.0,) * VIEW_TERMS
@@ -67,12 +69,11 @@ class StreamBeliefModel:
             ("rates", self.rates, 0.0, np.inf),
             ("gap_share", self.gap_share, 0.0, 1.0),
             ("gap_rate", (self.gap_rate,), 0.0, np.inf),
-            ("share", self.share, 0.0, 1.0),
             ("kept", (self.kept,), 0.0, 1.0),
             ("view_weights", self.view_weights, -np.inf, np.inf),
             ("distances", self.distances, -np.inf, np.inf),
         ):
-            size = {"gap_share": classes, "share": classes + 1, "view_weights": VIEW_TERMS, "distances": 2}
+            size = {"gap_share": classes, "view_weights": VIEW_TERMS, "distances": 2}
             held = np.asarray(values, dtype=np.float64)
             if held.shape != (size.get(name, len(values)),) or not (
                 np.isfinite(held).all() and (held >= least).all() and (held <= most).all()
@@ -84,8 +85,11 @@ class StreamBeliefModel:
         follows = np.asarray(self.follows, dtype=np.float64) if {*map(len, self.follows)} == {classes} else np.empty(0)
         if follows.shape != (classes, classes) or not _sums_to_one(follows):
             raise ModelError(f"stream belief: follows: expected {classes} rows of {classes} shares that sum to 1")
-        if not _sums_to_one(np.array(self.share)) or min(self.share) <= 0:
-            raise ModelError(f"stream belief: share: expected shares above 0 that sum to 1, got {self.share}")
+        for name, shares in (("share", self.share), ("learned", self.prior)):
+            if len(shares) != classes + 1 or not _sums_to_one(np.array(shares)) or min(shares) <= 0:
+                raise ModelError(
+                    f"stream belief: {name}: expected {classes + 1} shares above 0 that sum to 1, got {shares}"
+                )
         for name, count in (("phases", self.phases), ("gap_phases", self.gap_phases)):
             if count < 1:
                 raise ModelError(f"stream belief: {name}: expected at least 1, got {count}")
@@ -108,6 +112,11 @@ class StreamBeliefModel:
     def classes(self) -> int:
         """The number of activities, K; "no activity" is not counted."""
         return len(self.rates)
+
+    @property
+    def prior(self) -> tuple[float, ...]:
+        """What the recogniser expects before it sees anything, (K + 1,)."""
+        return self.share if self.learned is None else self.learned
 
     @property
     def span(self) -> DistanceRange:

@@ -13,6 +13,7 @@ from ehar.errors import DataError
 from planners.value.belief.filters import read_streams
 from planners.value.belief.streams import VIEW_TERMS, StreamBeliefModel
 from planners.value.view_basis import PAPER_RANGE, DistanceRange
+from recognition.training.frame_weights import frame_weights
 
 MOST_PHASES = 8  # the standard deviation of a duration is then a third of its mean
 SMOOTHINGS = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)  # activities that a row of transitions may be smoothed by
@@ -37,7 +38,7 @@ class Spans(NamedTuple):
     gap_after: IntArray  # (n,), 1 if there is a gap between these two, or else 0
 
 
-def learn_chain(streams: StreamData, part: IntArray) -> StreamBeliefModel:
+def learn_chain(streams: StreamData, part: IntArray, known: IntArray) -> StreamBeliefModel:
     """Return the belief with the durations and transitions of some streams; it takes increments as they are.
 
     A duration is smoothed by one activity of mean duration. Transitions are smoothed by how often each activity comes,
@@ -48,11 +49,12 @@ def learn_chain(streams: StreamData, part: IntArray) -> StreamBeliefModel:
     Args:
         streams: streams with their segments.
         part: indices of the streams to learn from, of the policy part.
+        known: indices of the streams that the recogniser learned from. How often it met a class there it expects it.
 
     Raises:
         DataError: there are no streams, or one of the classes has no segment in them.
     """
-    spans = spans_of(streams, part)
+    spans, met = spans_of(streams, part), spans_of(streams, known)
     count = len(streams.class_names)
     times = np.bincount(spans.classes, minlength=count)
     if not times.all():
@@ -68,18 +70,27 @@ def learn_chain(streams: StreamData, part: IntArray) -> StreamBeliefModel:
     np.add.at(pairs, tuple(spans.followed.T), 1)
     gaps = np.bincount(spans.followed[:, 0], weights=spans.gap_after, minlength=count)
     usual = (spans.gap_after.sum() + 0.5) / (len(spans.gap_after) + 1)
-    share = np.append(np.bincount(spans.classes, weights=spans.seconds, minlength=count), spans.gaps.sum())
-    share = share + pooled / (count + 1)
+    weights = frame_weights(streams, known)
+    learned = _shares(met, count, pooled) * (1.0 if weights is None else weights)
     follows = pairs + likeliest_smoothing(pairs, times / times.sum()) * times / times.sum()
     return StreamBeliefModel(
         follows=tuple(map(tuple, (follows / follows.sum(axis=1, keepdims=True)).tolist())),
         rates=tuple((1 / mean).tolist()),
         gap_share=tuple(((gaps + usual) / (pairs.sum(axis=1) + 1)).tolist()),
         gap_rate=float(1 / gap_mean),
-        share=tuple((share / share.sum()).tolist()),
+        share=tuple(_shares(spans, count, pooled).tolist()),
+        learned=tuple((learned / learned.sum()).tolist()),
         phases=likeliest_phases(spans.seconds, mean[spans.classes]),
         gap_phases=likeliest_phases(spans.gaps, np.full(len(spans.gaps), gap_mean)),
     )
+
+
+def _shares(spans: Spans, count: int, seconds: float) -> FloatArray:
+    """Return the share of time of each activity and, last, of none, (K + 1,); `seconds` are divided among all."""
+    times = np.append(np.bincount(spans.classes, weights=spans.seconds, minlength=count), spans.gaps.sum())
+    times = times + seconds / (count + 1)
+    shares: FloatArray = times / times.sum()
+    return shares
 
 
 def spans_of(streams: StreamData, part: IntArray) -> Spans:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import log_softmax
 
+from ehar.data.scenario import split_parts
 from ehar.data.streams.data import NO_ACTIVITY
 from ehar.data.streams.file import load_streams
 from ehar.errors import DataError
@@ -19,6 +20,7 @@ from planners.value.belief.streams_fit import (
     likeliest_smoothing,
     spans_of,
 )
+from recognition.training.frame_weights import frame_weights
 from tests.helpers.places import SHARED
 from tests.helpers.streams import tiny_streams
 
@@ -70,7 +72,7 @@ def test_segments_and_gaps_are_counted_within_streams() -> None:
 
 
 def test_a_chain_is_counted_and_smoothed() -> None:
-    learned = learn_chain(tiny_streams(), np.array([1, 2]))
+    learned = learn_chain(tiny_streams(), np.array([1, 2]), np.array([0]))
     pooled = 6.4 / 5
     assert 1 / learned.rates[0] == pytest.approx((1.4 + pooled) / 3)
     assert 1 / learned.rates[2] == pytest.approx((1.5 + pooled) / 2)
@@ -79,6 +81,17 @@ def test_a_chain_is_counted_and_smoothed() -> None:
     assert learned.gap_share[1] == pytest.approx((1 + 3.5 / 4) / 2)
     assert 1 / learned.gap_rate == pytest.approx((1.6 + 1) / 4)
     assert learned.share[3] == pytest.approx((1.6 + pooled / 4) / (6.4 + 1.6 + pooled))
+
+
+def test_the_recogniser_expects_what_it_met_as_often_as_it_counted() -> None:
+    streams = tiny_streams()
+    one, two = (learn_chain(streams, np.array([1, 2]), np.array(known)) for known in ([0], [1, 2]))
+    assert two.learned is not None and two.prior == two.learned
+    weights = frame_weights(streams, np.array([1, 2]))
+    counted = np.array(two.share) * (1.0 if weights is None else weights)
+    assert two.learned == pytest.approx((counted / counted.sum()).tolist())
+    assert one.share == two.share and one.learned != two.learned
+    assert replace(two, learned=None).prior == two.share
 
 
 @pytest.mark.parametrize("order", [0.9, 0.0])
@@ -94,7 +107,7 @@ def test_transitions_are_smoothed_as_much_as_they_are_worth(order: float) -> Non
 def test_the_order_of_real_recordings_is_learned() -> None:
     """Everybody in UTKinect performs the ten activities in the same order, with pauses between them."""
     streams = load_streams(SHARED / "utkinect.npz")
-    learned = learn_chain(streams, np.flatnonzero(~streams.is_test))
+    learned = learn_chain(streams, np.flatnonzero(~streams.is_test), split_parts(streams).recogniser)
     assert np.argmax(learned.follows[:6], axis=1).tolist() == [1, 2, 3, 4, 5, 6]
     assert min(learned.gap_share) > 0.7
     assert learned.phases > 1  # durations are no geometric ones
@@ -104,13 +117,13 @@ def test_a_class_that_never_comes_is_refused() -> None:
     with pytest.raises(
         DataError, match=r"tiny: expected segments of every class in the 1 streams .* got none of 'c', 'd'"
     ):
-        learn_chain(replace(tiny_streams(), class_names=("a", "b", "c", "d")), np.array([1]))
+        learn_chain(replace(tiny_streams(), class_names=("a", "b", "c", "d")), np.array([1]), np.array([0]))
 
 
 def test_streams_without_a_gap_are_learned_from() -> None:
     streams = tiny_streams()
     whole = replace(streams, segments=np.array([[40, 50, 0], [50, 60, 1], [60, 70, 2]]))
-    learned = learn_chain(whole, np.array([1]))
+    learned = learn_chain(whole, np.array([1]), np.array([1]))
     assert learned.gap_rate == 1.0 and learned.gap_phases == 1
     assert max(learned.gap_share) < 0.3
 
