@@ -399,7 +399,8 @@ docs/results/behaviour.md: runs/agents-hdm05-estimator/table.md
 docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/table.md runs/rules-$(set)-perfect/table.md)
 	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$^)
 
-# Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), and what stood before (mended).
+# Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), stream-sets (ehar data stitch) and what
+# stood before (mended).
 PAGES := planners nbv indoor obstacles exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding deciding-streams \
   streams stream-belief utkinect headroom class-maps forms published real-views paper agents behaviour benchmarks
 results: left

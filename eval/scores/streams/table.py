@@ -28,7 +28,7 @@ def stream_table(records: Mapping[str, EpisodeRecords], fps: float) -> Table:
     """
     whole = next(iter(records.values()))
     return Table(
-        title=f"In streams: {len(whole)} episodes of {whole.label.shape[1] / fps:g} s",
+        title=f"In streams: {len(whole)} episodes of {whole.label.shape[1] / fps:.4g} s",
         header=("planner", *STREAM_HEADER),
         rows=tuple((name, *stream_row(held, fps)) for name, held in records.items()),
         footnotes=STREAM_NOTES,
