@@ -17,20 +17,11 @@ from eval.running.run import Run, read_run_of_clips
 from eval.scores.differences import NBV
 from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
 from eval.scores.summary_table import basis_lines
-from eval.studies.same_episodes import LOCALISATION, check_same_episodes
+from eval.studies.same_episodes import SAME_CONDITIONS, check_same_episodes
 from planners.registry import needs_gain_model
 from recognition.storage import LATER, SHIPPED, RecogniserDescription, recogniser_path, recogniser_sha256
 from recognition.training.stopping import Evaluation
 from recognition.weight_files import check_files, description_path
-
-SAME_CONDITIONS = (
-    "views",
-    "form",
-    "readout",
-    "track",
-    "track_sha256",
-    LOCALISATION,
-)  # beside what decides the episodes
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,9 @@ SAME_EPISODES = (
     "sensor_sha256",
     "world",
 )  # they decide the episodes; of the world all but its name and its localisation
-LOCALISATION = "localisation"  # of the world; for studies of runs that may not differ in it
+LOCALISATION = "localisation"  # of the world
+# For studies of runs that differ in their weights alone.
+SAME_CONDITIONS = ("views", "form", "readout", "track", "track_sha256", LOCALISATION)
 _SHOWN = 12  # digits of a hash
 
 

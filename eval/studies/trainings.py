@@ -12,17 +12,9 @@ from eval.running.run import Run, read_run
 from eval.scores.differences import NBV
 from eval.scores.summary_table import TOGETHER, basis_lines
 from eval.scores.trainings import TrainedDifference, TrainedPlanner, TrainingsSummary, summarise_trainings
-from eval.studies.same_episodes import LOCALISATION, check_same_episodes
+from eval.studies.same_episodes import SAME_CONDITIONS, check_same_episodes
 
 LEAST = 3  # trainings behind a claim
-SAME_CONDITIONS = (
-    "views",
-    "form",
-    "readout",
-    "track",
-    "track_sha256",
-    LOCALISATION,
-)  # beside what decides the episodes
 
 
 @dataclass(frozen=True, repr=False)
