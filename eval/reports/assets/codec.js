@@ -1,7 +1,7 @@
 // Arrays of small integers, as base64 of their little-endian bytes.
 
 const KINDS = { int16: Int16Array, uint16: Uint16Array, uint8: Uint8Array };
-const NOWHERE = -32768; // of a joint, where the tracker lost people
+const LOST_JOINT = -32768; // of a joint, where the tracker lost people
 
 function decoded(text, kind) {
   const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
@@ -38,7 +38,7 @@ function decodedEpisode(episode) {
     episode.decoded = {
       labels: decoded(episode.labels, "uint16"),
       centre: episode.centre === null ? null : Float64Array.from(decoded(episode.centre, "int16"), (value) => value / 100),
-      people: Float64Array.from(decoded(episode.people, "int16"), (value) => (value === NOWHERE ? NaN : value / 1000)),
+      people: Float64Array.from(decoded(episode.people, "int16"), (value) => (value === LOST_JOINT ? NaN : value / 1000)),
       cast: Object.fromEntries(cast),
     };
   }
