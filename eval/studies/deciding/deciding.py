@@ -104,7 +104,8 @@ class Deciding:
             told = " is told it too" * (self.run.conditions.onset == "known") or " is not told"
             yield (
                 f"Rules count from an activity's onset, which they know; the recogniser{told}. While its word is no "
-                "activity, a rule waits. An activity that ends so is not answered."
+                "activity, a rule waits. Who has not answered when the activity ends is told so, and answers with the "
+                "last word; if that is no activity, nothing is answered."
             )
         people, known = (_people(run) for run in (self.run, self.fitted_on))
         if people is None or known is None:
