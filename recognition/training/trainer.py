@@ -12,9 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
-from torch.optim.swa_utils import AveragedModel
 
-from ehar.arrays import FloatArray
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.scenario import split_parts
 from ehar.data.streams.data import StreamData
@@ -25,16 +23,15 @@ from ehar.world import PAPER, load_world
 from recognition.calibration import fit_temperature
 from recognition.devices import check_device
 from recognition.freed_memory import keep_freed_memory
-from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network, NetworkSpec
 from recognition.setting import load_recordings_of, with_length
 from recognition.storage import load_weights, recogniser_path, save_recogniser
 from recognition.torch_threads import one_torch_thread
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
-from recognition.training.clips import Clips, ClipSource
+from recognition.training.clips import ClipSource
 from recognition.training.config import TrainingConfig
 from recognition.training.frame_weights import frame_weights
-from recognition.training.optimisers import make_optimiser, published_rate
+from recognition.training.learner import Learner, has_bfloat16
 from recognition.training.stopping import (
     Evaluation,
     Outcome,
@@ -45,13 +42,9 @@ from recognition.training.stopping import (
 )
 from recognition.weight_files import description_path, recorded_run
 
-WARM_UP = 150  # steps in which the learning rate rises; then it stays
-AVERAGING = 8.0  # how much late weights count in the average: about the last ninth of the steps
-GRADIENT_NORM = 1.0  # gradients are clipped to this norm
 WINDOW = 4.0  # [s], the usual length of a training clip of streams
 VALIDATION_CLIPS = 768
 VALIDATION_SEED = 1_000_003  # draws the same clips for every run on the same data
-PREFIXES = 10  # observation ratios at which the published form is validated: its prefixes are not cheap
 
 
 @dataclass(frozen=True)
@@ -71,9 +64,8 @@ Report = Callable[[int, int, "Sequence[Evaluation] | None"], None]
 def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Outcome:
     """Train, calibrate and save a recogniser.
 
-    The learning rate is constant after a short rise, and the weights that count are a running average over the steps:
-    polynomial-decay averaging (Shamir and Zhang, ICML 2013, Sec. 4). So no length has to be known beforehand. Training
-    stops when twice the clips have gained too little on validation (`recognition.training.stopping`).
+    Training stops when twice the clips have gained too little on validation (`recognition.training.stopping`), so no
+    length has to be known beforehand. How a step goes, and which weights count, is the `Learner`'s.
 
     The clips and dropout of a step depend only on its number and the seed. So a run that is stopped and started again
     ends like one that ran through.
@@ -164,10 +156,17 @@ class _Run:
         )
         self.data_title = data.title
         self.device = torch.device(config.device)
-        self.network: Network = self.spec.build(config.conditions.seed).to(self.device)
+        network: Network = self.spec.build(config.conditions.seed).to(self.device)
         if config.init is not None:
-            load_weights(config.init, self.network)
-        self.average = AveragedModel(self.network, avg_fn=_towards_late, use_buffers=True)
+            load_weights(config.init, network)
+        self.learner = Learner(
+            network,
+            optimiser=config.optimiser,
+            learning_rate=config.learning_rate,
+            weight_decay=config.weight_decay,
+            batch=config.batch,
+            class_weights=self.weights,
+        )
         self.identity = _identify(config, data.sha256)
         if loaded.sha256 is not None:
             self.identity["sensor_sha256"] = loaded.sha256
@@ -175,9 +174,6 @@ class _Run:
             self.identity["no_activity_weight"] = float(self.weights[-1])
         if not world.agrees_with(PAPER):
             self.identity["world"] = as_json(world.to_json())
-        self.optimiser = make_optimiser(
-            self.network, config.optimiser, learning_rate=config.learning_rate, weight_decay=config.weight_decay
-        )
         self.steps = max(1, config.clips // config.batch)
         self.step = 0
         self.evaluations: list[Evaluation] = []
@@ -216,70 +212,20 @@ class _Run:
 
     def _learn(self) -> float:
         """Make one step and return its loss."""
-        config = self.config
-        rng = np.random.default_rng((config.conditions.seed, self.step))
-        clips = self.source.draw(rng, config.batch)
-        rate = config.learning_rate * min(1.0, (self.step + 1) / WARM_UP)
-        if self.runs_to_end:
-            rate = published_rate(self.step / self.steps)
-        for group in self.optimiser.param_groups:
-            group["lr"] = rate
-        self.network.train()
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(int(rng.integers(2**31)))  # dropout
-            loss = self._loss(clips, rng)
-        value = float(loss.detach())
-        if not np.isfinite(value):
-            raise ModelError(f"{self.path.name}: the loss is {value} at step {self.step}: expected a finite one")
-        self.optimiser.zero_grad(set_to_none=True)
-        loss.backward()  # type: ignore[no-untyped-call]
-        if not self.runs_to_end:
-            torch.nn.utils.clip_grad_norm_(self.network.parameters(), GRADIENT_NORM)
-        self.optimiser.step()
-        self.average.update_parameters(self.network)
+        rng = np.random.default_rng((self.config.conditions.seed, self.step))
+        clips = self.source.draw(rng, self.config.batch)
+        loss = self.learner.learn(clips, rng, step=self.step, steps=self.steps)
+        if not np.isfinite(loss):
+            raise ModelError(f"{self.path.name}: the loss is {loss} at step {self.step}: expected a finite one")
         self.step += 1
-        return value
-
-    def _loss(self, clips: Clips, rng: np.random.Generator) -> Tensor:
-        """Return the mean cross-entropy over clips and frames; for the published form, over clips at one prefix.
-
-        In streams frames count by `frame_weights`.
-        """
-        seen, labels = clips.features.to(self.device), clips.labels.to(self.device)
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=has_bfloat16(self.device)):
-            if isinstance(self.network, CausalCTRGCN):
-                logits = self.network(seen).flatten(0, 1)
-                labels = clips.frame_labels.flatten().to(self.device)
-            else:
-                prefix = int(rng.integers(1, self.config.conditions.frames + 1))
-                logits = self.network(seen[:, :prefix].permute(0, 4, 1, 3, 2))
-        return functional.cross_entropy(logits.float(), labels, weight=self._class_weights(self.device))
-
-    def _class_weights(self, device: torch.device) -> Tensor | None:
-        return None if self.weights is None else torch.from_numpy(self.weights.astype(np.float32)).to(device)
-
-    def _logits(self, network: Network, clips: Clips) -> FloatArray:
-        """Return validation logits (N, L, K); for the published form, a frame takes those of the next prefix."""
-        network.eval()
-        pieces = []
-        length = self.config.conditions.frames
-        with torch.inference_mode():
-            for seen in torch.split(clips.features, self.config.batch):
-                batch = seen.to(self.device)
-                if isinstance(network, CausalCTRGCN):
-                    pieces.append(network(batch).cpu())
-                else:
-                    ends = np.unique(np.ceil(np.arange(1, PREFIXES + 1) / PREFIXES * length).astype(int))
-                    known = [network(batch[:, :end].permute(0, 4, 1, 3, 2)).cpu() for end in ends]
-                    pieces.append(torch.stack([known[i] for i in np.searchsorted(ends, np.arange(1, length + 1))], 1))
-        return torch.cat(pieces).numpy()
+        return loss
 
     def _evaluate(self) -> None:
         """Evaluate the averaged weights on the validation clips, and remember the best."""
-        network = self._averaged()
-        logits = torch.from_numpy(self._logits(network, self.validation))
+        network = self.learner.averaged
+        logits = torch.from_numpy(self.learner.logits(network, self.validation.features))
         labels = self.validation.frame_labels
-        weight = self._class_weights(torch.device("cpu"))
+        weight = None if self.weights is None else torch.from_numpy(self.weights.astype(np.float32))
         nll = float(functional.cross_entropy(logits.flatten(0, 1), labels.flatten(), weight=weight))
         right = (logits.argmax(dim=-1) == labels).float()
         accuracy = float(right.mean() if weight is None else (right * weight[labels]).sum() / weight[labels].sum())
@@ -293,18 +239,12 @@ class _Run:
         self.losses = []
         self.evaluations.append(Evaluation(self.step, self.clips, train_loss, nll, accuracy))
 
-    def _averaged(self) -> Network:
-        """Return the network with the weights that count: with the published optimiser the last ones, as they are."""
-        network = self.network if self.runs_to_end else self.average.module
-        assert isinstance(network, Network)
-        return network
-
     def _finish(self) -> Outcome:
         """Calibrate and save the best weights, and remove the checkpoint."""
-        self.network.load_state_dict(self.best)
-        temperature = fit_temperature(
-            self._logits(self.network, self.validation), self.validation.labels.numpy(), self.weights
-        )
+        network = self.learner.network
+        network.load_state_dict(self.best)
+        logits = self.learner.logits(network, self.validation.features)
+        temperature = fit_temperature(logits, self.validation.labels.numpy(), self.weights)
         begun = self.config.init is not None
         outcome = conclude(self.evaluations, self.clips, runs_to_end=self.runs_to_end, begun=begun)
         history = {
@@ -316,15 +256,15 @@ class _Run:
             "arithmetic": "bfloat16" if has_bfloat16(self.device) else "float32",
             "evaluations": [asdict(evaluation) for evaluation in self.evaluations],
         }
-        save_recogniser(self.path, self.network, self.spec, temperature, history)
+        save_recogniser(self.path, network, self.spec, temperature, history)
         self.checkpoint.unlink(missing_ok=True)
         return outcome
 
     def _save_checkpoint(self) -> None:
         """Keep everything that the next steps depend on."""
         held = asdict(_Held(self.identity, self.step, tuple(self.evaluations), tuple(self.losses)))
-        states = {"network": self.network.state_dict(), "average": self.average.state_dict(), "best": self.best}
-        save_checkpoint(self.checkpoint, Checkpoint(states, self.optimiser.state_dict(), held))
+        states = {**self.learner.states(), "best": self.best}
+        save_checkpoint(self.checkpoint, Checkpoint(states, self.learner.optimiser.state_dict(), held))
 
     def _resume(self) -> None:
         """Go on from the checkpoint, if this run has one."""
@@ -335,9 +275,7 @@ class _Run:
             held = parse_json(json.dumps(saved.held), _Held, "its JSON", "a checkpoint")
             same = held.run == as_json(self.identity)
             if same:
-                self.network.load_state_dict(saved.states["network"])
-                self.average.load_state_dict(saved.states["average"])
-                self.optimiser.load_state_dict(saved.optimiser or {})
+                self.learner.load(saved.states, saved.optimiser)
                 self.best, self.step = dict(saved.states["best"]), held.step
                 self.evaluations, self.losses = list(held.evaluations), list(held.losses)
         except Exception as error:  # the damage decides its type, and it may be long
@@ -372,19 +310,3 @@ def _refuse_finished(path: Path, identity: dict[str, Any]) -> None:
         return
     what = "this very run has finished" if recorded_run(path) == identity else "it holds the result of another run"
     raise UsageError(f"{description}: {what}: remove it to train again, or choose another --out")
-
-
-def _towards_late(average: Tensor, present: Tensor, averaged: Tensor | int) -> Tensor:
-    """Return the running average after one more step: late steps weigh more, the first ones are forgotten."""
-    share = float((AVERAGING + 1) / (averaged + AVERAGING + 1))
-    if not average.is_floating_point():  # a counter of batches
-        return present
-    return average + share * (present - average)
-
-
-def has_bfloat16(device: torch.device) -> bool:
-    """Return whether products of bfloat16 are fast on a device; on such a processor training takes two thirds."""
-    if device.type == "cuda":
-        return bool(torch.cuda.is_bf16_supported())
-    able = torch.cpu.get_capabilities()
-    return bool(able.get("avx512_bf16") or able.get("amx_bf16"))

@@ -265,7 +265,7 @@ def scripted(monkeypatch: pytest.MonkeyPatch, accuracies: list[float]) -> None:
         own = replace(run.evaluations[-1], accuracy=accuracies[len(run.evaluations) - 1])
         is_best = own.accuracy >= max((past.accuracy for past in run.evaluations[:-1]), default=0.0)
         run.best = (
-            {name: tensor.clone() for name, tensor in run._averaged().state_dict().items()} if is_best else before
+            {name: tensor.clone() for name, tensor in run.learner.averaged.state_dict().items()} if is_best else before
         )
         run.evaluations[-1] = own
 
@@ -297,7 +297,7 @@ def test_the_best_weights_are_kept_not_the_last(config: TrainingConfig, monkeypa
 
     def watched(run: training._Run) -> None:
         evaluate(run)
-        snapshots.append({name: tensor.clone() for name, tensor in run._averaged().state_dict().items()})
+        snapshots.append({name: tensor.clone() for name, tensor in run.learner.averaged.state_dict().items()})
 
     monkeypatch.setattr(training._Run, "_evaluate", watched)
     assert train_recogniser(config).best.step == 3
@@ -312,10 +312,10 @@ def test_the_weights_that_count_are_an_average_over_late_steps(config: TrainingC
     weights = []
     for _ in range(5):
         run._learn()
-        weights.append(run.network.classify.weight.detach().clone())
+        weights.append(run.learner.network.classify.weight.detach().clone())
     shares = torch.tensor([float(np.prod(np.arange(k + 1, k + 9))) for k in range(5)])
     expected = sum(share * weight for share, weight in zip(shares / shares.sum(), weights, strict=True))
-    torch.testing.assert_close(run._averaged().classify.weight, expected)
+    torch.testing.assert_close(run.learner.averaged.classify.weight, expected)
 
 
 def test_only_the_recogniser_s_own_part_is_learnt_from(config: TrainingConfig, data_path: Path) -> None:

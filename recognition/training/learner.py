@@ -1,0 +1,154 @@
+"""A network that learns: steps on clips, and a running average of its weights, which is what counts."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+from torch.optim.swa_utils import AveragedModel
+
+from ehar.arrays import FloatArray
+from recognition.networks.causal import CausalCTRGCN
+from recognition.networks.spec import Network
+from recognition.training.clips import Clips
+from recognition.training.config import Optimiser
+from recognition.training.optimisers import make_optimiser, published_rate
+
+WARM_UP = 150  # steps in which the learning rate rises; then it stays
+AVERAGING = 8.0  # how much late weights count in the average: about the last ninth of the steps
+GRADIENT_NORM = 1.0  # gradients are clipped to this norm
+PREFIXES = 10  # observation ratios at which the published form is validated: its prefixes are not cheap
+
+
+class Learner:
+    """A network in training.
+
+    With AdamW the learning rate is constant after a short rise, and the weights that count are a running average over
+    the steps: polynomial-decay averaging (Shamir and Zhang, ICML 2013, Sec. 4). So no length has to be known
+    beforehand. With the published optimiser the rate follows its schedule, and the last weights count.
+
+    Args:
+        network: the network, on the device where it learns.
+        optimiser: adamw or published.
+        learning_rate: peak of the schedule (AdamW).
+        weight_decay: weight decay of AdamW.
+        batch: clips that are evaluated at once.
+        class_weights: (K,) how much a frame of each class counts; None means all alike.
+        smoothing: share of the probability that the loss spreads over all classes (Szegedy et al., CVPR 2016, Sec. 7).
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        *,
+        optimiser: Optimiser,
+        learning_rate: float,
+        weight_decay: float,
+        batch: int,
+        class_weights: FloatArray | None = None,
+        smoothing: float = 0.0,
+    ) -> None:
+        """Begin at the weights that the network has."""
+        self.network = network
+        self.device = next(network.parameters()).device
+        self.average = AveragedModel(network, avg_fn=_towards_late, use_buffers=True)
+        self.optimiser = make_optimiser(network, optimiser, learning_rate=learning_rate, weight_decay=weight_decay)
+        self._published, self._rate, self._batch = optimiser == "published", learning_rate, batch
+        self._weights = None if class_weights is None else torch.from_numpy(class_weights.astype(np.float32))
+        self._smoothing = smoothing
+
+    def learn(self, clips: Clips, rng: np.random.Generator, *, step: int, steps: int) -> float:
+        """Make one step and return its loss.
+
+        Args:
+            clips: the batch.
+            rng: draws what is random in the step, such as dropout.
+            step: number of steps before this one.
+            steps: number of steps of the whole training, which the published schedule follows.
+        """
+        rate = published_rate(step / steps) if self._published else self._rate * min(1.0, (step + 1) / WARM_UP)
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+        self.network.train()
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(int(rng.integers(2**31)))  # dropout
+            loss = self._loss(clips, rng)
+        value = float(loss.detach())
+        if not np.isfinite(value):
+            return value
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        if not self._published:
+            torch.nn.utils.clip_grad_norm_(self.network.parameters(), GRADIENT_NORM)
+        self.optimiser.step()
+        self.average.update_parameters(self.network)
+        return value
+
+    def _loss(self, clips: Clips, rng: np.random.Generator) -> Tensor:
+        """Return the mean cross-entropy over clips and frames; for the published form, over clips at one prefix."""
+        seen, labels = clips.features.to(self.device), clips.labels.to(self.device)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=has_bfloat16(self.device)):
+            if isinstance(self.network, CausalCTRGCN):
+                logits = self.network(seen).flatten(0, 1)
+                labels = clips.frame_labels.flatten().to(self.device)
+            else:
+                prefix = int(rng.integers(1, seen.shape[1] + 1))
+                logits = self.network(seen[:, :prefix].permute(0, 4, 1, 3, 2))
+        weight = None if self._weights is None else self._weights.to(self.device)
+        return functional.cross_entropy(logits.float(), labels, weight=weight, label_smoothing=self._smoothing)
+
+    @property
+    def averaged(self) -> Network:
+        """The network with the weights that count: with the published optimiser the last ones, as they are."""
+        network = self.network if self._published else self.average.module
+        assert isinstance(network, Network)
+        return network
+
+    def logits(self, network: Network, features: Tensor) -> FloatArray:
+        """Return logits (N, L, K) after every frame; for the published form, a frame takes those of the next prefix.
+
+        Args:
+            network: this network, with the weights that count or others.
+            features: (N, L, P, J, C).
+        """
+        network.eval()
+        pieces = []
+        length = features.shape[1]
+        with torch.inference_mode():
+            for seen in torch.split(features, self._batch):
+                batch = seen.to(self.device)
+                if isinstance(network, CausalCTRGCN):
+                    pieces.append(network(batch).cpu())
+                else:
+                    ends = np.unique(np.ceil(np.arange(1, PREFIXES + 1) / PREFIXES * length).astype(int))
+                    known = [network(batch[:, :end].permute(0, 4, 1, 3, 2)).cpu() for end in ends]
+                    pieces.append(torch.stack([known[i] for i in np.searchsorted(ends, np.arange(1, length + 1))], 1))
+        return torch.cat(pieces).numpy()
+
+    def states(self) -> dict[str, Mapping[str, Tensor]]:
+        """Return the weights, and their average."""
+        return {"network": self.network.state_dict(), "average": self.average.state_dict()}
+
+    def load(self, states: Mapping[str, Mapping[str, Tensor]], optimiser: dict[str, Any] | None) -> None:
+        """Go on from what `states` returned, and from the optimiser's state_dict."""
+        self.network.load_state_dict(states["network"])
+        self.average.load_state_dict(states["average"])
+        self.optimiser.load_state_dict(optimiser or {})
+
+
+def _towards_late(average: Tensor, present: Tensor, averaged: Tensor | int) -> Tensor:
+    """Return the running average after one more step: late steps weigh more, the first ones are forgotten."""
+    share = float((AVERAGING + 1) / (averaged + AVERAGING + 1))
+    if not average.is_floating_point():  # a counter of batches
+        return present
+    return average + share * (present - average)
+
+
+def has_bfloat16(device: torch.device) -> bool:
+    """Return whether products of bfloat16 are fast on a device; on such a processor training takes two thirds."""
+    if device.type == "cuda":
+        return bool(torch.cuda.is_bf16_supported())
+    able = torch.cpu.get_capabilities()
+    return bool(able.get("avx512_bf16") or able.get("amx_bf16"))
