@@ -11,15 +11,20 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.motion_data import MotionData
 from ehar.data.recordings import interpolated
-from ehar.data.skeleton import counterparts
+from ehar.data.skeleton import Skeleton, counterparts
+from ehar.data.skeleton_tree import parents, paths, roots
 from ehar.data.streams.data import StreamData
 
 PACES = (0.85, 1.18)  # times as fast
 SIZES = (0.93, 1.07)  # times as large
+LIMBS = 0.1  # a bone is up to this share longer or shorter
+DRIFT = 0.05  # a moment comes earlier or later by up to this share of the whole
 _SIDES = re.compile(r"left|right", re.IGNORECASE)
 
 
-def with_variations(data: MotionData, sequences: IntArray, each: int, *, seed: int = 0) -> MotionData:
+def with_variations(
+    data: MotionData, sequences: IntArray, each: int, *, seed: int = 0, bodies: bool = False
+) -> MotionData:
     """Return some sequences of a data set, each followed by variations of it.
 
     The first, third, ... variation is mirrored: x changes its sign, left and right joints swap, and a class with "left"
@@ -30,6 +35,7 @@ def with_variations(data: MotionData, sequences: IntArray, each: int, *, seed: i
         sequences: (N,) indices of the sequences to vary.
         each: number of variations of each sequence.
         seed: seed of the paces and sizes, which are drawn uniformly.
+        bodies: whether variations have other limbs too, and a pace that drifts.
 
     Returns:
         N (1 + each) sequences, without a split.
@@ -47,6 +53,8 @@ def with_variations(data: MotionData, sequences: IntArray, each: int, *, seed: i
             varied = _mirrored(motion, data.skeleton.mirror) if mirrored else motion
             pace, size = rng.uniform(*PACES), rng.uniform(*SIZES)
             times = np.arange(int((len(motion) - 1) / pace) + 1) * pace
+            if bodies:
+                varied, times = _with_other_limbs(varied, data.skeleton, rng), _drifting(times, rng)
             motions.append(interpolated(varied, times) * np.float32(size))
             labels.append(class_of_mirrored[label] if mirrored else label)
     copies = np.repeat(sequences, 1 + each)
@@ -135,6 +143,22 @@ def _in_a_mirror(class_names: tuple[str, ...]) -> tuple[IntArray, BoolArray]:
 
 def _numbered(name: str, number: int) -> str:
     return f"{name} ({number})" if number else name
+
+
+def _with_other_limbs(motion: FloatArray, skeleton: Skeleton, rng: np.random.Generator) -> FloatArray:
+    """Return motion (T, P, J, 3) of people with longer and shorter bones, on both sides of the body alike."""
+    toward = parents(skeleton)
+    factor = rng.uniform(1 - LIMBS, 1 + LIMBS, size=(motion.shape[1], len(toward), 1)).astype(np.float32)
+    factor = (factor + factor[:, skeleton.mirror]) / 2
+    bones = (motion - motion[:, :, toward]) * factor
+    return np.asarray(motion[:, :, roots(toward)] + paths(toward) @ bones)
+
+
+def _drifting(times: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Return times (S,) of a pace that drifts: it begins and ends with them, and is fast first or slow first."""
+    share = times / max(times[-1], 1.0)
+    drifted: FloatArray = times + times[-1] * rng.uniform(-DRIFT, DRIFT) * np.sin(np.pi * share) ** 2
+    return drifted
 
 
 def _mirrored(motion: FloatArray, joints: IntArray) -> FloatArray:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from eval.studies.published import PublishedReport as PublishedReport
     from eval.studies.real_views.study import RealViewsReport as RealViewsReport
     from eval.studies.trainings import Trainings as Trainings
+    from eval.studies.trials.study import TrialsReport as TrialsReport
 else:
     __getattr__, __dir__, __all__ = lazy_exports(
         __name__,
@@ -33,5 +34,6 @@ else:
             "RunOverview": "eval.studies.overview",
             "StreamBeliefReport": "eval.studies.belief.streams",
             "Trainings": "eval.studies.trainings",
+            "TrialsReport": "eval.studies.trials.study",
         },
     )

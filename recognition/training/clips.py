@@ -29,6 +29,7 @@ class Clips(NamedTuple):
 
     features: Tensor  # (B, L, P, J, C)
     labels: Tensor  # (B,); of streams (B, L), for each frame its own
+    sequences: IntArray  # (B,) the sequence that each is cut from
 
     @property
     def frame_labels(self) -> Tensor:
@@ -95,7 +96,8 @@ class ClipSource:
             viewpoints = training_viewpoints(self._views, self._world, rng, clips, self._length)
         around = surroundings_of(scenarios, every, self._world, rng)
         hidden = None if around is None else around.hide(viewpoints, positions, slice(None))
-        return Clips(self._see(positions, viewpoints, rng, hidden), torch.from_numpy(scenarios.labels.astype(np.int64)))
+        seen = self._see(positions, viewpoints, rng, hidden)
+        return Clips(seen, torch.from_numpy(scenarios.labels.astype(np.int64)), scenarios.sequence)
 
     def _see(
         self, positions: FloatArray, viewpoints: FloatArray, rng: np.random.Generator, hidden: BoolArray | None

@@ -211,6 +211,39 @@ STUDY = CommandGroup(
                 "out": Flag("folder for results and checkpoints.", kind=Path, default=REQUIRED),
             },
         ),
+        "trials": Command(
+            "eval.studies.trials.study:trials",
+            show_result,
+            text="""Say what each part of a recogniser's training is worth.
+
+            One thing is changed at a time. People who were left out of the training decide.
+
+            For example:
+                ehar study trials solo mine.npz --clips 12000 --out runs/trials
+            """,
+            flags={
+                "data": Flag(
+                    "duo, solo, or prepared .npz.",
+                    kind=tuple[str, ...],
+                    positional=True,
+                    metavar="DATA ...",
+                    hint="at least one",
+                ),
+                "sensor": Flag("perfect or estimator."),
+                "folds": Flag("groups in which people are left out."),
+                "only": Flag(
+                    "numbers of the folds to train now, from 0.",
+                    kind=tuple[int, ...],
+                    default=(),
+                    metavar="FOLD ...",
+                    hint="all",
+                ),
+                "clips": Flag("training clips of each trial."),
+                "device": Flag("torch device."),
+                "threads": Flag("CPU threads of torch.", hint="torch decides"),
+                "out": Flag("folder for results; what is done is kept.", kind=Path, default=REQUIRED),
+            },
+        ),
         "real-views": Command(
             "eval.studies.real_views.study:real_views",
             show_result,

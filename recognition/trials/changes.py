@@ -1,0 +1,84 @@
+"""What is changed in the trials of a training, one thing each; there is no torch in this module."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Stream = Literal["joint", "bone", "motion"]
+SMOOTHING = 0.1  # as Szegedy et al., CVPR 2016
+NEXT_POSE = 1.0  # weight of the loss of the next pose [1 / m^2]
+
+
+@dataclass(frozen=True)
+class Change:
+    """How a training differs from the usual one.
+
+    Args:
+        weighs: whether the network weighs frames by what they show.
+        view: whether it is told where the camera is.
+        varied: whether it learns from variations of the motion too.
+        smoothing: share of the probability that the loss spreads over all classes.
+        next_pose: weight of a second loss: how far off the next frame's joints are foretold [1 / m^2].
+        stream: the only part of the input that is left; None leaves all of it. "motion" is the way of joints and bones
+            from frame to frame.
+        pretrained: whether it begins with weights that learned on other data.
+        seed: seed of first weights, clips and dropout.
+    """
+
+    weighs: bool = True
+    view: bool = True
+    varied: bool = False
+    smoothing: float = 0.0
+    next_pose: float = 0.0
+    stream: Stream | None = None
+    pretrained: bool = False
+    seed: int = 0
+
+
+USUAL = "as it is"
+LAST = "last weights"  # no training of its own: the usual one's weights, without their average
+
+# By name; the usual training is made three times.
+CHANGES: dict[str, Change] = {
+    USUAL: Change(),
+    "seed 1": Change(seed=1),
+    "seed 2": Change(seed=2),
+    "frames alike": Change(weighs=False),
+    "view unknown": Change(view=False),
+    "varied motion": Change(varied=True),
+    "smoothed labels": Change(smoothing=SMOOTHING),
+    "next pose": Change(next_pose=NEXT_POSE),
+    "joint": Change(stream="joint"),
+    "bone": Change(stream="bone"),
+    "motion": Change(stream="motion"),
+    "pre-trained": Change(pretrained=True),
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the table: trainings whose probabilities are averaged.
+
+    Args:
+        name: what it is called.
+        trainings: names of `CHANGES`, or `LAST`.
+        told: what it is, in a few words.
+    """
+
+    name: str
+    trainings: tuple[str, ...]
+    told: str
+
+
+ROWS: tuple[Row, ...] = (
+    Row(USUAL, (USUAL,), "frames weighed, the view told, weights averaged over steps, joints and bones together"),
+    Row("frames alike", ("frames alike",), "all frames count as much"),
+    Row("view unknown", ("view unknown",), "polar angle and distance are not told"),
+    Row("last weights", (LAST,), "no average over steps"),
+    Row("varied motion", ("varied motion",), "half of the clips mirrored, of another pace and size, with other limbs"),
+    Row("smoothed labels", ("smoothed labels",), f"{SMOOTHING:g} of the label is spread over all classes"),
+    Row("next pose", ("next pose",), "a second head foretells the next frame's joints"),
+    Row("pre-trained", ("pre-trained",), "begins with what the other sets taught"),
+    Row("motion beside", (USUAL, "motion"), "a second network sees motion alone; probabilities are averaged"),
+    Row("streams fused late", ("joint", "bone", "motion"), "three networks, one for each stream"),
+    Row("ensemble of three", (USUAL, "seed 1", "seed 2"), "three of the usual trainings: an upper mark"),
+)
