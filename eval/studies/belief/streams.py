@@ -25,6 +25,8 @@ from eval.scores.metrics import PROBABILITY_FLOOR
 from eval.scores.planner_metrics import ECE, NLL
 from eval.scores.resampling.resamples import Basis, Resamples, resample_episodes
 from eval.scores.resampling.statistics import Interval, pair, why_no_intervals
+from eval.scores.streams.activities import activities
+from eval.scores.streams.equal_alarms import alarm_rate, restrained
 from eval.scores.streams.table import STREAM_HEADER, STREAM_NOTES, stream_row
 from eval.scores.summary_table import basis_lines
 from planners.heuristic import NoAct, Random
@@ -47,6 +49,11 @@ class Reader:
         records: what it says.
         better: how much lower its mean NLL is than the recogniser's [nat].
         better_ci95: the 95 % interval of that, over people; None where there can be none.
+        alarms: false alarms a minute that all readers are granted for the two figures below: those of the recogniser
+            or of the belief, whoever raises fewer.
+        delay_s: mean delay [s] if it answers only from a probability on at which it raises no more.
+        sooner_s: how much shorter that is than the recogniser's [s].
+        sooner_ci95: the 95 % interval of that.
     """
 
     rollouts: str
@@ -54,6 +61,10 @@ class Reader:
     records: EpisodeRecords
     better: float
     better_ci95: Interval | None
+    alarms: float
+    delay_s: float
+    sooner_s: float
+    sooner_ci95: Interval | None
 
 
 @dataclass(frozen=True, repr=False)
@@ -84,7 +95,10 @@ class StreamBeliefReport:
             Table(
                 title=f"{self.config.data}: sensor {told.sensor}, {len(self.readers[0].records)} test episodes of "
                 f"{told.frames / self.fps:g} s for each planner",
-                header=("planner", "reader", "NLL", "lower by [95 %]", "ECE", *STREAM_HEADER),
+                header=(
+                    *("planner", "reader", "NLL", "lower by [95 %]", "ECE", *STREAM_HEADER),
+                    *("equal alarms: delay [s]", "sooner by [95 %]"),
+                ),
                 rows=tuple(
                     (
                         reader.rollouts,
@@ -95,17 +109,31 @@ class StreamBeliefReport:
                         else f"{reader.better:+.3f} {interval_text(reader.better_ci95, digits=3)}",
                         f"{ECE.of_records(reader.records):.3f}",
                         *stream_row(reader.records, self.fps),
+                        f"{reader.delay_s:.2f}",
+                        ""
+                        if reader.name == RECOGNISER
+                        else f"{reader.sooner_s:+.2f} {interval_text(reader.sooner_ci95, digits=2)}",
                     )
                     for reader in self.readers
                 ),
                 footnotes=(
                     "NLL: of the true class of each frame [nat], no activity among them; lower than the recogniser's.",
                     *STREAM_NOTES,
+                    self._alarms_told(),
                     *lines.footnotes,
                 ),
                 notice=lines.notice,
             )
         ]
+
+    def _alarms_told(self) -> str:
+        """Return the footnote on equal alarms."""
+        granted = dict.fromkeys((reader.rollouts, reader.alarms) for reader in self.readers)
+        rates = ", ".join(f"{alarms:.1f} with {planner}" for planner, alarms in granted)
+        return (
+            "Equal alarms: a reader names an activity only from a probability on at which it raises no more false "
+            f"alarms a minute than whoever of recogniser and belief raises fewer ({rates}); sooner than the recogniser."
+        )
 
 
 class Rollouts(NamedTuple):
@@ -240,12 +268,32 @@ def _read(
         said[name] = np.log(np.maximum(read_streams(belief, rolled.log_probs, rolled.viewpoints, fps=fps), 1e-300))
     records = {name: _records(rolled, log_probs) for name, log_probs in said.items()}
     losses = {name: _losses(held) for name, held in records.items()}
+    alarms = min(alarm_rate(records[name], fps) for name in (RECOGNISER, BELIEF))
+    waits = {name: restrained(held, fps, alarms).delays / fps for name, held in records.items()}
+    shown = activities(records[RECOGNISER])
+    of_activities = resample_episodes(np.array(shown.sequence), shown.subjects, why_none=resamples.why_none)
     readers = []
     for name, held in records.items():
-        better = losses[RECOGNISER] - losses[name]
-        ends = resamples.interval(better.mean(), resamples.means(better)) if resamples.full else None
-        readers.append(Reader(planner, name, held, float(better.mean()), None if ends is None else pair(ends)))
+        better, sooner = losses[RECOGNISER] - losses[name], waits[RECOGNISER] - waits[name]
+        readers.append(
+            Reader(
+                rollouts=planner,
+                name=name,
+                records=held,
+                better=float(better.mean()),
+                better_ci95=_ends(better, resamples),
+                alarms=alarms,
+                delay_s=float(waits[name].mean()),
+                sooner_s=float(sooner.mean()),
+                sooner_ci95=_ends(sooner, of_activities),
+            )
+        )
     return readers
+
+
+def _ends(values: FloatArray, resamples: Resamples) -> Interval | None:
+    """Return the 95 % interval of a mean, or None where there can be none."""
+    return pair(resamples.interval(values.mean(), resamples.means(values))) if resamples.full else None
 
 
 def _records(rolled: Rollouts, log_probs: FloatArray) -> EpisodeRecords:

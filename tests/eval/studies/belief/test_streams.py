@@ -10,6 +10,7 @@ from ehar.conditions import Conditions
 from ehar.data.scenario import split_parts
 from eval import Watcher
 from eval.scores.planner_metrics import NLL
+from eval.scores.streams.equal_alarms import alarm_rate
 from eval.studies.belief.streams import StreamBeliefReport, strangers
 from eval.studies.belief.study import belief_report
 from tests.helpers.stream_worlds import save_stream_world
@@ -38,7 +39,11 @@ def test_every_reader_is_scored_on_the_same_episodes(folder: Path, tmp_path: Pat
         assert reader.better == pytest.approx(lower)
         assert reader.better_ci95 is not None
         assert reader.better_ci95[0] <= reader.better <= reader.better_ci95[1]
-    assert first.better == 0
+        assert reader.alarms == first.alarms
+        assert reader.sooner_s == pytest.approx(first.delay_s - reader.delay_s)
+    assert first.better == first.sooner_s == 0
+    assert first.alarms == min(alarm_rate(reader.records, report.fps) for reader in report.readers[:2])
+    assert f"({first.alarms:.1f} with no-act, " in str(report.tables()[0].footnotes)
     # The recogniser has learned next to nothing. A second of each activity, and a second of none, is worth knowing.
     assert report.readers[1].better > 0
     assert "| no-act | belief |" in (tmp_path / "table.md").read_text()
