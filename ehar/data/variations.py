@@ -148,17 +148,16 @@ def _numbered(name: str, number: int) -> str:
 def _with_other_limbs(motion: FloatArray, skeleton: Skeleton, rng: np.random.Generator) -> FloatArray:
     """Return motion (T, P, J, 3) of people with longer and shorter bones, on both sides of the body alike."""
     toward = parents(skeleton)
-    factor = rng.uniform(1 - LIMBS, 1 + LIMBS, size=(motion.shape[1], len(toward), 1)).astype(np.float32)
-    factor = (factor + factor[:, skeleton.mirror]) / 2
-    bones = (motion - motion[:, :, toward]) * factor
+    drawn = rng.uniform(1 - LIMBS, 1 + LIMBS, size=(motion.shape[1], len(toward), 1))
+    factor = (drawn + drawn[:, skeleton.mirror]) / 2
+    bones = (motion - motion[:, :, toward]) * factor.astype(np.float32)
     return np.asarray(motion[:, :, roots(toward)] + paths(toward) @ bones)
 
 
 def _drifting(times: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Return times (S,) of a pace that drifts: it begins and ends with them, and is fast first or slow first."""
     share = times / max(times[-1], 1.0)
-    drifted: FloatArray = times + times[-1] * rng.uniform(-DRIFT, DRIFT) * np.sin(np.pi * share) ** 2
-    return drifted
+    return np.asarray(times + times[-1] * rng.uniform(-DRIFT, DRIFT) * np.sin(np.pi * share) ** 2)
 
 
 def _mirrored(motion: FloatArray, joints: IntArray) -> FloatArray:

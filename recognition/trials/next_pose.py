@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import torch
 from torch import Tensor, nn
 
 from recognition.networks.causal import CausalCTRGCN
@@ -26,7 +27,9 @@ class NextPoseLearner(Learner):
 
     def __init__(self, network: CausalCTRGCN, *, weight: float, **settings: Any) -> None:
         """Add the head to the network, so that its weights are learned too."""
-        network.foretell = nn.Conv2d(network.embedding_size, PLACE, 1).to(next(network.parameters()).device)
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(0)
+            network.foretell = nn.Conv2d(network.embedding_size, PLACE, 1).to(next(network.parameters()).device)
         super().__init__(network, **settings)
         self._weight = weight
         self._head = network.foretell

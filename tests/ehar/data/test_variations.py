@@ -114,3 +114,21 @@ def test_variations_of_streams_keep_what_is_shown_when() -> None:
     assert lost[:4] == [0, 0, 0, 10] and min(lost[4:]) >= 8
     one_sided = replace(data, class_names=("nod", "left", "jump"))
     np.testing.assert_array_equal(with_stream_variations(one_sided, np.array([4]), 1).segments[6:, 2], plain)
+
+
+def test_other_bodies_have_other_limbs_on_both_sides_alike() -> None:
+    data = tiny_data(sequences=3, frames=40)
+    plain = with_variations(data, np.array([0]), 1)
+    varied = with_variations(data, np.array([0]), 1, bodies=True)
+    np.testing.assert_array_equal(varied.sequence(0), data.sequence(0))
+
+    def bones(motion: np.ndarray) -> np.ndarray:
+        start, end = SKELETON.bone_indices.T
+        return np.linalg.norm(motion[:, 0, start] - motion[:, 0, end], axis=-1).mean(axis=0)
+
+    ratio = bones(varied.sequence(1)) / bones(plain.sequence(1))
+    assert np.ptp(ratio) > 0.02 and (abs(ratio - 1) < 0.2).all()
+    left, right = SKELETON.joint_names.index("left_foot"), SKELETON.joint_names.index("right_foot")
+    legs = [np.flatnonzero((SKELETON.bone_indices == [3, foot]).all(axis=1))[0] for foot in (left, right)]
+    assert ratio[legs[0]] == pytest.approx(ratio[legs[1]], abs=0.02)
+    assert len(varied.sequence(1)) == len(plain.sequence(1))

@@ -1,0 +1,97 @@
+"""The study of trials: what is done is kept, and the table says what each change is worth."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ehar.data.motion_file import save_motion
+from ehar.errors import UsageError
+from eval.cli.main import main
+from eval.scores.metrics import mean_acc
+from eval.studies.trials.scores import Answered, score_set
+from eval.studies.trials.study import trials
+from recognition.trials import trial
+from recognition.trials.changes import USUAL
+from tests.recognition.trials.test_folds import of_people
+
+
+@pytest.fixture(autouse=True)
+def few_held_clips(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trial, "HELD_CLIPS", 24)
+
+
+@pytest.fixture
+def motion(tmp_path: Path) -> Path:
+    path = tmp_path / "tiny.npz"
+    save_motion(path, of_people())
+    return path
+
+
+def test_folds_are_trained_one_after_another_and_kept(
+    motion: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "trials"
+    told = ["study", "trials", str(motion), "--sensor", "perfect", "--folds", "2", "--clips", "64", "--out", str(out)]
+    main([*told, "--only", "1"])
+    first = capsys.readouterr()
+    assert first.err.count("tiny, fold 1, ") == 11  # nothing to learn from first, with one set
+    assert "1 of 2 folds" in first.out and "pre-trained" in first.out
+    main(told)
+    second = capsys.readouterr()
+    assert "fold 1" not in second.err and second.err.count("tiny, fold 0, ") == 11
+    held = json.loads((out / "summary.json").read_text())
+    assert held["sets"][0]["folds"] == 2
+    rows = {row["row"]: row for row in held["sets"][0]["rows"]}
+    assert rows[USUAL]["gain"] == 0 and rows[USUAL]["ece_calibrated"] is not None
+    assert "pre-trained" not in rows and "ensemble of three" in rows
+    assert "2 of 2 folds" in (out / "table.md").read_text()
+    with pytest.raises(UsageError, match="differs in clips"):
+        trials([str(motion)], out=out, sensor="perfect", folds=2, clips=96)
+
+
+def test_bad_options_are_refused(motion: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--clips: got 0"):
+        trials([str(motion)], out=tmp_path, clips=0)
+    with pytest.raises(UsageError, match="--only: got 3, expected numbers from 0 to 2"):
+        trials([str(motion)], out=tmp_path, only=[3])
+    with pytest.raises(UsageError, match="expected different sets, got tiny more than once"):
+        trials([str(motion), str(motion)], out=tmp_path)
+    with pytest.raises(UsageError, match="expected different sets, got none"):
+        trials([], out=tmp_path)
+
+
+def answered(rng: np.random.Generator, sharper: float = 1.0) -> Answered:
+    """Return 60 clips of 5 people, of which "varied motion" is right more often than the usual training."""
+    labels = rng.integers(3, size=60)
+    true = np.eye(3)[labels][:, None] * np.ones((1, 8, 1))
+    noise = rng.standard_normal((60, 8, 3))
+    logits = {USUAL: sharper * (1.0 * true + noise), "varied motion": sharper * (2.0 * true + noise)}
+    person = np.arange(60) % 5
+    return Answered(logits, labels, np.array([f"sequence-{i % 15}" for i in range(60)]), person[:, None])
+
+
+def test_rows_are_scored_against_the_usual_training() -> None:
+    folds = [answered(np.random.default_rng(seed)) for seed in range(2)]
+    scores = score_set("tiny", folds)
+    rows = {row.row: row for row in scores.rows}
+    assert set(rows) == {USUAL, "varied motion"}  # rows whose trainings were not made are left out
+    labels = np.concatenate([fold.labels for fold in folds])
+    right = {
+        name: np.concatenate([fold.logits[name] for fold in folds]).argmax(axis=-1) == labels[:, None] for name in rows
+    }
+    for name, row in rows.items():
+        assert row.accuracy == pytest.approx(100 * mean_acc(right[name]).mean())
+        assert row.gain == pytest.approx(row.accuracy - rows[USUAL].accuracy)
+    ends = rows["varied motion"].gain_ci95
+    assert ends is not None and 0 < ends[0] < rows["varied motion"].gain < ends[1]
+
+
+def test_temperatures_of_other_folds_calibrate_whoever_is_too_sure() -> None:
+    folds = [answered(np.random.default_rng(seed), sharper=4.0) for seed in range(3)]
+    row = score_set("tiny", folds).rows[0]
+    assert row.ece_calibrated is not None and row.ece_calibrated < 0.5 * row.ece_late
+    assert row.nll_calibrated is not None and row.nll_calibrated < row.nll
+    alone = score_set("tiny", folds[:1]).rows[0]
+    assert alone.ece_calibrated is None and alone.nll_calibrated is None
