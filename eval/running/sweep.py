@@ -238,7 +238,7 @@ def _train(stage: Stage, config: TrainAllConfig, inside: Engine, note: Callable[
     elif stage.kind == FIXED_BEST:
         if has_fixed_best(config):
             return True
-        fit.fit_fixed_best(config.fixed_best, _silent, inside)
+        fit.fit_fixed_best(config.fixed_best, _silent, note, inside)
     elif stage.kind == DEMONSTRATIONS:
         asked = config.agents
         (setting,) = [asked.imitation(agent) for agent in asked.stage_names if agent == stage.agent]

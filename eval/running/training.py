@@ -197,7 +197,7 @@ def train_fixed_best(config: FixedBestConfig) -> Trained:
     from planners.place import fit
 
     with StageProgress() as progress:
-        result = fit.fit_fixed_best(config, progress.report)
+        result = fit.fit_fixed_best(config, progress.report, progress.note)
     best, worst = result.tried[0], result.tried[-1]
     found = f"the best of {len(result.tried)} places: {best.place}"
     accuracy = f"accuracy {100 * best.accuracy:.1f} % (mean over frames), {100 * worst.accuracy:.1f} % at the worst"

@@ -96,13 +96,17 @@ def best_first(places: tuple[Place, ...], accuracy: dict[int, float]) -> tuple[T
 
 
 def fit_fixed_best(
-    config: FixedBestConfig, report: Callable[[str, int, int], None], engine: Engine | None = None
+    config: FixedBestConfig,
+    report: Callable[[str, int, int], None],
+    note: Callable[[str], None] = lambda line: None,
+    engine: Engine | None = None,
 ) -> FixedPlaceFit:
     """Fit and save; places that a stopped run has tried are not tried again.
 
     Args:
         config: the settings of the fit.
         report: called with progress: the name of the task, the amount done, and the total.
+        note: called with a line if the recogniser was trained at another length, or with another localisation.
         engine: runs the trials; None means worker processes, as many as `config` says.
 
     Raises:
@@ -116,6 +120,8 @@ def fit_fixed_best(
         raise UsageError("train fixed-best: expected --models DIR, or --out DIR where the shipped recogniser is used")
     check_folder(directory)
     setting = load_setting(conditions, device=config.device)
+    for line in setting.notes:
+        note(f"warning: {line}")
     path = fixed_place_path(directory, conditions)
     refuse_loss(path, setting, load_fixed_place)
     part, scenarios = validation_windows(setting, with_length(conditions, setting.recordings, STREAM_WINDOW).frames)

@@ -69,7 +69,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         path = config.conditions.directory / f"{GAIN_FIELD}.safetensors"
         return GainTraining(path, {}, found, (Scores(0.1, 0.02, 0.05), Scores(0.1, 0.03, 0.05)), cut_short=False)
 
-    def fixed_best(config: FixedBestConfig, report: object) -> FixedPlaceFit:
+    def fixed_best(config: FixedBestConfig, report: object, note: object) -> FixedPlaceFit:
         heard.append("fixed-best")
         assert config.conditions.directory is not None
         tried = (TriedPlace(PLACES["front"], 0.75), TriedPlace(PLACES["side"], 0.5))

@@ -96,6 +96,15 @@ def test_the_best_place_comes_first_and_of_equal_ones_the_first() -> None:
     assert [one.accuracy for one in tried] == [0.75, 0.75, 0.5, 0.25]
 
 
+def test_a_recogniser_of_another_length_is_told_of(config: FixedBestConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fit, "accuracy_at", made([0.5] * 6, []))
+    lines: list[str] = []
+    fit_fixed_best(config, silent, lines.append)
+    assert lines == []
+    fit_fixed_best(changed(config, length=LENGTH - 2, out=Path(str(config.out)) / "short"), silent, lines.append)
+    assert lines == ["warning: episodes have 6 frames, but weights were trained at another length: recogniser at 8"]
+
+
 @pytest.mark.parametrize("best", [0, 3, 5])
 def test_the_best_of_made_accuracies_is_saved(
     config: FixedBestConfig, monkeypatch: pytest.MonkeyPatch, best: int
