@@ -287,6 +287,12 @@ runs/published/table.md: | setup
 runs/real-views/table.md: | setup
 	$(EHAR) study real-views $(DATA)/nwucla.npz --out $(@D)
 
+# What each part of a recogniser's training is worth: 12 trainings for each set and fold.
+TRIAL_SETS := $(DATA)/sbu.npz $(DATA)/nwucla.npz $(DATA)/hdm05.npz solo duo
+TRIAL_CLIPS ?= 60000
+runs/trials/table.md: | setup
+	$(EHAR) study trials $(TRIAL_SETS) --clips $(TRIAL_CLIPS) --out $(@D)
+
 # Imitation on solo with one option of its own, as il in models/solo-NAME.
 soft := --labels soft
 lookahead := --teacher oracle-lookahead
@@ -388,6 +394,9 @@ docs/results/published.md: runs/published/table.md
 docs/results/real-views.md: runs/real-views/table.md
 	$(call page,$@,What is simulated against real cameras,ehar study real-views $(DATA)/nwucla.npz --out runs/real-views,$(<D)/table.md)
 
+docs/results/trials.md: runs/trials/table.md
+	$(call page,$@,What each part of a training is worth,ehar study trials $(TRIAL_SETS) --clips $(TRIAL_CLIPS) --out runs/trials,$(<D)/table.md)
+
 docs/results/agents.md: runs/agents-solo-paper/table.md $(OPTIONS:%=runs/imitation-solo-%/table.md)
 	$(call page,$@,What options of imitation are worth,ehar benchmark no-act il oracle,$^)
 
@@ -402,7 +411,7 @@ docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/t
 # Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), stream-sets (ehar data stitch) and what
 # stood before (mended).
 PAGES := planners nbv indoor obstacles exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding deciding-streams \
-  streams stream-belief utkinect headroom class-maps forms published real-views paper agents behaviour benchmarks
+  streams stream-belief utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
 results: left
 	@$(MAKE) --no-print-directory pages
 

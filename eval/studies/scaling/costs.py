@@ -38,6 +38,7 @@ STUDIED = {  # planners of studies that run episodes themselves
     "study ablation": ("nbv",) * 25,
     "study belief": ("no-act", "random", "nbv-search"),
 }
+TRAINS = ("study published", "study real-views", "study trials")  # trainings of their own, which nobody foretells
 FIRST_BATCHES = 3  # of rollouts for a gain field, that wait for those before
 
 
@@ -73,7 +74,7 @@ class Costs:
         """Return what a command takes; None if nobody knows: it asks for a GPU, or its data are not there."""
         if "cuda" in asked.options.get("device", ()) or asked.option("setting") == "paper":
             return None
-        if asked.option("size", "small") != "small" or asked.kind in ("study published", "study real-views"):
+        if asked.option("size", "small") != "small" or asked.kind in TRAINS:
             return None
         try:
             if asked.kind.startswith("train"):
