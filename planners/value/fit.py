@@ -13,7 +13,7 @@ from planners.value.belief.filters import read_streams
 from planners.value.belief.streams import StreamBeliefModel
 from planners.value.collection import Collection
 from planners.value.field import GainField, feature_matrix
-from planners.value.situation import PARTS, STREAM_PARTS, Situation, frames_ahead, views_counted
+from planners.value.situation import PARTS, STREAM_LOOKAHEAD, STREAM_PARTS, Situation, frames_ahead, views_counted
 from planners.value.view_basis import BASIS_SIZE, SINES, basis_at, mean_direction, turned
 
 VARIANTS: dict[str, tuple[str, ...]] = {
@@ -87,7 +87,14 @@ def fork_situations(collection: Collection, belief: BeliefModel) -> Situation:
     )
 
 
-def stream_situations(collection: Collection, belief: StreamBeliefModel, *, fps: float, memory: float) -> Situation:
+def stream_situations(
+    collection: Collection,
+    belief: StreamBeliefModel,
+    *,
+    fps: float,
+    memory: float,
+    lookahead: float = STREAM_LOOKAHEAD,
+) -> Situation:
     """Return the situations at all N forks of a collection of streams.
 
     Args:
@@ -95,9 +102,10 @@ def stream_situations(collection: Collection, belief: StreamBeliefModel, *, fps:
         belief: the fitted belief.
         fps: frames per second.
         memory: time that a view counts for [s].
+        lookahead: time over which the shares of activities are expected [s].
     """
     episode, frame = collection.episode, collection.frame
-    shares = coming_shares(belief, fps=fps, frames=frames_ahead(1 / fps))
+    shares = coming_shares(belief, fps=fps, frames=frames_ahead(1 / fps, lookahead))
     expected = read_streams(belief, collection.log_probs, collection.viewpoints, fps=fps, shares=shares)
     seen, keep = basis_at(collection.viewpoints, belief.span), float(np.exp(-1 / (fps * memory)))
     for late in range(1, seen.shape[1]):

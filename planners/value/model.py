@@ -19,7 +19,7 @@ from ehar.world import LATER, PAPER, World
 from planners.value.belief.clips import BeliefModel
 from planners.value.belief.streams import StreamBeliefModel
 from planners.value.field import GainField
-from planners.value.situation import USUAL_MEMORY
+from planners.value.situation import STREAM_LOOKAHEAD, USUAL_MEMORY
 from recognition.weight_files import check_files, check_world, description_path, files_sha256, save_weights
 
 SHIPPED = Path(__file__).parents[1] / "weights"
@@ -37,6 +37,7 @@ class GainModel:
         sha256: hash of the files, recorded beside results.
         length: number of frames of the clips that it was trained on; None in streams, or if that is not recorded.
         memory: time that a view counts for in a stream [s]; of no use in clips.
+        lookahead: time over which the shares of activities are expected in a stream [s]; of no use in clips.
         localisation: the localisation that it was trained with; None in clips, which have none.
     """
 
@@ -46,6 +47,7 @@ class GainModel:
     sha256: str = ""
     length: int | None = None
     memory: float = USUAL_MEMORY
+    lookahead: float = STREAM_LOOKAHEAD
     localisation: Localisation | None = None
 
     __repr__ = in_brief
@@ -72,6 +74,7 @@ class GainDescription:
         world: the world of the training.
         stream_belief: the parameters of the belief in streams; None in clips.
         memory: time that a view counts for in a stream [s].
+        lookahead: time over which the shares of activities are expected in a stream [s].
     """
 
     recogniser_sha256: str
@@ -82,6 +85,7 @@ class GainDescription:
     world: World = PAPER
     stream_belief: StreamBeliefModel | None = None
     memory: float = USUAL_MEMORY
+    lookahead: float = STREAM_LOOKAHEAD
 
     @property
     def length(self) -> int | None:
@@ -130,6 +134,7 @@ def save_gain_model(
         world=world,
         stream_belief=model.belief if isinstance(model.belief, StreamBeliefModel) else None,
         memory=model.memory,
+        lookahead=model.lookahead,
     )
     save_weights(path, save(tensors), description)
 
@@ -166,7 +171,7 @@ def open_gain_model(path: Path, conditions: Conditions, joint_count: int, recogn
         f"a gain field, as made by `ehar train gain-field {conditions.options} {conditions.models_option}`",
     )
     file, what = description_path(path), "a gain field, as `ehar train gain-field` writes it"
-    later = (*LATER, "stream_belief", "memory", "learned")
+    later = (*LATER, "stream_belief", "memory", "lookahead", "learned")
     description = read_json(file, GainDescription, what, optional=later, wrong=ModelError)
     belief = description.stream_belief or description.belief
     if belief is None:
@@ -193,4 +198,13 @@ def open_gain_model(path: Path, conditions: Conditions, joint_count: int, recogn
         raise ModelError(f"{path}: expected a gain field {FULL!r}, got {', '.join(fields) or 'none'}")
     pairs = np.array(description.trunk, dtype=np.int64)
     localisation = None if description.stream_belief is None else description.world.localisation
-    return GainModel(fields, belief, pairs, files_sha256(path), description.length, description.memory, localisation)
+    return GainModel(
+        fields,
+        belief,
+        pairs,
+        sha256=files_sha256(path),
+        length=description.length,
+        memory=description.memory,
+        lookahead=description.lookahead,
+        localisation=localisation,
+    )

@@ -31,7 +31,7 @@ class Situation:
     Args:
         ratio: (B,) observation ratio; None in a stream.
         belief: (B, K) probabilities; in a stream the expected share of each class, and last of no activity, in the
-            coming `STREAM_LOOKAHEAD` seconds, (B, K + 1).
+            coming seconds that the field was learned to look ahead, (B, K + 1).
         embedding: (B, D), the recogniser's embedding.
         facing: (B, P) [rad], the azimuths that people face.
         facing_std: (B, P) [rad], their standard deviations.
@@ -94,12 +94,18 @@ class Tracker:
     """
 
     def __init__(
-        self, *, belief: BeliefModel | StreamBeliefModel, pairs: IntArray, memory: float = USUAL_MEMORY
+        self,
+        *,
+        belief: BeliefModel | StreamBeliefModel,
+        pairs: IntArray,
+        memory: float = USUAL_MEMORY,
+        lookahead: float = STREAM_LOOKAHEAD,
     ) -> None:
         """Create the tracker; `reset` it before the first frame."""
         self._model = belief
         self._pairs = pairs
         self._memory = memory
+        self._lookahead = lookahead
 
     def reset(self, context: Context) -> None:
         """Forget everything.
@@ -119,7 +125,7 @@ class Tracker:
             fps = 1 / context.frame_time
             self._belief = StreamBelief(self._model, fps=fps)
             self._belief.start(context.episodes)
-            self._shares = coming_shares(self._model, fps=fps, frames=frames_ahead(context.frame_time))
+            self._shares = coming_shares(self._model, fps=fps, frames=frames_ahead(context.frame_time, self._lookahead))
         else:
             self._belief = Belief(self._model)
             self._belief.start(context.episodes, len(context.class_names))
@@ -203,13 +209,12 @@ def frames_to_come(context: Context) -> int:
     """Return the most frames that a planner looks ahead: to the end of an episode; of a stream, some seconds."""
     if context.length is not None:
         return context.length - 1
-    seconds = STREAM_LOOKAHEAD if context.vehicle is None else FLIGHT_LOOKAHEAD
-    return max(round(seconds / context.frame_time), 1)
+    return frames_ahead(context.frame_time, STREAM_LOOKAHEAD if context.vehicle is None else FLIGHT_LOOKAHEAD)
 
 
-def frames_ahead(frame_time: float) -> int:
-    """Return the number of frames that planners look ahead in a stream, at least 1."""
-    return max(round(STREAM_LOOKAHEAD / frame_time), 1)
+def frames_ahead(frame_time: float, lookahead: float) -> int:
+    """Return the number of frames in the time that is looked ahead [s], at least 1."""
+    return max(round(lookahead / frame_time), 1)
 
 
 def coming_gains(observation: Observation, context: Context, memory: float) -> FloatArray:

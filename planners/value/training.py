@@ -40,7 +40,14 @@ from planners.value.fit import (
     stream_situations,
 )
 from planners.value.model import FULL, GainModel, gain_model_path, load_gain_model, save_gain_model
-from planners.value.situation import FLIGHT_WINDOW, STREAM_WINDOW, USUAL_MEMORY, Situation
+from planners.value.situation import (
+    FLIGHT_LOOKAHEAD,
+    FLIGHT_WINDOW,
+    STREAM_LOOKAHEAD,
+    STREAM_WINDOW,
+    USUAL_MEMORY,
+    Situation,
+)
 from planners.value.view_basis import DistanceRange
 from recognition.setting import load_setting, refuse_loss, with_length
 
@@ -130,6 +137,7 @@ def train_gain_field(
     data, policy = setting.recordings, split_parts(setting.recordings).policy
     flown = setting.runner.track.vehicle is not None
     length = with_length(conditions, data, FLIGHT_WINDOW if flown else STREAM_WINDOW).frames
+    lookahead = FLIGHT_LOOKAHEAD if flown else STREAM_LOOKAHEAD
     sequences = policy[data.lengths[policy] >= length]
     if len(sequences) < 2:  # a field is judged on sequences that it was not fitted on
         raise DataError(
@@ -159,13 +167,13 @@ def train_gain_field(
     def situated(collection: Collection) -> Situation:
         if isinstance(belief, BeliefModel):
             return fork_situations(collection, belief)
-        return stream_situations(collection, belief, fps=data.fps, memory=task.memory)
+        return stream_situations(collection, belief, fps=data.fps, memory=task.memory, lookahead=lookahead)
 
     def fit(collection: Collection, parts: tuple[str, ...]) -> Fit:
         return fit_field(collection, situated(collection), parts, _performers(data, collection.sequences))
 
     def model_of(fields: dict[str, GainField]) -> GainModel:
-        return GainModel(fields, belief, task.pairs, memory=task.memory)
+        return GainModel(fields, belief, task.pairs, memory=task.memory, lookahead=lookahead)
 
     scores: dict[int, Scores] = {}
     while not _has_learned(scores) and config.batches not in scores:

@@ -36,7 +36,7 @@ class ViewValue:
         if variant not in model.fields:
             raise UsageError(f"unknown gain field {variant!r}; expected one of: {', '.join(model.fields)}")
         self.field = model.fields[variant]
-        self._tracker = Tracker(belief=model.belief, pairs=model.pairs, memory=model.memory)
+        self._tracker = Tracker(belief=model.belief, pairs=model.pairs, memory=model.memory, lookahead=model.lookahead)
         self._memory = model.memory
 
     def reset(self, context: Context) -> None:

@@ -2,6 +2,8 @@
 
 import json
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -47,7 +49,7 @@ from planners.value import training as gain_training
 from planners.value.belief import streams_fit
 from planners.value.belief.streams import StreamBeliefModel
 from planners.value.config import GainTrainingConfig
-from planners.value.model import GainModel
+from planners.value.model import GainModel, load_gain_model
 from planners.value.training import train_gain_field
 from planners.value.view_value import ViewValue
 from recognition.setting import load_setting
@@ -77,6 +79,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def learn_to_look(folder: Path) -> None:
     """Train a gain field, and find a place, with as little as will do."""
     conditions = Conditions(data=str(folder / "raising.npz"), models=folder / "models", length=40)
+    with small_trainings():
+        trained = train_gain_field(
+            GainTrainingConfig(conditions=conditions, batches=1, workers=1), searching, lambda *_: None
+        )
+        fit_fixed_best(FixedBestConfig(conditions=conditions, workers=1), lambda *_: None)
+    assert all("ratio" not in fit.field.parts for fit in trained.fits.values())  # nobody knows it in a stream
+
+
+@contextmanager
+def small_trainings() -> Iterator[None]:
+    """Let planners be trained on next to nothing."""
     with pytest.MonkeyPatch.context() as patch:
         for module, name, value in (
             (collection, "EPISODES", 6),
@@ -89,15 +102,11 @@ def learn_to_look(folder: Path) -> None:
             (places, "STARTS", 1),
         ):
             patch.setattr(module, name, value)
+        yield
 
-        def searching(model: GainModel) -> Planner:
-            return NextBestViewSearch(model=model)
 
-        trained = train_gain_field(
-            GainTrainingConfig(conditions=conditions, batches=1, workers=1), searching, lambda *_: None
-        )
-        fit_fixed_best(FixedBestConfig(conditions=conditions, workers=1), lambda *_: None)
-    assert all("ratio" not in fit.field.parts for fit in trained.fits.values())  # nobody knows it in a stream
+def searching(model: GainModel) -> Planner:
+    return NextBestViewSearch(model=model)
 
 
 def watched(folder: Path, planners: Any, **options: Any) -> Run:
@@ -237,6 +246,20 @@ def test_a_field_of_streams_is_not_for_clips(folder: Path) -> None:
         ViewValue(model).reset(tiny_context())
     with pytest.raises(UsageError, match="got one that was trained on clips, expected one for streams"):
         ViewValue(model_of(np.zeros(21))).reset(replace(tiny_context(), length=None))
+
+
+def test_a_field_that_is_learned_in_flight_expects_as_far_as_its_paths_go(folder: Path, tmp_path: Path) -> None:
+    told = Conditions(data=str(folder / "raising.npz"), models=folder / "models", track="px4-auto", length=80)
+    with small_trainings():
+        train_gain_field(
+            GainTrainingConfig(conditions=told, out=tmp_path, batches=1, workers=1), searching, lambda *_: None
+        )
+    held = json.loads((tmp_path / "gain-field-perfect-moving-px4-auto.json").read_text())
+    of_grid = json.loads((folder / "models" / "gain-field-perfect-moving.json").read_text())
+    assert (held["lookahead"], of_grid["lookahead"]) == (6.0, 2.0)
+    sha256 = load_setting(told).recogniser_sha256
+    model = load_gain_model(replace(told, models=tmp_path), raising_streams(), sha256)
+    assert model.lookahead == 6.0
 
 
 def test_the_kit_checks_planners_on_streams(folder: Path) -> None:

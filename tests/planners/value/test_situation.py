@@ -79,8 +79,8 @@ class Follower(Planner):
 
     name = "follower"
 
-    def __init__(self, belief: BeliefModel | StreamBeliefModel = BELIEF) -> None:
-        self.tracker = Tracker(belief=belief, pairs=PAIRS, memory=0.3)
+    def __init__(self, belief: BeliefModel | StreamBeliefModel = BELIEF, lookahead: float = 2.0) -> None:
+        self.tracker = Tracker(belief=belief, pairs=PAIRS, memory=0.3, lookahead=lookahead)
 
     def reset(self, context: Context) -> None:
         self.tracker.reset(context)
@@ -128,7 +128,8 @@ def test_the_tracker_finds_where_people_are_and_face() -> None:
     np.testing.assert_allclose(last.reference, np.pi / 2, atol=0.2)
 
 
-def test_the_tracker_follows_a_stream_as_the_fit_reads_it() -> None:
+@pytest.mark.parametrize("lookahead", [2.0, 6.0])
+def test_the_tracker_follows_a_stream_as_the_fit_reads_it(lookahead: float) -> None:
     chain = StreamBeliefModel(
         follows=((0.0, 0.6, 0.4), (0.5, 0.0, 0.5), (0.2, 0.8, 0.0)),
         rates=(1.0, 0.5, 0.8),
@@ -137,7 +138,7 @@ def test_the_tracker_follows_a_stream_as_the_fit_reads_it() -> None:
         share=(0.2, 0.2, 0.2, 0.4),
         phases=2,
     )
-    data, follower, rng = raising_streams(), Follower(chain), np.random.default_rng(0)
+    data, follower, rng = raising_streams(), Follower(chain, lookahead), np.random.default_rng(0)
     runner = Runner(data, StreamRecogniser(), PerfectSensor())
     batch = runner.batch(windows(data, np.arange(4), 30, 30), np.arange(4), runner.world.sample_starts(rng, 4), rng)
     record = runner.roll(follower, batch, rng)
@@ -157,11 +158,13 @@ def test_the_tracker_follows_a_stream_as_the_fit_reads_it() -> None:
         path=nothing,
         **kept,
     )
-    read = stream_situations(collection, chain, fps=data.fps, memory=0.3).features()
+    read = stream_situations(collection, chain, fps=data.fps, memory=0.3, lookahead=lookahead).features()
     assert tuple(read) == STREAM_PARTS
     for part, columns in read.items():
         tracked = np.stack([each.features()[part][row] for row, each in enumerate(one)])
         np.testing.assert_allclose(tracked, columns, atol=1e-6, err_msg=part)
+    other = stream_situations(collection, chain, fps=data.fps, memory=0.3, lookahead=4.0).features()
+    assert abs(other["belief"] - read["belief"]).max() > 0.003  # more of what follows is expected
 
 
 def test_a_reset_forgets() -> None:
