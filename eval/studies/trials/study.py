@@ -32,7 +32,7 @@ class TrialsReport:
     Args:
         clips: training clips of each trial.
         folds: number of folds over people.
-        sets: the data sets.
+        sets: the data sets of which a fold is done or has begun.
     """
 
     clips: int
@@ -172,7 +172,8 @@ def trials(
     for number in only or range(folds):
         for run in runs:
             run.train(number)
-    report = TrialsReport(clips, folds, tuple(run.scores() for run in runs))
+    found = tuple(scores for run in runs if (scores := run.scores()) is not None)
+    report = TrialsReport(clips, folds, found)
     write_text(folder / "summary.json", [json_text(asdict(report))])
     write_text(folder / "table.md", [markdown(*report.tables())])
     return report
@@ -225,8 +226,8 @@ class _SetTrials:
                 flush=True,
             )
 
-    def scores(self) -> SetScores:
-        """Score what is there."""
+    def scores(self) -> SetScores | None:
+        """Score what is there; None if no fold has begun."""
         from recognition.trials.trial import held_clips
 
         answered = []
@@ -237,9 +238,7 @@ class _SetTrials:
             held = held_clips(self._data, fold, self._lesson)
             names = np.array(self._data.sequence_names)[held.sequences]
             answered.append(Answered(logits, held.labels.numpy(), names, self._data.subjects[held.sequences]))
-        if not answered:
-            raise UsageError(f"{self._folder}: expected trials of at least one fold, got none")
-        return score_set(self._data.title, answered)
+        return score_set(self._data.title, answered) if answered else None
 
     def _path(self, number: int, name: str) -> Path:
         return self._folder / f"fold-{number}" / f"{name.replace(' ', '-')}.npy"

@@ -10,10 +10,11 @@ from ehar.data.motion_file import save_motion
 from ehar.errors import UsageError
 from eval.cli.main import main
 from eval.scores.metrics import mean_acc
+from eval.studies.trials import study
 from eval.studies.trials.scores import Answered, score_set
 from eval.studies.trials.study import trials
 from recognition.trials import trial
-from recognition.trials.changes import USUAL
+from recognition.trials.changes import USUAL, Change
 from tests.recognition.trials.test_folds import of_people
 
 
@@ -49,6 +50,22 @@ def test_folds_are_trained_one_after_another_and_kept(
     assert "2 of 2 folds" in (out / "table.md").read_text()
     with pytest.raises(UsageError, match="differs in clips"):
         trials([str(motion)], out=out, sensor="perfect", folds=2, clips=96)
+
+
+def test_sets_of_which_nothing_is_done_are_left_out_of_the_tables(
+    motion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    train = study._SetTrials.train
+
+    def but_duo(self: study._SetTrials, number: int) -> None:
+        if self._data.name != "duo":
+            train(self, number)
+
+    monkeypatch.setattr(study._SetTrials, "train", but_duo)
+    monkeypatch.setattr(study, "CHANGES", {USUAL: Change()})
+    found = trials([str(motion), "duo"], out=tmp_path / "out", sensor="perfect", folds=2, only=[0], clips=32)
+    assert [held.data for held in found.sets] == ["tiny (synthetic)"]
+    assert [row.row for row in found.sets[0].rows] == [USUAL, "last weights"]
 
 
 def test_bad_options_are_refused(motion: Path, tmp_path: Path) -> None:
