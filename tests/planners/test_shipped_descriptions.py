@@ -23,7 +23,7 @@ from recognition.storage import RecogniserDescription
 )
 def test_what_is_read_is_written_as_it_was(folder: Path, pattern: str, kind: Any) -> None:
     paths = sorted(folder.glob(pattern))
-    assert len(paths) == 5  # duo and solo, with exact joints and through the estimator; solo-stream through it
+    assert len(paths) == 6  # duo and solo, with exact joints and through the estimator; their streams through it
     for path in paths:
         text = path.read_text(encoding="utf-8")
         written = asdict(

@@ -12,7 +12,7 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from ehar.conditions import Conditions, Form
-from ehar.data.any_source import load_recordings
+from ehar.data.any_source import BUILT_IN_STREAMS, load_recordings
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import split_parts
 from ehar.data.skeleton import Skeleton
@@ -262,8 +262,9 @@ def test_shipped_weights(built_in: MotionData, sensor: str) -> None:
 
 
 @pytest.mark.slow
-def test_shipped_weights_of_streams() -> None:
-    conditions, streams = Conditions(sensor="estimator"), load_recordings("solo-stream")
+@pytest.mark.parametrize("name", sorted(BUILT_IN_STREAMS))
+def test_shipped_weights_of_streams(name: str) -> None:
+    conditions, streams = Conditions(sensor="estimator"), load_recordings(name)
     recogniser = load_recogniser(conditions, streams)
     assert isinstance(recogniser, StreamingRecogniser) and recogniser.spec.fading
     path = recogniser_path(SHIPPED / streams.name, conditions)
@@ -272,7 +273,11 @@ def test_shipped_weights_of_streams() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "sensors"), [*((name, tuple(SENSORS)) for name in sorted(BUILT_IN)), ("solo-stream", ("estimator",))]
+    ("name", "sensors"),
+    [
+        *((name, tuple(SENSORS)) for name in sorted(BUILT_IN)),
+        *((name, ("estimator",)) for name in sorted(BUILT_IN_STREAMS)),
+    ],
 )
 def test_nothing_else_is_shipped(name: str, sensors: tuple[str, ...]) -> None:
     expected = {
