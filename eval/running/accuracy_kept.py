@@ -7,11 +7,11 @@ from ehar.errors import UsageError
 from ehar.track import IDEAL
 from eval.records.config import RunConfig
 from eval.records.episodes import EpisodeRecords
-from eval.running.run import read_run_of_clips
+from eval.running.run import read_run
 from eval.scores.planner_summary import NO_ACT
 
 SAME = ("data_sha256", "recogniser_sha256", "sensor_sha256", "form", "readout")  # of both configurations
-TOLD = ("sensor", "views", "part", "starts", "seed", "length", "fps", "world")  # of both conditions
+TOLD = ("sensor", "views", "part", "starts", "seed", "length", "fps", "world", "onset")  # of both conditions
 
 
 def read_ideal_run(directory: Path, config: RunConfig) -> Mapping[str, EpisodeRecords]:
@@ -28,7 +28,7 @@ def read_ideal_run(directory: Path, config: RunConfig) -> Mapping[str, EpisodeRe
     """
     if config.conditions.track == IDEAL:
         raise UsageError(f"{directory}: a run to compare flights with, but the track is {IDEAL}; expected a vehicle")
-    run = read_run_of_clips(directory)
+    run = read_run(directory)
     held = run.config
     wanted, got = _decided(config), _decided(held)
     if config.gain_model_sha256 is None or held.gain_model_sha256 is None:  # not every run needs one

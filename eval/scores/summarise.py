@@ -12,7 +12,7 @@ from eval.records.contacts import ContactRecords, ContactSummary, join_contacts,
 from eval.records.episodes import EpisodeRecords, join_records
 from eval.records.flights import FlightRecords, FlightSummary, join_flights, summarise_flights
 from eval.records.solves import Solves, join_solves
-from eval.scores.answers import answers_only, check_same_episodes
+from eval.scores.answers import answers_only
 from eval.scores.differences import differences
 from eval.scores.metrics import ACC_AT, acc_at, gap_closed, mean_acc
 from eval.scores.planner_accuracy import PlannerAccuracy, draw_resamples, planner_accuracy
@@ -58,8 +58,8 @@ def summarise(
         told[name] = _Told.of(records[name], step_ms[name], None if solves is None else solves[name])
     stored, records, reference = records, answers, next(iter(answers.values()))
     of_streams, fps = any(one.of_streams for one in told.values()), config.conditions.fps
-    for name, episodes in (on_ideal or {}).items():
-        check_same_episodes(f"{name} on the ideal track", episodes, reference)
+    if on_ideal is not None:
+        on_ideal = {name: answers_only(f"{name} on the ideal track", on_ideal[name], reference) for name in on_ideal}
     groups = group_planners(records)
     trainings = [[records[name] for name in group.records] for group in groups]
     resamples = draw_resamples(list(records.values()))

@@ -22,7 +22,7 @@ def test_the_records_of_a_run_under_the_same_conditions_are_read(tmp_path: Path)
 
 
 WORDS = {"sensor": "estimator", "sensor_sha256": "8", "views": "paper", "part": "validation", "form": "ctrgcn"}
-WORDS["world"] = "indoor"
+WORDS |= {"world": "indoor", "onset": "known"}
 
 
 @pytest.mark.parametrize("name", [*SAME, *TOLD])

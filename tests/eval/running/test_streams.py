@@ -23,7 +23,7 @@ from ehar.flight.vehicle import VEHICLES
 from ehar.onsets import begins
 from ehar.planner import Context, Observation, Planner
 from ehar.world import ROOM
-from eval import benchmark, check_planner
+from eval import benchmark, check_planner, verify
 from eval.records.config import read_config
 from eval.records.episode_lines import read_episodes
 from eval.records.run_files import EPISODES, SUMMARY
@@ -227,6 +227,17 @@ def test_planners_over_the_field_move_and_fly(folder: Path) -> None:
         ran = watched(folder, ("nbv-greedy", "nbv-search", "nbv"), track=track)
         for name, held in ran.records.items():
             assert np.ptp(held.viewpoint[:, :, 1:], axis=1).max() > 0.02, f"{name} stays on {track}"
+
+
+def test_flights_over_streams_are_compared_with_the_grid(folder: Path, tmp_path: Path) -> None:
+    planners = ("no-act", "front")
+    watched(folder, planners, out=tmp_path / "grid")
+    flown = watched(folder, planners, track="px4-auto", out=tmp_path / "flown", ideal=tmp_path / "grid")
+    assert flown.config.ideal == str(tmp_path / "grid")
+    assert verify(tmp_path / "flown").difference is None
+    watched(folder, planners, onset="known", out=tmp_path / "known")
+    with pytest.raises(UsageError, match=r"differs in onset \(onset: expected 'unknown', got 'known'\)"):
+        watched(folder, planners, track="px4-auto", ideal=tmp_path / "known")
 
 
 def test_the_belief_can_be_scored_and_moves_nothing(folder: Path) -> None:

@@ -19,7 +19,14 @@ from eval.records.solves import Solves
 from eval.render.tables import markdown
 from eval.running.run import write_records
 from eval.scores.summary import Summary, read_summary
-from tests.helpers.made_records import CONFIG_OF_RUN, flown, make_records, summary_of, three_planners
+from tests.helpers.made_records import (
+    CONFIG_OF_RUN,
+    flown,
+    make_records,
+    make_stream_records,
+    summary_of,
+    three_planners,
+)
 
 
 def test_every_number_of_the_summary_can_be_recomputed_from_the_file(tmp_path: Path) -> None:
@@ -161,6 +168,20 @@ def test_accuracy_kept_is_the_gain_in_flight_over_that_on_the_ideal_track() -> N
     # A planner that does as well in flight keeps all, in every resample.
     whole = summary_of({**records, "mine": on_ideal["mine"]}, on_ideal=on_ideal).planner("mine")
     assert (whole.accuracy_kept, whole.accuracy_kept_ci95) == (1, (1, 1))
+
+
+def test_accuracy_kept_in_streams_is_that_of_their_activities() -> None:
+    labels = np.tile([-1, 0, 0, 0, 0, -1, 1, 1, 1, 1, -1], (3, 1))
+    late, later, soon = labels.copy(), labels.copy(), labels.copy()
+    late[:, [1, 2, 6, 7]] = 2  # half of each activity is wrong, in flight a quarter, and on the grid nothing
+    later[:, [1, 6]] = 2
+    later[:, [0, 5, 10]] = 2  # between activities nothing is counted
+    on_ideal = {"no-act": make_stream_records(labels, late), "mine": make_stream_records(labels, soon)}
+    flying = {"no-act": on_ideal["no-act"], "mine": make_stream_records(labels, later)}
+    assert summary_of(flying, on_ideal=on_ideal).planner("mine").accuracy_kept == pytest.approx(0.5)
+    other = {name: make_stream_records(np.roll(labels, 1), np.roll(late, 1)) for name in flying}
+    with pytest.raises(DataError, match="'no-act on the ideal track': expected the same 6 episodes"):
+        summary_of(flying, on_ideal=other)
 
 
 def test_flights_are_compared_with_the_same_episodes_only() -> None:
