@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -132,7 +132,8 @@ def trials(
 
     Args:
         data: names of sets, or .npz files.
-        out: folder of the results; every training that is done is kept there, and not made again.
+        out: folder of the results; every training that is done is kept there, and not made again. The table is written
+            after each, of those that are done.
         sensor: name of the sensor.
         folds: number of groups that people are left out in.
         only: numbers of the folds to train now; none means all. Two processes may train different ones.
@@ -169,14 +170,19 @@ def trials(
     check_out(folder, held_config)
     write_text(folder / "config.json", [json_text(held_config)])
     runs = [_SetTrials(held, sets, folder, sensor=sensor, folds=folds, clips=clips, device=device) for held in sets]
+
+    def written() -> TrialsReport:
+        report = TrialsReport(clips, folds, tuple(scores for run in runs if (scores := run.scores()) is not None))
+        write_text(folder / "summary.json", [json_text(asdict(report))])
+        write_text(folder / "table.md", [markdown(*report.tables())])
+        return report
+
     for number in only or range(folds):
         for run in runs:
-            run.train(number)
-    found = tuple(scores for run in runs if (scores := run.scores()) is not None)
-    report = TrialsReport(clips, folds, found)
-    write_text(folder / "summary.json", [json_text(asdict(report))])
-    write_text(folder / "table.md", [markdown(*report.tables())])
-    return report
+            for line in run.train(number):
+                print(line, file=sys.stderr, flush=True)
+                written()
+    return written()
 
 
 class _SetTrials:
@@ -201,8 +207,8 @@ class _SetTrials:
         self._folds = people_folds(data, folds)
         self._lesson = Lesson(sensor, clips, advised_length(data, USUAL_LENGTH), device)
 
-    def train(self, number: int) -> None:
-        """Make the trainings of a fold that are not there yet."""
+    def train(self, number: int) -> Iterator[str]:
+        """Make the trainings of a fold that are not there yet, and yield a line after each."""
         from recognition.trials.pretraining import pretrain
         from recognition.trials.trial import held_clips, run_trial
 
@@ -220,11 +226,7 @@ class _SetTrials:
                 self._keep(number, LAST, last)
             right = 100 * (averaged.argmax(axis=-1) == held.labels.numpy()[:, None]).mean()
             took = (time.monotonic() - since) / 60
-            print(
-                f"{self._data.name}, fold {number}, {name}: {right:.1f} %, {took:.1f} minutes",
-                file=sys.stderr,
-                flush=True,
-            )
+            yield f"{self._data.name}, fold {number}, {name}: {right:.1f} %, {took:.1f} minutes"
 
     def scores(self) -> SetScores | None:
         """Score what is there; None if no fold has begun."""

@@ -1,7 +1,9 @@
 """The study of trials: what is done is kept, and the table says what each change is worth."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -57,15 +59,32 @@ def test_sets_of_which_nothing_is_done_are_left_out_of_the_tables(
 ) -> None:
     train = study._SetTrials.train
 
-    def but_duo(self: study._SetTrials, number: int) -> None:
-        if self._data.name != "duo":
-            train(self, number)
+    def but_duo(self: study._SetTrials, number: int) -> Iterator[str]:
+        return iter(()) if self._data.name == "duo" else train(self, number)
 
     monkeypatch.setattr(study._SetTrials, "train", but_duo)
     monkeypatch.setattr(study, "CHANGES", {USUAL: Change()})
     found = trials([str(motion), "duo"], out=tmp_path / "out", sensor="perfect", folds=2, only=[0], clips=32)
     assert [held.data for held in found.sets] == ["tiny (synthetic)"]
     assert [row.row for row in found.sets[0].rows] == [USUAL, "last weights"]
+
+
+def test_who_stops_it_has_the_table_of_what_is_done(
+    motion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = trial.run_trial
+
+    def stops(*given: Any, **named: Any) -> Any:
+        if given[3].smoothing:
+            raise KeyboardInterrupt
+        return run(*given, **named)
+
+    monkeypatch.setattr(trial, "run_trial", stops)
+    with pytest.raises(KeyboardInterrupt):
+        trials([str(motion)], out=tmp_path / "out", sensor="perfect", folds=2, clips=32)
+    table = (tmp_path / "out" / "table.md").read_text()
+    assert "| frames alike |" in table and "| varied motion |" in table
+    assert table.count("smoothed labels") == 1  # in the table over all sets, where nothing is known of it
 
 
 def test_bad_options_are_refused(motion: Path, tmp_path: Path) -> None:
