@@ -14,6 +14,8 @@ from ehar.data.scenario import USUAL_LENGTH, advised_length
 from ehar.data.source import load_data
 from ehar.errors import UsageError
 from ehar.files import json_text, write_bytes, write_text
+from ehar.world import PAPER
+from eval.records.config import CONFIG
 from eval.records.run_files import check_out
 from eval.render.tables import Table, html, interval_text, markdown, text
 from eval.scores.summary_table import basis_lines
@@ -167,9 +169,9 @@ def trials(
         "folds": folds,
         "clips": clips,
     }
-    check_out(folder, held_config)
-    write_text(folder / "config.json", [json_text(held_config)])
     runs = [_SetTrials(held, sets, folder, sensor=sensor, folds=folds, clips=clips, device=device) for held in sets]
+    check_out(folder, held_config)
+    write_text(folder / CONFIG, [json_text(held_config)])
 
     def written() -> TrialsReport:
         report = TrialsReport(clips, folds, tuple(scores for run in runs if (scores := run.scores()) is not None))
@@ -199,12 +201,14 @@ class _SetTrials:
         clips: int,
         device: str,
     ) -> None:
-        from recognition.trials.folds import people_folds  # imported here and below: torch takes seconds
+        from ehar.sensors.registry import load_sensor  # imported here and below: torch takes seconds
+        from recognition.trials.folds import people_folds
         from recognition.trials.trial import Lesson
 
         self._data, self._others = data, [other for other in sets if other is not data]
         self._folder = out / data.name
         self._folds = people_folds(data, folds)
+        load_sensor(sensor, data, PAPER)  # to refuse one that is unknown before anything is written
         self._lesson = Lesson(sensor, clips, advised_length(data, USUAL_LENGTH), device)
 
     def train(self, number: int) -> Iterator[str]:

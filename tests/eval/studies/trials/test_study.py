@@ -96,6 +96,14 @@ def test_bad_options_are_refused(motion: Path, tmp_path: Path) -> None:
         trials([str(motion), str(motion)], out=tmp_path)
     with pytest.raises(UsageError, match="expected different sets, got none"):
         trials([], out=tmp_path)
+    out = tmp_path / "out"
+    with pytest.raises(UsageError, match="unknown sensor 'radar'"):
+        trials([str(motion)], out=out, sensor="radar")
+    with pytest.raises(UsageError, match="--folds: got 9, expected 2 to 6"):
+        trials([str(motion)], out=out, folds=9)
+    with pytest.raises(UsageError, match="solo-stream: expected trimmed sequences, got streams"):
+        trials(["solo-stream"], out=out)
+    assert not out.exists()
 
 
 def answered(rng: np.random.Generator, sharper: float = 1.0) -> Answered:
