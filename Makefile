@@ -228,6 +228,18 @@ runs/trainings-$(1)/table.md: $$(OF_SOLO:%=runs/$(1)-%/table.md)
 endef
 $(foreach world,$(IN_THE_WAY),$(eval $(call in_the_way,$(world))))
 
+STREAMS_IN_THE_WAY := solo-stream duo-stream
+define in_the_way_of_streams
+$$(STREAMS_IN_THE_WAY:%=runs/$(1)-%/table.md): runs/$(1)-%/table.md: models/%/planners
+	$$(BENCHMARK) no-act h-rotate near-level front fixed-best nbv --data $$* --sensor estimator --world $(1) --models models/$$* \
+	  --starts 3 --out $$(@D)
+endef
+$(foreach world,$(IN_THE_WAY),$(eval $(call in_the_way_of_streams,$(world))))
+
+runs/room-solo-stream-px4-auto/table.md: runs/room-solo-stream/table.md
+	$(BENCHMARK) no-act h-rotate fixed-best nbv --data solo-stream --sensor estimator --world room --models models/solo-stream \
+	  --starts 3 --track px4-auto --ideal $(<D) --out $(@D)
+
 # The film of the README: the episode in which nbv's gain over front is the median, and of it the most activities.
 docs/figures/stream.gif: runs/watched-utkinect-px4-auto/table.md
 	$(EHAR) replay $(<D) typical --planners nbv front --since 8 --until 18 --out $@
@@ -328,8 +340,14 @@ docs/results/exact-joints.md: $(SETS:%=runs/rules-%-perfect/table.md)
 docs/results/flown.md: $(SETS:%=runs/agents-%-drone/table.md)
 	$(call side_by_side,nbv,All planners in flight on single clips)
 
-docs/results/streams.md: $(foreach track,. -px4-auto. -tracking-drone.,$(foreach set,solo-stream duo-stream,runs/watched-$(set)$(track:.=)/table.md))
-	$(call page,$@,Streams,ehar benchmark $(WATCHING) --data solo-stream --sensor estimator --models models/solo-stream,$^)
+docs/results/streams.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-solo-stream$(track:.=)/table.md)
+	$(call page,$@,Streams of one person,ehar benchmark $(WATCHING) --data solo-stream --sensor estimator --models models/solo-stream,$^)
+
+docs/results/couple-streams.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-duo-stream$(track:.=)/table.md)
+	$(call page,$@,Streams of couples,ehar benchmark $(WATCHING) --data duo-stream --sensor estimator --models models/duo-stream,$^)
+
+docs/results/obstacle-streams.md: $(foreach world,$(IN_THE_WAY),$(STREAMS_IN_THE_WAY:%=runs/$(world)-%/table.md)) runs/room-solo-stream-px4-auto/table.md
+	$(call page,$@,Things in the way in streams,ehar benchmark no-act nbv --data solo-stream --sensor estimator --world room --starts 3,$^)
 
 docs/results/utkinect.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-utkinect$(track:.=)/table.md)
 	$(call page,$@,Streams of a real Kinect,ehar benchmark $(WATCHING) --data utkinect.npz --sensor estimator,$^)
@@ -411,7 +429,7 @@ docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/t
 # Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), stream-sets (ehar data stitch) and what
 # stood before (mended).
 PAGES := planners nbv indoor obstacles exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding deciding-streams \
-  streams stream-belief utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
+  streams couple-streams obstacle-streams stream-belief utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
 results: left
 	@$(MAKE) --no-print-directory pages
 
