@@ -60,7 +60,7 @@ class Learner:
         self._smoothing = smoothing
 
     def learn(self, clips: Clips, rng: np.random.Generator, *, step: int, steps: int) -> float:
-        """Make one step and return its loss.
+        """Make one step and return its loss; where that is not finite, the weights stay as they are.
 
         Args:
             clips: the batch.

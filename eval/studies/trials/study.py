@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from ehar.arrays import FloatArray
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import USUAL_LENGTH, advised_length
 from ehar.data.source import load_data
-from ehar.errors import UsageError
+from ehar.errors import DataError, UsageError
 from ehar.files import json_text, write_bytes, write_text
 from ehar.world import PAPER
 from eval.records.config import CONFIG
@@ -68,7 +68,7 @@ class TrialsReport:
             footnotes=(
                 f"{USUAL}: {ROWS[0].told}.",
                 f"Keep: it helps on at least {KEPT_ON} sets, and costs none more than {KEPT_LOSS:g} point.",
-                "Folds done: " + ", ".join(f"{held.data} {held.folds} of {self.folds}" for held in self.sets) + ".",
+                "Folds begun: " + ", ".join(f"{held.data} {held.folds} of {self.folds}" for held in self.sets) + ".",
             ),
             words=frozenset({len(self.sets) + 4}),
         )
@@ -134,8 +134,8 @@ def trials(
 
     Args:
         data: names of sets, or .npz files.
-        out: folder of the results; every training that is done is kept there, and not made again. The table is written
-            after each, of those that are done.
+        out: folder of the results; every training that is done is kept there, and not made again. Who stops it
+            has the table of what is done.
         sensor: name of the sensor.
         folds: number of groups that people are left out in.
         only: numbers of the folds to train now; none means all. Two processes may train different ones.
@@ -173,18 +173,16 @@ def trials(
     check_out(folder, held_config)
     write_text(folder / CONFIG, [json_text(held_config)])
 
-    def written() -> TrialsReport:
+    try:
+        for number in only or range(folds):
+            for run in runs:
+                run.train(number)
+    finally:  # who stops it has the table of what is done
         report = TrialsReport(clips, folds, tuple(scores for run in runs if (scores := run.scores()) is not None))
-        write_text(folder / "summary.json", [json_text(asdict(report))])
-        write_text(folder / "table.md", [markdown(*report.tables())])
-        return report
-
-    for number in only or range(folds):
-        for run in runs:
-            for line in run.train(number):
-                print(line, file=sys.stderr, flush=True)
-                written()
-    return written()
+        if report.sets:
+            write_text(folder / "summary.json", [json_text(asdict(report))])
+            write_text(folder / "table.md", [markdown(*report.tables())])
+    return report
 
 
 class _SetTrials:
@@ -211,8 +209,8 @@ class _SetTrials:
         load_sensor(sensor, data, PAPER)  # to refuse one that is unknown before anything is written
         self._lesson = Lesson(sensor, clips, advised_length(data, USUAL_LENGTH), device)
 
-    def train(self, number: int) -> Iterator[str]:
-        """Make the trainings of a fold that are not there yet, and yield a line after each."""
+    def train(self, number: int) -> None:
+        """Make the trainings of a fold that are not there yet, and print a line after each."""
         from recognition.trials.pretraining import pretrain
         from recognition.trials.trial import held_clips, run_trial
 
@@ -223,14 +221,19 @@ class _SetTrials:
             if self._path(number, name).is_file():
                 continue
             since = time.monotonic()
-            begin = pretrain(self._others, self._lesson, fps=self._data.fps) if change.pretrained else None
+            try:
+                begin = pretrain(self._others, self._lesson, fps=self._data.fps) if change.pretrained else None
+            except DataError as error:  # the other sets are too short, or lack joints: all else can be tried
+                print(f"note: {self._data.name}: {name} is left out: {error}", file=sys.stderr, flush=True)
+                continue
             averaged, last = run_trial(self._data, fold, self._lesson, change, held, begin=begin)
             self._keep(number, name, averaged)
             if name == USUAL:
                 self._keep(number, LAST, last)
             right = 100 * (averaged.argmax(axis=-1) == held.labels.numpy()[:, None]).mean()
             took = (time.monotonic() - since) / 60
-            yield f"{self._data.name}, fold {number}, {name}: {right:.1f} %, {took:.1f} minutes"
+            line = f"{self._data.name}, fold {number}, {name}: {right:.1f} %, {took:.1f} minutes"
+            print(line, file=sys.stderr, flush=True)
 
     def scores(self) -> SetScores | None:
         """Score what is there; None if no fold has begun."""
