@@ -39,3 +39,8 @@ def false_alarms(labels: IntArray, predicted: IntArray) -> int:
     shown = np.bincount(row, weights=(predicted == labels).ravel(), minlength=alarms) > 0
     answer = predicted.ravel()[begins.ravel()]
     return int((~shown & (answer != NO_ACTIVITY)).sum())
+
+
+def alarms_per_minute(labels: IntArray, predicted: IntArray, fps: float) -> float:
+    """Return the false alarms a minute of answers (N, L), at so many frames per second."""
+    return false_alarms(labels, predicted) / (labels.size / fps / 60)

@@ -7,7 +7,7 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.data.streams.data import NO_ACTIVITY
 from eval.records.episodes import EpisodeRecords
-from eval.scores.streams.alarms import delays, false_alarms
+from eval.scores.streams.alarms import alarms_per_minute, delays
 
 THRESHOLDS = 200  # probabilities that are tried: quantiles of those that answers have
 
@@ -17,11 +17,6 @@ class Restrained(NamedTuple):
 
     threshold: float  # the probability
     delays: FloatArray  # (M,) frames from each activity's onset until it is recognised for good
-
-
-def alarm_rate(records: EpisodeRecords, fps: float) -> float:
-    """Return the false alarms a minute of records of streams."""
-    return false_alarms(records.label, records.predicted) / (records.label.size / fps / 60)
 
 
 def restrained(records: EpisodeRecords, fps: float, most: float) -> Restrained:
@@ -36,12 +31,11 @@ def restrained(records: EpisodeRecords, fps: float, most: float) -> Restrained:
         fps: frames per second.
         most: false alarms a minute.
     """
-    minutes = records.label.size / fps / 60
     tried = np.unique(np.quantile(records.top_probability, np.linspace(0, 1, THRESHOLDS)))
     best: Restrained | None = None
     for threshold in [0.0, *tried, np.inf]:
         answers = np.where(records.top_probability >= threshold, records.predicted, NO_ACTIVITY)
-        if false_alarms(records.label, answers) / minutes > most:
+        if alarms_per_minute(records.label, answers, fps) > most:
             continue
         took, _ = delays(records.label, answers)
         if best is None or took.mean() < best.delays.mean():

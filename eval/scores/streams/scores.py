@@ -9,7 +9,7 @@ from ehar.data.streams.data import NO_ACTIVITY
 from eval.records.episodes import EpisodeRecords
 from eval.scores.metrics import ACC_AT
 from eval.scores.streams.activities import RATIOS, activities
-from eval.scores.streams.alarms import delays, false_alarms
+from eval.scores.streams.alarms import alarms_per_minute, delays
 from eval.scores.streams.starts import point_map
 
 
@@ -43,7 +43,7 @@ class StreamScores:
 def stream_scores(records: EpisodeRecords, fps: float) -> StreamScores:
     """Return the scores of records of streams, at so many frames per second."""
     took, recognised = delays(records.label, records.predicted)
-    minutes, still = records.label.size / fps / 60, records.label == NO_ACTIVITY
+    still = records.label == NO_ACTIVITY
     within = activities(records)
     f1 = dict(zip(RATIOS, (macro_f1(within.label, answers) for answers in within.predicted.T), strict=True))
     starts = point_map(records, fps)
@@ -52,7 +52,7 @@ def stream_scores(records: EpisodeRecords, fps: float) -> StreamScores:
         no_activity_right=100 * float(records.correct[still].mean()) if still.any() else None,
         delay_s=float(took.mean()) / fps,
         recognised=100 * float(recognised.mean()),
-        false_alarms_per_min=false_alarms(records.label, records.predicted) / minutes,
+        false_alarms_per_min=alarms_per_minute(records.label, records.predicted, fps),
         f1={str(percent): 100 * f1[percent] for percent in ACC_AT},
         f1_mean=100 * float(np.mean(list(f1.values()))),
         point_map={str(offset): 100 * precision for offset, precision in starts.items()},

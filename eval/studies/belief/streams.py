@@ -26,7 +26,8 @@ from eval.scores.planner_metrics import ECE, NLL
 from eval.scores.resampling.resamples import Basis, Resamples, resample_episodes
 from eval.scores.resampling.statistics import Interval, pair, why_no_intervals
 from eval.scores.streams.activities import activities
-from eval.scores.streams.equal_alarms import alarm_rate, restrained
+from eval.scores.streams.alarms import alarms_per_minute
+from eval.scores.streams.equal_alarms import restrained
 from eval.scores.streams.table import STREAM_HEADER, STREAM_NOTES, stream_row
 from eval.scores.summary_table import basis_lines
 from planners.heuristic import NoAct, Random
@@ -268,7 +269,7 @@ def _read(
         said[name] = np.log(np.maximum(read_streams(belief, rolled.log_probs, rolled.viewpoints, fps=fps), 1e-300))
     records = {name: _records(rolled, log_probs) for name, log_probs in said.items()}
     losses = {name: _losses(held) for name, held in records.items()}
-    alarms = min(alarm_rate(records[name], fps) for name in (RECOGNISER, BELIEF))
+    alarms = min(alarms_per_minute(records[name].label, records[name].predicted, fps) for name in (RECOGNISER, BELIEF))
     waits = {name: restrained(held, fps, alarms).delays / fps for name, held in records.items()}
     shown = activities(records[RECOGNISER])
     of_activities = resample_episodes(np.array(shown.sequence), shown.subjects, why_none=resamples.why_none)

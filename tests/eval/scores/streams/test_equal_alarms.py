@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from eval.scores.streams.equal_alarms import alarm_rate, restrained
+from eval.scores.streams.alarms import alarms_per_minute
+from eval.scores.streams.equal_alarms import restrained
 from tests.helpers.made_records import make_stream_records
 
 NONE = -1
@@ -17,7 +18,7 @@ RECORDS = replace(make_stream_records(LABELS, ANSWERS), top_probability=SURE)
 
 
 def test_with_alarms_to_spare_every_answer_counts() -> None:
-    assert alarm_rate(RECORDS, fps=2.0) == 10.0  # one in 6 s
+    assert alarms_per_minute(LABELS, ANSWERS, fps=2.0) == 10.0  # one in 6 s
     kept = restrained(RECORDS, 2.0, 10.0)
     assert kept.delays.tolist() == [0, 1]
 
