@@ -8,9 +8,11 @@ and 1 rad.
 
 A vehicle's limits are Cartesian: they hold for the length of the camera's velocity, acceleration and jerk, with all
 centripetal, Coriolis and Euler terms. On the grid the axes share one budget, because a frame moves one of them.
+
+Second derivatives take most of a solve. The quick ones of a vehicle's limits leave out how acceleration and jerk bend
+with position and velocity: steps are a little worse, optima the same, as first derivatives alone decide about these.
 """
 
-from itertools import product
 from typing import Any
 
 import casadi as ca
@@ -18,16 +20,15 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
 from ehar.errors import UsageError
-from ehar.flight.kinematics import local_vectors
 from ehar.flight.multicopter import Multicopter
 from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, cartesian
 from planners.search.costs import FlightShares, flight_shares
 from planners.search.scene import WEIGHT, SceneSize, SceneSymbols, kept_clear
+from planners.search.shares import flown_shares, grid_shares, turning_points
 from planners.search.task import Trajectory, TrajectoryTask
 from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, DistanceRange, view_basis
 
 REGULARISATION = 1e-5  # on the squared jerk: without gain and effort any trajectory would be a solution
-SMOOTHING = 0.1  # added under the root of a share, where the square is 1 at the limit
 STATE, CONTROL = 12, 3  # position, velocity, acceleration, sum of directions; jerk
 STAGE = STATE + CONTROL
 INSIDE = 1e-5  # [m], [rad] from the bounds of the workspace: a flight keeps them exactly, a solver nearly
@@ -39,7 +40,7 @@ class TrajectoryProblem:
 
     `nlp` is the argument of `casadi.nlpsol`, in the order that fatrop asks for. The variables are x_0, u_0, x_1, ...
     x_H. The constraints of a stage begin with the gap to the next node. `equality` marks the constraints that are
-    equations.
+    equations. `quick_hessian` is about the Lagrangian's, as fatrop takes it; there is one of flights alone.
     """
 
     def __init__(
@@ -71,7 +72,9 @@ class TrajectoryProblem:
 
         states = [ca.SX.sym(f"x{node}", STATE) for node in range(horizon + 1)]
         controls = [ca.SX.sym(f"u{node}", CONTROL) for node in range(horizon)]
+        still = ca.SX.sym("still", (horizon + 1) * STAGE - CONTROL)  # the variables, of which no derivative is taken
         variables, constraints, equality, turns = [], [], [], []
+        bent: dict[int, Any] = {}  # some constraints, as their second derivatives are taken quickly
         cost: Any = 0
         for node, state in enumerate(states):
             variables.append(state)
@@ -96,16 +99,19 @@ class TrajectoryProblem:
                     cost += WEIGHT * around.intrusion(camera, keep)
                 cost -= gains[node - 1] * value
                 if body is not None:
-                    moving = _moving(state, control, units, unit)[:3]
-                    paid = flight_shares(body, span, [ca.vertsplit(part) for part in moving], ca)
+                    parts = _moving(state, control, units, unit)[:3]
+                    paid = flight_shares(body, span, [ca.vertsplit(part) for part in parts], ca)
                     cost += sum(price * share for price, share in zip(prices, paid, strict=True)) / horizon
-            if node < horizon:
-                shares = _flown_shares(state, control, units, unit, vehicle, first=node == 0) if flown else []
-                if flown and node:
-                    turns += [len(equality) + len(shares) + place for place in range(4)]
-                    shares += _turning_points(state, units[0], unit, time)
+            if node < horizon and flown:
+                first, moving = node == 0, _moving(state, control, units, unit)
+                on_its_way = _moving(still[STAGE * node :], control, units, unit)[:2]
+                shares = flown_shares(moving, moving, vehicle, first=first)
+                bent |= enumerate(flown_shares(moving, (*on_its_way, *moving[2:]), vehicle, first=first), len(equality))
+                if node:
+                    turns += [len(equality) + len(shares) + corner for corner in range(4)]
+                    shares += turning_points(state, units[0], unit, time)
             if node and not flown:
-                shares = _grid_shares(state)
+                shares = grid_shares(state)
             constraints += shares
             equality += [False] * len(shares)
         cost += spread * ca.sumsqr(states[-1][9:] + gains[-1] * _direction(states[-1]))
@@ -117,6 +123,7 @@ class TrajectoryProblem:
         if body is not None:
             parameters = ca.vertcat(parameters, *prices)
         self.nlp = {"x": ca.vertcat(*variables), "f": cost, "g": ca.vertcat(*constraints), "p": parameters}
+        self.quick_hessian = _hessian(self.nlp, bent, still) if flown else None
         self.equality: list[bool] = equality
         self._cost = ca.Function("cost", [self.nlp["x"], self.nlp["p"]], [self.nlp["f"]])
         self._constraints = ca.Function("constraints", [self.nlp["x"], self.nlp["p"]], [self.nlp["g"]])
@@ -260,48 +267,29 @@ def _direction(state: Any) -> Any:
     return ca.vertcat(ca.sin(polar) * ca.cos(azimuth), ca.sin(polar) * ca.sin(azimuth), ca.cos(polar))
 
 
-def _flown_shares(
-    state: Any, control: Any, units: list[Any], unit: FloatArray, vehicle: Any, *, first: bool
-) -> list[Any]:
-    """Return the shares of a vehicle's limits that a node uses, each at most 1; at the first only that of the jerk."""
-    speed, force, jolt, climb, descent = ca.vertsplit(vehicle)
-    parts = _moving(state, control, units, unit)
-    distance, azimuth, polar = ([part[axis] for part in parts] for axis in (DISTANCE, AZIMUTH, POLAR))
-    velocity, acceleration, jerk = local_vectors(distance, azimuth, polar, ca)
-    if first:
-        return [_length(jerk, jolt)]
-    upwards = velocity[2]
-    return [
-        _length(jerk, jolt),
-        _length(velocity, speed),
-        _length(acceleration, force),
-        upwards / climb,
-        -upwards / descent,
-    ]
+def _hessian(nlp: dict[str, Any], bent: dict[int, Any], still: Any) -> Any:
+    """Return a function of the Lagrangian's gradient and of about its Hessian.
+
+    Args:
+        nlp: the problem: x, f, g and p.
+        bent: the constraints that have other second derivatives than those of g, by their row.
+        still: (V,) stands for variables in them, of which no derivatives are taken.
+    """
+    variables, multiplier, multipliers = nlp["x"], ca.SX.sym("lam_f"), ca.SX.sym("lam_g", nlp["g"].numel())
+    curved = ca.SX(nlp["g"])
+    for row, constraint in bent.items():
+        curved[row] = constraint
+    lagrangian, bending = (multiplier * nlp["f"] + ca.dot(multipliers, each) for each in (nlp["g"], curved))
+    hessian = ca.substitute(ca.hessian(bending, variables)[0], still, variables)
+    return ca.Function(
+        "nlp_hess_l",
+        [variables, nlp["p"], multiplier, multipliers],
+        [ca.gradient(lagrangian, variables), hessian],
+        ["x", "p", "lam_f", "lam_g"],
+        ["grad_gamma_x", "hess_gamma_x_x"],
+    )
 
 
 def _moving(state: Any, control: Any, units: list[Any], unit: FloatArray) -> tuple[Any, Any, Any, Any]:
     """Return position, velocity, acceleration and jerk in SI units."""
     return state[:3] * unit, state[3:6] * units[0], state[6:9] * units[1], control * units[2]
-
-
-def _turning_points(state: Any, velocity_limit: Any, unit: FloatArray, time: Any) -> list[Any]:
-    """Return distances and polar angles between which the cubics before and after a node stay, for each two.
-
-    They are control points of Bezier curves, and each curve stays within the bounds that its control points keep.
-    """
-    reach = state[3:6] * velocity_limit / unit * time / 3
-    return [state[axis] + way * reach[axis] for axis in (DISTANCE, POLAR) for way in (-1, 1)]
-
-
-def _length(vector: tuple[Any, Any, Any], limit: Any) -> Any:
-    """Return the share of a limit that the length of a vector uses; 1 at the limit.
-
-    The root of the squared share is nearly linear, so a solver's steps land near the limit. It is smoothed near 0.
-    """
-    return 1 + ca.sqrt(ca.sumsqr(ca.vertcat(*vector) / limit) + SMOOTHING) - np.sqrt(1 + SMOOTHING)
-
-
-def _grid_shares(state: Any) -> list[Any]:
-    """Return the shares of the grid's pace, each at most 1: with any signs, the axes' shares of it add up to 1."""
-    return [ca.dot(ca.DM(signs), state[3:6]) for signs in product((-1, 1), repeat=3)]

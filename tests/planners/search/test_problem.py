@@ -91,6 +91,37 @@ def test_derivatives_are_those_of_finite_differences(
 
 
 @share_of_examples(0.2)
+@given(seeds, st.sampled_from([(FLOWN, {}), (COUNTED, COSTS)]))
+def test_quick_second_derivatives_leave_out_only_how_forces_bend_with_the_way(
+    seed: int, kind: tuple[TrajectoryProblem, dict]
+) -> None:
+    problem, costs = kind
+    rng = np.random.default_rng(seed)
+    task = moving_task(rng, **costs)
+    numbers = problem.arguments(task, task.hold())
+    variables = numbers["x0"] + rng.uniform(-0.3, 0.3, len(numbers["x0"]))
+    x, f, g, p = (problem.nlp[part] for part in "xfgp")
+    weight, weights = ca.SX.sym("weight"), ca.SX.sym("weights", g.numel())
+    hessian, gradient = ca.hessian(weight * f + ca.dot(weights, g), x)
+    exact = ca.Function("exact", [x, p, weight, weights], [gradient, hessian])
+    multipliers = rng.uniform(0.1, 1, g.numel())
+
+    true, quick = (of(variables, numbers["p"], 1.0, multipliers) for of in (exact, problem.quick_hessian))
+    np.testing.assert_allclose(quick[0].full(), true[0].full(), rtol=1e-9, atol=1e-12)
+    left_out = true[1].full() - quick[1].full()
+    np.testing.assert_allclose(left_out, left_out.T, atol=1e-9)
+    assert np.abs(left_out).max() > 1e-3
+    forced = [STAGE * node + axis for node in range(HORIZON) for axis in (*range(6, 9), *range(STATE, STAGE))]
+    np.testing.assert_allclose(left_out[np.ix_(forced, forced)], 0, atol=1e-9)
+
+    is_force = np.flatnonzero(~np.array(problem.equality))  # of the first node the jerk; then jerk, speed, acceleration
+    later = is_force[1:].reshape(HORIZON - 1, SHARES + TURNS)
+    multipliers[[is_force[0], *later[:, 0], *later[:, 2]]] = 0
+    true, quick = (of(variables, numbers["p"], 1.0, multipliers)[1].full() for of in (exact, problem.quick_hessian))
+    np.testing.assert_allclose(quick, true, rtol=1e-9, atol=1e-9)
+
+
+@share_of_examples(0.2)
 @given(seeds)
 def test_dynamics_are_exact(seed: int) -> None:
     rng = np.random.default_rng(seed)

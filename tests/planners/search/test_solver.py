@@ -232,12 +232,32 @@ def test_after_a_held_viewpoint_planning_goes_on() -> None:
 def test_ipopt_takes_over_where_fatrop_fails() -> None:
     solver = TrajectorySolver(flown=True)
     task = random_task(np.random.default_rng(0))
-    solver._solver = solver._build("fatrop", 1)  # one that cannot converge
+    solver._solvers = [solver._build("fatrop", 1)]  # one that cannot converge
     solution = solver.solve(task, task.hold())
     assert solution.status == "ipopt-fallback" and not solution.held
     assert solution.violation <= TOLERANCE
     assert solution.objective == pytest.approx(FLOWN.solve(task, task.hold()).objective, rel=1e-3)
     assert solver.statistics.fallbacks == 1 and len(solver.statistics.solve_seconds) == 2
+
+
+def test_exact_second_derivatives_take_over_where_quick_ones_fail() -> None:
+    solver = TrajectorySolver(flown=True)
+    task = random_task(np.random.default_rng(0))
+    solver._solvers[0] = solver._build("fatrop", 2, quick=True)
+    solution = solver.solve(task, task.hold())
+    assert solution.status is SolveStatus.OPTIMAL and solution.violation <= TOLERANCE
+    assert solver.statistics.fallbacks == 0
+
+
+def test_plans_by_quick_second_derivatives_collect_as_much() -> None:
+    exact, found = TrajectorySolver(flown=True), []
+    del exact._solvers[0]
+    for seed in range(20):
+        task = random_task(np.random.default_rng(seed))
+        quick, slow = (solver.solve(task, task.hold()) for solver in (FLOWN, exact))
+        assert quick.objective > slow.objective - 0.02 * task.stake
+        found.append((quick.objective - slow.objective) / task.stake)
+    assert abs(np.median(found)) < 1e-4
 
 
 def test_a_task_of_another_horizon_is_refused() -> None:
