@@ -20,8 +20,11 @@ from ehar.sensors.sensor import Sensed
 from ehar.world import PAPER
 from eval.scores.streams.alarms import delays
 from eval.speed.effort import WORKERS, Effort
+from eval.speed.planning import VEHICLE
 from eval.speed.recognition import untrained
 from planners.heuristic import HRotate, NoAct
+from planners.search.next_best_view import NextBestView
+from planners.value.model import load_gain_model
 from recognition.networks.layers import FADING_REFRESH
 from recognition.setting import load_setting
 
@@ -32,6 +35,7 @@ AFTER = (30, 300)  # frames of one activity, behind which another comes
 SHOWN = 200  # frames of the other activity, as in most of the set's
 AHEAD = (3, 7)  # classes, from the first activity to the second
 MORE = 8  # times the usual repeats: one frame takes a millisecond, and other processes ten at a time
+FIRST_PLANS = 12  # frames of flights that warm up: the problem is built with the first plan
 WINDOW = 240  # frames that an untrained recogniser is meant for
 
 
@@ -48,6 +52,29 @@ def time_streams(data: StreamData, effort: Effort) -> float:
         runner.roll(HRotate(), batch, np.random.default_rng(0))
         seconds = time.perf_counter() - begin
     return count * frames / data.fps / seconds
+
+
+def time_flown_streams(effort: Effort) -> float:
+    """Return as `time_streams` does, with nbv flown by `VEHICLE`, and the weights that ship.
+
+    Following people is not in it: that is done once for all planners of a process.
+
+    Raises:
+        ModelError: no weights ship.
+    """
+    count = max(1, effort.streams // WORKERS)
+    setting = load_setting(Conditions(data=STREAMS, sensor=SENSOR, track=VEHICLE.name))
+    told = setting.recordings
+    assert isinstance(told, StreamData)
+    planner = NextBestView(model=load_gain_model(setting.conditions, told, setting.recogniser_sha256))
+    for frames in (FIRST_PLANS, effort.stream_frames):
+        scenarios = StreamScenarios(told, frames, np.arange(count), np.zeros(count, dtype=np.int64))
+        rng = np.random.default_rng(0)
+        batch = setting.runner.batch(scenarios, np.arange(count), setting.world.sample_starts(rng, count), rng)
+        begin = time.perf_counter()
+        setting.runner.roll(planner, batch, rng)
+        seconds = time.perf_counter() - begin
+    return count * frames / told.fps / seconds
 
 
 def late_over_early(data: StreamData, effort: Effort) -> float:

@@ -16,7 +16,7 @@ from eval.speed import streams
 from eval.speed.bench import TARGETS, bench_table
 from eval.speed.effort import Effort
 from eval.speed.recognition import untrained
-from eval.speed.streams import SHOWN, changes, late_over_early, letting_go, time_streams
+from eval.speed.streams import SHOWN, changes, late_over_early, letting_go, time_flown_streams, time_streams
 from tests.helpers.streams import raising_streams
 
 BRIEF = Effort(repeats=1, streams=4, stream_frames=10, late_frame=80, dancers=1)
@@ -59,6 +59,10 @@ def test_a_late_frame_and_many_streams_are_timed() -> None:
     data = raising_streams()
     assert 0.2 < late_over_early(data, BRIEF) < 5
     assert time_streams(data, BRIEF) > 0
+
+
+def test_flights_are_timed_with_the_weights_that_ship() -> None:
+    assert time_flown_streams(BRIEF) > 0
 
 
 def test_the_table_says_what_letting_go_takes() -> None:
