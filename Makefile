@@ -240,6 +240,34 @@ runs/room-solo-stream-px4-auto/table.md: runs/room-solo-stream/table.md
 	$(BENCHMARK) no-act h-rotate fixed-best nbv --data solo-stream --sensor estimator --world room --models models/solo-stream \
 	  --starts 3 --track px4-auto --ideal $(<D) --out $(@D)
 
+# Looking at recorded people: utkinect, and what is stitched of hdm05 and sbu. Most of sbu's streams are shorter than 30 s.
+RECORDED := sbu-stream hdm05-stream utkinect
+sbu-stream := --data streams/sbu-stream.npz
+hdm05-stream := --data streams/hdm05-stream.npz --fps 30
+LOOKING := no-act h-rotate near-level front fixed-best nbv-greedy nbv-search nbv
+looked = $(call stream_data,$(1)) --sensor estimator --models models/$(1) --starts 3 $(if $(filter sbu-stream,$(1)),--length 368)
+
+STITCHED := hdm05 sbu
+$(STITCHED:%=streams/%-stream.npz): streams/%-stream.npz: | setup
+	$(EHAR) data stitch $(DATA)/$*.npz --out $@
+
+$(STITCHED:%=models/%-stream/causal-estimator-moving.safetensors): models/%-stream/causal-estimator-moving.safetensors: streams/%-stream.npz
+	$(EHAR) train recogniser $(call stream_data,$*-stream) --sensor estimator --out $(@D)
+
+$(STITCHED:%=models/%-stream/planners): models/%-stream/planners: models/%-stream/causal-estimator-moving.safetensors
+	$(EHAR) train gain-field $(call stream_data,$*-stream) --sensor estimator --models $(@D)
+	$(EHAR) train fixed-best $(call stream_data,$*-stream) --sensor estimator --models $(@D)
+	touch $@
+
+define looked_at
+$$(RECORDED:%=runs/looked-%-$(1)/table.md): runs/looked-%-$(1)/table.md: models/%/planners
+	$$(BENCHMARK) $$(LOOKING) $$(call looked,$$*) --world $(1) --out $$(@D)
+
+$$(RECORDED:%=runs/looked-%-$(1)-px4-auto/table.md): runs/looked-%-$(1)-px4-auto/table.md: runs/looked-%-$(1)/table.md
+	$$(BENCHMARK) $$(LOOKING) $$(call looked,$$*) --world $(1) --track px4-auto --ideal $$(<D) --out $$(@D)
+endef
+$(foreach world,paper $(IN_THE_WAY),$(eval $(call looked_at,$(world))))
+
 # The film of the README: the episode in which nbv's gain over front is the median, and of it the most activities.
 docs/figures/stream.gif: runs/watched-utkinect-px4-auto/table.md
 	$(EHAR) replay $(<D) typical --planners nbv front --since 8 --until 18 --out $@
@@ -352,6 +380,9 @@ docs/results/obstacle-streams.md: $(foreach world,$(IN_THE_WAY),$(STREAMS_IN_THE
 docs/results/utkinect.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-utkinect$(track:.=)/table.md)
 	$(call page,$@,Streams of a real Kinect,ehar benchmark $(WATCHING) --data utkinect.npz --sensor estimator,$^)
 
+docs/results/recorded-streams.md: $(foreach set,$(RECORDED),$(foreach world,paper $(IN_THE_WAY),$(foreach track,. -px4-auto.,runs/looked-$(set)-$(world)$(track:.=)/table.md)))
+	$(call side_by_side,nbv,Looking at recorded people)
+
 docs/results/obstacles.md: $(IN_THE_WAY:%=runs/trainings-%/table.md)
 	$(call page,$@,Things in the way,ehar benchmark $(RULES) oracle --data solo --sensor estimator --world room,$^)
 
@@ -426,10 +457,10 @@ docs/results/behaviour.md: runs/agents-hdm05-estimator/table.md
 docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/table.md runs/rules-$(set)-perfect/table.md)
 	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$^)
 
-# Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), stream-sets (ehar data stitch) and what
-# stood before (mended).
+# Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), stream-sets (onsets that are known),
+# kindergator, and what stood before (mended).
 PAGES := planners nbv indoor obstacles exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding deciding-streams \
-  streams couple-streams obstacle-streams stream-belief utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
+  streams couple-streams obstacle-streams recorded-streams stream-belief utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
 results: left
 	@$(MAKE) --no-print-directory pages
 

@@ -13,7 +13,7 @@ from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
 from eval.scores.resampling.statistics import Interval
 from eval.scores.summary import Summary
 
-TOLD = ("sensor", "views", "track")  # a column names these conditions if the runs differ in them
+TOLD = ("sensor", "views", "track", "onset")  # a column names these conditions if the runs differ in them
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,11 @@ def overview(runs: Sequence[str | Path], *, planner: str | None = None, out: str
         EharError: one line that says what was got and what was expected.
     """
     read = read_overview(runs)
-    tables = [gap_table(read), *([] if planner is None else [difference_table(read, planner)])]
+    measured = any(planner.gap_closed is not None for run in read for planner in run.summary.planners)
+    tables = [
+        gap_table(read) if measured else accuracy_table(read),
+        *([] if planner is None else [difference_table(read, planner)]),
+    ]
     if out is not None:
         write_text(Path(out), [markdown(*tables)])
     return tables
@@ -63,13 +67,41 @@ def read_overview(directories: Sequence[str | Path]) -> list[RunOverview]:
         raise UsageError("overview: expected at least one folder of a run")
     runs = [read_run(directory) for directory in directories]
     told = [
-        {name: str(getattr(run.conditions, name)) for name in TOLD} | {"readout": run.config.readout} for run in runs
+        {name: str(getattr(run.conditions, name)) for name in TOLD}
+        | {"world": run.conditions.world_name, "readout": run.config.readout}
+        for run in runs
     ]
     differing = [name for name in told[0] if len({held[name] for held in told}) > 1]
     return [
         RunOverview(" ".join((run.config.data.split(" (")[0], *(held[name] for name in differing))), run.summary)
         for run, held in zip(runs, told, strict=True)
     ]
+
+
+def accuracy_table(runs: Sequence[RunOverview]) -> Table:
+    """Return the mean accuracy [%]: a row for each planner, a column for each run. The best is bold."""
+    names = _names(runs)
+    bold = {
+        (names.index(max(free, key=lambda name: run.planners[name].acc_mean)), column)
+        for column, run in enumerate(runs, 1)
+        if (free := [planner.name for planner in run.summary.planners if not planner.privileged])
+    }
+    return Table(
+        title="Mean accuracy, in percent [95 %]",
+        header=("planner", *(run.title for run in runs)),
+        rows=(
+            *(
+                (name + "*" * _privileged(runs, name), *(_accuracy(run.planners.get(name)) for run in runs))
+                for name in names
+            ),
+            ("episodes", *(str(run.summary.episodes) for run in runs)),
+        ),
+        footnotes=(
+            "Bold: the best planner without the truth. * privileged: is handed the label and the future.",
+            *_basis_footnotes(runs),
+        ),
+        bold=frozenset(bold),
+    )
 
 
 def gap_table(runs: Sequence[RunOverview]) -> Table:
@@ -138,12 +170,15 @@ def difference_table(runs: Sequence[RunOverview], planner: str) -> Table:
 
 
 def _basis_footnotes(runs: Sequence[RunOverview]) -> Iterator[str]:
-    """Yield a footnote for each run that says what its intervals rest on, or why there are none."""
+    """Yield a footnote that says what the intervals of runs rest on, or why there are none; once for like runs."""
+    titles: dict[str, list[str]] = {}
     for run in runs:
         if run.summary.no_intervals is None:
-            yield f"{run.title}: {run.summary.basis.sentence}"
+            titles.setdefault(run.summary.basis.sentence, []).append(run.title)
         else:
             yield from no_interval_footnotes(f"{run.title}, {run.summary.no_intervals}")
+    for sentence, like in titles.items():
+        yield f"{', '.join(like)}: {sentence}"
 
 
 def _names(runs: Sequence[RunOverview]) -> list[str]:
@@ -152,6 +187,10 @@ def _names(runs: Sequence[RunOverview]) -> list[str]:
 
 def _privileged(runs: Sequence[RunOverview], name: str) -> bool:
     return any(run.planners[name].privileged for run in runs if name in run.planners)
+
+
+def _accuracy(planner: PlannerSummary | None) -> str:
+    return "-" if planner is None else f"{planner.acc_mean:.1f} {interval_text(planner.acc_mean_ci95)}"
 
 
 def _gap(planner: PlannerSummary | None) -> str:

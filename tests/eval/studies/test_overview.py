@@ -13,7 +13,7 @@ from eval.records.config import PlannerConfig
 from eval.running.run import write_records
 from eval.scores.differences import Difference
 from eval.scores.planner_summary import PlannerSummary
-from eval.studies.overview import difference_table, gap_table, read_overview
+from eval.studies.overview import difference_table, gap_table, overview, read_overview
 from tests.helpers.made_records import config_of_run, make_records, summary_of
 
 TITLE = "sbu (interactions)"
@@ -68,6 +68,20 @@ def test_a_run_is_a_column_and_a_planner_a_row(tmp_path: Path) -> None:
 def test_columns_name_the_conditions_in_which_the_runs_differ(tmp_path: Path) -> None:
     runs = [write(tmp_path / "a"), write(tmp_path / "b", track="px4-max")]
     assert [run.title for run in read_overview(runs)] == ["sbu ideal", "sbu px4-max"]
+    within = [write(tmp_path / "c", world="room"), write(tmp_path / "d", world="crowd", onset="known")]
+    assert [run.title for run in read_overview(within)] == ["sbu unknown room", "sbu known crowd"]
+
+
+def test_without_an_oracle_accuracies_stand_in_place_of_gaps(tmp_path: Path) -> None:
+    few = (planner("no-act", 40.0, None), planner("nbv", 41.0, None))
+    runs = [write(tmp_path / name, few, world=name) for name in ("room", "crowd")]
+    table = overview(runs)[0]
+    assert table.title == "Mean accuracy, in percent [95 %]"
+    assert [row[0] for row in table.rows] == ["no-act", "nbv", "episodes"]
+    assert table.rows[1][1].startswith("41.0 [")
+    assert table.bold == {(1, 1), (1, 2)}
+    assert sum("rest on" in note for note in table.footnotes) == 1  # as these runs have the same people
+    assert any(note.startswith("sbu room, sbu crowd: ") for note in table.footnotes)
 
 
 def test_differences_are_turned_to_the_planner_that_is_asked_for(tmp_path: Path) -> None:
