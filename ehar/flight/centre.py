@@ -1,12 +1,14 @@
 """The moving centre of a stream: how a vehicle follows it, and what that leaves for flights around it."""
 
 from dataclasses import replace
+from typing import Any
 
 from ehar.flight.vehicle import Vehicle
 from ehar.localisation import CentreLimits
 
 # Shares of a vehicle's limits with which it follows a centre. People walk at 1.4 m/s, px4-auto follows at 1.5 m/s.
 SPEED_SHARE, SHARE = 0.3, 0.2
+KEEP_ON = 1.0  # [s], for about how long people walk on as they do
 
 
 def centre_limits(vehicle: Vehicle) -> CentreLimits:
@@ -35,3 +37,15 @@ def around_centre(vehicle: Vehicle) -> Vehicle:
         climb_speed=left * vehicle.climb_speed,
         descent_speed=left * vehicle.descent_speed,
     )
+
+
+def walked(time: Any, exp: Any) -> Any:
+    """Return how long people have walked on at their present velocity after a time [s]: less and less sure, so less.
+
+    Times this, a velocity is the way that they are expected to go.
+
+    Args:
+        time: from now on [s].
+        exp: the exponential function of numpy or CasADi.
+    """
+    return KEEP_ON * (1 - exp(-time / KEEP_ON))

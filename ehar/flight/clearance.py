@@ -3,6 +3,7 @@
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
+from ehar.flight.centre import KEEP_ON, walked
 from ehar.flight.profile import JerkProfile
 from ehar.obstacles.free_space import FreeSpace
 from ehar.obstacles.shapes import MARGIN, Obstacles
@@ -16,29 +17,36 @@ CORNERS = 24  # places on a way around obstacles that may be flown to first
 LONGEST = 400  # cells of such a way
 
 
-def keeps_clear(profile: JerkProfile, obstacles: Obstacles, moved: FloatArray, speed: float) -> BoolArray:
+def keeps_clear(
+    profile: JerkProfile, obstacles: Obstacles, moved: FloatArray, walking: FloatArray, speed: float
+) -> BoolArray:
     """Return which flights keep clear of obstacles until they are at rest, (B,).
 
     A camera gets no farther between two samples than its speed allows. So a flight with large clearance needs few
     samples, and only those that come near are sampled more finely. A flight that begins nearer to an obstacle than
-    plans keep may not get nearer.
+    plans keep may not get nearer. That is so if people stay. If they walk on for a while, it may not get nearer than
+    plans keep either, or than walking on brings a camera that stays.
 
     Args:
         profile: B flights.
         obstacles: what stands there.
         moved: (B, 3) how far people's centre, around which cameras fly, is from the obstacles' origin [m].
-        speed: the highest that a camera reaches [m/s].
+        walking: (B, 3) the velocity of that centre [m/s]; people are expected to walk on.
+        speed: the highest that a camera reaches, with people's [m/s].
     """
     keeps: BoolArray = np.ones(len(profile.duration), dtype=bool)
     undecided, samples = np.flatnonzero(keeps), COARSEST
     while len(undecided):
         part = profile.select(undecided)
         times = part.duration[:, None] * np.linspace(0, 1, samples + 1)
-        clearance = obstacles.clearance(cartesian(part.at(times).viewpoint) + moved[undecided, None])
-        least = np.minimum(PLANNED, clearance[:, 0] - 1e-6)
-        keeps[undecided[clearance.min(axis=1) < least]] = False
+        cameras = cartesian(part.at(times).viewpoint) + moved[undecided, None]
+        on = walking[undecided, None]
+        ways = np.stack([cameras, cameras + walked(times, np.exp)[..., None] * on])
+        begun = obstacles.clearance(np.stack([cameras[:, 0], cameras[:, 0] + KEEP_ON * on[:, 0]]))
+        spare = (obstacles.clearance(ways) - np.minimum(PLANNED, begun - 1e-6)[..., None]).min(axis=(0, 2))
+        keeps[undecided[spare < 0]] = False
         farthest = speed * part.duration / samples
-        open_still = (clearance.min(axis=1) >= least) & (clearance.min(axis=1) - farthest / 2 < least)
+        open_still = (spare >= 0) & (spare - farthest / 2 < 0)
         undecided, samples = undecided[open_still & (farthest > FINEST)], 4 * samples
     return keeps
 

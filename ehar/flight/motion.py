@@ -42,8 +42,8 @@ class FlightMotion:
     brakes or keeps its plan. So a flight always keeps all limits, and it reaches any target that is held.
 
     Among obstacles a proposal is valid only if it also keeps clear of them until it is at rest. Where the straight way
-    to the target does not, the camera flies first to a place on a free way that is in sight. In streams obstacles are
-    taken to be where they are now relative to people, and there are no such places.
+    to the target does not, the camera flies first to a place on a free way that is in sight. In streams people are
+    expected to walk on for a while, and there are no such places.
 
     Around a moving centre, a flight has what following the centre leaves of the vehicle's limits: see
     `ehar.flight.centre`.
@@ -55,7 +55,7 @@ class FlightMotion:
 
     Attributes:
         vehicle: the limits of flights around the centre.
-        centre: the motion of the centre, each (B, L, 3), for the telemetry; None if it rests.
+        centre: the motion of the centre, each (B, L, 3), of which flights know the present; None if it rests.
     """
 
     def __init__(self, *, vehicle: Vehicle, workspace: Workspace | None = None, moving_centre: bool = False) -> None:
@@ -107,6 +107,7 @@ class FlightMotion:
         fork = copy(self)
         fork._state, fork._plan = _rows(self._state, rows), self._plan.select(rows)
         fork._flown, fork._proposal = self._flown[rows], self._proposal[rows]
+        fork.centre = None if self.centre is None else CentreMotion(*(part[rows] for part in self.centre))
         fork._surroundings = None if self._surroundings is None else self._surroundings.select(rows)
         fork._telemetry = None
         return fork
@@ -229,8 +230,10 @@ class FlightMotion:
         around = self._surroundings
         if around is None:
             return np.ones(len(rows), dtype=bool)
-        moved = np.zeros((len(rows), 3)) if around.moved is None else around.moved[rows, self._frames]
-        return keeps_clear(plan, around.obstacles, moved, self.vehicle.speed)
+        rest = np.zeros((len(rows), 3))
+        moved = rest if around.moved is None else around.moved[rows, self._frames]
+        walking = rest if self.centre is None else self.centre.velocity[rows, self._frames]
+        return keeps_clear(plan, around.obstacles, moved, walking, self._whole.speed)
 
     def _centre_motion(self, times: FloatArray) -> CartesianMotion | None:
         """Return the motion of the centre at times (S,) [s] of the last frame, each (B, S, 3); None if it rests."""

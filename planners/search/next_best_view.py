@@ -110,6 +110,7 @@ class NextBestView(Planner):
             )
         self._value.reset(context)
         self._plans: list[Solution | None] = [None] * context.episodes
+        self._centre: FloatArray | None = None  # where it was at the plan before
         self._nodes = max(self.horizon, FEWEST_NODES)
         frames = max(LEAST_NODE_FRAMES, math.ceil(frames_to_come(context) / DEFAULT_HORIZON))
         if context.vehicle is not None:
@@ -157,7 +158,11 @@ class NextBestView(Planner):
         ways, collected = search_ways(self._value, observation, context)
         goals = ways.goals
         order = np.argsort(-collected, axis=1)[:, :SEEDS]
-        scenes = scenes_of(self._value, observation)
+        walking = np.zeros((len(goals), 3))
+        if observation.centre is not None:
+            walking = walking if self._centre is None else (observation.centre - self._centre) / elapsed
+            self._centre = observation.centre
+        scenes = scenes_of(self._value, observation, walking)
         solver = self._build(scenes[0].size if scenes else None)
         targets = []
         for episode, viewpoint in enumerate(observation.viewpoint):
@@ -205,16 +210,16 @@ class NextBestView(Planner):
         return np.stack([np.interp(ahead, nodes, position[:, axis]) for axis in range(3)], axis=1)
 
 
-def scenes_of(value: ViewValue, observation: Observation) -> list[Scene]:
-    """Return what stands and walks around people in each episode; nothing in an open world."""
+def scenes_of(value: ViewValue, observation: Observation, walking: FloatArray) -> list[Scene]:
+    """Return what stands and walks around people, whose centres walk with (B, 3) [m/s]; nothing in an open world."""
     episodes, passers = len(observation.viewpoint), observation.passers
     if not value.obstacles and passers is None:
         return []
     around = [value.obstacles] * episodes
     if observation.centre is not None:
         around = [value.obstacles.relative_to(centre) for centre in observation.centre]
-    walking = [None] * episodes if passers is None else passers
-    return [Scene.of(*each) for each in zip(value.situation.position, around, walking, strict=True)]
+    strangers = [None] * episodes if passers is None else passers
+    return [Scene.of(*each) for each in zip(value.situation.position, around, strangers, walking, strict=True)]
 
 
 def _on_plan(previous: Solution | None, elapsed: float, task: TrajectoryTask) -> bool:

@@ -96,7 +96,7 @@ class TrajectoryProblem:
                 if around is not None:
                     camera = distance * _direction(state)
                     value *= around.seen(camera, node * time)
-                    cost += WEIGHT * around.intrusion(camera, keep)
+                    cost += WEIGHT * around.intrusion(camera, keep, node * time)
                 cost -= gains[node - 1] * value
                 if body is not None:
                     parts = _moving(state, control, units, unit)[:3]

@@ -7,11 +7,13 @@ import casadi as ca
 import numpy as np
 
 from ehar.arrays import FloatArray
+from ehar.flight.centre import walked
 from ehar.flight.clearance import PLANNED
 from ehar.obstacles.shapes import MARGIN, Box, Obstacles
 from ehar.world import FLOOR, PASSER_RADIUS
 from planners.value.line_of_sight import ACROSS, HEIGHTS, PASSER_TOP
 
+WALKING = 3  # numbers of how fast the centre walks
 BOX = 8  # numbers of a box: its middle, half of its size, the cosine and the sine of its turn
 ROUND = 7  # of an upright cylinder: x, y, radius, bottom, top, and how fast it walks along x and y
 HALF_WIDTH = 1.5 * float(ACROSS[-1])  # [m]; each of the three points across a person stands for a third of it
@@ -35,7 +37,7 @@ class SceneSize(NamedTuple):
     @property
     def numbers(self) -> int:
         """The number of numbers of a scene."""
-        return 3 * self.people + BOX * (self.walls + self.boxes) + ROUND * (self.cylinders + self.passers)
+        return WALKING + 3 * self.people + BOX * (self.walls + self.boxes) + ROUND * (self.cylinders + self.passers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,32 +46,35 @@ class Scene:
 
     Args:
         size: how much there is.
-        numbers: (`size.numbers`,) where it is [m], and how fast passers-by walk [m/s].
+        numbers: (`size.numbers`,) where it is [m], and how fast the centre and passers-by walk [m/s].
     """
 
     size: SceneSize
     numbers: FloatArray
 
     @staticmethod
-    def of(people: FloatArray, obstacles: Obstacles, passers: FloatArray | None) -> "Scene":
+    def of(
+        people: FloatArray, obstacles: Obstacles, passers: FloatArray | None, walking: FloatArray | None = None
+    ) -> "Scene":
         """Return a scene.
 
         Args:
             people: (P, 3) where those who are watched are thought to be, the mean of their joints [m].
             obstacles: what stands there, relative to the present centre.
             passers: (W, 4) place [m] and velocity [m/s] of passers-by; None if there are none.
+            walking: (3,) the velocity of the centre [m/s]; None if it stays.
         """
         walls = () if obstacles.walls is None else (obstacles.walls,)
-        walking = np.empty((0, 4)) if passers is None else passers
-        numbers = [*people.ravel()]
+        strangers = np.empty((0, 4)) if passers is None else passers
+        numbers = [*(np.zeros(WALKING) if walking is None else walking), *people.ravel()]
         for box in (*walls, *obstacles.boxes):
             numbers += _numbers(box)
         for cylinder in obstacles.cylinders:
             (x, y, z), half = cylinder.centre, cylinder.height / 2
             numbers += [x, y, cylinder.radius, z - half, z + half, 0.0, 0.0]
-        for x, y, east, north in walking:
+        for x, y, east, north in strangers:
             numbers += [x, y, PASSER_RADIUS, FLOOR, PASSER_TOP, east, north]
-        size = SceneSize(len(people), len(walls), len(obstacles.boxes), len(obstacles.cylinders), len(walking))
+        size = SceneSize(len(people), len(walls), len(obstacles.boxes), len(obstacles.cylinders), len(strangers))
         return Scene(size, np.array(numbers))
 
 
@@ -84,37 +89,43 @@ class SceneSymbols:
     def __init__(self, size: SceneSize) -> None:
         """Name the numbers."""
         self.numbers = ca.SX.sym("scene", size.numbers)
-        lengths = [3] * size.people + [BOX] * (size.walls + size.boxes) + [ROUND] * (size.cylinders + size.passers)
-        parts = ca.vertsplit(self.numbers, np.concatenate([[0], np.cumsum(lengths)]).tolist())
+        boxes, rounds = size.walls + size.boxes, size.cylinders + size.passers
+        lengths = [WALKING] + [3] * size.people + [BOX] * boxes + [ROUND] * rounds
+        self._walking, *parts = ca.vertsplit(self.numbers, np.concatenate([[0], np.cumsum(lengths)]).tolist())
         boxes, rounds = size.people + size.walls, size.people + size.walls + size.boxes
         self._people, self._walls = parts[: size.people], parts[size.people : boxes]
         self._boxes = parts[boxes:rounds]
-        self._rounds, self._standing = parts[rounds:], parts[rounds : rounds + size.cylinders]
+        self._standing, self._passing = parts[rounds : rounds + size.cylinders], parts[rounds + size.cylinders :]
 
     def seen(self, camera: Any, ahead: Any) -> Any:
         """Return about the share of people that is seen, 0 to 1: `planners.value.line_of_sight.seen_share`, smoothed.
 
         Args:
             camera: its place (3,) [m].
-            ahead: how far ahead it is there [s]; until then passers-by walk straight on.
+            ahead: how far ahead it is there [s]; until then passers-by walk straight on, and people for a while.
         """
         total: Any = 0
+        way_on = self._way_on(ahead)
         for person in self._people:
             share: Any = 1
             way = _sight(camera, person)
+            there, then = camera + way_on, person + way_on  # where what stands has not moved
             for box in self._boxes:
-                share *= 1 - _hidden_by_box(camera, person, way, box)
-            for cylinder in self._rounds:
-                share *= 1 - _hidden_by_cylinder(camera, person, way, cylinder, ahead)
+                share *= 1 - _hidden_by_box(there, then, way, box)
+            for cylinder in self._standing:
+                share *= 1 - _hidden_by_cylinder(there, then, way, cylinder, ahead)
+            for passer in self._passing:
+                share *= 1 - _hidden_by_cylinder(camera, person, way, passer, ahead)
             total += share
         return total / len(self._people)
 
-    def intrusion(self, camera: Any, keep: float) -> Any:
-        """Return the sum of squares of how far a camera (3,) is within `keep` [m] of what stands there.
+    def intrusion(self, camera: Any, keep: float, ahead: Any) -> Any:
+        """Return the sum of squares of how far a camera (3,) is within `keep` [m] of what stands there; see `seen`.
 
         Passers-by never walk where cameras may be.
         """
         total: Any = 0
+        camera = camera + self._way_on(ahead)
         for walls in self._walls:
             for axis, half in zip(_own(camera, walls), ca.vertsplit(walls[3:6]), strict=True):
                 total += _above_0(_length(axis) - half + keep) ** 2
@@ -132,6 +143,10 @@ class SceneSymbols:
                 distance = _larger(distance, other) - ROUNDED / 2  # never more than it is
             total += _above_0(keep - distance) ** 2
         return total
+
+    def _way_on(self, ahead: Any) -> Any:
+        """Return how far the centre will have walked on, (3,) [m]."""
+        return self._walking * walked(ahead, ca.exp)
 
 
 def kept_clear(*, flown: bool) -> float:

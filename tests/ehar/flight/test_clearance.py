@@ -36,7 +36,7 @@ def test_a_flight_keeps_clear_if_all_its_points_do() -> None:
     profile = JerkProfile.from_phases(state, phases)
     moved = np.zeros((200, 3))
     moved[100:, 0] = 1.0
-    kept = keeps_clear(profile, PILLARS, moved, 15.0)
+    kept = keeps_clear(profile, PILLARS, moved, np.zeros_like(moved), 15.0)
     places = cartesian(profile.at(profile.duration[:, None] * np.linspace(0, 1, 3001)).viewpoint) + moved[:, None]
     clearance = PILLARS.clearance(places)
     assert 0.2 < kept.mean() < 0.9
@@ -52,7 +52,33 @@ def test_a_flight_that_begins_too_near_may_leave_and_not_come_nearer() -> None:
     target = start.viewpoint + np.array([[0, 0.2, 0], [0, -0.05, 0]])
     limits = AxisLimits(*(np.ones((2, 3)) for _ in range(3)))
     profile = JerkProfile.from_phases(start, TimeOptimal().to_target(start, target, limits)[0])
-    assert keeps_clear(profile, PILLARS, rest, 5.0).tolist() == [True, False]
+    assert keeps_clear(profile, PILLARS, rest, rest, 5.0).tolist() == [True, False]
+
+
+def test_people_are_expected_to_walk_on_for_a_while() -> None:
+    """A flight from 2 m beside a pillar to 1 m is fine, unless people walk towards it: a camera that stays would be."""
+    start = np.repeat([[7.0, 0.3 + 2.6 / 7, np.pi / 2]], 3, axis=0)
+    rest = np.zeros((3, 3))
+    limits = AxisLimits(*(np.ones((3, 3)) for _ in range(3)))
+    phases, _ = TimeOptimal().to_target(SphericalState(start, rest, rest, rest), start - [0.0, 1 / 7, 0.0], limits)
+    profile = JerkProfile.from_phases(SphericalState(start, rest, rest, rest), phases)
+    towards = PILLARS.cylinders[0].centre - cartesian(start[0])
+    towards[2] = 0
+    walking = 0.9 * towards / np.linalg.norm(towards) * np.array([[0], [1], [-1]])
+    assert keeps_clear(profile, PILLARS, rest, walking, 5.0).tolist() == [True, False, True]
+
+
+def test_where_people_take_a_camera_into_a_pillar_it_may_leave_and_not_go_through_another() -> None:
+    start = np.repeat([[7.0, 0.3 + 1.1 / 7, np.pi / 2]], 2, axis=0)  # 0.5 m from the pillar
+    rest = np.zeros((2, 3))
+    state = SphericalState(start, rest, rest, rest)
+    limits = AxisLimits(*(np.full((2, 3), 3.0) for _ in range(3)))
+    ways = np.array([[0.0, 0.3, 0.0], [0.0, -0.6, 0.0]])  # away from the pillar, and through it
+    profile = JerkProfile.from_phases(state, TimeOptimal().to_target(state, start + ways, limits)[0])
+    towards = PILLARS.cylinders[0].centre - cartesian(start[0])
+    towards[2] = 0
+    walking = np.repeat([1.4 * towards / np.linalg.norm(towards)], 2, axis=0)
+    assert keeps_clear(profile, PILLARS, rest, walking, 9.0).tolist() == [True, False]
 
 
 def test_the_way_around_begins_in_sight_and_leads_there() -> None:
