@@ -326,8 +326,9 @@ STUDY = CommandGroup(
             show_tables,
             text="""Show several finished runs side by side.
 
-            One row a planner, one column a run: the share of the gap that it closes, or
-            its accuracy where no oracle ran.
+            One row a planner, one column a run: the share of the gap that it closes.
+
+            Where no oracle ran, its accuracy.
 
             For example:
                 ehar study overview runs/duo runs/solo --planner nbv
