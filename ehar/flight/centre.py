@@ -40,12 +40,12 @@ def around_centre(vehicle: Vehicle) -> Vehicle:
 
 
 def walked(time: Any, exp: Any) -> Any:
-    """Return how long people have walked on at their present velocity after a time [s]: less and less sure, so less.
+    """Return the time [s] that people are expected to have walked on for, at their present velocity.
 
-    Times this, a velocity is the way that they are expected to go.
+    It is about `time` at first, and `KEEP_ON` at most. Their velocity times this is the way that they have gone.
 
     Args:
-        time: from now on [s].
+        time: from now on [s]; an array, or a CasADi symbol.
         exp: the exponential function of numpy or CasADi.
     """
     return KEEP_ON * (1 - exp(-time / KEEP_ON))

@@ -36,13 +36,14 @@ def keeps_clear(
     """
     keeps: BoolArray = np.ones(len(profile.duration), dtype=bool)
     undecided, samples = np.flatnonzero(keeps), COARSEST
+    walks = np.arange(1.0 + walking.any())[:, None, None, None]  # people stay; and they walk on, if any does
     while len(undecided):
         part = profile.select(undecided)
         times = part.duration[:, None] * np.linspace(0, 1, samples + 1)
         cameras = cartesian(part.at(times).viewpoint) + moved[undecided, None]
-        on = walking[undecided, None]
-        ways = np.stack([cameras, cameras + walked(times, np.exp)[..., None] * on])
-        begun = obstacles.clearance(np.stack([cameras[:, 0], cameras[:, 0] + KEEP_ON * on[:, 0]]))
+        way_on = walks * walking[undecided, None]
+        ways = cameras + walked(times, np.exp)[..., None] * way_on
+        begun = obstacles.clearance(cameras[:, 0] + KEEP_ON * way_on[:, :, 0])
         spare = (obstacles.clearance(ways) - np.minimum(PLANNED, begun - 1e-6)[..., None]).min(axis=(0, 2))
         keeps[undecided[spare < 0]] = False
         farthest = speed * part.duration / samples

@@ -9,6 +9,7 @@ from ehar.flight.motion import FlightMotion
 from ehar.flight.profile import JerkProfile
 from ehar.flight.time_optimal import AxisLimits, TimeOptimal
 from ehar.flight.vehicle import VEHICLES
+from ehar.localisation import CentreMotion
 from ehar.obstacles import MARGIN, Cylinder, FreeSpace, Obstacles, Surroundings
 from ehar.viewpoint import Workspace, cartesian
 from ehar.world import ROOM
@@ -120,3 +121,34 @@ def test_without_obstacles_nothing_changes() -> None:
         motion.reset(start, 0.04)
         flown.append([motion.advance(target) for _ in range(20)])
     np.testing.assert_array_equal(*flown)
+
+
+def flown_among_pillars(centre: np.ndarray, frames: int, fork: bool = False) -> np.ndarray:
+    """Return the viewpoints (frames, n, 3) of cameras whose centres are at (B, L, 3), or of forks of them."""
+    still = np.zeros_like(centre)
+    velocity = np.gradient(centre, 0.04, axis=1)
+    start = np.repeat([[6.0, 0.9, np.pi / 2]], len(centre), axis=0)
+    motion = FlightMotion(vehicle=VEHICLES["tracking-drone"], moving_centre=True)
+    motion.centre = CentreMotion(centre, velocity, still, still)
+    motion.keep_clear(Surroundings(PILLARS, centre))
+    motion.reset(start, 0.04)
+    if fork:
+        motion, start = motion.forked(2), np.repeat(start, 2, axis=0)
+    return np.stack([motion.advance(start - [0.0, 1.2, 0.0]) for _ in range(frames)])  # past a pillar
+
+
+def test_flights_know_how_fast_people_walk_and_not_where_they_will_go() -> None:
+    time = 0.04 * np.arange(40)
+    centre = np.zeros((3, 40, 3))
+    centre[1, :, 0] = centre[2, :, 0] = 1.2 * time  # towards the pillar that cameras pass
+    centre[2, 7:, 0] = centre[2, 6, 0] - 1.2 * time[:33]  # turns round; velocities differ from frame 6 on
+    flown = flown_among_pillars(centre, 30)
+    np.testing.assert_array_equal(flown[:6, 1], flown[:6, 2])
+    assert np.abs(flown[:, 0] - flown[:, 1]).max() > 0.01  # who walks is kept clear of otherwise
+
+
+def test_forks_of_a_flight_have_the_centre_of_their_flight() -> None:
+    centre = np.zeros((2, 30, 3))
+    centre[1, :, 0] = 1.2 * 0.04 * np.arange(30)
+    flown, forks = (flown_among_pillars(centre, 20, fork) for fork in (False, True))
+    np.testing.assert_array_equal(forks, np.repeat(flown, 2, axis=1))
