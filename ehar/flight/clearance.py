@@ -3,7 +3,7 @@
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
-from ehar.flight.centre import KEEP_ON, walked
+from ehar.flight.centre import walked
 from ehar.flight.profile import JerkProfile
 from ehar.obstacles.free_space import FreeSpace
 from ehar.obstacles.shapes import MARGIN, Obstacles
@@ -36,20 +36,34 @@ def keeps_clear(
     """
     keeps: BoolArray = np.ones(len(profile.duration), dtype=bool)
     undecided, samples = np.flatnonzero(keeps), COARSEST
-    walks = np.arange(1.0 + walking.any())[:, None, None, None]  # people stay; and they walk on, if any does
     while len(undecided):
         part = profile.select(undecided)
         times = part.duration[:, None] * np.linspace(0, 1, samples + 1)
-        cameras = cartesian(part.at(times).viewpoint) + moved[undecided, None]
-        way_on = walks * walking[undecided, None]
-        ways = cameras + walked(times, np.exp)[..., None] * way_on
-        begun = obstacles.clearance(cameras[:, 0] + KEEP_ON * way_on[:, :, 0])
-        spare = (obstacles.clearance(ways) - np.minimum(PLANNED, begun - 1e-6)[..., None]).min(axis=(0, 2))
+        cameras = cartesian(part.at(times).viewpoint)
+        ways = ways_on(cameras, times, moved[undecided], walking[undecided])
+        begun = obstacles.clearance(
+            ways_on(cameras[:, :1], np.full((1, 1), np.inf), moved[undecided], walking[undecided])
+        )
+        spare = (obstacles.clearance(ways) - np.minimum(PLANNED, begun - 1e-6)).min(axis=(0, 2))
         keeps[undecided[spare < 0]] = False
         farthest = speed * part.duration / samples
         open_still = (spare >= 0) & (spare - farthest / 2 < 0)
         undecided, samples = undecided[open_still & (farthest > FINEST)], 4 * samples
     return keeps
+
+
+def ways_on(cameras: FloatArray, times: FloatArray, moved: FloatArray, walking: FloatArray) -> FloatArray:
+    """Return where cameras are relative to the obstacles' origin if people stay, and if they walk on: (W, B, S, 3) [m].
+
+    Args:
+        cameras: (B, S, 3) relative to people's centre [m].
+        times: (B, S) when they are there, from now on [s].
+        moved: (B, 3) how far people's centre is from the obstacles' origin now [m].
+        walking: (B, 3) the velocity of that centre [m/s]; W is 1 if nobody walks.
+    """
+    walks = np.arange(1.0 + walking.any())[:, None, None, None]
+    on: FloatArray = walks * walked(times, np.exp)[..., None] * walking[:, None]
+    return cameras + moved[:, None] + on
 
 
 def first_towards(here: FloatArray, target: FloatArray, space: FreeSpace) -> FloatArray:

@@ -10,6 +10,7 @@ from ehar.errors import EpisodeError
 from ehar.flight.centre import around_centre
 from ehar.flight.clearance import first_towards, keeps_clear
 from ehar.flight.costs import flight_costs
+from ehar.flight.evasion import CLEARER, clearance_ahead, clearest
 from ehar.flight.kinematics import CartesianMotion, SphericalState
 from ehar.flight.limits import keeps_limits, motion_shares, world_motion
 from ehar.flight.profile import JerkProfile, Phases, coasted, phases_along, phases_between, phases_to_rest
@@ -19,7 +20,7 @@ from ehar.flight.time_optimal import PHASES, AxisLimits, TimeOptimal
 from ehar.flight.vehicle import Vehicle
 from ehar.localisation import CentreMotion
 from ehar.obstacles.free_space import FreeSpace
-from ehar.obstacles.surroundings import Surroundings
+from ehar.obstacles.surroundings import Surroundings, too_near
 from ehar.viewpoint import AZIMUTH, DISTANCE, Workspace, cartesian, wrap_difference
 
 SAMPLE_TIME = 1e-3  # [s], between samples of the telemetry
@@ -43,7 +44,8 @@ class FlightMotion:
 
     Among obstacles a proposal is valid only if it also keeps clear of them until it is at rest. Where the straight way
     to the target does not, the camera flies first to a place on a free way that is in sight. In streams people are
-    expected to walk on for a while, and there are no such places.
+    expected to walk on for a while, and there are no such places. Where they carry a camera towards something, it
+    evades: see `ehar.flight.evasion`.
 
     Around a moving centre, a flight has what following the centre leaves of the vehicle's limits: see
     `ehar.flight.centre`.
@@ -95,6 +97,7 @@ class FlightMotion:
         self._plan = JerkProfile.from_phases(self._state, Phases(none, none))
         self._flown = np.zeros(len(viewpoint))  # [s], how long each plan has been flown
         self._proposal = np.zeros(len(viewpoint), dtype=np.int64)  # index of the proposal that was adopted last
+        self._evades = np.zeros(len(viewpoint), dtype=bool)  # whether the plan evades something
         self._frames = 0
         self._telemetry: FlightTelemetry | None = FlightTelemetry.none(len(viewpoint))
 
@@ -106,7 +109,7 @@ class FlightMotion:
         rows = np.repeat(np.arange(len(self._flown)), paths)
         fork = copy(self)
         fork._state, fork._plan = _rows(self._state, rows), self._plan.select(rows)
-        fork._flown, fork._proposal = self._flown[rows], self._proposal[rows]
+        fork._flown, fork._proposal, fork._evades = self._flown[rows], self._proposal[rows], self._evades[rows]
         fork.centre = None if self.centre is None else CentreMotion(*(part[rows] for part in self.centre))
         fork._surroundings = None if self._surroundings is None else self._surroundings.select(rows)
         fork._telemetry = None
@@ -115,6 +118,7 @@ class FlightMotion:
     def advance(self, target: FloatArray) -> FloatArray:
         """Fly for one frame towards targets (B, 3) and return the viewpoints reached, (B, 3)."""
         self._head_for(target, np.arange(len(target)))
+        self._evade()
         return self._fly(np.full(target.shape, np.nan))
 
     def follow(self, states: FloatArray) -> FloatArray:
@@ -137,6 +141,7 @@ class FlightMotion:
         for lead, frames in JOINS:
             pending = pending[~self._join(pending, path[pending, :frames], lead)]
         self._head_for(path[:, -1, 0], pending)
+        self._evade()
         return self._fly(cartesian(path[:, 0, 0]))
 
     def _leads_along(self, path: FloatArray) -> BoolArray:
@@ -176,6 +181,7 @@ class FlightMotion:
             wanted: where the cameras should then be, (B, 3) [m] relative to the centre; NaN if that was not said.
         """
         self._flown += self._frame_time
+        self._evades &= self._flown < self._plan.duration
         self._frames += 1
         self._state = SphericalState(*(part[:, 0] for part in self._plan.at(self._flown[:, None])))
         if self._telemetry is not None:
@@ -230,10 +236,44 @@ class FlightMotion:
         around = self._surroundings
         if around is None:
             return np.ones(len(rows), dtype=bool)
+        moved, walking = self._people(around, rows)
+        clear = keeps_clear(plan, around.obstacles, moved, walking, self._whole.speed)
+        # A flight that is no worse than staying is no reason to give up one that evades.
+        evades = np.flatnonzero(clear & self._evades[rows])
+        ahead = clearance_ahead(
+            plan.select(evades), np.zeros(len(evades)), around.obstacles, moved[evades], walking[evades]
+        )
+        clear[evades] = ~too_near(ahead)
+        return clear
+
+    def _people(self, around: Surroundings, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return how far the centres of rows (n,) have moved [m], and their velocities [m/s], both (n, 3)."""
         rest = np.zeros((len(rows), 3))
         moved = rest if around.moved is None else around.moved[rows, self._frames]
-        walking = rest if self.centre is None else self.centre.velocity[rows, self._frames]
-        return keeps_clear(plan, around.obstacles, moved, walking, self._whole.speed)
+        return moved, rest if self.centre is None else self.centre.velocity[rows, self._frames]
+
+    def _evade(self) -> None:
+        """Leave plans that people's walk makes come too near to something, for the clearest valid flight nearby."""
+        around = self._surroundings
+        if around is None or around.moved is None:
+            return
+        moved, walking = self._people(around, np.arange(len(self._flown)))
+        planned = clearance_ahead(self._plan, self._flown, around.obstacles, moved, walking)
+        rows = np.flatnonzero(too_near(planned))
+        if len(rows) == 0:
+            return
+        plan, clear = clearest(
+            _rows(self._state, rows),
+            self.vehicle,
+            self.workspace,
+            self._time_optimal,
+            around.obstacles,
+            moved[rows],
+            walking[rows],
+        )
+        clearer = clear > planned[rows] + CLEARER
+        self._replace(rows[clearer], plan.select(clearer))
+        self._evades[rows[clearer]] = True
 
     def _centre_motion(self, times: FloatArray) -> CartesianMotion | None:
         """Return the motion of the centre at times (S,) [s] of the last frame, each (B, S, 3); None if it rests."""
@@ -275,7 +315,7 @@ class FlightMotion:
         left = np.flatnonzero(pending)
         every = np.repeat(np.arange(len(PROPOSALS)), len(left))
         pending[self._adopt(task, np.tile(left, len(PROPOSALS)), every)] = False
-        self._brake(rows[pending])
+        self._brake(rows[pending & ~self._evades[rows]])
 
     def _durations(self, task: "_Task", proposal: IntArray) -> FloatArray:
         """Return how long the flights of a task last with proposals (R,), (R,) [s]."""
@@ -303,13 +343,17 @@ class FlightMotion:
         """Make the soonest valid ones of flights (n,) the plans of rows (n,); return which are valid."""
         kept = np.flatnonzero(found & keeps_limits(plan, self.vehicle, self.workspace))
         kept = kept[self._clear(rows[kept], plan.select(kept))]
-        longest = max(plan.times.shape[1], self._plan.times.shape[1])
-        plan, self._plan = plan.padded(longest), self._plan.padded(longest)
         # The last, soonest plan of each row stays. Ties keep their order, so no row depends on the rows beside it.
         kept = kept[np.argsort(-plan.duration[kept], kind="stable")]
-        self._plan.replace(rows[kept], plan.select(kept))
-        self._flown[rows[kept]] = 0
+        self._replace(rows[kept], plan.select(kept))
         return kept
+
+    def _replace(self, rows: IntArray, plan: JerkProfile) -> None:
+        """Make flights (n,) the plans of rows (n,); of several for one row, the last."""
+        longest = max(plan.times.shape[1], self._plan.times.shape[1])
+        self._plan = self._plan.padded(longest)
+        self._plan.replace(rows, plan.padded(longest))
+        self._flown[rows], self._evades[rows] = 0, False
 
 
 class _Task(NamedTuple):

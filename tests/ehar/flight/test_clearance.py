@@ -152,3 +152,40 @@ def test_forks_of_a_flight_have_the_centre_of_their_flight() -> None:
     centre[1, :, 0] = 1.2 * 0.04 * np.arange(30)
     flown, forks = (flown_among_pillars(centre, 20, fork) for fork in (False, True))
     np.testing.assert_array_equal(forks, np.repeat(flown, 2, axis=1))
+
+
+def carried_to_a_pillar(name: str, speed: float, held: bool) -> tuple[np.ndarray, FlightMotion]:
+    """Return the clearance (frames,) of a camera that is to stay with people who walk for 5 s, and its motion.
+
+    It begins 1.6 m from a pillar, to which they take it at a `speed` [m/s] that they reach within a second. Forks of
+    its flight fly as it does.
+    """
+    frames, vehicle = 125, VEHICLES[name]
+    start = np.array([[6.0, 0.3, np.pi / 2]])
+    towards = cartesian(np.array([[1.0, 0.3, np.pi / 2]]))
+    pillar = Obstacles(cylinders=(Cylinder(centre=tuple((8.2 * towards)[0]), radius=0.6, height=6),))
+    pace = speed * np.clip(np.arange(frames + 1) * 0.04, 0, 1)
+    way = np.cumsum(pace)[:, None] * 0.04 * towards
+    still = np.zeros_like(way)
+    motion = FlightMotion(vehicle=vehicle, moving_centre=True)
+    motion.centre = CentreMotion(*(part[None] for part in (way, pace[:, None] * towards, still, still)))
+    around = Surroundings(pillar, way[None])
+    motion.keep_clear(around if held else None)
+    motion.reset(start, 0.04)
+    clear = []
+    for frame in range(1, frames):
+        fork = motion.forked(2)
+        reached = motion.advance(start)
+        np.testing.assert_array_equal(fork.advance(np.repeat(start, 2, axis=0)), np.repeat(reached, 2, axis=0))
+        clear.append(around.clearance(reached, frame)[0])
+    return np.array(clear), motion
+
+
+@pytest.mark.parametrize(("name", "speed"), [("px4-auto", 0.9), ("tracking-drone", 0.6)])
+def test_cameras_that_people_carry_towards_something_evade_it(name: str, speed: float) -> None:
+    carried, _ = carried_to_a_pillar(name, speed, held=False)
+    assert carried.min() < 0  # through the pillar
+    clear, motion = carried_to_a_pillar(name, speed, held=True)
+    assert clear.min() >= MARGIN - 1e-3
+    assert (motion.telemetry.peak_speed <= VEHICLES[name].speed).all()
+    assert (motion.telemetry.peak_acceleration <= VEHICLES[name].acceleration).all()

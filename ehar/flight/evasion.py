@@ -1,0 +1,86 @@
+"""Evades what people walk towards: where a camera flies that its plan, or staying, would carry too near to something.
+
+People who walk carry the cameras around them along, and with them plans that were free when they were made.
+"""
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.flight.clearance import ways_on
+from ehar.flight.kinematics import SphericalState
+from ehar.flight.limits import keeps_limits
+from ehar.flight.profile import JerkProfile
+from ehar.flight.proposals import PROPOSALS, limits_to_target
+from ehar.flight.time_optimal import AxisLimits, TimeOptimal
+from ehar.flight.vehicle import Vehicle
+from ehar.obstacles.shapes import Obstacles
+from ehar.viewpoint import AZIMUTH, Workspace, cartesian, spherical, wrap_difference
+
+AHEAD = 2.0  # [s] that a flight is looked at
+SAMPLES = 33  # of a flight in that time
+AROUND = 8  # level directions in which to evade, beside straight up and down
+AWAY = (0.4, 0.8, 1.6)  # [m]
+AMPLE = 0.5  # [m]; more clearance is not looked for
+CLEARER = 0.01  # [m] of clearance for which to leave a plan
+SOONER = 0.01  # [m/s] of clearance that a flight may be nearer to arrive sooner
+
+
+def clearance_ahead(
+    profile: JerkProfile, flown: FloatArray, obstacles: Obstacles, moved: FloatArray, walking: FloatArray
+) -> FloatArray:
+    """Return the least clearance of flights in the next `AHEAD` seconds, (B,) [m], at most `AMPLE`.
+
+    It is that if people stay, or if they walk on, whichever is less.
+
+    Args:
+        profile: B flights.
+        flown: (B,) for how long each has been flown [s].
+        obstacles: what stands there.
+        moved: (B, 3) how far people's centre is from the obstacles' origin [m].
+        walking: (B, 3) the velocity of that centre [m/s].
+    """
+    ahead = np.broadcast_to(np.linspace(0, AHEAD, SAMPLES), (len(flown), SAMPLES))
+    cameras = cartesian(profile.at(flown[:, None] + ahead).viewpoint)
+    clearance = obstacles.clearance(ways_on(cameras, ahead, moved, walking))
+    least: FloatArray = np.minimum(clearance.min(axis=(0, 2)), AMPLE)
+    return least
+
+
+def clearest(
+    start: SphericalState,
+    vehicle: Vehicle,
+    workspace: Workspace,
+    time_optimal: TimeOptimal,
+    obstacles: Obstacles,
+    moved: FloatArray,
+    walking: FloatArray,
+) -> tuple[JerkProfile, FloatArray]:
+    """Return of each state (B, 3) the valid flight to a place nearby that has the most clearance, and how much, (B,).
+
+    Without a valid flight that is -inf. Of flights that are about as clear, a sooner one is returned. For `obstacles`,
+    `moved` and `walking` see `clearance_ahead`.
+    """
+    targets = _places_around(start.viewpoint, workspace)
+    limits = [limits_to_target(vehicle, start, target - start.viewpoint) for target in targets]
+    place, proposal, row = (index.ravel() for index in np.indices((len(targets), len(PROPOSALS), len(start.viewpoint))))
+    here = SphericalState(*(part[row] for part in start))
+    shares = AxisLimits(*(np.stack(part)[place, proposal, row] for part in zip(*limits, strict=True)))
+    phases, found = time_optimal.to_target(here, targets[place, row], shares)
+    flights = JerkProfile.from_phases(here, phases)
+    clear = clearance_ahead(flights, np.zeros(len(row)), obstacles, moved[row], walking[row])
+    valid = found & keeps_limits(flights, vehicle, workspace)
+    clear = np.where(valid, clear, -np.inf)
+    count = len(start.viewpoint)
+    best = (clear - SOONER * flights.duration).reshape(-1, count).argmax(axis=0) * count + np.arange(count)
+    return flights.select(best), clear[best]
+
+
+def _places_around(viewpoint: FloatArray, workspace: Workspace) -> FloatArray:
+    """Return places around viewpoints (B, 3), (C, B, 3), with azimuths that are not wrapped."""
+    turn = 2 * np.pi / AROUND * np.arange(AROUND)
+    level = np.stack([np.cos(turn), np.sin(turn), np.zeros(AROUND)], axis=1)
+    directions = np.concatenate([level, [[0, 0, 1], [0, 0, -1]]])
+    steps = (np.array(AWAY)[:, None, None] * directions).reshape(-1, 1, 3)
+    places = workspace.clip(spherical(cartesian(viewpoint) + steps))
+    places[..., AZIMUTH] = viewpoint[:, AZIMUTH] + wrap_difference(places[..., AZIMUTH] - viewpoint[:, AZIMUTH])
+    return places
