@@ -18,7 +18,7 @@ from eval.render.tables import Table, html, markdown, text
 from planners.agents.config import check_seeds
 from recognition.devices import check_device
 from recognition.networks.sizes import Size
-from recognition.published.clips import STREAMS
+from recognition.published.clips import STREAMS, Stream
 from recognition.published.training import RATIOS, PublishedRun, accuracies, train_published
 from recognition.training.optimisers import PUBLISHED_EPOCHS
 
@@ -123,29 +123,35 @@ def published(
     out: str | Path,
     size: Size = "small",
     seeds: Sequence[int] = (0,),
+    streams: Sequence[Stream] = STREAMS,
     epochs: int = PUBLISHED_EPOCHS,
     device: str = "cpu",
     threads: int = 0,
 ) -> PublishedReport:
-    """Train both forms on joints and bones by the published protocol, and test them.
+    """Train both forms by the published protocol on joints, on bones, or on both for an ensemble, and test them.
 
     Args:
         data: an .npz with 3D joints and a split, such as Northwestern-UCLA by camera.
         out: folder of the results; what is done there is kept, and a training goes on from its last epoch.
         size: widths of the networks.
         seeds: seeds of the trainings of each form and stream.
+        streams: what networks see: joints, bones, or both, and then both together as well.
         epochs: epochs of each training.
         device: torch device.
         threads: CPU threads of torch; with 0, torch decides.
 
     Raises:
-        UsageError: the number of epochs is below 1, a seed is no seed, or `out` holds results of other data.
+        UsageError: the number of epochs is below 1, a seed is no seed, there is no stream, one that does not exist or
+            one twice, or `out` holds results of other data.
         DataError: the data is malformed, or has no split.
         ModelError: a loss is not finite, or a checkpoint is damaged.
     """
     import torch  # imported here: too slow for `ehar --help`
 
     check_seeds(seeds)
+    if not streams or len(set(streams)) < len(streams) or not set(streams) <= set(STREAMS):
+        got = " ".join(streams) or "none"
+        raise UsageError(f"--streams: got {got}, expected {' or '.join(STREAMS)}, each once")
     if epochs < 1:
         raise UsageError(f"--epochs: got {epochs}, expected at least 1")
     check_device(device)
@@ -157,7 +163,7 @@ def published(
     for form in FORMS:
         held[form] = []
         for seed in seeds:
-            runs = [PublishedRun(form, stream, size, seed, epochs) for stream in STREAMS]
+            runs = [PublishedRun(form, stream, size, seed, epochs) for stream in streams]
             held[form].append(
                 [train_published(run, motion, folder, device=device, report=partial(_epoch_done, run)) for run in runs]
             )
@@ -166,15 +172,15 @@ def published(
     labels, new = motion.labels[test], np.isin(test, unseen)
     copies = tuple(motion.class_names[label] for label in labels[~new])
     chosen: Sequence[tuple[str, slice]] = (
-        *((stream, slice(i, i + 1)) for i, stream in enumerate(STREAMS)),
-        (" + ".join(STREAMS), slice(None)),
+        *((stream, slice(i, i + 1)) for i, stream in enumerate(streams)),
+        *([(" + ".join(streams), slice(None))] if len(streams) > 1 else []),
     )
     rows = []
     for form, trained in held.items():
-        for streams, part in chosen:
+        for name, part in chosen:
             whole = np.array([accuracies(of[part], labels) for of in trained])
             without = np.array([accuracies([stream[new] for stream in of[part]], labels[new]) for of in trained])
-            rows.append(PublishedRow(form, streams, whole, without))
+            rows.append(PublishedRow(form, name, whole, without))
     found = PublishedReport(motion.title, size, epochs, tuple(seeds), tuple(rows), len(new), copies)
     kept = {**asdict(found), "rows": [{**asdict(row), **_lists(row)} for row in rows]}
     write_text(folder / "summary.json", [json_text(kept)])

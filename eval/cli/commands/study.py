@@ -205,6 +205,7 @@ STUDY = CommandGroup(
                 "seeds": Flag(
                     "seeds of the trainings of each form and stream.", kind=tuple[int, ...], metavar="SEED ..."
                 ),
+                "streams": Flag("joint, bone, or both and their ensemble.", kind=tuple[str, ...], metavar="STREAM ..."),
                 "epochs": Flag("epochs of each training."),
                 "device": Flag("torch device."),
                 "threads": Flag("CPU threads of torch.", hint="torch decides"),

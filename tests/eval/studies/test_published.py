@@ -52,13 +52,20 @@ def test_the_command_trains_tests_and_prints_both_forms(
     assert not capsys.readouterr().err
     assert found.rows[5].accuracy.tolist() == held["rows"][5]["accuracy"]
     assert (tmp_path / "table.md").read_text().count("±") > 10
+    main(["study", "published", str(motion), "--out", str(tmp_path), "--epochs", "1", "--streams", "bone"])
+    held = json.loads((tmp_path / "summary.json").read_text())
+    assert [(row["form"], row["streams"]) for row in held["rows"]] == [("ctrgcn", "bone"), ("causal", "bone")]
+    assert held["rows"][1]["accuracy"] == [found.rows[4].accuracy[0].tolist()]
 
 
-def test_numbers_below_one_are_refused(motion: Path, tmp_path: Path) -> None:
+def test_what_cannot_be_trained_is_refused(motion: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="--seeds: got none, expected whole numbers of at least 0, each once"):
         published(str(motion), out=tmp_path, seeds=())
     with pytest.raises(UsageError, match="--epochs: got 0, expected at least 1"):
         published(str(motion), out=tmp_path, epochs=0)
+    for streams, got in (((), "none"), (("bone", "bone"), "bone bone"), (("motion",), "motion")):
+        with pytest.raises(UsageError, match=f"--streams: got {got}, expected joint or bone, each once"):
+            published(str(motion), out=tmp_path, streams=streams)  # type: ignore[arg-type]
 
 
 def test_copies_of_training_sequences_are_counted_and_left_out(tmp_path: Path) -> None:
