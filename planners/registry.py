@@ -32,6 +32,11 @@ def planner_names() -> tuple[str, ...]:
     return (*heuristics, *PLACES, FIXED_BEST, *VALUING, *LEARNED, *oracles)
 
 
+def is_rule(spec: str) -> bool:
+    """Return whether a planner of ours is a rule: it values no view, is no trained agent and is not told the truth."""
+    return spec in (*(planner.name for planner in HEURISTICS), *PLACES, FIXED_BEST)
+
+
 def needs_gain_model(spec: str) -> bool:
     """Return whether a planner values views, and so needs a trained gain model."""
     return spec in VALUING

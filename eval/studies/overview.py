@@ -6,12 +6,13 @@ from pathlib import Path
 
 from ehar.errors import UsageError
 from ehar.files import write_text
-from eval.render.tables import Table, interval_text, markdown, no_interval_footnotes
+from eval.render.tables import NONE, Table, interval_text, markdown, no_interval_footnotes, share_text
 from eval.running.run import read_run
 from eval.scores.differences import excludes_zero
 from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
 from eval.scores.resampling.statistics import Interval
 from eval.scores.summary import Summary
+from planners.registry import is_rule
 
 TOLD = ("sensor", "views", "track", "onset")  # a column names these conditions if the runs differ in them
 
@@ -39,7 +40,8 @@ def overview(runs: Sequence[str | Path], *, planner: str | None = None, out: str
 
     Args:
         runs: folders of finished runs.
-        planner: a planner; its paired differences from the others are shown too.
+        planner: a planner; its paired differences from the others are shown too, and how far it is above each run's
+            best rule.
         out: Markdown file to write too.
 
     Raises:
@@ -51,6 +53,8 @@ def overview(runs: Sequence[str | Path], *, planner: str | None = None, out: str
         gap_table(read) if measured else accuracy_table(read),
         *([] if planner is None else [difference_table(read, planner)]),
     ]
+    if planner is not None and any(map(_best_rule, read)):
+        tables.append(rule_table(read, planner))
     if out is not None:
         write_text(Path(out), [markdown(*tables)])
     return tables
@@ -167,6 +171,52 @@ def difference_table(runs: Sequence[RunOverview], planner: str) -> Table:
             if found is not None and found[1] is not None and excludes_zero(found[1])
         ),
     )
+
+
+def rule_table(runs: Sequence[RunOverview], planner: str) -> Table:
+    """Return a planner beside a camera that stays and beside the best rule of each run: a row for each run."""
+    ruled = [(run, rule) for run in runs if planner in run.planners and (rule := _best_rule(run))]
+    flown = any(run.planners[planner].accuracy_kept is not None for run, _ in ruled)
+    hitting = any(run.planners[planner].contacts is not None for run, _ in ruled)
+    rows: list[tuple[str, ...]] = []
+    bold = set()
+    for run, rule in ruled:
+        scored = run.planners[planner]
+        found = [_difference(run, planner, name) for name in (NO_ACT, rule)]
+        bold |= {(len(rows), 4 + i) for i, one in enumerate(found) if one and one[1] and excludes_zero(one[1])}
+        contacts = scored.contacts
+        rows.append(
+            (
+                run.title,
+                f"{run.planners[NO_ACT].acc_mean:.1f}" if NO_ACT in run.planners else NONE,
+                f"{rule} {run.planners[rule].acc_mean:.1f}",
+                f"{scored.acc_mean:.1f}",
+                *(NONE if one is None else f"{one[0]:+.1f} {interval_text(one[1])}" for one in found),
+                *([share_text(scored.accuracy_kept, scored.accuracy_kept_ci95)] if flown else []),
+                *([NONE if contacts is None else str(contacts.hit_frames)] if hitting else []),
+            )
+        )
+    kept_column, hit_column = ["kept % [95 %]"] if flown else [], ["frames hit"] if hitting else []
+    return Table(
+        title=f"{planner} against a camera that stays and against each run's best rule, in percent and points [95 %]",
+        header=(
+            *("run", NO_ACT, "best rule", planner, f"{planner} - {NO_ACT}", f"{planner} - best rule"),
+            *(*kept_column, *hit_column),
+        ),
+        rows=tuple(rows),
+        footnotes=(
+            "The best rule is that with the highest accuracy in the run itself, a camera that stays included.",
+            "Bold: the interval excludes zero. Intervals are corrected together with all pairs of their run.",
+        ),
+        bold=frozenset(bold),
+        words=frozenset({2}),
+    )
+
+
+def _best_rule(run: RunOverview) -> str | None:
+    """Return the rule of a run with the highest accuracy; None if no rule ran."""
+    rules = [planner for planner in run.summary.planners if is_rule(planner.name)]
+    return max(rules, key=lambda planner: planner.acc_mean).name if rules else None
 
 
 def _basis_footnotes(runs: Sequence[RunOverview]) -> Iterator[str]:

@@ -13,11 +13,11 @@ from eval.records.config import PlannerConfig
 from eval.running.run import write_records
 from eval.scores.differences import Difference
 from eval.scores.planner_summary import PlannerSummary
-from eval.studies.overview import difference_table, gap_table, overview, read_overview
+from eval.studies.overview import difference_table, gap_table, overview, read_overview, rule_table
 from tests.helpers.made_records import config_of_run, make_records, summary_of
 
 TITLE = "sbu (interactions)"
-NAMES = ("no-act", "nbv", "il-ppo", "oracle", "oracle-lookahead")
+NAMES = ("no-act", "front", "nbv", "il-ppo", "oracle", "oracle-lookahead")
 RECORDS = {name: make_records(0) for name in NAMES}
 MADE = summary_of(RECORDS)
 
@@ -92,6 +92,28 @@ def test_differences_are_turned_to_the_planner_that_is_asked_for(tmp_path: Path)
     assert turned.bold == {(0, 1)}
     across = write(tmp_path / "b", differences=(difference(1.0, (-0.2, 2.0)),))
     assert not difference_table(read_overview([across]), "nbv").bold
+
+
+def test_the_best_rule_of_each_run_is_that_with_the_highest_accuracy_there(tmp_path: Path) -> None:
+    some = (planner("no-act", 40.0, None), planner("front", 42.0, None), planner("nbv", 44.0, None))
+    flown = replace(some[2], accuracy_kept=0.5, accuracy_kept_ci95=(0.25, 0.75))
+    beside = (
+        replace(DIFFERENCES[0], planner="nbv", other="no-act", acc_mean=4.0, ci95_corrected=(1.0, 7.0)),
+        replace(DIFFERENCES[0], planner="front", other="nbv", acc_mean=-2.0, ci95_corrected=(-5.0, 1.0)),
+    )
+    runs = [
+        write(tmp_path / "a", (*PLANNERS[:2], planner("front", 49.0, None)), world="room"),
+        write(tmp_path / "b", (*some[:2], flown), world="crowd", differences=beside),
+        write(tmp_path / "c", (planner("nbv", 44.0, None), planner("il-ppo", 43.0, None))),
+    ]
+    table = rule_table(read_overview(runs), "nbv")
+    assert table.header == ("run", "no-act", "best rule", "nbv", "nbv - no-act", "nbv - best rule", "kept % [95 %]")
+    assert table.rows == (
+        ("sbu room", "50.0", "no-act 50.0", "54.0", "-", "-", "-"),
+        ("sbu crowd", "40.0", "front 42.0", "44.0", "+4.0 [1.0, 7.0]", "+2.0 [-1.0, 5.0]", "50.0 [25.0, 75.0]"),
+    )
+    assert table.bold == {(1, 4)}
+    assert [shown.title.split()[0] for shown in overview(runs[1:2], planner="nbv")] == ["Mean", "Mean", "nbv"]
 
 
 def test_a_planner_that_was_not_compared_is_named(tmp_path: Path) -> None:
