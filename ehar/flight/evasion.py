@@ -10,16 +10,16 @@ from ehar.flight.clearance import ways_on
 from ehar.flight.kinematics import SphericalState
 from ehar.flight.limits import keeps_limits
 from ehar.flight.profile import JerkProfile
-from ehar.flight.proposals import PROPOSALS, limits_to_target
+from ehar.flight.proposals import PROPOSALS, braking_way, limits_to_target
 from ehar.flight.time_optimal import AxisLimits, TimeOptimal
 from ehar.flight.vehicle import Vehicle
 from ehar.obstacles.shapes import Obstacles
 from ehar.viewpoint import AZIMUTH, Workspace, cartesian, spherical, wrap_difference
 
-AHEAD = 2.0  # [s] that a flight is looked at
-SAMPLES = 33  # of a flight in that time
+AHEAD = 3.0  # [s] that a flight is looked at
+SAMPLES = 49  # of a flight in that time
 AROUND = 8  # level directions in which to evade, beside straight up and down
-AWAY = (0.4, 0.8, 1.6)  # [m]
+AWAY = (0.4, 0.8, 1.6, 3.2)  # [m] from where a camera comes to rest if it brakes
 AMPLE = 0.5  # [m]; more clearance is not looked for
 CLEARER = 0.01  # [m] of clearance for which to leave a plan
 SOONER = 0.01  # [m/s] of clearance that a flight may be nearer to arrive sooner
@@ -60,7 +60,7 @@ def clearest(
     Without a valid flight that is -inf. Of flights that are about as clear, a sooner one is returned. For `obstacles`,
     `moved` and `walking` see `clearance_ahead`.
     """
-    targets = _places_around(start.viewpoint, workspace)
+    targets = _places_around(start.viewpoint + braking_way(vehicle, start), workspace)
     limits = [limits_to_target(vehicle, start, target - start.viewpoint) for target in targets]
     place, proposal, row = (index.ravel() for index in np.indices((len(targets), len(PROPOSALS), len(start.viewpoint))))
     here = SphericalState(*(part[row] for part in start))
@@ -76,11 +76,11 @@ def clearest(
 
 
 def _places_around(viewpoint: FloatArray, workspace: Workspace) -> FloatArray:
-    """Return places around viewpoints (B, 3), (C, B, 3), with azimuths that are not wrapped."""
+    """Return viewpoints (B, 3) and places around them, (C, B, 3), with azimuths that are not wrapped."""
     turn = 2 * np.pi / AROUND * np.arange(AROUND)
     level = np.stack([np.cos(turn), np.sin(turn), np.zeros(AROUND)], axis=1)
     directions = np.concatenate([level, [[0, 0, 1], [0, 0, -1]]])
-    steps = (np.array(AWAY)[:, None, None] * directions).reshape(-1, 1, 3)
+    steps = np.concatenate([np.zeros((1, 3)), *(away * directions for away in AWAY)])[:, None]
     places = workspace.clip(spherical(cartesian(viewpoint) + steps))
     places[..., AZIMUTH] = viewpoint[:, AZIMUTH] + wrap_difference(places[..., AZIMUTH] - viewpoint[:, AZIMUTH])
     return places

@@ -46,7 +46,7 @@ PLACES = np.linspace(0, 1, 5)  # along the straight way
 
 def limits_to_target(vehicle: Vehicle, state: SphericalState, way: FloatArray) -> AxisLimits:
     """Return the limits of `PROPOSALS`, (K, B, 3), for flights from states (B, 3) to rest `way` (B, 3) from there."""
-    back = way - _braking(vehicle, state)
+    back = way - braking_way(vehicle, state)
     # An axis that is bound to overshoot needs a share to come back.
     heading = np.copysign(np.maximum(np.abs(way), np.abs(back)), way)
     places = state.viewpoint[:, None] + PLACES[:, None] * way[:, None]
@@ -117,7 +117,7 @@ def _along(vehicle: Vehicle, viewpoint: FloatArray, direction: FloatArray) -> tu
     return speed, acceleration, jerk
 
 
-def _braking(vehicle: Vehicle, state: SphericalState) -> FloatArray:
+def braking_way(vehicle: Vehicle, state: SphericalState) -> FloatArray:
     """Return about how much farther each axis gets if it brakes now, alone, (B, 3)."""
     lever = _lever(state.viewpoint)
     acceleration = lever * state.acceleration
