@@ -65,7 +65,7 @@ def test_people_are_expected_to_walk_on_for_a_while() -> None:
     profile = JerkProfile.from_phases(SphericalState(start, rest, rest, rest), phases)
     towards = PILLARS.cylinders[0].centre - cartesian(start[0])
     towards[2] = 0
-    walking = 0.9 * towards / np.linalg.norm(towards) * np.array([[0], [1], [-1]])
+    walking = 0.5 * towards / np.linalg.norm(towards) * np.array([[0], [1], [-1]])
     assert keeps_clear(profile, PILLARS, rest, walking, 5.0).tolist() == [True, False, True]
 
 
@@ -78,7 +78,7 @@ def test_where_people_take_a_camera_into_a_pillar_it_may_leave_and_not_go_throug
     profile = JerkProfile.from_phases(state, TimeOptimal().to_target(state, start + ways, limits)[0])
     towards = PILLARS.cylinders[0].centre - cartesian(start[0])
     towards[2] = 0
-    walking = np.repeat([1.4 * towards / np.linalg.norm(towards)], 2, axis=0)
+    walking = np.repeat([0.7 * towards / np.linalg.norm(towards)], 2, axis=0)
     assert keeps_clear(profile, PILLARS, rest, walking, 9.0).tolist() == [True, False]
 
 
