@@ -65,7 +65,7 @@ def test_people_are_expected_to_walk_on_for_a_while() -> None:
     profile = JerkProfile.from_phases(SphericalState(start, rest, rest, rest), phases)
     towards = PILLARS.cylinders[0].centre - cartesian(start[0])
     towards[2] = 0
-    walking = 0.5 * towards / np.linalg.norm(towards) * np.array([[0], [1], [-1]])
+    walking = 0.9 * towards / np.linalg.norm(towards) * np.array([[0], [1], [-1]])
     assert keeps_clear(profile, PILLARS, rest, walking, 5.0).tolist() == [True, False, True]
 
 
