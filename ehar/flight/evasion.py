@@ -57,8 +57,8 @@ def clearest(
 ) -> tuple[JerkProfile, FloatArray]:
     """Return of each state (B, 3) the valid flight to a place nearby that has the most clearance, and how much, (B,).
 
-    Without a valid flight that is -inf. Of flights that are about as clear, a sooner one is returned. For `obstacles`,
-    `moved` and `walking` see `clearance_ahead`.
+    Without a valid flight that is -inf. Of flights that are about as clear, a sooner one is returned. What comes after
+    `AHEAD` is not looked at: every frame looks anew. For `obstacles`, `moved` and `walking` see `clearance_ahead`.
     """
     targets = _places_around(start.viewpoint + braking_way(vehicle, start), workspace)
     limits = [limits_to_target(vehicle, start, target - start.viewpoint) for target in targets]
