@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ehar.data.motion_data import MotionData
 from ehar.data.source import load_data
-from ehar.data.stitching import stitch
+from ehar.data.stitching.streams import stitch
 from ehar.data.streams.data import StreamData
 from ehar.data.streams.file import holds_streams, load_streams
 from ehar.data.synthetic.sets import duo, solo

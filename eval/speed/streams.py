@@ -8,7 +8,7 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.batch import Batch, noise_of
 from ehar.conditions import Conditions
-from ehar.data.joins import DURATIONS, join, placed
+from ehar.data.stitching.joins import DURATIONS, join, placed
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.synthetic.sets import TRAINING_CASTS, dance

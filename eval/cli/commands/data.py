@@ -63,7 +63,7 @@ DATA = CommandGroup(
             },
         ),
         "stitch": Command(
-            "ehar.data.stitching:stitch",
+            "ehar.data.stitching.streams:stitch",
             save_stitched,
             text="""Make streams out of sequences: one activity after another.
 

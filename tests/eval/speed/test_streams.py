@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ehar.data.joins import DURATIONS
+from ehar.data.stitching.joins import DURATIONS
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.data.synthetic.body import SKELETON
 from ehar.runner import Runner

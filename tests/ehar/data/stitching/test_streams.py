@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ehar.data.joins import DURATIONS, FAST, join, placed
 from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import save_motion
 from ehar.data.scenario import split_parts
 from ehar.data.skeleton_tree import parents
-from ehar.data.stitching import stitch
+from ehar.data.stitching.joins import DURATIONS, FAST, join, placed
+from ehar.data.stitching.streams import stitch
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.data.streams.file import load_streams
 from ehar.data.synthetic.sets import duo, solo

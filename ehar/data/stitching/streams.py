@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
-from ehar.data.joins import join, placed
 from ehar.data.motion_data import MotionData
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.scenario import split_parts
 from ehar.data.source import load_data
+from ehar.data.stitching.joins import join, placed
 from ehar.data.streams.data import StreamData
 from ehar.errors import DataError, UsageError
 

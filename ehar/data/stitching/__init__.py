@@ -1,0 +1,1 @@
+"""Stitching: streams out of trimmed sequences of the same people, one activity after another."""
