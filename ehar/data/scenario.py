@@ -191,7 +191,7 @@ def split_parts(data: MotionData | StreamData) -> Parts:
     )
 
 
-def _people_together(subjects: IntArray) -> IntArray:
+def people_together(subjects: IntArray) -> IntArray:
     """Return the group of each stream's people, (S,), from who performs, (S, P).
 
     A group is everybody who performs together, or with the same others. If there are fewer than `LEAST_KNOWN` groups,
@@ -247,7 +247,7 @@ def _lacking(data: StreamData, parts: Parts) -> tuple[str, str] | None:
 def _stream_parts_drawn(data: StreamData, rng: np.random.Generator) -> Parts:
     """Draw the four parts of streams once."""
     streams = np.arange(len(data.lengths))
-    people = _people_together(data.subjects)
+    people = people_together(data.subjects)
     named = bool((data.subjects != UNKNOWN_SUBJECT).all())
     unit = people if named else streams
     is_test = data.is_test

@@ -147,6 +147,27 @@ def save_stitched(streams: "StreamData", *, out: Path) -> None:
     )
 
 
+def save_fold(data: "MotionData | StreamData", *, out: Path) -> None:
+    """Write the data of a fold, and print who is tested.
+
+    Args:
+        data: the data.
+        out: .npz to write.
+    """
+    from ehar.data.motion_file import save_motion
+    from ehar.data.scenario import split_parts
+    from ehar.data.streams.data import StreamData
+    from ehar.data.streams.file import save_streams
+
+    if isinstance(data, StreamData):
+        save_streams(_npz(out), data)
+    else:
+        save_motion(_npz(out), data)
+    test = split_parts(data).test
+    people = ", ".join(sorted({"-".join(map(str, performers)) for performers in data.subjects[test].tolist()}))
+    output_console().print(f"{out}: {len(test)} of {len(data.lengths)} for the test, of person {people}")
+
+
 def _npz(out: Path) -> Path:
     """Return the path if it is one of an .npz, or else raise a UsageError."""
     from ehar.errors import UsageError

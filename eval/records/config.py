@@ -37,6 +37,15 @@ class PlannerConfig:
     source_sha256: str | None = None  # of the file that defines your own planner
 
 
+@dataclass(frozen=True)
+class FoldConfig:
+    """One of the runs that a run of folds was made of."""
+
+    run: str  # its folder
+    source: str  # of its data
+    data_sha256: str
+
+
 @dataclass(frozen=True, kw_only=True)
 class RunConfig:
     """Everything that decides a run's episodes.jsonl. The number of workers is left out, because it decides nothing.
@@ -62,6 +71,7 @@ class RunConfig:
         trained_open: whether the recogniser was trained in the world without its obstacles and passers-by.
         trained_localisations: in streams, the localisation in the training of the recogniser, the gain field, each
             agent and a fixed place, of those that were trained with another than the world's; None if none was.
+        folds: the runs that this one was made of, whose hashes are then hashed together; empty for a run of its own.
     """
 
     conditions: Conditions
@@ -82,6 +92,7 @@ class RunConfig:
     device: str = "cpu"
     trained_open: bool = False
     trained_localisations: dict[str, Localisation] | None = None
+    folds: tuple[FoldConfig, ...] = ()
 
     @property
     def world(self) -> World:
@@ -134,7 +145,7 @@ KEYS = (  # of config.json, in the order of the file
     *("schema", "source", "data", "data_sha256", "models", "recogniser_sha256", "sensor", "views", "form", "track"),
     *("vehicle", "readout", "part", "gain_model_sha256", "starts", "seed", "length", "fps", "ideal", "planners"),
     *("versions", "recogniser", "sensor_sha256", "track_sha256", "world", "trained_lengths", "device", "onset"),
-    *("trained_open", "trained_localisations"),
+    *("trained_open", "trained_localisations", "folds"),
 )
 LATER: dict[str, Any] = {  # a file without one of these means its default
     "schema": SCHEMA,
@@ -148,8 +159,14 @@ LATER: dict[str, Any] = {  # a file without one of these means its default
     "onset": "unknown",
     "trained_open": False,
     "trained_localisations": None,
+    "folds": (),
 }
-NEW = ("onset", "trained_open", "trained_localisations")  # keys that a file has only where they say something else
+NEW = (
+    "onset",
+    "trained_open",
+    "trained_localisations",
+    "folds",
+)  # keys that a file has only where they say something else
 
 
 def run_config(

@@ -270,7 +270,7 @@ def read_run_of_clips(directory: str | Path) -> Run:
     if run.of_streams:
         raise UsageError(
             f"{directory}: expected a run of clips, got one of streams, which ehar report, replay, verify, "
-            "compare, study analyse, decide, overview and trainings take"
+            "compare, study analyse, decide, folds, overview and trainings take"
         )
     return run
 
@@ -317,7 +317,8 @@ def class_names(run: Run, note: Callable[[str], None], source: str | Path | None
     place = conditions.data if source is None else source
     try:
         data = load_recordings(str(place), fps=conditions.fps)
-        reason = None if data.sha256 == run.config.data_sha256 else f"{place}: not the data of the run"
+        known = {run.config.data_sha256, *(fold.data_sha256 for fold in run.config.folds)}
+        reason = None if data.sha256 in known else f"{place}: not the data of the run"
     except EharError as error:
         if source is not None:
             raise

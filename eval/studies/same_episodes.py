@@ -36,18 +36,33 @@ def check_same_episodes(a: Run, b: Run, *, also: Sequence[str] = ()) -> None:
         UsageError: their configurations differ; the message names what differs, with both values.
         DataError: their episodes differ although their configurations do not.
     """
+    check_same_config(a, b, (*SAME_EPISODES, *also))
     where = f"{a.directory} and {b.directory}"
-    in_a, in_b = a.config.to_json(), b.config.to_json()
-    differing = [name for name in (*SAME_EPISODES, *also) if _decisive(name, in_a) != _decisive(name, in_b)]
-    if differing:
-        got = ", ".join(f"{label(name)} ({shown(name, in_a)}, {shown(name, in_b)})" for name in differing)
-        raise UsageError(f"{where}: expected runs of the same episodes; they differ in {got}")
     of_a, of_b = (next(iter(one.records.values())) for one in (a, b))
     if not same_episodes(of_a, of_b):
         raise DataError(
             f"{where}: expected the same episodes, as their {CONFIG} say, got {len(of_a)} and {len(of_b)} that differ "
             "in sequence, first frame, start, label or people"
         )
+
+
+def check_same_config(a: Run, b: Run, keys: Sequence[str], *, expected: str = "runs of the same episodes") -> None:
+    """Check that two runs have the same values of some keys of config.json, or the same `LOCALISATION`.
+
+    Args:
+        a: a run.
+        b: another run.
+        keys: the keys.
+        expected: what they have to be, for people.
+
+    Raises:
+        UsageError: their configurations differ; the message names what differs, with both values.
+    """
+    in_a, in_b = ({**LATER, **run.config.to_json()} for run in (a, b))
+    differing = [name for name in keys if _decisive(name, in_a) != _decisive(name, in_b)]
+    if differing:
+        got = ", ".join(f"{label(name)} ({shown(name, in_a)}, {shown(name, in_b)})" for name in differing)
+        raise UsageError(f"{a.directory} and {b.directory}: expected {expected}; they differ in {got}")
 
 
 def _decisive(name: str, config: Mapping[str, Any]) -> Any:

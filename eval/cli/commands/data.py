@@ -1,11 +1,11 @@
-"""`ehar data`: prepare, describe, stitch and check motion."""
+"""`ehar data`: prepare, describe, stitch, divide and check motion."""
 
 from pathlib import Path
 
 from ehar.data.readers import READERS
 from eval.cli.command import REQUIRED, Command, Flag
 from eval.cli.commands.group import CommandGroup
-from eval.cli.show import save_data, save_stitched, show_conformance, show_table
+from eval.cli.show import save_data, save_fold, save_stitched, show_conformance, show_table
 
 PREPARED = {
     "source": Flag(kind=Path, positional=True, metavar="SOURCE"),
@@ -74,6 +74,25 @@ DATA = CommandGroup(
                 "data": Flag(kind=str, positional=True, metavar="DATA"),
                 "seconds": Flag("length of a stream [s]."),
                 "seed": Flag("of the order, if the data do not say when sequences were recorded."),
+                "out": Flag(".npz to write.", kind=Path, default=REQUIRED),
+            },
+        ),
+        "fold": Command(
+            "ehar.data.folds:fold",
+            save_fold,
+            text="""Make other people the test part, so that all are tested once.
+
+            Fold 0 is the data's own test part. The others share out the rest.
+
+            For example:
+                ehar data fold mine.npz --number 1 --out mine-1.npz
+            """,
+            flags={
+                "data": Flag(
+                    "duo, solo, duo-stream, solo-stream, or a prepared .npz.", kind=str, positional=True, metavar="DATA"
+                ),
+                "number": Flag("of the fold, from 0.", kind=int, default=REQUIRED),
+                "folds": Flag("how many there are."),
                 "out": Flag(".npz to write.", kind=Path, default=REQUIRED),
             },
         ),

@@ -141,6 +141,28 @@ STUDY = CommandGroup(
                 "out": Flag("folder for table.md and summary.json.", hint="none"),
             },
         ),
+        "folds": Command(
+            "eval.studies.folds:take_together",
+            show_result,
+            text="""Take runs of several folds together, as one run.
+
+            Everybody is tested once, by a recogniser that has not learned from them.
+
+            For example:
+                ehar study folds runs/mine-0 runs/mine-1 runs/mine-2 --out runs/mine
+            """,
+            flags={
+                "runs": Flag(
+                    "folders of runs under the same conditions, on the test parts of folds.",
+                    kind=tuple[Path, ...],
+                    positional=True,
+                    metavar="RUN ...",
+                    hint="at least two",
+                ),
+                "ideal": Flag("a run of the same folds on the ideal track, to compare flights with.", hint="none"),
+                "out": Flag("folder for the run, which other commands take as any.", hint="none"),
+            },
+        ),
         "decide": Command(
             "eval.studies.deciding.decide:decide",
             show_result,

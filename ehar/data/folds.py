@@ -1,0 +1,73 @@
+"""Folds over people: in each other people are the test part, so that all of a set are tested once."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ehar.arrays import IntArray
+from ehar.data.any_source import load_recordings
+from ehar.data.motion_data import MotionData
+from ehar.data.recordings import UNKNOWN_SUBJECT
+from ehar.data.scenario import people_together, split_parts
+from ehar.data.streams.data import StreamData
+from ehar.errors import DataError, UsageError
+
+
+def fold(data: str | Path | MotionData | StreamData, *, number: int, folds: int = 3) -> MotionData | StreamData:
+    """Return a set whose test part is that of a fold; all others are for training.
+
+    The set's own test part is fold 0. The people of the rest are dealt out to the other folds, who has most frames
+    first, each to the fold that has the fewest. People who perform together stay together, as in the parts of streams.
+
+    Args:
+        data: sequences or streams, in memory or as `load_recordings` takes them; all have to name who performs.
+        number: of the fold, from 0.
+        folds: how many there are.
+
+    Raises:
+        UsageError: there are fewer than 2 folds or more than people allow, `number` is not one of them, or the data
+            are unknown.
+        DataError: the data are malformed, do not name everybody who performs, or a part of the fold lacks a class.
+    """
+    data = data if isinstance(data, MotionData | StreamData) else load_recordings(data)
+    if (data.subjects == UNKNOWN_SUBJECT).any():
+        raise DataError(f"{data.name}: subjects: expected all people by number, so that each is in one fold")
+    of_sequence = _fold_of(data, folds)
+    if not 0 <= number < folds:
+        raise UsageError(f"--number: got {number}, expected 0 to {folds - 1}")
+    found = replace(data, name=f"{data.name}-fold{number}", is_test=of_sequence == number)
+    parts = split_parts(found)
+    if isinstance(found, MotionData):
+        learned = found.labels[np.concatenate([parts.recogniser, parts.policy, parts.validation])]
+        lacking = (
+            np.setdiff1d(found.labels, found.labels[parts.test]).tolist()
+            + np.setdiff1d(found.labels[parts.test], learned).tolist()
+        )
+        if lacking:
+            raise DataError(
+                f"{found.name}: expected every class in the test part and outside of it, "
+                f"class {found.class_names[lacking[0]]!r} is on one side: try other --folds"
+            )
+    return found
+
+
+def _fold_of(data: MotionData | StreamData, folds: int) -> IntArray:
+    """Return the fold that each sequence is tested in, (sequences,)."""
+    found = np.full(len(data.lengths), -1)
+    found[split_parts(data).test] = 0
+    rest = np.flatnonzero(found)
+    group = people_together(data.subjects)
+    groups, of_rest = np.unique(group[rest], return_inverse=True)
+    if not 2 <= folds <= len(groups) + 1:
+        raise UsageError(
+            f"--folds: got {folds}, expected 2 to {len(groups) + 1}, as {data.name} trains on {len(groups)} "
+            "people, or groups of people who perform together"
+        )
+    frames = np.bincount(of_rest, weights=data.lengths[rest])
+    held = np.zeros(folds - 1)
+    for one in np.argsort(-frames, kind="stable"):
+        least = int(held.argmin())
+        found[rest[of_rest == one]] = 1 + least
+        held[least] += frames[one]
+    return found

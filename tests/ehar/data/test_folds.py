@@ -1,0 +1,88 @@
+"""Folds over people: everybody is tested once, with whom they perform, and every part has every class."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ehar.data.any_source import load_recordings
+from ehar.data.folds import fold
+from ehar.data.motion_data import MotionData
+from ehar.data.scenario import split_parts
+from ehar.data.stitching.streams import stitch
+from ehar.data.streams.data import StreamData
+from ehar.data.synthetic.sets import duo, solo
+from ehar.errors import DataError
+from eval.cli.main import main
+from tests.helpers.commands import fails_with
+from tests.helpers.fakes import tiny_data
+
+SETS: dict[str, MotionData | StreamData] = {"duo": duo(), "solo-stream": stitch(solo())}
+
+
+@pytest.mark.parametrize("name", SETS)
+@pytest.mark.parametrize("folds", [2, 3, 5])
+def test_every_sequence_is_tested_once_and_nobody_is_tested_by_who_learned_from_them(name: str, folds: int) -> None:
+    data = SETS[name]
+    tested = []
+    for number in range(folds):
+        parts = split_parts(fold(data, number=number, folds=folds))
+        others = np.concatenate([parts.recogniser, parts.policy, parts.validation])
+        assert not set(data.subjects[parts.test].flat) & set(data.subjects[others].flat)
+        tested.append(parts.test)
+    np.testing.assert_array_equal(np.sort(np.concatenate(tested)), np.arange(len(data.lengths)))
+    np.testing.assert_array_equal(tested[0], split_parts(data).test)
+    frames = [int(data.lengths[test].sum()) for test in tested[1:]]
+    longest = max(int(data.lengths[(data.subjects == one).any(axis=1)].sum()) for one in np.unique(data.subjects))
+    assert max(frames) - min(frames) <= longest
+
+
+def test_people_who_all_perform_with_each_other_are_divided_as_couples() -> None:
+    streams = SETS["solo-stream"]
+    ring = np.stack([streams.subjects[:, 0] % 6, (streams.subjects[:, 0] + 1) % 6], axis=1)
+    data = replace(streams, subjects=ring, is_test=np.isin(ring[:, 0], (0, 1)))
+    tested = [split_parts(fold(data, number=number)).test for number in range(3)]
+    couples = [{tuple(couple) for couple in ring[test].tolist()} for test in tested]
+    assert not couples[0] & couples[1] and not couples[1] & couples[2] and len(set.union(*couples)) == 6
+
+
+def test_the_motion_stays_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["data", "fold", "solo-stream", "--number", "1", "--out", str(tmp_path / "solo-stream-1.npz")])
+    assert "solo-stream-1.npz: 10 of 40 for the test, of person" in capsys.readouterr().out
+    written = load_recordings(tmp_path / "solo-stream-1.npz")
+    np.testing.assert_array_equal(written.positions, SETS["solo-stream"].positions)
+    np.testing.assert_array_equal(split_parts(written).test, split_parts(fold(SETS["solo-stream"], number=1)).test)
+    main(["data", "fold", "duo", "--folds", "2", "--number", "1", "--out", str(tmp_path / "duo-1.npz")])
+    assert isinstance(load_recordings(tmp_path / "duo-1.npz"), MotionData)
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        (["--number", "3"], "--number: got 3, expected 0 to 2"),
+        (["--number", "-1"], "--number: got -1, expected 0 to 2"),
+        (["--number", "0", "--folds", "1"], "--folds: got 1, expected 2 to 21"),
+        (["--number", "0", "--folds", "22"], "--folds: got 22, expected 2 to 21, as solo trains on 20 people"),
+        (["--number", "0", "--out", "fold.txt"], "expected a path that ends in .npz"),
+    ],
+)
+def test_what_is_no_fold_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], flags: list[str], message: str
+) -> None:
+    out = tmp_path / "fold.npz"
+    assert message in fails_with(["data", "fold", "solo", "--out", str(out), *flags], capsys)
+    assert not out.exists()
+
+
+def test_people_without_names_and_classes_of_one_fold_are_refused() -> None:
+    data = tiny_data(sequences=12)
+    nameless = replace(data, subjects=np.full((12, 1), -1))
+    with pytest.raises(DataError, match="expected all people by number, so that each is in one fold"):
+        fold(nameless, number=0)
+    people = np.arange(12)[:, None] % 4
+    alone = replace(data, subjects=people, is_test=people[:, 0] == 0, labels=(people[:, 0] == 1).astype(np.int32))
+    with pytest.raises(
+        DataError, match=r"expected every class in the test part and outside of it, class .* on one side"
+    ):
+        fold(alone, number=1)
