@@ -1,8 +1,10 @@
 """Keeps flights clear of obstacles: whether a flight does, and where to fly first if the straight way does not."""
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ehar.arrays import BoolArray, FloatArray
+from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.flight.centre import walked
 from ehar.flight.profile import JerkProfile
 from ehar.obstacles.free_space import FreeSpace
@@ -17,9 +19,36 @@ CORNERS = 24  # places on a way around obstacles that may be flown to first
 LONGEST = 400  # cells of such a way
 
 
-def keeps_clear(
-    profile: JerkProfile, obstacles: Obstacles, moved: FloatArray, walking: FloatArray, speed: float
-) -> BoolArray:
+class Around(NamedTuple):
+    """What stands around cameras now, and how their people carry them along.
+
+    Attributes:
+        obstacles: what stands there.
+        moved: (B, 3) how far people's centre, around which cameras fly, is from the obstacles' origin [m].
+        walking: (B, 3) the velocity of that centre [m/s]; people are expected to walk on for a while.
+    """
+
+    obstacles: Obstacles
+    moved: FloatArray
+    walking: FloatArray
+
+    def select(self, rows: IntArray) -> "Around":
+        """Return that of some of the cameras."""
+        return Around(self.obstacles, self.moved[rows], self.walking[rows])
+
+    def clearance(self, cameras: FloatArray, times: FloatArray) -> FloatArray:
+        """Return how clear cameras are if people stay, and if they walk on: (W, B, S) [m]; W is 1 if nobody walks.
+
+        Args:
+            cameras: (B, S, 3) relative to people's centre [m].
+            times: (B, S) when they are there, from now on [s].
+        """
+        walks = np.arange(1.0 + self.walking.any())[:, None, None, None]
+        on = walks * walked(times, np.exp)[..., None] * self.walking[:, None]
+        return self.obstacles.clearance(cameras + self.moved[:, None] + on)
+
+
+def keeps_clear(profile: JerkProfile, around: Around, speed: float) -> BoolArray:
     """Return which flights keep clear of obstacles until they are at rest, (B,).
 
     A camera gets no farther between two samples than its speed allows. So a flight with large clearance needs few
@@ -29,41 +58,22 @@ def keeps_clear(
 
     Args:
         profile: B flights.
-        obstacles: what stands there.
-        moved: (B, 3) how far people's centre, around which cameras fly, is from the obstacles' origin [m].
-        walking: (B, 3) the velocity of that centre [m/s]; people are expected to walk on.
+        around: what stands around them.
         speed: the highest that a camera reaches, with people's [m/s].
     """
     keeps: BoolArray = np.ones(len(profile.duration), dtype=bool)
     undecided, samples = np.flatnonzero(keeps), COARSEST
     while len(undecided):
-        part = profile.select(undecided)
+        part, here = profile.select(undecided), around.select(undecided)
         times = part.duration[:, None] * np.linspace(0, 1, samples + 1)
         cameras = cartesian(part.at(times).viewpoint)
-        ways = ways_on(cameras, times, moved[undecided], walking[undecided])
-        begun = obstacles.clearance(
-            ways_on(cameras[:, :1], np.full((1, 1), np.inf), moved[undecided], walking[undecided])
-        )
-        spare = (obstacles.clearance(ways) - np.minimum(PLANNED, begun - 1e-6)).min(axis=(0, 2))
+        begun = here.clearance(cameras[:, :1], np.full((1, 1), np.inf))
+        spare = (here.clearance(cameras, times) - np.minimum(PLANNED, begun - 1e-6)).min(axis=(0, 2))
         keeps[undecided[spare < 0]] = False
         farthest = speed * part.duration / samples
         open_still = (spare >= 0) & (spare - farthest / 2 < 0)
         undecided, samples = undecided[open_still & (farthest > FINEST)], 4 * samples
     return keeps
-
-
-def ways_on(cameras: FloatArray, times: FloatArray, moved: FloatArray, walking: FloatArray) -> FloatArray:
-    """Return where cameras are relative to the obstacles' origin if people stay, and if they walk on: (W, B, S, 3) [m].
-
-    Args:
-        cameras: (B, S, 3) relative to people's centre [m].
-        times: (B, S) when they are there, from now on [s].
-        moved: (B, 3) how far people's centre is from the obstacles' origin now [m].
-        walking: (B, 3) the velocity of that centre [m/s]; W is 1 if nobody walks.
-    """
-    walks = np.arange(1.0 + walking.any())[:, None, None, None]
-    on: FloatArray = walks * walked(times, np.exp)[..., None] * walking[:, None]
-    return cameras + moved[:, None] + on
 
 
 def first_towards(here: FloatArray, target: FloatArray, space: FreeSpace) -> FloatArray:

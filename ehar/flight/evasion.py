@@ -6,14 +6,13 @@ People who walk carry the cameras around them along, and with them plans that we
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.flight.clearance import ways_on
+from ehar.flight.clearance import Around
 from ehar.flight.kinematics import SphericalState
 from ehar.flight.limits import keeps_limits
 from ehar.flight.profile import JerkProfile
 from ehar.flight.proposals import PROPOSALS, braking_way, limits_to_target
 from ehar.flight.time_optimal import AxisLimits, TimeOptimal
 from ehar.flight.vehicle import Vehicle
-from ehar.obstacles.shapes import Obstacles
 from ehar.viewpoint import AZIMUTH, Workspace, cartesian, spherical, wrap_difference
 
 AHEAD = 3.0  # [s] that a flight is looked at
@@ -25,9 +24,7 @@ CLEARER = 0.01  # [m] of clearance for which to leave a plan
 SOONER = 0.01  # [m/s] of clearance that a flight may be nearer to arrive sooner
 
 
-def clearance_ahead(
-    profile: JerkProfile, flown: FloatArray, obstacles: Obstacles, moved: FloatArray, walking: FloatArray
-) -> FloatArray:
+def clearance_ahead(profile: JerkProfile, flown: FloatArray, around: Around) -> FloatArray:
     """Return the least clearance of flights in the next `AHEAD` seconds, (B,) [m], at most `AMPLE`.
 
     It is that if people stay, or if they walk on, whichever is less.
@@ -35,39 +32,30 @@ def clearance_ahead(
     Args:
         profile: B flights.
         flown: (B,) for how long each has been flown [s].
-        obstacles: what stands there.
-        moved: (B, 3) how far people's centre is from the obstacles' origin [m].
-        walking: (B, 3) the velocity of that centre [m/s].
+        around: what stands around them.
     """
     ahead = np.broadcast_to(np.linspace(0, AHEAD, SAMPLES), (len(flown), SAMPLES))
     cameras = cartesian(profile.at(flown[:, None] + ahead).viewpoint)
-    clearance = obstacles.clearance(ways_on(cameras, ahead, moved, walking))
-    least: FloatArray = np.minimum(clearance.min(axis=(0, 2)), AMPLE)
+    least: FloatArray = np.minimum(around.clearance(cameras, ahead).min(axis=(0, 2)), AMPLE)
     return least
 
 
 def clearest(
-    start: SphericalState,
-    vehicle: Vehicle,
-    workspace: Workspace,
-    time_optimal: TimeOptimal,
-    obstacles: Obstacles,
-    moved: FloatArray,
-    walking: FloatArray,
+    start: SphericalState, vehicle: Vehicle, workspace: Workspace, time_optimal: TimeOptimal, around: Around
 ) -> tuple[JerkProfile, FloatArray]:
     """Return of each state (B, 3) the valid flight to a place nearby that has the most clearance, and how much, (B,).
 
     Without a valid flight that is -inf. Of flights that are about as clear, a sooner one is returned. What comes after
-    `AHEAD` is not looked at: every frame looks anew. For `obstacles`, `moved` and `walking` see `clearance_ahead`.
+    `AHEAD` is not looked at: every frame looks anew.
     """
     targets = _places_around(start.viewpoint + braking_way(vehicle, start), workspace)
     limits = [limits_to_target(vehicle, start, target - start.viewpoint) for target in targets]
     place, proposal, row = (index.ravel() for index in np.indices((len(targets), len(PROPOSALS), len(start.viewpoint))))
-    here = SphericalState(*(part[row] for part in start))
+    here = start.select(row)
     shares = AxisLimits(*(np.stack(part)[place, proposal, row] for part in zip(*limits, strict=True)))
     phases, found = time_optimal.to_target(here, targets[place, row], shares)
     flights = JerkProfile.from_phases(here, phases)
-    clear = clearance_ahead(flights, np.zeros(len(row)), obstacles, moved[row], walking[row])
+    clear = clearance_ahead(flights, np.zeros(len(row)), around.select(row))
     valid = found & keeps_limits(flights, vehicle, workspace)
     clear = np.where(valid, clear, -np.inf)
     count = len(start.viewpoint)

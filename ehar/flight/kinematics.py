@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ehar.arrays import FloatArray, Trigonometry
+from ehar.arrays import FloatArray, IntArray, Trigonometry
 from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR
 
 
@@ -16,6 +16,10 @@ class SphericalState(NamedTuple):
     velocity: FloatArray  # [m/s], [rad/s], [rad/s]
     acceleration: FloatArray  # [m/s^2], [rad/s^2], [rad/s^2]
     jerk: FloatArray  # [m/s^3], [rad/s^3], [rad/s^3]
+
+    def select(self, rows: IntArray) -> "SphericalState":
+        """Return some of them, by their place on the first axis."""
+        return SphericalState(*(part[rows] for part in self))
 
 
 class CartesianMotion(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.errors import EpisodeError
 from ehar.flight.centre import around_centre
-from ehar.flight.clearance import first_towards, keeps_clear
+from ehar.flight.clearance import Around, first_towards, keeps_clear
 from ehar.flight.costs import flight_costs
 from ehar.flight.evasion import CLEARER, clearance_ahead, clearest
 from ehar.flight.kinematics import CartesianMotion, SphericalState
@@ -108,7 +108,7 @@ class FlightMotion:
         """
         rows = np.repeat(np.arange(len(self._flown)), paths)
         fork = copy(self)
-        fork._state, fork._plan = _rows(self._state, rows), self._plan.select(rows)
+        fork._state, fork._plan = self._state.select(rows), self._plan.select(rows)
         fork._flown, fork._proposal, fork._evades = self._flown[rows], self._proposal[rows], self._evades[rows]
         fork.centre = None if self.centre is None else CentreMotion(*(part[rows] for part in self.centre))
         fork._surroundings = None if self._surroundings is None else self._surroundings.select(rows)
@@ -158,7 +158,7 @@ class FlightMotion:
 
         A path that is shorter goes on at constant acceleration.
         """
-        start, time = _rows(self._state, rows), self._frame_time
+        start, time = self._state.select(rows), self._frame_time
         joined = min(lead, path.shape[1]) - 1
         ahead, end = (coasted(_state(path[:, frame]), (lead - 1 - joined) * time) for frame in (joined, -1))
         along = phases_along(path[:, joined:, 2], time)
@@ -167,10 +167,10 @@ class FlightMotion:
         kept = np.zeros(len(rows), dtype=bool)
         for factor in STOPS[:1] if at_rest else STOPS:
             left = np.flatnonzero(~kept)
-            parts = [phases_between(_rows(start, left), _rows(ahead, left), lead * time), along.select(left)]
+            parts = [phases_between(start.select(left), ahead.select(left), lead * time), along.select(left)]
             if not at_rest:
-                parts.append(phases_to_rest(_rows(end, left), factor * usual[left]))
-            plan = JerkProfile.from_phases(_rows(start, left), Phases.joined(parts))
+                parts.append(phases_to_rest(end.select(left), factor * usual[left]))
+            plan = JerkProfile.from_phases(start.select(left), Phases.joined(parts))
             kept[left[self._keep(rows[left], plan, np.ones(len(left), dtype=bool))]] = True
         return kept
 
@@ -226,51 +226,50 @@ class FlightMotion:
     def _towards(self, target: FloatArray) -> FloatArray:
         """Return where to fly first to get to targets (B, 3)."""
         around = self._surroundings
-        if around is None or around.moved is not None:
+        if around is None or self._people_move:
             return target
         here = self.workspace.clip(self._state.viewpoint)
         return first_towards(here, target, FreeSpace.of(self.workspace, around.obstacles))
 
-    def _clear(self, rows: IntArray, plan: JerkProfile) -> BoolArray:
-        """Return which flights (n,) of rows (n,) keep clear of obstacles."""
+    @property
+    def _people_move(self) -> bool:
+        """Whether people carry the cameras along among obstacles."""
+        return self._surroundings is not None and self._surroundings.moved is not None
+
+    def _around(self, rows: IntArray) -> Around | None:
+        """Return what stands around the cameras of rows (n,) in this frame; None in an open world."""
         around = self._surroundings
         if around is None:
+            return None
+        rest = np.zeros((len(rows), 3))
+        return Around(
+            around.obstacles,
+            rest if around.moved is None else around.moved[rows, self._frames],
+            rest if self.centre is None else self.centre.velocity[rows, self._frames],
+        )
+
+    def _clear(self, rows: IntArray, plan: JerkProfile) -> BoolArray:
+        """Return which flights (n,) of rows (n,) keep clear of obstacles."""
+        around = self._around(rows)
+        if around is None:
             return np.ones(len(rows), dtype=bool)
-        moved, walking = self._people(around, rows)
-        clear = keeps_clear(plan, around.obstacles, moved, walking, self._whole.speed)
+        clear = keeps_clear(plan, around, self._whole.speed)
         # A flight that is no worse than staying is no reason to give up one that evades.
         evades = np.flatnonzero(clear & self._evades[rows])
-        ahead = clearance_ahead(
-            plan.select(evades), np.zeros(len(evades)), around.obstacles, moved[evades], walking[evades]
-        )
-        clear[evades] = ~too_near(ahead)
+        clear[evades] = ~too_near(clearance_ahead(plan.select(evades), np.zeros(len(evades)), around.select(evades)))
         return clear
-
-    def _people(self, around: Surroundings, rows: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return how far the centres of rows (n,) have moved [m], and their velocities [m/s], both (n, 3)."""
-        rest = np.zeros((len(rows), 3))
-        moved = rest if around.moved is None else around.moved[rows, self._frames]
-        return moved, rest if self.centre is None else self.centre.velocity[rows, self._frames]
 
     def _evade(self) -> None:
         """Leave plans that people's walk makes come too near to something, for the clearest valid flight nearby."""
-        around = self._surroundings
-        if around is None or around.moved is None:
+        around = self._around(np.arange(len(self._flown)))
+        if around is None or not self._people_move:
             return
-        moved, walking = self._people(around, np.arange(len(self._flown)))
-        planned = clearance_ahead(self._plan, self._flown, around.obstacles, moved, walking)
+        planned = clearance_ahead(self._plan, self._flown, around)
         rows = np.flatnonzero(too_near(planned))
         if len(rows) == 0:
             return
-        plan, clear = clearest(
-            _rows(self._state, rows),
-            self.vehicle,
-            self.workspace,
-            self._time_optimal,
-            around.obstacles,
-            moved[rows],
-            walking[rows],
-        )
+        here = self._state.select(rows)
+        plan, clear = clearest(here, self.vehicle, self.workspace, self._time_optimal, around.select(rows))
         clearer = clear > planned[rows] + CLEARER
         self._replace(rows[clearer], plan.select(clearer))
         self._evades[rows[clearer]] = True
@@ -302,7 +301,7 @@ class FlightMotion:
         rows = rows[~planned[rows] | (remaining[rows] > 0)]
         if len(rows) == 0:
             return
-        state, way, pending = _rows(self._state, rows), way[rows], ~planned[rows]
+        state, way, pending = self._state.select(rows), way[rows], ~planned[rows]
         task = _Task(rows, state, state.viewpoint + way, limits_to_target(self.vehicle, state, way))
         if self._frames > 0:
             last, challenger = self._proposal[rows], np.full(len(rows), self._frames % len(PROPOSALS))
@@ -324,7 +323,7 @@ class FlightMotion:
 
     def _adopt(self, task: "_Task", flight: IntArray, proposal: IntArray) -> IntArray:
         """Plan flights (n,) of a task with proposals (n,), keep the soonest valid plans, and return their flights."""
-        start = _rows(task.start, flight)
+        start = task.start.select(flight)
         phases, found = self._time_optimal.to_target(start, task.target[flight], task.limits.select(proposal, flight))
         kept = self._keep(task.rows[flight], JerkProfile.from_phases(start, phases), found)
         self._proposal[task.rows[flight[kept]]] = proposal[kept]
@@ -333,7 +332,7 @@ class FlightMotion:
     def _brake(self, rows: IntArray) -> None:
         """Plan to come to rest as soon as possible; without a valid plan, the present one stays."""
         rows = np.tile(rows, len(BRAKING))
-        start = _rows(self._state, rows)
+        start = self._state.select(rows)
         proposal = np.repeat(np.arange(len(BRAKING)), len(rows) // len(BRAKING))
         limits = limits_to_rest(self.vehicle, start).select(proposal, np.arange(len(rows)))
         phases, found = self._time_optimal.to_rest(start, limits)
@@ -363,10 +362,6 @@ class _Task(NamedTuple):
     start: SphericalState  # each (R, 3)
     target: FloatArray  # (R, 3)
     limits: AxisLimits  # each (K, R, 3), for K proposals
-
-
-def _rows(state: SphericalState, rows: IntArray) -> SphericalState:
-    return SphericalState(*(part[rows] for part in state))
 
 
 def _state(states: FloatArray) -> SphericalState:
