@@ -11,6 +11,7 @@ from ehar.world import PAPER
 from eval.records.config import CONFIG, SCHEMA, UNFINISHED
 
 EPISODES, SUMMARY = "episodes.jsonl", "summary.json"
+BELIEF_JSON = "belief.json"  # of what a study of the belief wrote, in place of a summary
 
 
 def check_out(out: Path, config: Mapping[str, Any]) -> None:

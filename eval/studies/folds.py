@@ -6,12 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ehar.data.scenario import TEST
 from ehar.errors import UsageError
 from ehar.files import write_text
-from eval.records.config import FoldConfig, PlannerConfig, RunConfig
+from eval.records.config import FoldConfig, PlannerConfig, RunConfig, read_config
+from eval.records.episode_lines import read_episodes
 from eval.records.episodes import EpisodeRecords, join_records
+from eval.records.run_files import BELIEF_JSON, EPISODES, check_out
 from eval.records.solves import join_solves
 from eval.render.tables import PRIVILEGED, Table, html, markdown, text
 from eval.running.accuracy_kept import read_ideal_run
@@ -20,6 +23,9 @@ from eval.scores.resampling.training_seeds import group_planners
 from eval.scores.summarise import summarise
 from eval.scores.summary import Summary
 from eval.studies.same_episodes import SAME_CONDITIONS, SAME_EPISODES, check_same_config
+
+if TYPE_CHECKING:
+    from eval.studies.belief.streams import StreamBeliefReport
 
 SAME = (*(key for key in SAME_EPISODES if key != "data_sha256"), *SAME_CONDITIONS, "onset")  # of config.json
 TABLE = "table.md"
@@ -56,11 +62,12 @@ class Folds:
 
 def take_together(
     runs: Sequence[str | Path], *, ideal: str | Path | None = None, out: str | Path | None = None
-) -> Folds:
+) -> "Folds | StreamBeliefReport":
     """Take the runs of several folds together: one run, in which everybody of all test parts is tested once.
 
     Args:
-        runs: folders of finished runs on the test parts of folds, each with a recogniser of its own.
+        runs: folders of finished runs on the test parts of folds, each with a recogniser of its own; or of what
+            `ehar study belief` wrote of streams.
         ideal: folder of a run of the same folds on the ideal track, written by this function, to compare flights with.
         out: folder for the run, which `ehar compare`, `study overview` and `report` take as any other.
 
@@ -71,6 +78,8 @@ def take_together(
     """
     if len(runs) < 2:
         raise UsageError(f"folds: expected at least 2 folders of runs, got {len(runs)}")
+    if all((Path(folder) / BELIEF_JSON).is_file() for folder in runs):
+        return _beliefs([Path(folder) for folder in runs], out)
     each = tuple(read_run(folder) for folder in runs)
     _check(each)
     names = tuple(name for name in each[0].records if all(name in run.records for run in each))
@@ -85,6 +94,22 @@ def take_together(
         folder = together.save(out)
         write_text(folder / TABLE, [markdown(*found.tables())])
     return found
+
+
+def _beliefs(folders: Sequence[Path], out: str | Path | None) -> "StreamBeliefReport":
+    """Return the report of what beliefs and recognisers said in several folds; `out` is a folder to write to."""
+    from eval.studies.belief.streams import read_report, write_report  # imported here: it brings torch
+
+    each = [Run(read_config(folder), read_episodes(folder / EPISODES), directory=folder) for folder in folders]
+    _check(each)
+    records = {name: join_records([run.records[name] for run in each]) for name in each[0].records}
+    fps = each[0].conditions.fps
+    assert fps is not None
+    report = read_report(_config(each, [planner.name for planner in each[0].config.planners], None), records, fps)
+    if out is not None:
+        check_out(Path(out), report.config.to_json())
+        write_report(Path(out), report)
+    return report
 
 
 def _check(runs: Sequence[Run]) -> None:

@@ -148,6 +148,8 @@ STUDY = CommandGroup(
 
             Everybody is tested once, by a recogniser that has not learned from them.
 
+            Of streams also what ehar study belief wrote of each fold.
+
             For example:
                 ehar study folds runs/mine-0 runs/mine-1 runs/mine-2 --out runs/mine
             """,

@@ -14,13 +14,14 @@ from ehar.errors import UsageError
 from ehar.files import json_text, write_text
 from ehar.planner import Planner
 from ehar.rollout import Record
-from eval.records.config import CONFIG, RunConfig, planner_config, run_config
+from eval.records.config import RunConfig, planner_config, run_config
 from eval.records.episodes import EpisodeRecords, record_episodes
-from eval.records.run_files import check_out
+from eval.records.run_files import BELIEF_JSON, check_out
 from eval.render.tables import Table, interval_text, markdown
 from eval.running.episodes import Episodes, cut_scenarios, random_starts
 from eval.running.jobs import Workload
 from eval.running.progress import Reporter
+from eval.running.run import write_records
 from eval.scores.metrics import PROBABILITY_FLOOR
 from eval.scores.planner_metrics import ECE, NLL
 from eval.scores.resampling.resamples import Basis, Resamples, resample_episodes
@@ -38,6 +39,7 @@ from planners.value.view_basis import DistanceRange
 from recognition.setting import Setting
 
 RECOGNISER, BELIEF = "recogniser", "belief"
+OF = ": "  # between a planner and a reader, in names of records
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ class StreamBeliefReport:
     Args:
         config: everything that decides the report.
         readers: planner by planner, the recogniser first.
-        model: the full belief.
+        model: the full belief; None of folds, each of which has its own.
         basis: the people that intervals rest on.
         no_intervals: why there are none; None if there are.
         fps: frames per second.
@@ -83,7 +85,7 @@ class StreamBeliefReport:
 
     config: RunConfig
     readers: tuple[Reader, ...]
-    model: StreamBeliefModel
+    model: StreamBeliefModel | None
     basis: Basis
     no_intervals: str | None
     fps: float
@@ -160,7 +162,7 @@ def stream_belief_report(setting: Setting, *, out: str | Path | None, reporter: 
 
     Args:
         setting: the streams, and who sees them.
-        out: folder for config.json, belief.json, which `ehar live` takes, and table.md.
+        out: folder for config.json, episodes.jsonl, belief.json, which `ehar live` takes, and table.md.
         reporter: receives progress.
 
     Raises:
@@ -188,26 +190,58 @@ def stream_belief_report(setting: Setting, *, out: str | Path | None, reporter: 
         reporter.end()
     span = DistanceRange.of(setting.world.workspace)
     beliefs = _fitted(chain, fitting, streams.fps, span)
+    records = {
+        f"{name}{OF}{reader}": held
+        for name, rolled in test.items()
+        for reader, held in _said(rolled, beliefs, streams.fps).items()
+    }
+    report = read_report(config, records, streams.fps, model=beliefs[BELIEF])
+    if out is not None:
+        write_report(Path(out), report)
+        write_text(Path(out) / BELIEF_JSON, [json_text(asdict(beliefs[BELIEF]))])
+    return report
+
+
+def read_report(
+    config: RunConfig, records: Mapping[str, EpisodeRecords], fps: float, *, model: StreamBeliefModel | None = None
+) -> StreamBeliefReport:
+    """Return the report of what readers said of the same episodes.
+
+    Args:
+        config: everything that decided them.
+        records: what each says, by the planner that moved the cameras, `OF`, and its own name; of each planner the
+            recogniser and the belief are among them.
+        fps: frames per second.
+        model: the full belief.
+    """
+    by_planner: dict[str, dict[str, EpisodeRecords]] = {}
+    for name, held in records.items():
+        planner, reader = name.split(OF)
+        by_planner.setdefault(planner, {})[reader] = held
+    any_reader = next(iter(records.values()))
+    shown = np.unique(any_reader.label[any_reader.label != NO_ACTIVITY])
     resamples = resample_episodes(
-        np.array(tested.sequence_names),
-        tested.subjects,
-        why_none=why_no_intervals(len(set(tested.sequence_names)), len(streams.class_names)),
+        np.array(any_reader.sequence),
+        any_reader.subjects,
+        why_none=why_no_intervals(len(set(any_reader.sequence)), len(shown)),
     )
-    report = StreamBeliefReport(
+    return StreamBeliefReport(
         config=config,
         readers=tuple(
-            reader for name, rolled in test.items() for reader in _read(name, rolled, beliefs, streams.fps, resamples)
+            reader for planner, held in by_planner.items() for reader in _scored(planner, held, fps, resamples)
         ),
-        model=beliefs[BELIEF],
+        model=model,
         basis=resamples.basis,
         no_intervals=resamples.why_none,
-        fps=streams.fps,
+        fps=fps,
     )
-    if out is not None:
-        write_text(Path(out) / CONFIG, [json_text(config.to_json())])
-        write_text(Path(out) / "belief.json", [json_text(asdict(report.model))])
-        write_text(Path(out) / "table.md", [markdown(*report.tables())])
-    return report
+
+
+def write_report(out: Path, report: StreamBeliefReport) -> None:
+    """Write config.json, episodes.jsonl with what every reader says, and table.md."""
+    records = {f"{reader.rollouts}{OF}{reader.name}": reader.records for reader in report.readers}
+    write_records(out, report.config, records, None)
+    write_text(out / "table.md", [markdown(*report.tables())])
 
 
 def strangers(data: StreamData, parts: Parts, length: int) -> IntArray:
@@ -260,14 +294,16 @@ def _rolled(setting: Setting, episodes: Episodes, planner: Planner, reporter: Re
     return Rollouts(episodes, log_probs, viewpoints)
 
 
-def _read(
-    planner: str, rolled: Rollouts, beliefs: Mapping[str, StreamBeliefModel], fps: float, resamples: Resamples
-) -> list[Reader]:
-    """Return what the recogniser and each belief say of the same episodes."""
+def _said(rolled: Rollouts, beliefs: Mapping[str, StreamBeliefModel], fps: float) -> dict[str, EpisodeRecords]:
+    """Return what the recogniser and each belief say of the same episodes, by name."""
     said = {RECOGNISER: rolled.log_probs.astype(np.float64)}
     for name, belief in beliefs.items():
         said[name] = np.log(np.maximum(read_streams(belief, rolled.log_probs, rolled.viewpoints, fps=fps), 1e-300))
-    records = {name: _records(rolled, log_probs) for name, log_probs in said.items()}
+    return {name: _records(rolled, log_probs) for name, log_probs in said.items()}
+
+
+def _scored(planner: str, records: Mapping[str, EpisodeRecords], fps: float, resamples: Resamples) -> list[Reader]:
+    """Return how good the words of each reader are, for cameras that one planner moved."""
     losses = {name: _losses(held) for name, held in records.items()}
     alarms = min(alarms_per_minute(records[name].label, records[name].predicted, fps) for name in (RECOGNISER, BELIEF))
     waits = {name: restrained(held, fps, alarms).delays / fps for name, held in records.items()}

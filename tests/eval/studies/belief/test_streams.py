@@ -8,11 +8,14 @@ import pytest
 
 from ehar.conditions import Conditions
 from ehar.data.scenario import split_parts
+from ehar.errors import UsageError
 from eval import Watcher
+from eval.records.episodes import EpisodeRecords
 from eval.scores.planner_metrics import NLL
 from eval.scores.streams.alarms import alarms_per_minute
-from eval.studies.belief.streams import StreamBeliefReport, strangers
+from eval.studies.belief.streams import StreamBeliefReport, strangers, write_report
 from eval.studies.belief.study import belief_report
+from eval.studies.folds import take_together
 from tests.helpers.stream_worlds import save_stream_world
 from tests.helpers.streams import raising_streams
 from tests.helpers.tiny_benchmarks import Log
@@ -52,6 +55,33 @@ def test_every_reader_is_scored_on_the_same_episodes(folder: Path, tmp_path: Pat
     assert (tmp_path / "config.json").is_file()
     watcher = Watcher(models=folder / "models", sensor="perfect", belief=tmp_path / "belief.json")
     assert watcher.belief_model == report.model
+
+
+def test_folds_are_one_report_of_all_their_people(folder: Path, tmp_path: Path) -> None:
+    told = Conditions(data=str(folder / "raising.npz"), models=folder / "models", length=50)
+    one = belief_report(told, out=tmp_path / "0", reporter=Log())
+    assert isinstance(one, StreamBeliefReport)
+
+    def other(records: EpisodeRecords) -> EpisodeRecords:
+        names = tuple(f"{name} of others" for name in records.sequence)
+        return replace(records, sequence=names, subjects=records.subjects + 100, predicted=records.predicted[::-1])
+
+    second = replace(
+        one,
+        config=replace(one.config, recogniser_sha256="other"),
+        readers=tuple(replace(reader, records=other(reader.records)) for reader in one.readers),
+    )
+    write_report(tmp_path / "1", second)
+    (tmp_path / "1" / "belief.json").write_text("{}")
+    both = take_together([tmp_path / "0", tmp_path / "1"], out=tmp_path / "both")
+    assert isinstance(both, StreamBeliefReport) and both.basis.people == 2 * (one.basis.people or 0)
+    for reader, alone in zip(both.readers, one.readers, strict=True):
+        assert (reader.rollouts, reader.name) == (alone.rollouts, alone.name)
+        assert len(reader.records) == 2 * len(alone.records)
+        assert reader.better == pytest.approx(alone.better)  # the others' words are as probable
+    assert "Intervals rest on" in (tmp_path / "both" / "table.md").read_text()
+    with pytest.raises(UsageError, match="expected a recogniser of each, got the same"):
+        take_together([tmp_path / "0", tmp_path / "0"])
 
 
 def test_what_a_frame_tells_is_learned_on_people_whom_the_recogniser_does_not_know() -> None:
