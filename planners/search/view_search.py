@@ -126,14 +126,16 @@ def search_ways(value: ViewValue, observation: Observation, context: Context) ->
     gains = node_gains(value.gains, WAY_POINTS, node_frames)
     needed, ramp = _frames_needed(ways.straight, here, context)
     needed = needed * ways.longer
-    along = np.zeros((*goals.shape[:2], BASIS_SIZE))
+    along, looking = np.zeros((*goals.shape[:2], BASIS_SIZE)), np.zeros(goals.shape)
     for node in np.flatnonzero(gains).tolist():
         frames = (node + 1) * node_frames
         there = ways.at(share_made(frames, needed, ramp))
         seen = value.seen(there, frames * context.frame_time)
-        along += gains[node] * seen[..., None] * basis_at(there, value.span)
+        basis = basis_at(there, value.span)
+        along += gains[node] * seen[..., None] * basis
+        looking += gains[node] * mean_direction(basis)  # seen or not: or else hidden views would be those that spread
     collected: FloatArray = np.einsum("bgk,bk->bg", along, value.weights)
-    collected -= value.field.spread * (mean_direction(along) ** 2).sum(axis=-1)
+    collected -= value.field.spread * (looking**2).sum(axis=-1)
     return ways, collected
 
 

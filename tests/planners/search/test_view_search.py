@@ -11,11 +11,12 @@ from ehar.arrays import FloatArray
 from ehar.errors import UsageError
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
+from ehar.obstacles import Cylinder, Obstacles, Surroundings
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import MOVES, Workspace, wrap_difference
-from ehar.world import PAPER
+from ehar.world import PAPER, World
 from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch, search_ways, share_made
 from planners.value.situation import frame_gains
 from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, field_value, mean_direction, view_basis
@@ -44,10 +45,14 @@ class Searcher(Planner):
         return observation.viewpoint
 
 
-def searched(weights: FloatArray, start: FloatArray, *, at: int, length: int, spread: float = 0.0) -> Searcher:
+def searched(
+    weights: FloatArray, start: FloatArray, *, at: int, length: int, spread: float = 0.0, world: World = PAPER
+) -> Searcher:
     searcher = Searcher(ViewValue(model_of(weights, spread=spread)), at)
-    batch = replace(tiny_batch(episodes=1, length=length), starts=start[None])
-    rollout(searcher, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), tiny_context(episodes=1, length=length))
+    around = Surroundings(world.obstacles) if world.obstacles else None
+    batch = replace(tiny_batch(episodes=1, length=length), starts=start[None], surroundings=around)
+    context = replace(tiny_context(episodes=1, length=length), world=world)
+    rollout(searcher, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), context)
     return searcher
 
 
@@ -76,6 +81,19 @@ def test_what_is_collected_is_the_field_along_the_way(at: int, length: int) -> N
         direction = mean_direction(gains @ np.stack(view_basis(*visited.T, PAPER_RANGE, np), axis=-1))
         expected = gains @ field_value(weights, visited, PAPER_RANGE) - 0.3 * direction @ direction
         np.testing.assert_allclose(collected, expected, atol=1e-9)
+
+
+def test_views_that_are_hidden_do_not_count_as_views_that_spread() -> None:
+    """A pillar hides people from one side, and is in nobody's way. A field that is 0 makes no difference to that."""
+    pillar = replace(
+        PAPER, name="own", obstacles=Obstacles(cylinders=(Cylinder(centre=(1.5, 0, 0), radius=0.9, height=6),))
+    )
+    start = np.array([8.0, 0.3, 1.2])
+    hidden = searched(np.zeros(BASIS_SIZE), start, at=1, length=20, spread=1.0, world=pillar)
+    shown = searched(np.zeros(BASIS_SIZE), start, at=1, length=20, spread=1.0)
+    assert hidden.value.seen(start[None], 0.0) < 0.5
+    np.testing.assert_allclose(hidden.goals, shown.goals)
+    np.testing.assert_allclose(hidden.collected, shown.collected)
 
 
 def test_to_stay_collects_the_field_where_one_is() -> None:
