@@ -44,6 +44,7 @@ class FoldConfig:
     run: str  # its folder
     source: str  # of its data
     data_sha256: str
+    episodes: int  # of each of its planners, which come one fold after the other
 
 
 @dataclass(frozen=True, kw_only=True)

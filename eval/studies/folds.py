@@ -155,8 +155,13 @@ def _config(runs: Sequence[Run], names: Sequence[str], ideal: str | Path | None)
         gain_model_sha256=joined(lambda config: config.gain_model_sha256),
         planners=tuple(_planner([of_fold[name] for of_fold in planners]) for name in names),
         ideal=None if ideal is None else str(ideal),
-        folds=tuple(FoldConfig(str(run.folder), str(run.conditions.data), run.config.data_sha256) for run in runs),
+        folds=tuple(_fold_config(run) for run in runs),
     )
+
+
+def _fold_config(run: Run) -> FoldConfig:
+    episodes = len(next(iter(run.records.values())))
+    return FoldConfig(str(run.folder), str(run.conditions.data), run.config.data_sha256, episodes)
 
 
 def _planner(of_folds: Sequence[PlannerConfig]) -> PlannerConfig:

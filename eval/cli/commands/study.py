@@ -178,7 +178,9 @@ STUDY = CommandGroup(
             flags={
                 "run": RUN,
                 "fitted_on": Flag(
-                    "run on another part (--part validation or policy), to fit the rules on.", metavar="RUN"
+                    "run on another part (--part validation or policy), to fit the rules on.",
+                    metavar="RUN",
+                    hint="of folds each other",
                 ),
                 "planners": Flag(
                     "planners to show.",

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ehar.arrays import BoolArray, FloatArray
+from ehar.arrays import BoolArray, FloatArray, IntArray
 from eval.scores.deciding.fit import Seen, fit_fixed_time, fit_induction, fit_sprt, fit_threshold
-from eval.scores.deciding.rules import Rule, decide, waited, worth
+from eval.scores.deciding.rules import ByFold, Rule, decide, waited, worth
 from eval.scores.resampling.resamples import Basis, Resamples
 from eval.scores.resampling.statistics import Interval, pair
 from eval.scores.resampling.training_seeds import PlannerGroup, group_planners, resample_seeds
@@ -120,6 +120,24 @@ def fit_rules(seen: Seen, prices: Sequence[float] = PRICES) -> dict[str, tuple[R
     """
     known = seen.words.second is not None
     return {name: tuple(fit(seen, price) for price in prices) for name, fit in RULES.items() if known or name != SPRT}
+
+
+def fit_across(
+    seen: Seen, fold: IntArray, scored: IntArray, prices: Sequence[float] = PRICES
+) -> dict[str, tuple[Rule, ...]]:
+    """Return rules by name for activities of folds, which are each answered by what the other folds taught.
+
+    Args:
+        seen: activities of all planners together; see `fit_rules`.
+        fold: (B,) the fold of each.
+        scored: (M,) the fold of each activity that is to be answered.
+        prices: of waiting [points/s].
+    """
+    of_fold = [fit_rules(seen.select(fold != number), prices) for number in range(scored.max() + 1)]
+    return {
+        name: tuple(ByFold(rules, scored) for rules in zip(*(each[name] for each in of_fold), strict=True))
+        for name in of_fold[0]
+    }
 
 
 def deciding_once(

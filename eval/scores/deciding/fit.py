@@ -44,6 +44,10 @@ class Seen:
                 f"{len(self.words.answer)} activities"
             )
 
+    def select(self, rows: BoolArray) -> "Seen":
+        """Return some of the activities (B,)."""
+        return Seen(self.words.select(rows), self.label[rows], self.seconds)
+
     @property
     def right(self) -> BoolArray:
         """Whether an answer after each frame would be right, (B, T)."""

@@ -35,6 +35,11 @@ class Words:
         if not self.shown.shape[1] or not self.shown[:, 0].all() or (self.shown[:, 1:] > self.shown[:, :-1]).any():
             raise DataError("deciding: expected activities of at least one frame, and missing frames only at their end")
 
+    def select(self, rows: BoolArray) -> "Words":
+        """Return the words on some of the activities (B,)."""
+        second = None if self.second is None else self.second[rows]
+        return Words(self.answer[rows], self.top[rows], second, self.shown[rows])
+
     @property
     def last(self) -> IntArray:
         """The last frame of each activity, (B,)."""
@@ -206,3 +211,24 @@ class Sprt:
         """Return in which frames the rule would answer, (B, T)."""
         reached: BoolArray = words.lead >= self.lead
         return reached
+
+
+@dataclass(frozen=True, eq=False)
+class ByFold:
+    """Answers the activities of each fold by a rule of its own.
+
+    Args:
+        rules: one for each fold.
+        fold: (B,) the fold of each activity.
+    """
+
+    rules: tuple[Rule, ...]
+    fold: IntArray
+
+    def stops(self, words: Words) -> BoolArray:
+        """Return in which frames the rules would answer, (B, T)."""
+        stops: BoolArray = np.zeros(words.shown.shape, dtype=np.bool_)
+        for number, rule in enumerate(self.rules):
+            rows = self.fold == number
+            stops[rows] = rule.stops(words.select(rows))
+        return stops

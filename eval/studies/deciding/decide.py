@@ -3,19 +3,23 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
+from ehar.arrays import IntArray
 from ehar.data.any_source import load_recordings
 from ehar.errors import DataError, UsageError
 from ehar.files import write_text
 from eval.records.config import LATER
-from eval.records.episodes import join_records
+from eval.records.episodes import EpisodeRecords, join_records
 from eval.render.tables import markdown
 from eval.running.run import Run, read_run
-from eval.scores.deciding.curves import deciding_once, fit_rules
+from eval.scores.deciding.curves import deciding_once, fit_across, fit_rules
 from eval.scores.deciding.fit import seen_in
 from eval.scores.differences import NBV
 from eval.scores.planner_accuracy import draw_resamples
 from eval.scores.planner_summary import NO_ACT, ORACLE
 from eval.scores.resampling.training_seeds import group_planners
+from eval.scores.streams.activities import activity_frames
 from eval.studies.deciding.deciding import Deciding
 from eval.studies.same_episodes import label, shown
 
@@ -29,7 +33,7 @@ SAME_WORDS = (  # what decides what is said in a frame, beside part, starts and 
 def decide(
     run: str | Path,
     *,
-    fitted_on: str | Path,
+    fitted_on: str | Path | None = None,
     planners: Sequence[str] = (),
     data: str | Path | None = None,
     out: str | Path | None = None,
@@ -38,7 +42,8 @@ def decide(
 
     Args:
         run: folder of a finished run.
-        fitted_on: folder of a run on another part of the same data, whose episodes the rules are fitted on.
+        fitted_on: folder of a run on another part of the same data, whose episodes the rules are fitted on. A run of
+            folds needs none: the rules of each are fitted on the others, and so on people whom nobody has learned from.
         planners: planners to show; none takes no-act, nbv and oracle as far as they ran.
         data: path of the run's data; None takes the path in config.json.
         out: folder for table.md and the picture.
@@ -48,8 +53,8 @@ def decide(
             conditions.
         DataError: files cannot be read, or the data are not those of the run.
     """
-    scored, fitted = read_run(run), read_run(fitted_on)
-    _check_other_part(scored, fitted)
+    scored = read_run(run)
+    fitted = _fitted_on(scored, fitted_on)
     seconds = 1 / _frame_rate(scored, data)
     privileged = {planner.name: planner.privileged for planner in scored.summary.planners}
     chosen = tuple(planners) or tuple(name for name in DEFAULTS if name in privileged) or tuple(privileged)
@@ -66,16 +71,20 @@ def decide(
     joined = join_records([fitted.episodes(name) for name in learners])
     second = all(held.second_probability is not None for held in (*records.values(), joined))
     fitting = seen_in(joined, seconds, second=second)
+    across = fitted is scored
+    rules = (
+        fit_across(fitting, _folds(scored, joined), _folds(scored, records[names[0]])) if across else fit_rules(fitting)
+    )
     tested = [name for name in chosen if name != NO_ACT and not privileged[name]] if NO_ACT in chosen else []
     found = Deciding(
         run=scored,
-        fitted_on=fitted,
+        fitted_on=None if across else fitted,
         fitted_with=learners,
         fitted_activities=len(fitting.label),
         planners={name: privileged[name] for name in chosen},
         found=deciding_once(
             {name: seen_in(held, seconds, second=second) for name, held in records.items()},
-            fit_rules(fitting),
+            rules,
             draw_resamples([scored.scored[name] for name in names]),
             against=NO_ACT,
             tested=tested,
@@ -87,6 +96,28 @@ def decide(
         write_text(Path(out) / "table.md", [markdown(*found.tables())])
         draw_deciding(found, Path(out) / "deciding")
     return found
+
+
+def _fitted_on(scored: Run, fitted_on: str | Path | None) -> Run:
+    """Return the run that rules are fitted on: the other one, or of folds the same."""
+    if scored.config.folds:
+        if fitted_on is not None:
+            raise UsageError(
+                f"{fitted_on}: expected no run to fit on, as each fold of {scored.directory} has the others"
+            )
+        return scored
+    if fitted_on is None:
+        raise UsageError(f"{scored.directory}: expected --fitted-on, a run on another part to fit the rules on")
+    fitted = read_run(fitted_on)
+    _check_other_part(scored, fitted)
+    return fitted
+
+
+def _folds(run: Run, records: EpisodeRecords) -> IntArray:
+    """Return the fold of each activity in records of a run's folds, or of several planners one after another."""
+    episodes = np.repeat(np.arange(len(run.config.folds)), [fold.episodes for fold in run.config.folds])
+    fold: IntArray = np.tile(episodes, len(records) // len(episodes))
+    return fold[activity_frames(records.label)[0]] if records.of_streams else fold
 
 
 def _check_other_part(scored: Run, fitted: Run) -> None:

@@ -18,7 +18,7 @@ class Deciding:
 
     Args:
         run: the run.
-        fitted_on: the run that the rules were fitted on.
+        fitted_on: the run that the rules were fitted on; None of folds, each of which has the others.
         fitted_with: names of the planners whose episodes they were fitted on.
         fitted_activities: number of activities that they were fitted on, clips or activities of streams.
         planners: whether each planner that is shown was handed the truth, by name.
@@ -26,7 +26,7 @@ class Deciding:
     """
 
     run: Run
-    fitted_on: Run
+    fitted_on: Run | None
     fitted_with: tuple[str, ...]
     fitted_activities: int
     planners: dict[str, bool]
@@ -96,10 +96,9 @@ class Deciding:
 
     def _footnotes(self) -> Iterator[str]:
         """Yield on whom the rules were fitted."""
-        yield (
-            f"Rules were fitted on {self.fitted_activities} {self._activities} of {' and '.join(self.fitted_with)} on "
-            f"the {self.fitted_on.conditions.part} part, and are the same for every planner."
-        )
+        learners, count = " and ".join(self.fitted_with), f"{self.fitted_activities} {self._activities}"
+        where = "" if self.fitted_on is None else f" on the {self.fitted_on.conditions.part} part"
+        yield f"Rules were fitted on {count} of {learners}{where}, and are the same for every planner."
         if self.run.of_streams:
             told = " is told it too" * (self.run.conditions.onset == "known") or " is not told"
             yield (
@@ -107,8 +106,10 @@ class Deciding:
                 "activity, a rule waits. Who has not answered when the activity ends is told so, and answers with the "
                 "last word; if that is no activity, nothing is answered."
             )
-        people, known = (_people(run) for run in (self.run, self.fitted_on))
-        if people is None or known is None:
+        people, known = (None if run is None else _people(run) for run in (self.run, self.fitted_on))
+        if self.fitted_on is None:
+            yield "The rules of each fold were fitted on the others."
+        elif people is None or known is None:
             yield "The data do not say whether other people performed there."
         elif people & known:
             yield f"{len(people & known)} of the {len(people)} people performed there too."
@@ -119,7 +120,8 @@ class Deciding:
 
     def __repr__(self) -> str:
         """Return one line: the planners, and the run that rules were fitted on."""
-        return f"Deciding({self.run.config.title}: {', '.join(self.planners)}; fitted on {self.fitted_on.directory})"
+        on = "other folds" if self.fitted_on is None else self.fitted_on.directory
+        return f"Deciding({self.run.config.title}: {', '.join(self.planners)}; fitted on {on})"
 
     def __str__(self) -> str:
         """Return the tables."""

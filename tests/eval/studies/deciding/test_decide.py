@@ -10,9 +10,14 @@ import pytest
 from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import DataError, EharError, UsageError
 from eval.cli.main import main
-from eval.records.episodes import EpisodeRecords
+from eval.records.config import PlannerConfig
+from eval.records.episodes import EpisodeRecords, join_records
+from eval.running.run import read_run
+from eval.scores.deciding.curves import fit_rules
 from eval.scores.deciding.fit import seen_in
+from eval.scores.deciding.rules import decide as rules_decide
 from eval.studies.deciding.decide import decide
+from eval.studies.folds import take_together
 from tests.helpers.made_records import make_records, make_stream_records, write_finished
 
 FPS = 10.0
@@ -101,6 +106,40 @@ def test_activities_of_streams_are_decided_once(tmp_path: Path) -> None:
     assert all(of.points > 0 for of in found.found.planners["nbv"] if of.one[1] == "threshold" and of.price == 20)
     with pytest.raises(UsageError, match=r"they differ in onset \(unknown, known\)"):
         decide(scored, fitted_on=run_of_streams(tmp_path, "validation", 4, onset="known"))
+
+
+def test_rules_of_folds_are_fitted_on_the_other_folds(tmp_path: Path) -> None:
+    each = []
+    for fold in range(3):
+        made = {name: streams("test", 10 * fold + row, skill) for row, (name, skill) in enumerate(SOON.items())}
+        records = {
+            name: replace(held, sequence=tuple(f"{one} of {fold}" for one in held.sequence))
+            for name, held in made.items()
+        }
+        planners = tuple(PlannerConfig(name, privileged=False, implementation="none") for name in records)
+        told = {"fps": FPS, "length": 160, "recogniser_sha256": str(fold), "planners": planners}
+        each.append(write_finished(tmp_path / str(fold), records, **told))
+    take_together(each, out=tmp_path / "folds")
+    found = decide(tmp_path / "folds")
+    assert found.fitted_on is None and found.fitted_activities == 3 * 96
+    assert "The rules of each fold were fitted on the others." in found.tables()[0].footnotes
+    right: dict[tuple[str, int], list[float]] = {}
+    for folder in each:
+        others = [read_run(other).records for other in each if other != folder]
+        rules = fit_rules(seen_in(join_records([held[name] for name in SOON for held in others]), 1 / FPS))
+        seen = seen_in(read_run(folder).records["nbv"], 1 / FPS)
+        for name, fitted in rules.items():
+            for price, rule in enumerate(fitted):
+                answers = rules_decide(rule, seen.words).answer
+                right.setdefault((name, price), []).append(100 * (answers == seen.label).mean())
+    for curve in found.found.curves:
+        if curve.planner == "nbv":
+            for price, point in enumerate(curve.points):
+                assert point.accuracy == pytest.approx(np.mean(right[curve.rule, price]))
+    with pytest.raises(UsageError, match="expected no run to fit on, as each fold of"):
+        decide(tmp_path / "folds", fitted_on=each[0])
+    with pytest.raises(UsageError, match="expected --fitted-on, a run on another part"):
+        decide(each[0])
 
 
 def test_planners_can_be_named(tmp_path: Path) -> None:
