@@ -240,33 +240,47 @@ runs/room-solo-stream-px4-auto/table.md: runs/room-solo-stream/table.md
 	$(BENCHMARK) no-act h-rotate fixed-best nbv --data solo-stream --sensor estimator --world room --models models/solo-stream \
 	  --starts 3 --track px4-auto --ideal $(<D) --out $(@D)
 
-# Looking at recorded people: utkinect, and what is stitched of hdm05 and sbu. Most of sbu's streams are shorter than 30 s.
+# Looking at recorded people: utkinect, and what is stitched of hdm05 and sbu, everybody tested once. Most of sbu's streams
+# are shorter than 30 s.
 RECORDED := sbu-stream hdm05-stream utkinect
-sbu-stream := --data streams/sbu-stream.npz
-hdm05-stream := --data streams/hdm05-stream.npz --fps 30
+NUMBERS := 0 1 2
+FOLDS := $(foreach set,$(RECORDED),$(NUMBERS:%=$(set)-%))
 LOOKING := no-act h-rotate near-level front fixed-best nbv-greedy nbv-search nbv
-looked = $(call stream_data,$(1)) --sensor estimator --models models/$(1) --starts 3 $(if $(filter sbu-stream,$(1)),--length 368)
+whole = $(or $(filter-out --data,$($(1))),streams/$(1).npz)
+rate = $(if $(filter hdm05-stream-%,$(1)),--fps 30)
+looked = --data streams/$(1).npz $(call rate,$(1)) --sensor estimator --models models/$(1) --starts 3 $(if $(filter sbu-stream-%,$(1)),--length 368)
 
 STITCHED := hdm05 sbu
 $(STITCHED:%=streams/%-stream.npz): streams/%-stream.npz: | setup
 	$(EHAR) data stitch $(DATA)/$*.npz --out $@
 
-$(STITCHED:%=models/%-stream/causal-estimator-moving.safetensors): models/%-stream/causal-estimator-moving.safetensors: streams/%-stream.npz
-	$(EHAR) train recogniser $(call stream_data,$*-stream) --sensor estimator --out $(@D)
+define fold_of
+streams/$(1)-$(2).npz: $(filter streams/%,$(call whole,$(1))) | setup
+	$$(EHAR) data fold $(call whole,$(1)) --number $(2) --out $$@
+endef
+$(foreach set,$(RECORDED),$(foreach number,$(NUMBERS),$(eval $(call fold_of,$(set),$(number)))))
 
-$(STITCHED:%=models/%-stream/planners): models/%-stream/planners: models/%-stream/causal-estimator-moving.safetensors
-	$(EHAR) train gain-field $(call stream_data,$*-stream) --sensor estimator --models $(@D)
-	$(EHAR) train fixed-best $(call stream_data,$*-stream) --sensor estimator --models $(@D)
+$(FOLDS:%=models/%/planners): models/%/planners: streams/%.npz
+	$(EHAR) train recogniser --data $< $(call rate,$*) --sensor estimator --out $(@D)
+	$(EHAR) train gain-field --data $< $(call rate,$*) --sensor estimator --models $(@D)
+	$(EHAR) train fixed-best --data $< $(call rate,$*) --sensor estimator --models $(@D)
 	touch $@
 
 # No vehicle keeps up with the people of hdm05.
 FLOWN := sbu-stream utkinect
 define looked_at
-$$(RECORDED:%=runs/looked-%-$(1)/table.md): runs/looked-%-$(1)/table.md: models/%/planners
+$$(FOLDS:%=runs/looked-%-$(1)/table.md): runs/looked-%-$(1)/table.md: models/%/planners
 	$$(BENCHMARK) $$(LOOKING) $$(call looked,$$*) --world $(1) --out $$(@D)
 
-$$(FLOWN:%=runs/looked-%-$(1)-px4-auto/table.md): runs/looked-%-$(1)-px4-auto/table.md: runs/looked-%-$(1)/table.md
+$$(FOLDS:%=runs/looked-%-$(1)-px4-auto/table.md): runs/looked-%-$(1)-px4-auto/table.md: runs/looked-%-$(1)/table.md
 	$$(BENCHMARK) $$(LOOKING) $$(call looked,$$*) --world $(1) --track px4-auto --ideal $$(<D) --out $$(@D)
+
+$$(RECORDED:%=runs/looked-%-$(1)/table.md): runs/looked-%-$(1)/table.md: $$(NUMBERS:%=runs/looked-\%-%-$(1)/table.md)
+	$$(EHAR) study folds $$(^:/table.md=) --out $$(@D)
+
+$$(FLOWN:%=runs/looked-%-$(1)-px4-auto/table.md): runs/looked-%-$(1)-px4-auto/table.md: runs/looked-%-$(1)/table.md \
+  $$(NUMBERS:%=runs/looked-\%-%-$(1)-px4-auto/table.md)
+	$$(EHAR) study folds $$(patsubst %/table.md,%,$$(wordlist 2,9,$$^)) --ideal $$(<D) --out $$(@D)
 endef
 $(foreach world,paper $(IN_THE_WAY),$(eval $(call looked_at,$(world))))
 
