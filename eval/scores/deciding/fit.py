@@ -13,10 +13,10 @@ from eval.scores.deciding.rules import FixedTime, Rule, Sprt, Threshold, Words, 
 from eval.scores.streams.activities import activities
 
 BOUNDS = 200  # candidates of a threshold: quantiles of what was seen
-LONGEST_LOOK = 0.2  # share of the frames, from a frame on, that say together what waiting in that frame is worth
-RIDGE = (
-    0.003  # how strongly the slopes of what waiting is worth are drawn to zero; chosen on policy and validation parts
-)
+# Candidates: how strongly the slopes of what waiting is worth are drawn to zero, where only time counts; and the share
+# of the frames, from a frame on, that say together what waiting in that frame is worth.
+SETTINGS = ((0.003, 0.2), (0.003, 0.05), (0.1, 0.2), (0.1, 0.05))
+FOLDS = 3  # over sequences, in which one of them is chosen
 MOST_LEAD = 8.0  # log-odds against the second class that count as certain
 
 FittedRule = TypeVar("FittedRule", bound=Rule)
@@ -30,11 +30,13 @@ class Seen:
         words: what was said of B activities.
         label: (B,), their true classes.
         seconds: duration of a frame [s].
+        sequence: (B,) the number of the sequence, or stream, that each is from; None if nobody knows.
     """
 
     words: Words
     label: IntArray
     seconds: float
+    sequence: IntArray | None = None
 
     def __post_init__(self) -> None:
         """Raise DataError unless there is an activity, and a label for each."""
@@ -46,7 +48,8 @@ class Seen:
 
     def select(self, rows: BoolArray) -> "Seen":
         """Return some of the activities (B,)."""
-        return Seen(self.words.select(rows), self.label[rows], self.seconds)
+        sequence = None if self.sequence is None else self.sequence[rows]
+        return Seen(self.words.select(rows), self.label[rows], self.seconds, sequence)
 
     @property
     def right(self) -> BoolArray:
@@ -64,8 +67,9 @@ def seen_in(records: EpisodeRecords, seconds: float, *, second: bool = True) -> 
         second: whether the probability of the second most probable class may be used, if it is recorded.
     """
     words = words_of_records(records)
-    label = activities(records).label if records.of_streams else records.label
-    return Seen(words if second else replace(words, second=None), label, seconds)
+    shown = activities(records) if records.of_streams else records
+    sequence = np.unique(shown.sequence, return_inverse=True)[1]
+    return Seen(words if second else replace(words, second=None), shown.label, seconds, sequence)
 
 
 def worth_of(rule: Rule, seen: Seen, price: float) -> FloatArray:
@@ -124,8 +128,22 @@ def fit_induction(seen: Seen, price: float) -> Induction:
 
     The least-squares method of Longstaff & Schwartz, Valuing American Options by Simulation, Review of Financial
     Studies 2001. In each frame the regression explains what waiting gains: what the answer is worth that the rule goes
-    on to give, less what the present answer is worth. The frames after it, up to `LONGEST_LOOK`, help to estimate it.
+    on to give, less what the present answer is worth. The next frames help to estimate it. One of
+    `SETTINGS` is chosen in folds over the sequences.
     """
+    if seen.sequence is None or not seen.sequence.max() > seen.sequence.min():
+        return _induction(seen, price, *SETTINGS[0])
+    fold = np.unique(seen.sequence, return_inverse=True)[1] % FOLDS
+    parts = [(seen.select(fold != number), seen.select(fold == number)) for number in np.unique(fold)]
+    worths = [
+        sum(worth_of(_induction(fit, price, *setting), held, price).sum() for fit, held in parts)
+        for setting in SETTINGS
+    ]
+    return _induction(seen, price, *SETTINGS[int(np.argmax(worths))])
+
+
+def _induction(seen: Seen, price: float, ridge: float, look: float) -> Induction:
+    """Return what backward induction finds with one of `SETTINGS`."""
     words = seen.words
     terms, last = _terms(words), words.last
     length = int(last.max()) + 1
@@ -134,8 +152,8 @@ def fit_induction(seen: Seen, price: float) -> Induction:
     value = np.take_along_axis(now, last[:, None], axis=1)[:, 0]  # of what the rule does from a frame on
     gain = np.zeros_like(now)
     weights = np.zeros((max(length - 1, 1), count))
-    window = max(1, round(LONGEST_LOOK * length))
-    penalty = RIDGE * np.diag([0.0] + [1.0] * (count - 1))
+    window = max(1, round(look * length))
+    penalty = ridge * np.diag([0.0] + [1.0] * (count - 1))
     for frame in range(length - 2, -1, -1):
         gain[:, frame] = value - now[:, frame]
         near = slice(frame, min(frame + window, length - 1))

@@ -15,7 +15,7 @@ from eval.scores.deciding.fit import (
     seen_in,
     worth_of,
 )
-from eval.scores.deciding.rules import FixedTime, Sprt, Threshold, decide, words_of
+from eval.scores.deciding.rules import FixedTime, Sprt, Threshold, Words, decide, words_of
 from tests.helpers.made_records import make_stream_records
 
 SECONDS = 0.1
@@ -162,3 +162,19 @@ def test_nothing_to_fit_on_is_refused() -> None:
         DataError, match="expected a label for each activity, at least 1, got 2 labels for 3 activities"
     ):
         Seen(words, np.array([0, 1]), SECONDS)
+
+
+def test_induction_knows_a_moment_that_nothing_said_tells_of() -> None:
+    """Answers are right for a while after the onset, and nothing but time tells: a fixed time is best."""
+    rng = np.random.default_rng(0)
+    label, frames = np.zeros(120, dtype=np.int64), np.arange(50)
+    chance = np.where((frames >= 6) & (frames < 9), 0.9, 0.3)
+    answer = np.where(rng.random((120, 50)) < chance, 0, 1)
+    top, shown = 0.5 + 0.4 * rng.random((120, 50)), np.ones((120, 50), dtype=np.bool_)
+    seen = Seen(Words(answer, top, (1 - top) / 2, shown), label, 0.1, np.arange(120) // 10)
+    fit, held = seen.select(np.arange(120) < 60), seen.select(np.arange(120) >= 60)
+    fixed, found, unchosen = (
+        worth_of(rule, held, 1.0).mean()
+        for rule in (fit_fixed_time(fit, 1.0), fit_induction(fit, 1.0), fit_induction(replace(fit, sequence=None), 1.0))
+    )
+    assert fixed > 80 and found > fixed - 5 and unchosen < found - 5
