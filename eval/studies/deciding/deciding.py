@@ -96,7 +96,11 @@ class Deciding:
 
     def _footnotes(self) -> Iterator[str]:
         """Yield on whom the rules were fitted."""
-        learners, count = " and ".join(self.fitted_with), f"{self.fitted_activities} {self._activities}"
+        *others, last = self.fitted_with
+        learners, count = (
+            " and ".join(filter(None, (", ".join(others), last))),
+            f"{self.fitted_activities} {self._activities}",
+        )
         where = "" if self.fitted_on is None else f" on the {self.fitted_on.conditions.part} part"
         yield f"Rules were fitted on {count} of {learners}{where}, and are the same for every planner."
         if self.run.of_streams:
