@@ -39,12 +39,9 @@ def fold(data: str | Path | MotionData | StreamData, *, number: int, folds: int 
     found = replace(data, name=f"{data.name}-fold{number}", is_test=of_sequence == number)
     parts = split_parts(found)
     if isinstance(found, MotionData):
-        learned = found.labels[np.concatenate([parts.recogniser, parts.policy, parts.validation])]
-        lacking = (
-            np.setdiff1d(found.labels, found.labels[parts.test]).tolist()
-            + np.setdiff1d(found.labels[parts.test], learned).tolist()
-        )
-        if lacking:
+        learned = np.concatenate([parts.recogniser, parts.policy, parts.validation])
+        lacking = np.setxor1d(found.labels[parts.test], found.labels[learned])
+        if len(lacking):
             raise DataError(
                 f"{found.name}: expected every class in the test part and outside of it, "
                 f"class {found.class_names[lacking[0]]!r} is on one side: try other --folds"

@@ -1,4 +1,4 @@
-"""Runs of folds over people taken together as one run: whoever is tested is nobody that the fold has learned from."""
+"""Runs of folds over people taken together as one run: every sequence is tested once, by the training of its fold."""
 
 import re
 from collections import Counter
