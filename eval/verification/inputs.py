@@ -66,7 +66,9 @@ def check_inputs(
     told = config.conditions
     if config.folds:
         each = ", ".join(fold.run for fold in config.folds)
-        return _unchecked((Check("data", UNCHECKED, f"a run of {len(config.folds)} folds; each has its own: {each}"),))
+        return _unchecked(
+            (Check("data", UNCHECKED, f"a run of {len(config.folds)} folds has the data and weights of {each}"),)
+        )
     source = told.data if data is None else data
     try:
         motion = load_recordings(str(source), fps=told.fps)

@@ -87,7 +87,7 @@ def test_what_needs_data_and_weights_is_told_of_the_folds(tmp_path: Path, capsys
     assert f"this one is 2 folds: verify {runs[0]}, {runs[1]}" in fails_with(["verify", str(out)], capsys)
     with pytest.raises(SystemExit):
         main(["replay", str(out), "0"])
-    assert "a run of 2 folds; each has its own" in capsys.readouterr().err
+    assert "a run of 2 folds has the data and weights of" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
