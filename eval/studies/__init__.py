@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from eval.studies.compare_table import Comparison as Comparison
     from eval.studies.deciding.deciding import Deciding as Deciding
     from eval.studies.explanation import Explanation as Explanation
+    from eval.studies.folds import Folds as Folds
     from eval.studies.headroom.study import Headroom as Headroom
     from eval.studies.learning import LearningCurve as LearningCurve
     from eval.studies.overview import RunOverview as RunOverview
@@ -26,6 +27,7 @@ else:
             "BeliefReport": "eval.studies.belief.study",
             "Deciding": "eval.studies.deciding.deciding",
             "Explanation": "eval.studies.explanation",
+            "Folds": "eval.studies.folds",
             "Analysis": "eval.studies.behaviour.analysis",
             "Comparison": "eval.studies.compare_table",
             "LearningCurve": "eval.studies.learning",
