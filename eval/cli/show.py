@@ -164,8 +164,9 @@ def save_fold(data: "MotionData | StreamData", *, out: Path) -> None:
     else:
         save_motion(_npz(out), data)
     test = split_parts(data).test
-    people = ", ".join(sorted({"-".join(map(str, performers)) for performers in data.subjects[test].tolist()}))
-    output_console().print(f"{out}: {len(test)} of {len(data.lengths)} for the test, of person {people}")
+    people = sorted({tuple(performers) for performers in data.subjects[test].tolist()})
+    named = ", ".join("-".join(map(str, performers)) for performers in people)
+    output_console().print(f"{out}: {len(test)} of {len(data.lengths)} sequences for the test, by {named}")
 
 
 def _npz(out: Path) -> Path:

@@ -49,7 +49,7 @@ def test_people_who_all_perform_with_each_other_are_divided_as_couples() -> None
 
 def test_the_motion_stays_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(["data", "fold", "solo-stream", "--number", "1", "--out", str(tmp_path / "solo-stream-1.npz")])
-    assert "solo-stream-1.npz: 10 of 40 for the test, of person" in capsys.readouterr().out
+    assert "solo-stream-1.npz: 10 of 40 sequences for the test, by" in capsys.readouterr().out
     written = load_recordings(tmp_path / "solo-stream-1.npz")
     np.testing.assert_array_equal(written.positions, SETS["solo-stream"].positions)
     np.testing.assert_array_equal(split_parts(written).test, split_parts(fold(SETS["solo-stream"], number=1)).test)
