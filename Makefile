@@ -199,7 +199,8 @@ $$(STREAMS:%=runs/watched-%-$(1)/table.md): runs/watched-%-$(1)/table.md: runs/w
 endef
 $(foreach vehicle,px4-auto tracking-drone,$(eval $(call watched_in_flight,$(vehicle))))
 
-$(STREAMS:%=runs/belief-%/table.md): runs/belief-%/table.md: $(STREAM_RECOGNISER)
+SYNTHETIC := solo-stream duo-stream
+$(SYNTHETIC:%=runs/belief-%/table.md): runs/belief-%/table.md: $(STREAM_RECOGNISER)
 	$(EHAR) study belief $(call stream_data,$*) --sensor estimator --models models/$* --out $(@D)
 
 # When to answer in streams, on the recogniser's words and on the belief's: rules are fitted on the policy part.
@@ -228,9 +229,8 @@ runs/trainings-$(1)/table.md: $$(OF_SOLO:%=runs/$(1)-%/table.md)
 endef
 $(foreach world,$(IN_THE_WAY),$(eval $(call in_the_way,$(world))))
 
-STREAMS_IN_THE_WAY := solo-stream duo-stream
 define in_the_way_of_streams
-$$(STREAMS_IN_THE_WAY:%=runs/$(1)-%/table.md): runs/$(1)-%/table.md: models/%/planners
+$$(SYNTHETIC:%=runs/$(1)-%/table.md): runs/$(1)-%/table.md: models/%/planners
 	$$(BENCHMARK) no-act h-rotate near-level front fixed-best nbv --data $$* --sensor estimator --world $(1) --models models/$$* \
 	  --starts 3 --out $$(@D)
 endef
@@ -248,7 +248,8 @@ FOLDS := $(foreach set,$(RECORDED),$(NUMBERS:%=$(set)-%))
 LOOKING := no-act h-rotate near-level front fixed-best nbv-greedy nbv-search nbv
 whole = $(or $(filter-out --data,$($(1))),streams/$(1).npz)
 rate = $(if $(filter hdm05-stream-%,$(1)),--fps 30)
-looked = --data streams/$(1).npz $(call rate,$(1)) --sensor estimator --models models/$(1) --starts 3 $(if $(filter sbu-stream-%,$(1)),--length 368)
+watched = --data streams/$(1).npz $(call rate,$(1)) --sensor estimator --models models/$(1) $(if $(filter sbu-stream-%,$(1)),--length 368)
+looked = $(watched) --starts 3
 
 STITCHED := hdm05 sbu
 $(STITCHED:%=streams/%-stream.npz): streams/%-stream.npz: | setup
@@ -283,6 +284,16 @@ $$(FLOWN:%=runs/looked-%-$(1)-px4-auto/table.md): runs/looked-%-$(1)-px4-auto/ta
 	$$(EHAR) study folds $$(patsubst %/table.md,%,$$(wordlist 2,9,$$^)) --ideal $$(<D) --out $$(@D)
 endef
 $(foreach world,paper $(IN_THE_WAY),$(eval $(call looked_at,$(world))))
+
+# What the belief wins on everybody, and when to answer: rules of each fold are fitted on the others.
+$(FOLDS:%=runs/belief-%/table.md): runs/belief-%/table.md: models/%/planners
+	$(EHAR) study belief $(call watched,$*) --out $(@D)
+
+$(RECORDED:%=runs/belief-%/table.md): runs/belief-%/table.md: $(NUMBERS:%=runs/belief-\%-%/table.md)
+	$(EHAR) study folds $(^:/table.md=) --out $(@D)
+
+$(RECORDED:%=runs/decided-%/table.md): runs/decided-%/table.md: runs/looked-%-paper/table.md
+	$(EHAR) study decide $(<D) --planners no-act nbv --out $(@D)
 
 # The film of the README: the episode in which nbv's gain over front is the median, and of it the most activities.
 docs/figures/stream.gif: runs/watched-utkinect-px4-auto/table.md
@@ -390,7 +401,7 @@ docs/results/streams.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watc
 docs/results/couple-streams.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-duo-stream$(track:.=)/table.md)
 	$(call page,$@,Streams of couples,ehar benchmark $(WATCHING) --data duo-stream --sensor estimator --models models/duo-stream,$^)
 
-docs/results/obstacle-streams.md: $(foreach world,$(IN_THE_WAY),$(STREAMS_IN_THE_WAY:%=runs/$(world)-%/table.md)) runs/room-solo-stream-px4-auto/table.md
+docs/results/obstacle-streams.md: $(foreach world,$(IN_THE_WAY),$(SYNTHETIC:%=runs/$(world)-%/table.md)) runs/room-solo-stream-px4-auto/table.md
 	$(call page,$@,Things in the way in streams,ehar benchmark no-act nbv --data solo-stream --sensor estimator --world room --starts 3,$^)
 
 docs/results/utkinect.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-utkinect$(track:.=)/table.md)
@@ -405,7 +416,7 @@ docs/results/obstacles.md: $(IN_THE_WAY:%=runs/trainings-%/table.md)
 docs/results/class-maps.md: runs/class-maps-hdm05/table.md
 	$(call page,$@,Where each class is best seen,ehar study headroom hdm05.npz --azimuths 8 --polars 3,$^)
 
-docs/results/stream-belief.md: $(STREAMS:%=runs/belief-%/table.md)
+docs/results/stream-belief.md: $(SYNTHETIC:%=runs/belief-%/table.md) $(RECORDED:%=runs/belief-%/table.md)
 	$(call page,$@,The belief in streams,ehar study belief --data solo-stream --sensor estimator,$^)
 
 docs/results/trainings.md: runs/trainings-duo/table.md runs/trainings-solo/table.md
@@ -434,7 +445,7 @@ docs/results/deciding.md: $(foreach set,hdm05 sbu solo,runs/rules-$(set)-estimat
 	$(call page,$@,When to answer,ehar study decide runs/rules-hdm05-estimator --fitted-on runs/fitting-hdm05,\
 	  $(foreach set,hdm05 sbu solo,runs/deciding-$(set)/table.md))
 
-docs/results/deciding-streams.md: runs/decided-recogniser/table.md runs/decided-belief/table.md
+docs/results/deciding-streams.md: runs/decided-recogniser/table.md runs/decided-belief/table.md $(RECORDED:%=runs/decided-%/table.md)
 	cp runs/decided-recogniser/deciding.png docs/results/deciding-stream.png
 	cp runs/decided-belief/deciding.png docs/results/deciding-stream-believed.png
 	$(call page,$@,When to answer in streams,ehar study decide runs/deciding-recogniser-test --fitted-on runs/deciding-recogniser-policy,$^)
