@@ -17,7 +17,8 @@ from ehar.viewpoint import AZIMUTH, Workspace, cartesian, spherical, wrap_differ
 
 AHEAD = 3.0  # [s] that a flight is looked at
 SAMPLES = 49  # of a flight in that time
-AROUND = 8  # level directions in which to evade, beside straight up and down
+AROUND = 8  # compass directions in which to evade, beside straight up and down
+RISES = np.deg2rad([-45, 0, 45])  # of each; a camera that may come no nearer to people gets over them by climbing
 AWAY = (0.4, 0.8, 1.6, 3.2)  # [m] from where a camera comes to rest if it brakes
 AMPLE = 0.5  # [m]; more clearance is not looked for
 CLEARER = 0.01  # [m] of clearance for which to leave a plan
@@ -65,9 +66,9 @@ def clearest(
 
 def _places_around(viewpoint: FloatArray, workspace: Workspace) -> FloatArray:
     """Return viewpoints (B, 3) and places around them, (C, B, 3), with azimuths that are not wrapped."""
-    turn = 2 * np.pi / AROUND * np.arange(AROUND)
-    level = np.stack([np.cos(turn), np.sin(turn), np.zeros(AROUND)], axis=1)
-    directions = np.concatenate([level, [[0, 0, 1], [0, 0, -1]]])
+    turns, rises = np.meshgrid(2 * np.pi / AROUND * np.arange(AROUND), RISES)
+    around = np.stack([np.cos(rises) * np.cos(turns), np.cos(rises) * np.sin(turns), np.sin(rises)], axis=-1)
+    directions = np.concatenate([around.reshape(-1, 3), [[0, 0, 1], [0, 0, -1]]])
     steps = np.concatenate([np.zeros((1, 3)), *(away * directions for away in AWAY)])[:, None]
     places = workspace.clip(spherical(cartesian(viewpoint) + steps))
     places[..., AZIMUTH] = viewpoint[:, AZIMUTH] + wrap_difference(places[..., AZIMUTH] - viewpoint[:, AZIMUTH])

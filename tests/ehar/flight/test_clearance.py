@@ -10,7 +10,7 @@ from ehar.flight.profile import JerkProfile
 from ehar.flight.time_optimal import AxisLimits, TimeOptimal
 from ehar.flight.vehicle import VEHICLES
 from ehar.localisation import CentreMotion
-from ehar.obstacles import MARGIN, Cylinder, FreeSpace, Obstacles, Surroundings
+from ehar.obstacles import MARGIN, Box, Cylinder, FreeSpace, Obstacles, Surroundings
 from ehar.viewpoint import Workspace, cartesian
 from ehar.world import ROOM
 
@@ -189,3 +189,22 @@ def test_cameras_that_people_carry_towards_something_evade_it(name: str, speed: 
     assert clear.min() >= MARGIN - 1e-3
     assert (motion.telemetry.peak_speed <= VEHICLES[name].speed).all()
     assert (motion.telemetry.peak_acceleration <= VEHICLES[name].acceleration).all()
+
+
+def test_a_camera_between_walls_evades_upwards() -> None:
+    """In a corridor, as near as cameras may be, people carry it to its end: only over them is there room."""
+    frames, pace = 110, 0.6
+    corridor = Obstacles(walls=Box(centre=(0, 0, 0), size=(13, 1.6, 24)))
+    way = np.zeros((1, frames, 3))
+    way[0, :, 0] = pace * 0.04 * np.arange(frames)
+    walking, still = np.zeros_like(way), np.zeros_like(way)
+    walking[..., 0] = pace
+    motion = FlightMotion(vehicle=VEHICLES["px4-auto"], moving_centre=True)
+    motion.centre = CentreMotion(way, walking, still, still)
+    around = Surroundings(corridor, way)
+    motion.keep_clear(around)
+    start = np.array([[5.0, 0.0, np.pi / 2]])
+    motion.reset(start, 0.04)
+    clear = [around.clearance(motion.advance(start), frame)[0] for frame in range(1, frames)]
+    assert 5.0 + way[0, -1, 0] > 6.5  # a camera that stayed would be behind the wall
+    assert min(clear) >= MARGIN - 1e-3
