@@ -17,7 +17,7 @@ from eval.records.run_files import EPISODES, SUMMARY, check_out
 from eval.render.tables import Table, interval_text, markdown, share_text
 from eval.running.benchmark import summarise_runs
 from eval.running.choice import ModelPlace
-from eval.running.episodes import cut_scenarios, random_starts
+from eval.running.episodes import check_scored, cut_scenarios, random_starts
 from eval.running.jobs import PlannerRun, Workload, run_planners
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.scores.differences import NBV, Difference
@@ -93,7 +93,12 @@ def ablation(
     if len(flown) < len(tracks) or len(set(names)) < len(names):
         raise UsageError(f"tracks: expected vehicles, each once and none of them {IDEAL}, got {', '.join(tracks)}")
     setting = load_setting(conditions)
-    scenarios = cut_scenarios(setting.data, setting.sequences, conditions.frames, reporter.note)
+    conditions = setting.conditions
+    scenarios = cut_scenarios(setting.recordings, setting.sequences, conditions.frames, reporter.note)
+    check_scored(scenarios)
+    flights = [replace(setting.runner, track=track) for track in flown]
+    for runner in flights:
+        runner.check_followed(scenarios)
     model = ModelPlace.of(setting).load_gain_model()
     nbv = NextBestView(model=model)
     chosen = {group: planners for group, planners in variants(model).items() if group in groups}
@@ -113,9 +118,8 @@ def ablation(
     episodes = random_starts(scenarios, conditions.starts, conditions.seed, setting.world)
     workload = Workload(setting.runner, episodes)
     runs = dict(run_planners(workload, together, engine=Processes(workers), reporter=reporter))
-    for track, planner in zip(flown, flying, strict=True):
-        workload = Workload(replace(setting.runner, track=track), episodes)
-        runs |= run_planners(workload, [planner], engine=Processes(workers), reporter=reporter)
+    for runner, planner in zip(flights, flying, strict=True):
+        runs |= run_planners(Workload(runner, episodes), [planner], engine=Processes(workers), reporter=reporter)
     # Each flight is compared with nbv on the ideal track, in the same resamples.
     on_ideal = {NO_ACT: runs[NO_ACT].records, **dict.fromkeys(names[1:], runs[NBV].records)} if flown else None
     result = Ablation(

@@ -132,10 +132,12 @@ def _check(runs: Sequence[Run]) -> None:
 
 def _class_names(runs: Sequence[Run]) -> tuple[str, ...]:
     """Return the names of the classes, which all runs share."""
-    named = [class_names(run, lambda _: None) for run in runs]
+    notes: list[str] = []
+    named = [class_names(run, notes.append) for run in runs]
     for run, names in zip(runs, named, strict=True):
         if names != named[0]:
-            raise UsageError(f"{runs[0].directory} and {run.directory}: expected the same classes, got others")
+            why = "; ".join(["got others", *notes])
+            raise UsageError(f"{runs[0].directory} and {run.directory}: expected the same classes, {why}")
     return named[0]
 
 

@@ -43,10 +43,12 @@ STUDY = CommandGroup(
 
             For example:
                 ehar study ablation --data duo --groups horizon effort
+                ehar study ablation --data solo-stream --groups knowledge
             """,
             conditions=(*SEEN[:4], "starts", *SEEN[4:]),
             flags={
                 **SENSED,
+                "length": Flag("frames of an episode.", hint="60; streams 30 s"),
                 "seed": Flag("seed of start viewpoints and noise."),
                 "groups": Flag(kind=tuple[str, ...], default=(), metavar="GROUP ...", hint="all"),
                 "tracks": Flag(

@@ -8,16 +8,21 @@ import pytest
 
 from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
-from ehar.errors import UsageError
+from ehar.data.streams.file import save_streams
+from ehar.errors import DataError, UsageError
 from eval.cli.main import main
 from eval.records.episode_lines import read_episodes
+from eval.running.run import read_run
 from eval.scores.metrics import mean_acc
 from eval.studies.ablation import GROUPS, Ablation, ablation, ablation_tables, variants
 from planners.search.next_best_view import NextBestView
+from planners.value.belief.streams import StreamBeliefModel
 from planners.value.fit import VARIANTS
 from planners.value.model import GainModel
 from tests.helpers.fakes import tiny_data
 from tests.helpers.gain_models import model_of, peak_weights
+from tests.helpers.stream_runs import FRAMES, forgetful
+from tests.helpers.streams import raising_streams
 from tests.helpers.tiny_benchmarks import HashedRecogniser, Log
 
 LEVEL = np.array([8.0, 0.0, np.pi / 2])  # where the fake recogniser sees best
@@ -87,6 +92,28 @@ def test_flights_are_compared_with_nbv_on_the_ideal_track() -> None:
     cells = dict(zip(flights.header, flights.rows[1], strict=True))
     assert 0 < float(cells["peak [m/s]"]) <= 12
     assert cells["minus nbv [95 %]"] != "-"
+
+
+def test_streams_are_watched_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    forgetful(monkeypatch)
+    in_streams = replace(model(), belief=StreamBeliefModel.believing((0.25,) * 4))
+    monkeypatch.setattr("eval.running.choice.ModelPlace.load_gain_model", lambda _: in_streams)
+    path = tmp_path / "raising.npz"
+    save_streams(path, raising_streams())
+    conditions = Conditions(data=path, length=FRAMES, world="room")
+    (table,) = ablation(conditions, groups=["knowledge"], out=tmp_path / "out", reporter=Log()).tables()
+    assert [row[0] for row in table.rows] == [
+        "no-act",
+        "nbv",
+        "without belief",
+        "without embedding",
+        "without facing",
+        "oracle*",
+    ]
+    assert "activities in 4 episodes" in table.title
+    assert set(read_run(tmp_path / "out").records) == {row[0].rstrip("*") for row in table.rows}
+    with pytest.raises(DataError, match="expected an activity that begins and ends within an episode of 2 frames"):
+        ablation(replace(conditions, length=2), reporter=Log())
 
 
 def test_missing_intervals_are_said_to_be_missing() -> None:

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ehar.data.any_source import load_recordings
+from ehar.data.motion_file import save_motion
 from ehar.errors import UsageError
 from eval.cli.main import main
 from eval.records.config import PlannerConfig
@@ -14,6 +16,7 @@ from eval.running.run import read_run
 from eval.scores.metrics import mean_acc
 from eval.studies.folds import take_together
 from tests.helpers.commands import fails_with
+from tests.helpers.fakes import tiny_data
 from tests.helpers.made_records import flown, make_records, write_finished
 
 SKILLS = {"no-act": 0.0, "nbv": 1.0, "oracle": 3.0}
@@ -118,3 +121,11 @@ def test_what_would_count_twice_is_refused(tmp_path: Path, capsys: pytest.Captur
     )
     rest = run(tmp_path, 3, skills={"random": 0.0})
     assert "expected a planner that ran in all folds" in fails_with(["study", "folds", str(a), str(rest)], capsys)
+
+
+def test_data_that_is_not_found_is_named_where_classes_differ(tmp_path: Path) -> None:
+    save_motion(tmp_path / "tiny.npz", tiny_data(sequences=20))
+    here = load_recordings(tmp_path / "tiny.npz")
+    a = run(tmp_path, 0, source=str(tmp_path / "tiny.npz"), data_sha256=here.sha256)
+    with pytest.raises(UsageError, match=r"expected the same classes, got others; classes are numbered, as .*missing"):
+        take_together([a, run(tmp_path, 1, source=str(tmp_path / "missing.npz"))])
