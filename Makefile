@@ -176,6 +176,7 @@ $(SETS:%=runs/belief-%/table.md): runs/belief-%/table.md: models/%/planners-esti
 
 # Streams, synthetic ones and those of a real Kinect, with every planner that is not an agent: on the grid, and flown.
 STREAMS := solo-stream duo-stream utkinect
+FLYING := px4-auto tracking-drone
 utkinect := --data $(DATA)/utkinect.npz
 stream_data = $(or $($(1)),--data $(1))
 WATCHING := no-act h-rotate near-level front side fixed-best nbv-greedy nbv-search nbv oracle
@@ -197,7 +198,7 @@ $$(STREAMS:%=runs/watched-%-$(1)/table.md): runs/watched-%-$(1)/table.md: runs/w
 	$$(BENCHMARK) $$(WATCHING) $$(call stream_data,$$*) --sensor estimator --models models/$$* --starts $$(STARTS) \
 	  --track $(1) --ideal $$(<D) --out $$(@D)
 endef
-$(foreach vehicle,px4-auto tracking-drone,$(eval $(call watched_in_flight,$(vehicle))))
+$(foreach vehicle,$(FLYING),$(eval $(call watched_in_flight,$(vehicle))))
 
 SYNTHETIC := solo-stream duo-stream
 $(SYNTHETIC:%=runs/belief-%/table.md): runs/belief-%/table.md: $(STREAM_RECOGNISER)
@@ -267,23 +268,36 @@ $(FOLDS:%=models/%/planners): models/%/planners: streams/%.npz
 	$(EHAR) train fixed-best --data $< $(call rate,$*) --sensor estimator --models $(@D)
 	touch $@
 
-# No vehicle keeps up with the people of hdm05.
+# No vehicle keeps up with all people of hdm05.
 FLOWN := sbu-stream utkinect
 define looked_at
 $$(FOLDS:%=runs/looked-%-$(1)/table.md): runs/looked-%-$(1)/table.md: models/%/planners
 	$$(BENCHMARK) $$(LOOKING) $$(call looked,$$*) --world $(1) --out $$(@D)
 
-$$(FOLDS:%=runs/looked-%-$(1)-px4-auto/table.md): runs/looked-%-$(1)-px4-auto/table.md: runs/looked-%-$(1)/table.md
-	$$(BENCHMARK) $$(LOOKING) $$(call looked,$$*) --world $(1) --track px4-auto --ideal $$(<D) --out $$(@D)
-
 $$(RECORDED:%=runs/looked-%-$(1)/table.md): runs/looked-%-$(1)/table.md: $$(NUMBERS:%=runs/looked-\%-%-$(1)/table.md)
 	$$(EHAR) study folds $$(^:/table.md=) --out $$(@D)
-
-$$(FLOWN:%=runs/looked-%-$(1)-px4-auto/table.md): runs/looked-%-$(1)-px4-auto/table.md: runs/looked-%-$(1)/table.md \
-  $$(NUMBERS:%=runs/looked-\%-%-$(1)-px4-auto/table.md)
-	$$(EHAR) study folds $$(patsubst %/table.md,%,$$(wordlist 2,9,$$^)) --ideal $$(<D) --out $$(@D)
 endef
 $(foreach world,paper $(IN_THE_WAY),$(eval $(call looked_at,$(world))))
+
+define flown_through
+$$(FOLDS:%=runs/looked-%-$(1)-$(2)/table.md): runs/looked-%-$(1)-$(2)/table.md: runs/looked-%-$(1)/table.md
+	$$(BENCHMARK) $$(LOOKING) $$(call looked,$$*) --world $(1) --track $(2) --ideal $$(<D) --out $$(@D)
+
+$$(FLOWN:%=runs/looked-%-$(1)-$(2)/table.md): runs/looked-%-$(1)-$(2)/table.md: runs/looked-%-$(1)/table.md \
+  $$(NUMBERS:%=runs/looked-\%-%-$(1)-$(2)/table.md)
+	$$(EHAR) study folds $$(patsubst %/table.md,%,$$(wordlist 2,9,$$^)) --ideal $$(<D) --out $$(@D)
+endef
+$(foreach track,$(FLYING),$(foreach world,paper $(IN_THE_WAY),$(eval $(call flown_through,$(world),$(track)))))
+
+# What nbv gains by knowing what is believed, what was seen, and where people face.
+$(FOLDS:%=runs/knowledge-%/table.md): runs/knowledge-%/table.md: models/%/planners
+	$(EHAR) study ablation $(call looked,$*) --groups knowledge --out $(@D)
+
+$(RECORDED:%=runs/knowledge-%/table.md): runs/knowledge-%/table.md: $(NUMBERS:%=runs/knowledge-\%-%/table.md)
+	$(EHAR) study folds $(^:/table.md=) --out $(@D)
+
+$(SYNTHETIC:%=runs/knowledge-%/table.md): runs/knowledge-%/table.md: models/%/planners
+	$(EHAR) study ablation $(call stream_data,$*) --sensor estimator --models models/$* --starts $(STARTS) --groups knowledge --out $(@D)
 
 # What the belief wins on everybody, and when to answer: rules of each fold are fitted on the others.
 $(FOLDS:%=runs/belief-%/table.md): runs/belief-%/table.md: models/%/planners
@@ -407,7 +421,8 @@ docs/results/obstacle-streams.md: $(foreach world,$(IN_THE_WAY),$(SYNTHETIC:%=ru
 docs/results/utkinect.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-utkinect$(track:.=)/table.md)
 	$(call page,$@,Streams of a real Kinect,ehar benchmark $(WATCHING) --data utkinect.npz --sensor estimator,$^)
 
-docs/results/recorded-streams.md: $(foreach world,paper $(IN_THE_WAY),$(RECORDED:%=runs/looked-%-$(world)/table.md) $(FLOWN:%=runs/looked-%-$(world)-px4-auto/table.md))
+docs/results/recorded-streams.md: $(foreach world,paper $(IN_THE_WAY),$(RECORDED:%=runs/looked-%-$(world)/table.md) \
+  $(foreach track,$(FLYING),$(FLOWN:%=runs/looked-%-$(world)-$(track)/table.md)))
 	$(call side_by_side,nbv,Looking at recorded people)
 
 docs/results/obstacles.md: $(IN_THE_WAY:%=runs/trainings-%/table.md)
@@ -415,6 +430,9 @@ docs/results/obstacles.md: $(IN_THE_WAY:%=runs/trainings-%/table.md)
 
 docs/results/class-maps.md: runs/class-maps-hdm05/table.md
 	$(call page,$@,Where each class is best seen,ehar study headroom hdm05.npz --azimuths 8 --polars 3,$^)
+
+docs/results/knowledge.md: $(SYNTHETIC:%=runs/knowledge-%/table.md) $(RECORDED:%=runs/knowledge-%/table.md)
+	$(call page,$@,What nbv has to know,ehar study ablation --data solo-stream --sensor estimator --groups knowledge,$^)
 
 docs/results/stream-belief.md: $(SYNTHETIC:%=runs/belief-%/table.md) $(RECORDED:%=runs/belief-%/table.md)
 	$(call page,$@,The belief in streams,ehar study belief --data solo-stream --sensor estimator,$^)
@@ -487,7 +505,7 @@ docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/t
 # Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), stream-sets (onsets that are known),
 # kindergator, and what stood before (mended).
 PAGES := planners nbv indoor obstacles exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding deciding-streams \
-  streams couple-streams obstacle-streams recorded-streams stream-belief utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
+  streams couple-streams obstacle-streams recorded-streams knowledge stream-belief utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
 results: left
 	@$(MAKE) --no-print-directory pages
 
