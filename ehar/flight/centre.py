@@ -8,7 +8,7 @@ from ehar.localisation import CentreLimits
 
 # Shares of a vehicle's limits with which it follows a centre. People walk at 1.4 m/s, px4-auto follows at 1.5 m/s.
 SPEED_SHARE, SHARE = 0.3, 0.2
-KEEP_ON = 2.0  # [s], for about how long people walk on as they do
+KEEP_ON = 3.0  # [s], for about how long people walk on as they do
 
 
 def centre_limits(vehicle: Vehicle) -> CentreLimits:
