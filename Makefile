@@ -421,9 +421,11 @@ docs/results/obstacle-streams.md: $(foreach world,$(IN_THE_WAY),$(SYNTHETIC:%=ru
 docs/results/utkinect.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-utkinect$(track:.=)/table.md)
 	$(call page,$@,Streams of a real Kinect,ehar benchmark $(WATCHING) --data utkinect.npz --sensor estimator,$^)
 
-docs/results/recorded-streams.md: $(foreach world,paper $(IN_THE_WAY),$(RECORDED:%=runs/looked-%-$(world)/table.md) \
-  $(foreach track,$(FLYING),$(FLOWN:%=runs/looked-%-$(world)-$(track)/table.md)))
+docs/results/recorded-streams.md: $(foreach world,paper $(IN_THE_WAY),$(RECORDED:%=runs/looked-%-$(world)/table.md))
 	$(call side_by_side,nbv,Looking at recorded people)
+
+docs/results/recorded-flights.md: $(foreach world,paper $(IN_THE_WAY),$(foreach track,$(FLYING),$(FLOWN:%=runs/looked-%-$(world)-$(track)/table.md)))
+	$(call side_by_side,nbv,Flying around recorded people)
 
 docs/results/obstacles.md: $(IN_THE_WAY:%=runs/trainings-%/table.md)
 	$(call page,$@,Things in the way,ehar benchmark $(RULES) oracle --data solo --sensor estimator --world room,$^)
@@ -505,7 +507,7 @@ docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/t
 # Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), stream-sets (onsets that are known),
 # kindergator, and what stood before (mended).
 PAGES := planners nbv indoor obstacles exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding deciding-streams \
-  streams couple-streams obstacle-streams recorded-streams knowledge stream-belief utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
+  streams couple-streams obstacle-streams recorded-streams recorded-flights knowledge stream-belief utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
 results: left
 	@$(MAKE) --no-print-directory pages
 
