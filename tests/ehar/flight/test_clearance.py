@@ -57,7 +57,7 @@ def test_a_flight_that_begins_too_near_may_leave_and_not_come_nearer() -> None:
 
 
 def test_people_are_expected_to_walk_on_for_a_while() -> None:
-    """A flight from 2 m beside a pillar to 0.5 m is fine, unless people walk towards it: a camera that stays would be."""
+    """A flight from 2 m beside a pillar to 0.5 m is fine, unless people walk towards it; staying would be."""
     start = np.repeat([[7.0, 0.3 + 2.6 / 7, np.pi / 2]], 3, axis=0)
     rest = np.zeros((3, 3))
     limits = AxisLimits(*(np.ones((3, 3)) for _ in range(3)))
