@@ -289,6 +289,33 @@ $$(FLOWN:%=runs/looked-%-$(1)-$(2)/table.md): runs/looked-%-$(1)-$(2)/table.md: 
 endef
 $(foreach track,$(FLYING),$(foreach world,paper $(IN_THE_WAY),$(eval $(call flown_through,$(world),$(track)))))
 
+# Three trainings of synthetic streams: in the open and in a room, on the grid and flown.
+SEEDED := $(foreach set,$(SYNTHETIC),$(NUMBERS:%=$(set)-%))
+seed_number = $(lastword $(subst -, ,$(1)))
+seeded = --data $(patsubst %-$(call seed_number,$(1)),%,$(1)) --sensor estimator
+LOOKED_BY_SEED := no-act h-rotate fixed-best nbv-search nbv
+$(SEEDED:%=models/%/planners): models/%/planners: | setup
+	$(EHAR) train recogniser $(call seeded,$*) --seed $(call seed_number,$*) --out $(@D)
+	$(EHAR) train gain-field $(call seeded,$*) --seed $(call seed_number,$*) --models $(@D)
+	$(EHAR) train fixed-best $(call seeded,$*) --models $(@D)
+	touch $@
+
+define of_seeds
+$$(SEEDED:%=runs/seeded-%-$(1)/table.md): runs/seeded-%-$(1)/table.md: models/%/planners
+	$$(BENCHMARK) $$(LOOKED_BY_SEED) $$(call seeded,$$*) --models models/$$* --world $(1) --out $$(@D)
+
+$$(SEEDED:%=runs/seeded-%-$(1)-px4-auto/table.md): runs/seeded-%-$(1)-px4-auto/table.md: runs/seeded-%-$(1)/table.md
+	$$(BENCHMARK) $$(LOOKED_BY_SEED) $$(call seeded,$$*) --models models/$$* --world $(1) --track px4-auto --ideal $$(<D) --out $$(@D)
+
+$$(SYNTHETIC:%=runs/seeded-%-$(1)/table.md): runs/seeded-%-$(1)/table.md: $$(NUMBERS:%=runs/seeded-\%-%-$(1)/table.md)
+	$$(EHAR) study trainings $$(^:/table.md=) --out $$(@D)
+
+$$(SYNTHETIC:%=runs/seeded-%-$(1)-px4-auto/table.md): runs/seeded-%-$(1)-px4-auto/table.md: \
+  $$(NUMBERS:%=runs/seeded-\%-%-$(1)-px4-auto/table.md)
+	$$(EHAR) study trainings $$(^:/table.md=) --out $$(@D)
+endef
+$(foreach world,room paper,$(eval $(call of_seeds,$(world))))
+
 # What nbv gains by knowing what is believed, what was seen, and where people face.
 $(FOLDS:%=runs/knowledge-%/table.md): runs/knowledge-%/table.md: models/%/planners
 	$(EHAR) study ablation $(call looked,$*) --groups knowledge --out $(@D)
@@ -427,6 +454,9 @@ docs/results/recorded-streams.md: $(foreach world,paper $(IN_THE_WAY),$(RECORDED
 docs/results/recorded-flights.md: $(foreach world,paper $(IN_THE_WAY),$(foreach track,$(FLYING),$(FLOWN:%=runs/looked-%-$(world)-$(track)/table.md)))
 	$(call side_by_side,nbv,Flying around recorded people)
 
+docs/results/stream-trainings.md: $(foreach set,$(SYNTHETIC),$(foreach world,room paper,$(foreach track,. -px4-auto.,runs/seeded-$(set)-$(world)$(track:.=)/table.md)))
+	$(call page,$@,Three trainings of streams,ehar study trainings runs/seeded-solo-stream-0-room runs/seeded-solo-stream-1-room,$^)
+
 docs/results/obstacles.md: $(IN_THE_WAY:%=runs/trainings-%/table.md)
 	$(call page,$@,Things in the way,ehar benchmark $(RULES) oracle --data solo --sensor estimator --world room,$^)
 
@@ -507,7 +537,7 @@ docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/t
 # Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), stream-sets (onsets that are known),
 # kindergator, and what stood before (mended).
 PAGES := planners nbv indoor obstacles exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding deciding-streams \
-  streams couple-streams obstacle-streams recorded-streams recorded-flights knowledge stream-belief utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
+  streams couple-streams obstacle-streams recorded-streams recorded-flights stream-trainings knowledge stream-belief utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
 results: left
 	@$(MAKE) --no-print-directory pages
 
