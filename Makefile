@@ -20,6 +20,8 @@ benchmark: setup
 	$(RUN)ehar benchmark --data solo --sensor estimator --out runs/solo-estimator
 	$(RUN)ehar benchmark no-act h-rotate front fixed-best nbv-greedy nbv oracle --data solo-stream --sensor estimator --out runs/solo-stream
 
+# Two processes whose linear algebra has two threads each wait for one another: a fit of 0.8 s took three minutes.
+test fuzz: export OPENBLAS_NUM_THREADS = 1
 test: setup
 	$(RUN)pytest -n 2 --dist worksteal
 
