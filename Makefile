@@ -350,8 +350,9 @@ $(SETS:%=runs/fitting-%/table.md): runs/fitting-%/table.md: models/%/planners-es
 $(SETS:%=runs/headroom-%/table.md): runs/headroom-%/table.md: models/%/causal-estimator-moving.safetensors
 	$(EHAR) study headroom $(call data_of,$*) --sensor estimator --models models/$* --azimuths 6 --polars 3 --out $(@D)
 
-runs/class-maps-hdm05/table.md: models/hdm05/causal-estimator-moving.safetensors
-	$(EHAR) study headroom $(hdm05) --sensor estimator --models models/hdm05 --azimuths 8 --polars 3 --out $(@D)
+MAPPED := solo hdm05
+$(MAPPED:%=runs/class-maps-%/table.md): runs/class-maps-%/table.md: models/%/causal-estimator-moving.safetensors
+	$(EHAR) study headroom $(call data_of,$*) --sensor estimator --models models/$* --azimuths 8 --polars 3 --out $(@D)
 
 $(SETS:%=runs/ablation-%/table.md): runs/ablation-%/table.md: models/%/planners-estimator-moving
 	$(EHAR) study ablation $(call data_of,$*) --sensor estimator --models models/$* --starts $(STARTS) \
@@ -462,7 +463,7 @@ docs/results/stream-trainings.md: $(foreach set,$(SYNTHETIC),$(foreach world,roo
 docs/results/obstacles.md: $(IN_THE_WAY:%=runs/trainings-%/table.md)
 	$(call page,$@,Things in the way,ehar benchmark $(RULES) oracle --data solo --sensor estimator --world room,$^)
 
-docs/results/class-maps.md: runs/class-maps-hdm05/table.md
+docs/results/class-maps.md: $(MAPPED:%=runs/class-maps-%/table.md)
 	$(call page,$@,Where each class is best seen,ehar study headroom hdm05.npz --azimuths 8 --polars 3,$^)
 
 docs/results/knowledge.md: $(SYNTHETIC:%=runs/knowledge-%/table.md) $(RECORDED:%=runs/knowledge-%/table.md)
