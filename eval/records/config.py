@@ -4,6 +4,7 @@ import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, make_dataclass
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -73,6 +74,7 @@ class RunConfig:
         trained_localisations: in streams, the localisation in the training of the recogniser, the gain field, each
             agent and a fixed place, of those that were trained with another than the world's; None if none was.
         folds: the runs that this one was made of, whose hashes are then hashed together; empty for a run of its own.
+        trainings: folders of the runs of several trainings that this one was made of, likewise.
     """
 
     conditions: Conditions
@@ -94,6 +96,17 @@ class RunConfig:
     trained_open: bool = False
     trained_localisations: dict[str, Localisation] | None = None
     folds: tuple[FoldConfig, ...] = ()
+    trainings: tuple[str, ...] = ()
+
+    @property
+    def made_of(self) -> tuple[str, ...]:
+        """The folders of the runs that this one was made of; empty for a run of its own."""
+        return self.trainings or tuple(fold.run for fold in self.folds)
+
+    @property
+    def parts(self) -> str:
+        """How many folds or trainings this run was made of, for people."""
+        return f"{len(self.made_of)} {'trainings' if self.trainings else 'folds'}"
 
     @property
     def world(self) -> World:
@@ -146,7 +159,7 @@ KEYS = (  # of config.json, in the order of the file
     *("schema", "source", "data", "data_sha256", "models", "recogniser_sha256", "sensor", "views", "form", "track"),
     *("vehicle", "readout", "part", "gain_model_sha256", "starts", "seed", "length", "fps", "ideal", "planners"),
     *("versions", "recogniser", "sensor_sha256", "track_sha256", "world", "trained_lengths", "device", "onset"),
-    *("trained_open", "trained_localisations", "folds"),
+    *("trained_open", "trained_localisations", "folds", "trainings"),
 )
 LATER: dict[str, Any] = {  # a file without one of these means its default
     "schema": SCHEMA,
@@ -161,13 +174,21 @@ LATER: dict[str, Any] = {  # a file without one of these means its default
     "trained_open": False,
     "trained_localisations": None,
     "folds": (),
+    "trainings": (),
 }
 NEW = (
     "onset",
     "trained_open",
     "trained_localisations",
     "folds",
+    "trainings",
 )  # keys that a file has only where they say something else
+
+
+def hashed_together(hashes: Sequence[str | None]) -> str | None:
+    """Return one hash of what several runs have; None if some have none."""
+    held = [one for one in hashes if one is not None]
+    return sha256("".join(held).encode()).hexdigest() if len(held) == len(hashes) else None
 
 
 def run_config(

@@ -28,7 +28,7 @@ from eval.scores.planner_accuracy import accuracy_bands, draw_resamples, planner
 from eval.scores.planner_summary import NO_ACT
 from eval.scores.predictability import Predictability, predictability
 from eval.scores.resampling.resamples import Resamples
-from eval.scores.resampling.training_seeds import curves, group_planners
+from eval.scores.resampling.training_seeds import curves, group_planners, shared_trainings
 from eval.scores.seed_accuracy import pool_seeds, seeds_of
 from eval.scores.summary import Summary
 
@@ -129,7 +129,7 @@ def report_data(run: Run, class_names: tuple[str, ...]) -> ReportData:
         class_names: K class names.
     """
     scored = answers_of(run.records)
-    resamples = draw_resamples(list(scored.values()))
+    resamples = draw_resamples(list(scored.values()), shared_trainings(scored))
     pooled = pool_seeds(run.records)
     return ReportData(
         run=run,

@@ -33,12 +33,18 @@ class PlannerAccuracy:
     draws: IntArray
 
 
-def draw_resamples(records: Sequence[EpisodeRecords]) -> Resamples:
-    """Draw the resamples for the records of planners that ran the same episodes."""
+def draw_resamples(records: Sequence[EpisodeRecords], trainings: int = 0) -> Resamples:
+    """Draw the resamples for the records of planners that ran the same episodes.
+
+    Args:
+        records: records of every planner and training.
+        trainings: number of trainings that all planners share; see `shared_trainings`.
+    """
     reference = records[0]
     classes = np.unique(np.concatenate([reference.label, *(episodes.predicted.ravel() for episodes in records)]))
     why_none = why_no_intervals(len(set(reference.sequence)), len(classes))
-    return resample_episodes(np.array(reference.sequence), reference.subjects, why_none=why_none)
+    resamples = resample_episodes(np.array(reference.sequence), reference.subjects, why_none=why_none)
+    return resamples.with_trainings(trainings) if trainings else resamples
 
 
 def planner_accuracy(
@@ -51,9 +57,9 @@ def planner_accuracy(
     return PlannerAccuracy(
         name=group.name,
         mean=float(accuracy.mean(axis=1).mean()),
-        resampled=resample_seeds(resamples.means(accuracy), [alone], resamples.steady)[0],
+        resampled=resample_seeds(resamples.means(accuracy), [alone], resamples)[0],
         by_sequence=np.stack([accuracy_by_sequence(right, resamples.clusters) for right in correct]),
-        draws=seed_counts(group.name, len(correct), resamples.full, resamples.steady),
+        draws=seed_counts(group, resamples),
     )
 
 
@@ -72,6 +78,6 @@ def accuracy_bands(records: Mapping[str, EpisodeRecords], resamples: Resamples) 
         alone = group_planners(group.records)
         by_frame = [records[name].correct.T.astype(np.float64) for name in group.records]
         resampled = [resamples.means(values) for values in by_frame]
-        drawn = [resample_seeds(np.stack(of), alone, resamples.steady)[0] for of in zip(*resampled, strict=True)]
+        drawn = [resample_seeds(np.stack(of), alone, resamples)[0] for of in zip(*resampled, strict=True)]
         bands[group.name] = resamples.interval(curve, np.stack(drawn), bounds=(0, 1))
     return bands

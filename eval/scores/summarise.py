@@ -20,7 +20,13 @@ from eval.scores.planner_metrics import METRICS
 from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
 from eval.scores.resampling.resamples import Resamples
 from eval.scores.resampling.statistics import pair
-from eval.scores.resampling.training_seeds import PlannerGroup, group_planners, mean_over_seeds, resample_seeds
+from eval.scores.resampling.training_seeds import (
+    PlannerGroup,
+    group_planners,
+    mean_over_seeds,
+    resample_seeds,
+    shared_trainings,
+)
 from eval.scores.sequence_scores import interquartile_mean, resampled_interquartile_means
 from eval.scores.streams.scores import stream_scores
 from eval.scores.summary import Summary
@@ -62,7 +68,7 @@ def summarise(
         on_ideal = {name: answers_only(f"{name} on the ideal track", on_ideal[name], reference) for name in on_ideal}
     groups = group_planners(records)
     trainings = [[records[name] for name in group.records] for group in groups]
-    resamples = draw_resamples(list(records.values()))
+    resamples = draw_resamples(list(records.values()), shared_trainings(records))
     compared = [planner_accuracy(group, records, resamples) for group in groups]
     accuracy = np.stack([mean_acc(episodes.correct) for episodes in records.values()])
     acc_of_record = accuracy.mean(axis=1)
@@ -179,13 +185,13 @@ def _gaps(
     if NO_ACT not in names or not above:
         return np.full(len(names), np.nan), np.full((len(names), 2), np.nan)
     if on_ideal is not None and ORACLE in on_ideal:
-        oracle = mean_acc(on_ideal[ORACLE].correct)
+        rows = np.concatenate([accuracy, mean_acc(on_ideal[ORACLE].correct)[None]])
+        oracle = PlannerGroup(name=ORACLE, seeds=(), records=(ORACLE,), rows=(len(accuracy),))
     else:
-        oracle = accuracy[groups[names.index(ORACLE)].rows[0]]
-    rows = np.concatenate([accuracy, oracle[None]])
-    ends = (*groups, PlannerGroup(name=ORACLE, seeds=(), records=(ORACLE,), rows=(len(accuracy),)))
+        rows, oracle = accuracy, groups[names.index(ORACLE)]
+    ends = (*groups, oracle)
     means = mean_over_seeds(rows.mean(axis=1), ends)
-    resampled = resample_seeds(resamples.means(rows), ends, resamples.steady)
+    resampled = resample_seeds(resamples.means(rows), ends, resamples)
     low = names.index(NO_ACT)
     return _shares((means[:-1], means[low], means[-1]), (resampled[:-1], resampled[low], resampled[-1]), resamples)
 
@@ -212,9 +218,7 @@ def _kept(
     )
     compared = group_planners(records)
     means = tuple(mean_over_seeds(values.mean(axis=1), compared) for values in (flown, low, high))
-    resampled = tuple(
-        resample_seeds(resamples.means(values), compared, resamples.steady) for values in (flown, low, high)
-    )
+    resampled = tuple(resample_seeds(resamples.means(values), compared, resamples) for values in (flown, low, high))
     kept[rows], ends[rows] = _shares(means, resampled, resamples)
     return kept, ends
 

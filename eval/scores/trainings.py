@@ -16,7 +16,7 @@ from eval.scores.metrics import gap_closed, mean_acc
 from eval.scores.planner_accuracy import PlannerAccuracy, draw_resamples
 from eval.scores.planner_summary import NO_ACT, ORACLE
 from eval.scores.resampling.resamples import Basis, Resamples
-from eval.scores.resampling.statistics import BOOTSTRAP_SEED, Interval, pair, resample_counts
+from eval.scores.resampling.statistics import Interval, pair
 from eval.scores.resampling.training_seeds import group_planners
 from eval.scores.sequence_scores import accuracy_by_sequence
 
@@ -99,7 +99,8 @@ def summarise_trainings(
             f"no planner {planner!r} without the truth in all {len(runs)} runs; expected one of: {', '.join(able)}"
         )
     resamples = draw_resamples([held for run in runs for held in run.values()]).with_trainings(len(runs))
-    draws = _draws(resamples, len(runs))
+    draws = resamples.trainings
+    assert draws is not None
     correct = {
         name: [[run[record].correct for record in groups[name]] for run, groups in zip(runs, grouped, strict=True)]
         for name in names
@@ -176,15 +177,6 @@ def _planner(
         gap_closed_ci95=ends,
         gap_closed_sd=_spread(shares) if exist else None,
     )
-
-
-def _draws(resamples: Resamples, trainings: int) -> IntArray:
-    """Return how often each training is drawn in each row, (rows, T): once where only people are drawn."""
-    rng = np.random.default_rng([BOOTSTRAP_SEED, *b"trainings"])
-    draws = resample_counts(rng, trainings, len(resamples.counts))
-    for part in resamples.alone[:-1]:
-        draws[part.rows] = 1
-    return draws
 
 
 def _drawn(values: FloatArray, draws: IntArray) -> FloatArray:

@@ -6,7 +6,7 @@ from ehar.lazy import lazy_exports
 
 if TYPE_CHECKING:
     from eval.studies.behaviour.analysis import Analysis as Analysis
-    from eval.studies.belief.streams import StreamBeliefReport as StreamBeliefReport
+    from eval.studies.belief.stream_report import StreamBeliefReport as StreamBeliefReport
     from eval.studies.belief.study import BeliefReport as BeliefReport
     from eval.studies.compare_table import Comparison as Comparison
     from eval.studies.deciding.deciding import Deciding as Deciding
@@ -34,7 +34,7 @@ else:
             "PublishedReport": "eval.studies.published",
             "RealViewsReport": "eval.studies.real_views.study",
             "RunOverview": "eval.studies.overview",
-            "StreamBeliefReport": "eval.studies.belief.streams",
+            "StreamBeliefReport": "eval.studies.belief.stream_report",
             "Trainings": "eval.studies.trainings",
             "TrialsReport": "eval.studies.trials.study",
         },

@@ -11,7 +11,7 @@ from eval.running.run import Run, read_run
 from eval.scores.differences import compare_pairs
 from eval.scores.planner_accuracy import PlannerAccuracy, draw_resamples, planner_accuracy
 from eval.scores.resampling.resamples import Resamples
-from eval.scores.resampling.training_seeds import PlannerGroup, group_planners
+from eval.scores.resampling.training_seeds import PlannerGroup, group_planners, shared_trainings
 from eval.studies.compare_table import ComparedPlanners
 from eval.studies.compare_table import Comparison as Comparison
 from eval.studies.same_episodes import check_same_episodes, label, shown
@@ -39,7 +39,9 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
     a, b = _read(run_a), _read(run_b)
     check_same_episodes(a, b)
     groups = _choose(a, b, planners)
-    resamples = draw_resamples([*a.scored.values(), *b.scored.values()])
+    resamples = draw_resamples(
+        [*a.scored.values(), *b.scored.values()], max(shared_trainings(run.records) for run in (a, b))
+    )
     pairs = [_accuracies(of_a, of_b, a, b, resamples) for of_a, of_b in groups]
     conditions = a.conditions
     return Comparison(
@@ -151,8 +153,11 @@ def _accuracies(
     of_a: PlannerGroup, of_b: PlannerGroup, a: Run, b: Run, resamples: Resamples
 ) -> tuple[PlannerAccuracy, PlannerAccuracy]:
     """Return the accuracies of two planners; their trainings are drawn together only if both have the same weights."""
-    weights = [_weights(name, a) for name in of_a.records]
-    same = None not in weights and weights == [_weights(name, b) for name in of_b.records]
-    drawn = replace(of_b, name=of_a.name if same else f"{of_b.name} of another run")
+    if of_a.shared and of_b.shared:
+        same = a.config.recogniser_sha256 == b.config.recogniser_sha256
+    else:
+        weights = [_weights(name, a) for name in of_a.records]
+        same = None not in weights and weights == [_weights(name, b) for name in of_b.records]
+    drawn = replace(of_b, name=of_a.name if same else f"{of_b.name} of another run", shared=of_b.shared and same)
     found = planner_accuracy(drawn, b.scored, resamples)
     return planner_accuracy(of_a, a.scored, resamples), replace(found, name=of_b.name)

@@ -4,14 +4,13 @@ import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ehar.data.scenario import TEST
 from ehar.errors import UsageError
 from ehar.files import write_text
-from eval.records.config import FoldConfig, PlannerConfig, RunConfig, read_config
+from eval.records.config import FoldConfig, PlannerConfig, RunConfig, hashed_together, read_config
 from eval.records.episode_lines import read_episodes
 from eval.records.episodes import EpisodeRecords, join_records
 from eval.records.run_files import BELIEF_JSON, EPISODES, check_out
@@ -25,7 +24,7 @@ from eval.scores.summary import Summary
 from eval.studies.same_episodes import SAME_CONDITIONS, SAME_EPISODES, check_same_config
 
 if TYPE_CHECKING:
-    from eval.studies.belief.streams import StreamBeliefReport
+    from eval.studies.belief.stream_report import StreamBeliefReport
 
 SAME = (*(key for key in SAME_EPISODES if key != "data_sha256"), *SAME_CONDITIONS, "onset")  # of config.json
 TABLE = "table.md"
@@ -98,7 +97,7 @@ def take_together(
 
 def _beliefs(folders: Sequence[Path], out: str | Path | None) -> "StreamBeliefReport":
     """Return the report of what beliefs and recognisers said in several folds; `out` is a folder to write to."""
-    from eval.studies.belief.streams import read_report, write_report  # imported here: it brings torch
+    from eval.studies.belief.stream_report import read_report, write_report
 
     each = [Run(read_config(folder), read_episodes(folder / EPISODES), directory=folder) for folder in folders]
     _check(each)
@@ -117,8 +116,8 @@ def _check(runs: Sequence[Run]) -> None:
     for run in runs:
         if run.conditions.part != TEST:
             raise UsageError(f"{run.directory}: expected the {TEST} part of a fold, got the {run.conditions.part} part")
-        if run.config.folds:
-            raise UsageError(f"{run.directory}: expected the run of one fold, this one is of {len(run.config.folds)}")
+        if run.config.made_of:
+            raise UsageError(f"{run.directory}: expected the run of one fold, this one is of {run.config.parts}")
     watched = Counter(name for run in runs for name in set(next(iter(run.records.values())).sequence))
     twice = [name for name, count in watched.items() if count > 1]
     for row, run in enumerate(runs):
@@ -146,7 +145,7 @@ def _config(runs: Sequence[Run], names: Sequence[str], ideal: str | Path | None)
     configs = [run.config for run in runs]
 
     def joined(of: Callable[[RunConfig], str | None]) -> str | None:
-        return _digest([of(config) for config in configs])
+        return hashed_together([of(config) for config in configs])
 
     planners = [{planner.name: planner for planner in config.planners} for config in configs]
     return replace(
@@ -167,13 +166,7 @@ def _fold_config(run: Run) -> FoldConfig:
 
 
 def _planner(of_folds: Sequence[PlannerConfig]) -> PlannerConfig:
-    return replace(of_folds[0], weights_sha256=_digest([planner.weights_sha256 for planner in of_folds]))
-
-
-def _digest(hashes: Sequence[str | None]) -> str | None:
-    """Return one hash of several; None if there is none of some."""
-    held = [one for one in hashes if one is not None]
-    return sha256("".join(held).encode()).hexdigest() if len(held) == len(hashes) else None
+    return replace(of_folds[0], weights_sha256=hashed_together([planner.weights_sha256 for planner in of_folds]))
 
 
 def _title(titles: Sequence[str]) -> str:

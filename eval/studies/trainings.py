@@ -1,18 +1,27 @@
 """Several trainings of recogniser and gain field in one table: the same episodes and conditions, other weights."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ehar.errors import UsageError
-from ehar.files import json_text, write_text
-from eval.records.run_files import SUMMARY
+from ehar.files import write_text
+from eval.records.config import RunConfig, hashed_together, read_config
+from eval.records.episode_lines import read_episodes
+from eval.records.episodes import EpisodeRecords
+from eval.records.run_files import BELIEF_JSON, EPISODES, check_out
 from eval.render.tables import NONE, PRIVILEGED, Table, html, interval_text, markdown, p_text, text
-from eval.running.run import Run, read_run
+from eval.running.run import Run, class_names, read_run
 from eval.scores.differences import NBV
+from eval.scores.resampling.training_seeds import shared_record_name, split_record_name
+from eval.scores.summarise import summarise
 from eval.scores.summary_table import TOGETHER, basis_lines
 from eval.scores.trainings import TrainedDifference, TrainedPlanner, TrainingsSummary, summarise_trainings
 from eval.studies.same_episodes import SAME_CONDITIONS, check_same_episodes
+
+if TYPE_CHECKING:
+    from eval.studies.belief.stream_report import StreamBeliefReport
 
 LEAST = 3  # trainings behind a claim
 
@@ -22,24 +31,23 @@ class Trainings:
     """Several trainings of recogniser and gain field; it prints as a table, in a notebook as HTML.
 
     Args:
-        folders: folders of the runs, one for each training.
-        title: data, conditions and episodes of the runs.
+        run: the run that they make together: planners of each training are `nbv@0`, `nbv@1`, ...
         planner: the planner that is compared with the others.
         summary: the results.
     """
 
-    folders: tuple[Path, ...]
-    title: str
+    run: Run
     planner: str
     summary: TrainingsSummary
 
     def tables(self) -> list[Table]:
-        """Return the table of the trainings."""
-        return [trainings_table(self)]
+        """Return the table of the trainings; of streams, also how soon activities are recognised."""
+        _, *of_streams = self.run.tables() if self.run.of_streams else [None]
+        return [trainings_table(self), *of_streams[-1:]]
 
     def __repr__(self) -> str:
         """Return one line: the runs, and the number of planners."""
-        return f"Trainings({', '.join(map(str, self.folders))}: {len(self.summary.planners)} planners)"
+        return f"Trainings({', '.join(self.run.config.trainings)}: {len(self.summary.planners)} planners)"
 
     def __str__(self) -> str:
         """Return the table."""
@@ -50,13 +58,17 @@ class Trainings:
         return "".join(map(html, self.tables()))
 
 
-def trainings(runs: Sequence[str | Path], *, planner: str = NBV, out: str | Path | None = None) -> Trainings:
+def trainings(
+    runs: Sequence[str | Path], *, planner: str = NBV, out: str | Path | None = None
+) -> "Trainings | StreamBeliefReport":
     """Take runs of several trainings together: means, intervals that cover trainings, and the spread over them.
 
     Args:
-        runs: folders of finished runs, one for each training of recogniser and gain field.
+        runs: folders of finished runs, one for each training of recogniser and gain field; or of what `ehar study
+            belief` wrote of streams.
         planner: the planner that is compared with each other one.
-        out: folder for table.md and summary.json.
+        out: folder for the run that they make together, which `ehar compare`, `study decide`, `overview` and `report`
+            take as any other.
 
     Raises:
         UsageError: a folder holds no run; the runs have other episodes or conditions, or the same weights; or the
@@ -65,30 +77,90 @@ def trainings(runs: Sequence[str | Path], *, planner: str = NBV, out: str | Path
     """
     if len(runs) < 2:
         raise UsageError(f"trainings: expected at least 2 folders of runs, got {len(runs)}")
+    if all((Path(folder) / BELIEF_JSON).is_file() for folder in runs):
+        return _beliefs([Path(folder) for folder in runs], out)
     read = [read_run(folder) for folder in runs]
-    for row, run in enumerate(read):
-        for before in read[:row]:
-            check_same_episodes(before, run, also=SAME_CONDITIONS)
+    _check(read)
+    privileged = {planner.name: planner.privileged for run in read for planner in run.summary.planners}
+    summary = summarise_trainings([run.scored for run in read], privileged, planner)
+    names = [name for name in read[0].records if all(name in run.records for run in read)]
+    found = Trainings(_together(read, names), planner, summary)
+    if out is not None:
+        folder = found.run.save(out)
+        write_text(folder / "table.md", [markdown(*found.tables())])
+    return found
+
+
+def _beliefs(folders: Sequence[Path], out: str | Path | None) -> "StreamBeliefReport":
+    """Return the report of what beliefs and recognisers of several trainings said; `out` is a folder to write to."""
+    from eval.studies.belief.stream_report import read_report, write_report
+
+    each = [Run(read_config(folder), read_episodes(folder / EPISODES), directory=folder) for folder in folders]
+    _check(each)
+    config, fps = _config(each, [planner.name for planner in each[0].config.planners]), each[0].conditions.fps
+    assert fps is not None
+    report = read_report(config, _records(each, list(each[0].records)), fps)
+    if out is not None:
+        check_out(Path(out), config.to_json())
+        write_report(Path(out), report)
+    return report
+
+
+def _check(runs: Sequence[Run]) -> None:
+    """Raise a UsageError unless the runs are those of several trainings."""
+    for row, run in enumerate(runs):
+        if run.config.made_of:
+            raise UsageError(f"{run.directory}: expected the run of one training, this one is of {run.config.parts}")
+        for before in runs[:row]:
+            check_same_episodes(before, run, also=(*SAME_CONDITIONS, "onset"))
             if before.config.recogniser_sha256 == run.config.recogniser_sha256:
                 raise UsageError(
                     f"{before.directory} and {run.directory}: expected other trainings of the recogniser, got the same"
                 )
-    privileged = {planner.name: planner.privileged for run in read for planner in run.summary.planners}
-    found = Trainings(
-        folders=tuple(run.folder for run in read),
-        title=_title(read),
-        planner=planner,
-        summary=summarise_trainings([run.scored for run in read], privileged, planner),
+
+
+def _records(runs: Sequence[Run], names: Sequence[str]) -> dict[str, EpisodeRecords]:
+    """Return the records of some planners in all trainings, planner by planner."""
+    return {
+        shared_record_name(name, training): run.records[name] for name in names for training, run in enumerate(runs)
+    }
+
+
+def _config(runs: Sequence[Run], names: Sequence[str]) -> RunConfig:
+    """Return the configuration of all trainings: the first one's, but for what each training has of its own."""
+    configs = [run.config for run in runs]
+    planners = [{planner.name: planner for planner in config.planners} for config in configs]
+    return replace(
+        configs[0],
+        data=f"{configs[0].data}, {len(runs)} trainings",
+        recogniser_sha256=hashed_together([config.recogniser_sha256 for config in configs]) or "",
+        gain_model_sha256=hashed_together([config.gain_model_sha256 for config in configs]),
+        planners=tuple(
+            replace(trained[name], name=shared_record_name(name, training))
+            for name in names
+            for training, trained in enumerate(planners)
+        ),
+        ideal=None,
+        trainings=tuple(str(run.folder) for run in runs),
     )
-    if out is not None:
-        held = {"folders": [str(folder) for folder in found.folders], "title": found.title, "planner": planner}
-        write_text(Path(out) / SUMMARY, [json_text({**held, **asdict(found.summary)})])
-        write_text(Path(out) / "table.md", [markdown(*found.tables())])
-    return found
 
 
-def _title(runs: Sequence[Run]) -> str:
-    return f"{runs[0].summary.title}, {len(runs)} trainings of recogniser and gain field"
+def _together(runs: Sequence[Run], names: Sequence[str]) -> Run:
+    """Return the run that several trainings make together, with the planners that ran in all of them."""
+    config, records = _config(runs, names), _records(runs, names)
+    told = {
+        shared_record_name(name, training): run.summary.planner(split_record_name(name)[0])
+        for name in names
+        for training, run in enumerate(runs)
+    }
+    summary = summarise(
+        records,
+        config,
+        privileged={planner.name: planner.privileged for planner in config.planners},
+        step_ms={name: planner.step_ms for name, planner in told.items()},
+        solves={name: planner.solves for name, planner in told.items()},
+    )
+    return Run(config, records, class_names(runs[0], lambda _: None), made=summary)
 
 
 def trainings_table(found: Trainings) -> Table:
@@ -99,7 +171,7 @@ def trainings_table(found: Trainings) -> Table:
     few = f"Only {summary.trainings} trainings: a claim takes at least {LEAST}." if summary.trainings < LEAST else ""
     column = 3
     return Table(
-        title=found.title,
+        title=found.run.summary.title,
         header=("planner", "mean acc [95 %]", "gap closed % [95 %]", f"{planner} minus it [95 %]", "p"),
         rows=tuple(_row(one, differences.get(one.name)) for one in summary.planners),
         footnotes=(*basis.footnotes, *_footnotes(summary)),

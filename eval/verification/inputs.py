@@ -64,11 +64,9 @@ def check_inputs(
     from ehar.data.any_source import load_recordings  # imported here: too slow for `ehar --help`
 
     told = config.conditions
-    if config.folds:
-        each = ", ".join(fold.run for fold in config.folds)
-        return _unchecked(
-            (Check("data", UNCHECKED, f"a run of {len(config.folds)} folds has the data and weights of {each}"),)
-        )
+    if config.made_of:
+        each = ", ".join(config.made_of)
+        return _unchecked((Check("data", UNCHECKED, f"a run of {config.parts} has the data and weights of {each}"),))
     source = told.data if data is None else data
     try:
         motion = load_recordings(str(source), fps=told.fps)

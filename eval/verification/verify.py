@@ -46,8 +46,8 @@ def verify(
         reporter: receives progress; None reports on standard error.
 
     Raises:
-        UsageError: the folder holds no run, a run of folds, or a run of another schema; or a place that was given does
-            not exist.
+        UsageError: the folder holds no run, a run of folds or trainings, or a run of another schema; or a place that
+            was given does not exist.
         DataError: a file cannot be read.
         ModelError: weights that were asked for cannot be read.
     """
@@ -57,10 +57,9 @@ def verify(
             raise UsageError(f"{name}: expected at least 0, got {value}")
     directory = Path(run)
     config = read_config(directory)
-    if config.folds:
-        each = ", ".join(fold.run for fold in config.folds)
+    if config.made_of:
         raise UsageError(
-            f"{directory}: expected a run of its own, this one is {len(config.folds)} folds: verify {each}"
+            f"{directory}: expected a run of its own, this one is {config.parts}: verify {', '.join(config.made_of)}"
         )
     notes = other_versions(config.versions)
     try:

@@ -124,9 +124,11 @@ STUDY = CommandGroup(
         "trainings": Command(
             "eval.studies.trainings:trainings",
             show_result,
-            text="""Take runs of several trainings together, in one table.
+            text="""Take runs of several trainings together, as one run.
 
             Means over trainings of recogniser and gain field, and how far they lie apart.
+
+            Of streams also what ehar study belief wrote of each training.
 
             For example:
                 ehar study trainings runs/duo-0 runs/duo-1 runs/duo-2
@@ -140,7 +142,7 @@ STUDY = CommandGroup(
                     hint="at least two",
                 ),
                 "planner": Flag("planner to compare with each other one.", metavar="PLANNER"),
-                "out": Flag("folder for table.md and summary.json.", hint="none"),
+                "out": Flag("folder for the run, which other commands take as any.", hint="none"),
             },
         ),
         "folds": Command(

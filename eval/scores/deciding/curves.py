@@ -222,7 +222,7 @@ def _answers(trainings: Sequence[Seen], rules: Sequence[Rule]) -> _Answers:
 def _over_people(values: FloatArray, group: PlannerGroup, resamples: Resamples) -> _Statistic:
     """Return the mean of values (prices, G, N), and in every resample of people, sequences and trainings."""
     alone = replace(group, rows=tuple(range(values.shape[1])))
-    resampled = [resample_seeds(of_price, [alone], resamples.steady)[0] for of_price in resamples.means(values)]
+    resampled = [resample_seeds(of_price, [alone], resamples)[0] for of_price in resamples.means(values)]
     return _Statistic(values.mean(axis=(1, 2)), np.stack(resampled))
 
 

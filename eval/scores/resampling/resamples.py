@@ -107,6 +107,7 @@ class Resamples:
         alone: the further rows.
         basis: the people and sequences that are drawn.
         why_none: why R is 0, or None.
+        trainings: (rows, T), how often each training that all planners share is drawn; None where they share none.
     """
 
     clusters: IntArray
@@ -114,6 +115,7 @@ class Resamples:
     alone: tuple[Alone, ...]
     basis: Basis
     why_none: str | None
+    trainings: IntArray | None = None
 
     @property
     def full(self) -> int:
@@ -178,12 +180,15 @@ class Resamples:
         return simultaneous(estimates, full, widening(total, parts))
 
     def with_trainings(self, trainings: int) -> "Resamples":
-        """Return these resamples with further rows, in which only trainings are to be drawn."""
+        """Return these resamples with draws of trainings that all planners share, and rows that draw only these."""
         extra = ALONE if self.full else 0
         counts = np.concatenate([self.counts, np.ones((extra, self.counts.shape[1]), dtype=np.int64)])
+        draws = resample_counts(np.random.default_rng([BOOTSTRAP_SEED, *b"trainings"]), trainings, len(counts))
+        for part in self.alone:
+            draws[part.rows] = 1
         rows = slice(len(self.counts), len(counts))
         alone = (*self.alone, Alone(rows, trainings)) if extra else self.alone
-        return replace(self, counts=counts, alone=alone)
+        return replace(self, counts=counts, alone=alone, trainings=draws)
 
 
 def resample_episodes(

@@ -3,6 +3,9 @@
 Trainings differ in their seed and enter a run as separate planners, `il-ppo/0`, `il-ppo/1`, ... All of them run the
 same episodes. A report shows the mean over trainings. Its interval says what other sequences and other trainings would
 give: each resample draws both.
+
+Trainings of what all planners share, the recogniser and the gain field, are `nbv@0`, `nbv@1`, ... in a run that was
+made of theirs. A resample draws the same ones for all planners.
 """
 
 import re
@@ -14,9 +17,11 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import DataError
 from eval.records.episodes import EpisodeRecords
+from eval.scores.resampling.resamples import Resamples
 from eval.scores.resampling.statistics import BOOTSTRAP_SEED, resample_counts
 
-_RECORD_NAME = re.compile(r"(.+)/(0|[1-9][0-9]*)")
+OWN, SHARED = "/", "@"  # before the number of a training in record names: the planner's own, or that of all planners
+_RECORD_NAME = re.compile(rf"(.+)([{OWN}{SHARED}])(0|[1-9][0-9]*)")
 
 
 @dataclass(frozen=True)
@@ -28,23 +33,35 @@ class PlannerGroup:
         seeds: G training seeds in ascending order; empty for a planner whose name has none.
         records: its record names, in the order of the seeds.
         rows: indices of its record names among all M.
+        shared: whether the trainings are those of what all planners share.
     """
 
     name: str
     seeds: tuple[int, ...]
     records: tuple[str, ...]
     rows: tuple[int, ...]
+    shared: bool = False
 
 
 def record_name(name: str, seed: int) -> str:
     """Return the record name of a planner that was trained with a seed: `il-ppo/0`."""
-    return f"{name}/{seed}"
+    return f"{name}{OWN}{seed}"
+
+
+def shared_record_name(name: str, training: int) -> str:
+    """Return the record name of a planner with a training of what all planners share: `nbv@0`."""
+    return f"{name}{SHARED}{training}"
 
 
 def split_record_name(name: str) -> tuple[str, int | None]:
     """Return a planner's name and training seed; the seed is None if the name has none."""
     match = _RECORD_NAME.fullmatch(name)
-    return (name, None) if match is None else (match[1], int(match[2]))
+    return (name, None) if match is None else (match[1], int(match[3]))
+
+
+def shared_trainings(names: Iterable[str]) -> int:
+    """Return the number of trainings that all planners share in a run with these record names; 0 if they share none."""
+    return max((len(group.records) for group in group_planners(names) if group.shared), default=0)
 
 
 def group_planners(names: Iterable[str]) -> tuple[PlannerGroup, ...]:
@@ -70,6 +87,7 @@ def group_planners(names: Iterable[str]) -> tuple[PlannerGroup, ...]:
                 seeds=tuple(sorted(seeds)),
                 records=tuple(record for _, record, _ in ordered),
                 rows=tuple(row for _, _, row in ordered),
+                shared=SHARED in ordered[0][1].removeprefix(name),
             )
         )
     return tuple(groups)
@@ -86,22 +104,21 @@ def mean_over_seeds(values: FloatArray, groups: Sequence[PlannerGroup]) -> Float
     return means
 
 
-def seed_counts(name: str, seeds: int, resamples: int, steady: int = 0) -> IntArray:
-    """Return how often each of a planner's G trainings is drawn in each row, (R + steady, G).
+def seed_counts(group: PlannerGroup, resamples: Resamples) -> IntArray:
+    """Return how often each of a planner's G trainings is drawn in each row of the resamples, (rows, G).
 
-    The draws of two planners are independent, and do not depend on who else is in the run.
-
-    Args:
-        name: name of the planner, which seeds the draws.
-        seeds: G.
-        resamples: R rows with G draws with replacement.
-        steady: rows after them that have each training once.
+    The draws of two planners are independent, and do not depend on who else is in the run. Trainings that all planners
+    share are drawn together. In rows that draw something else alone, each training is there once.
     """
-    drawn = resample_counts(np.random.default_rng([BOOTSTRAP_SEED, *name.encode()]), seeds, resamples)
-    return np.concatenate([drawn, np.ones((steady, seeds), dtype=np.int64)])
+    if group.shared:
+        assert resamples.trainings is not None
+        return resamples.trainings
+    rng = np.random.default_rng([BOOTSTRAP_SEED, *group.name.encode()])
+    drawn = resample_counts(rng, len(group.records), resamples.full)
+    return np.concatenate([drawn, np.ones((resamples.steady, len(group.records)), dtype=np.int64)])
 
 
-def resample_seeds(resampled: FloatArray, groups: Sequence[PlannerGroup], steady: int = 0) -> FloatArray:
+def resample_seeds(resampled: FloatArray, groups: Sequence[PlannerGroup], resamples: Resamples) -> FloatArray:
     """Return the mean over drawn trainings in every row, (P, rows); a single training is not drawn.
 
     Like every bootstrap, one over G seeds sees (G - 1) / G of the variance between them: half of it with two seeds.
@@ -109,14 +126,13 @@ def resample_seeds(resampled: FloatArray, groups: Sequence[PlannerGroup], steady
     Args:
         resampled: (M, rows), a statistic of each training in resamples of episodes, which all of them share.
         groups: P planners.
-        steady: number of last rows that have each training once.
+        resamples: these resamples.
     """
     drawn = np.empty((len(groups), resampled.shape[1]))
     for row, group in enumerate(groups):
         trainings = resampled[list(group.rows)]
         if len(trainings) > 1:
-            counts = seed_counts(group.name, len(trainings), resampled.shape[1] - steady, steady)
-            drawn[row] = (counts.T * trainings).sum(axis=0) / len(trainings)
+            drawn[row] = (seed_counts(group, resamples).T * trainings).sum(axis=0) / len(trainings)
         else:
             drawn[row] = trainings[0]
     return drawn

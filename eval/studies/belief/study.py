@@ -22,7 +22,8 @@ from eval.running.episodes import cut_scenarios, random_starts
 from eval.running.jobs import Workload
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.scores.metrics import ece, frame_at, nll
-from eval.studies.belief.streams import StreamBeliefReport, stream_belief_report
+from eval.studies.belief.stream_report import StreamBeliefReport
+from eval.studies.belief.streams import stream_belief_report
 from planners.heuristic import NoAct, Random
 from planners.value.belief.clips_fit import ablate_belief
 from planners.value.belief.recorded import read_belief

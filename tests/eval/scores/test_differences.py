@@ -16,9 +16,10 @@ from eval.records.run_files import SUMMARY
 from eval.render.figures import draw_accuracy
 from eval.render.tables import Rendered, html, markdown
 from eval.running.run import write_records
+from eval.scores.planner_accuracy import draw_resamples
 from eval.scores.resampling.resamples import Basis
 from eval.scores.resampling.statistics import BOOTSTRAP_SEED, resample_counts
-from eval.scores.resampling.training_seeds import curves, seed_counts
+from eval.scores.resampling.training_seeds import curves, group_planners, seed_counts
 from eval.scores.summary import Summary
 from eval.studies.overview import difference_table, gap_table, read_overview
 from tests.helpers.made_records import CONFIG_OF_RUN, make_records, summary_of
@@ -60,7 +61,8 @@ def test_a_difference_from_the_records_alone() -> None:
     assert of.improvement_ci95 is not None and of.improvement_ci95[0] < of.improvement < of.improvement_ci95[1]
 
     counts = resample_counts(np.random.default_rng(BOOTSTRAP_SEED), len(sequences))[:, clusters]
-    draws = seed_counts("il-ppo", 2, len(counts))
+    (il_ppo,) = group_planners(name for name in records if name.startswith("il-ppo"))
+    draws = seed_counts(il_ppo, draw_resamples(list(records.values())))
     totals = counts.sum(axis=1)
     drawn = sum(draws[:, row] * (counts @ correct.mean(axis=1)) for row, correct in enumerate(trainings)) / 2
     differ = 100 * (drawn - counts @ nbv.mean(axis=1)) / totals

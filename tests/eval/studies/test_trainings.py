@@ -1,43 +1,126 @@
 """Runs of several trainings are one table, if they have the same episodes and conditions and other weights."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ehar.errors import DataError, UsageError
 from eval.cli.main import main
-from eval.studies.trainings import trainings
+from eval.records.config import PlannerConfig
+from eval.records.episodes import EpisodeRecords, join_records
+from eval.running.run import read_run
+from eval.scores.deciding.curves import THRESHOLD, fit_rules
+from eval.scores.deciding.fit import seen_in
+from eval.scores.deciding.rules import decide as answer
+from eval.studies.compare import compare
+from eval.studies.deciding.decide import decide
+from eval.studies.trainings import Trainings, trainings
 from tests.helpers.commands import fails_with
 from tests.helpers.made_records import make_records, write_finished
 
+SKILLS = {"no-act": 0.0, "nbv": 1.0, "oracle": 3.0}
+
 
 def run(folder: Path, training: int, people: int = 6, **options: Any) -> Path:
-    skills = {"no-act": 0.0, "nbv": 1.0, "oracle": 3.0}
     records = {
         name: make_records(10 * training + row, skill=skill, episodes=60, people=people)
-        for row, (name, skill) in enumerate(skills.items())
+        for row, (name, skill) in enumerate(SKILLS.items())
     }
-    return write_finished(folder / str(training), records, **{"recogniser_sha256": str(training), **options})
+    planners = tuple(PlannerConfig(name, privileged=name == "oracle", implementation="none") for name in SKILLS)
+    own = {"recogniser_sha256": str(training), "planners": planners}
+    return write_finished(folder / str(training), records, **{**own, **options})
 
 
 def test_the_command_prints_one_table_and_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     runs = [str(run(tmp_path, seed)) for seed in (1, 2, 3)]
     main(["study", "trainings", *runs, "--out", str(tmp_path / "out")])
     printed = capsys.readouterr().out
-    assert "3 trainings of recogniser and gain field" in printed and "nbv minus it [95 %]" in printed
+    assert "tiny (synthetic), 3 trainings: sensor perfect" in printed and "nbv minus it [95 %]" in printed
     found = trainings(runs)
-    held = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert held["folders"] == runs and held["planner"] == "nbv"
-    assert held["planners"][1]["acc_mean"] == pytest.approx(found.summary.planners[1].acc_mean)
-    assert held["differences"][0]["difference"]["ci95"] != held["differences"][0]["difference"]["ci95_corrected"]
+    assert isinstance(found, Trainings)
     table = (tmp_path / "out" / "table.md").read_text()
     (shown,) = found.tables()
     assert all(str(cell).replace("*", r"\*") in table for row in shown.rows for cell in row)
     assert not shown.notice and "Intervals rest on 6 people and their 30 sequences." in shown.footnotes
     assert repr(found).endswith("3 planners)")
+
+
+def test_the_trainings_are_one_run_that_other_commands_take(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    runs, out = [str(run(tmp_path, seed)) for seed in (1, 2, 3)], str(tmp_path / "out")
+    found = trainings(runs, out=out)
+    assert isinstance(found, Trainings)
+    together, each = read_run(out), [read_run(folder) for folder in runs]
+    assert together.config.trainings == tuple(runs)
+    assert together.config.recogniser_sha256 not in {one.config.recogniser_sha256 for one in each}
+    for planner, shown in zip(together.summary.planners, found.summary.planners, strict=True):
+        assert planner.training_seeds == (0, 1, 2)
+        assert planner.acc_mean == pytest.approx(shown.acc_mean)
+        assert planner.acc_mean_ci95 == pytest.approx(shown.acc_mean_ci95)
+        assert planner.acc_mean_seed_sd == pytest.approx(shown.acc_mean_sd)
+    (difference,) = [of.difference for of in found.summary.differences]
+    (of_run,) = together.summary.differences
+    assert of_run.acc_mean == pytest.approx(difference.acc_mean) and of_run.ci95 == pytest.approx(difference.ci95)
+    main(["study", "overview", out, "--planner", "nbv"])
+    assert f"{difference.acc_mean:+.1f}" in capsys.readouterr().out
+    assert f"this one is 3 trainings: verify {runs[0]}" in fails_with(["verify", out], capsys)
+    assert "expected the run of one training, this one is of 3 trainings" in fails_with(
+        ["study", "trainings", out, runs[0]], capsys
+    )
+
+
+def test_a_change_of_conditions_is_paired_by_training(tmp_path: Path) -> None:
+    # Trainings differ by far, but each has a quarter less right if onsets are unknown.
+    base = make_records(0, episodes=60, people=6)
+
+    def right(frames: int) -> EpisodeRecords:
+        return replace(base, predicted=np.tile(base.label[:, None], 4) + (np.arange(4) >= frames))
+
+    told = PlannerConfig("no-act", privileged=False, implementation="none")
+    for onset, less in (("known", 0), ("unknown", 1)):
+        each = [
+            write_finished(
+                tmp_path / f"{onset}-{training}",
+                {"no-act": right(frames - less)},
+                recogniser_sha256=str(training),
+                onset=onset,
+                planners=(told,),
+            )
+            for training, frames in enumerate((1, 2, 4))
+        ]
+        trainings(each, planner="no-act", out=tmp_path / onset)
+    (of,) = compare(tmp_path / "known", tmp_path / "unknown").planners
+    assert of.trainings == (3, 3)
+    assert of.difference.acc_mean == pytest.approx(25) and of.difference.ci95_corrected == pytest.approx((25, 25))
+
+
+def test_when_to_answer_is_asked_of_all_trainings(tmp_path: Path) -> None:
+    of_part = {}
+    for part, people in (("test", 0), ("policy", 9)):
+        each = []
+        for training in (1, 2, 3):
+            records = {
+                name: make_records(10 * training + row + 100 * people, skill=skill, episodes=40, people=4)
+                for row, (name, skill) in enumerate(SKILLS.items())
+            }
+            for name, held in records.items():
+                sequence = tuple(f"{part} {one}" for one in held.sequence)
+                records[name] = replace(held, sequence=sequence, subjects=held.subjects + people)
+            planners = tuple(PlannerConfig(name, privileged=name == "oracle", implementation="none") for name in SKILLS)
+            told = {"part": part, "fps": 10.0, "recogniser_sha256": str(training), "planners": planners}
+            each.append(write_finished(tmp_path / f"{part}-{training}", records, **told))
+        of_part[part] = tmp_path / part
+        trainings(each, out=of_part[part])
+    found = decide(of_part["test"], fitted_on=of_part["policy"], planners=["no-act", "nbv"])
+    assert found.fitted_activities == 3 * 40 * 2
+    fitted = read_run(of_part["policy"])
+    rule = fit_rules(seen_in(join_records([fitted.episodes(name) for name in ("no-act", "nbv")]), 0.1))[THRESHOLD][3]
+    each = [seen_in(read_run(tmp_path / f"test-{training}").records["nbv"], 0.1) for training in (1, 2, 3)]
+    right = [answer(rule, seen.words).answer == seen.label for seen in each]
+    (curve,) = [curve for curve in found.found.curves if (curve.planner, curve.rule) == ("nbv", THRESHOLD)]
+    assert curve.points[3].accuracy == pytest.approx(100 * np.mean(right))
 
 
 def test_few_trainings_and_few_people_are_told_aloud(tmp_path: Path) -> None:

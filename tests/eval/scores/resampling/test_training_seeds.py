@@ -15,6 +15,8 @@ from eval.render.figures import draw_accuracy
 from eval.render.tables import Rendered, markdown
 from eval.scores.differences import SUBJECTS, Difference
 from eval.scores.metrics import ece, gap_closed, mean_acc, nll, path_length
+from eval.scores.planner_accuracy import draw_resamples
+from eval.scores.resampling.resamples import Basis, Resamples
 from eval.scores.resampling.statistics import BOOTSTRAP_SEED, RESAMPLES, interval, resample_counts, resampled_means
 from eval.scores.resampling.training_seeds import (
     curves,
@@ -23,6 +25,8 @@ from eval.scores.resampling.training_seeds import (
     record_name,
     resample_seeds,
     seed_counts,
+    shared_record_name,
+    shared_trainings,
     split_record_name,
 )
 from eval.scores.summarise import summarise
@@ -43,6 +47,10 @@ def trained(*seeds: int, name: str = "il-ppo", skill: float = 1.0) -> dict[str, 
     return {record_name(name, seed): make_records(10 + seed, skill=skill + 0.3 * seed) for seed in seeds}
 
 
+def drawn(counts: np.ndarray, clusters: np.ndarray) -> Resamples:
+    return Resamples(clusters, counts, (), Basis(counts.shape[1]), None)
+
+
 def ends() -> dict[str, EpisodeRecords]:
     return {"no-act": make_records(1), "oracle": make_records(3, skill=4.0)}
 
@@ -53,6 +61,8 @@ def test_record_names_are_a_name_and_a_seed() -> None:
         assert split_record_name(name) == (name, None)
     assert split_record_name("il-ppo/0") == ("il-ppo", 0)
     assert split_record_name("a/b/10") == ("a/b", 10)
+    assert shared_record_name("nbv", 2) == "nbv@2" and split_record_name("nbv@2") == ("nbv", 2)
+    assert split_record_name("il/0@1") == ("il/0", 1)
 
 
 def test_seeds_of_a_planner_are_grouped_in_ascending_order_where_the_first_appears() -> None:
@@ -101,11 +111,11 @@ def test_the_nested_bootstrap_equals_a_slow_loop_over_the_same_draws() -> None:
     values = rng.random((len(names), len(clusters)))
     counts = resample_counts(rng, 4, 60)
     groups = group_planners(names)
-    fast = resample_seeds(resampled_means(values, clusters, counts), groups)
+    fast = resample_seeds(resampled_means(values, clusters, counts), groups, drawn(counts, clusters))
     assert [group.name for group in groups] == ["il", "no-act", "il-ppo"]
     rows = {"il": [5, 0], "no-act": [1], "il-ppo": [2, 3, 4]}  # in ascending order of seeds
-    for index, (name, trainings) in enumerate(rows.items()):
-        draws = seed_counts(name, len(trainings), 60)
+    for index, trainings in enumerate(rows.values()):
+        draws = seed_counts(groups[index], drawn(counts, clusters))
         for resample in range(60):
             pooled = []
             for training, times in zip(trainings, draws[resample] if len(trainings) > 1 else [1], strict=True):
@@ -121,7 +131,7 @@ def test_the_interval_of_the_summary_is_that_of_the_slow_loop() -> None:
     agent = summary_of(records).planner("il-ppo")
     sequences, clusters = np.unique(records["no-act"].sequence, return_inverse=True)
     counts = resample_counts(np.random.default_rng(BOOTSTRAP_SEED), len(sequences))
-    draws = seed_counts("il-ppo", 3, RESAMPLES)
+    draws = seed_counts(group_planners(records)[-1], draw_resamples(list(records.values())))
     accuracy = {name: mean_acc(episodes.correct) for name, episodes in records.items()}
     acc, closed = np.empty(RESAMPLES), np.empty(RESAMPLES)
     for resample in range(RESAMPLES):
@@ -138,12 +148,49 @@ def test_the_interval_of_the_summary_is_that_of_the_slow_loop() -> None:
 
 
 def test_draws_of_seeds_are_fair_and_independent_between_planners() -> None:
-    one, other = seed_counts("il", 5, 4000), seed_counts("ppo", 5, 4000)
+    resamples = drawn(np.ones((4000, 2), dtype=np.int64), np.arange(2))
+    il, ppo = group_planners([record_name(name, seed) for name in ("il", "ppo") for seed in range(5)])
+    one, other = seed_counts(il, resamples), seed_counts(ppo, resamples)
     assert (one.sum(axis=1) == 5).all()
     np.testing.assert_allclose(one.mean(axis=0), 1, atol=0.05)
     np.testing.assert_allclose(one.var(axis=0), 0.8, atol=0.1)  # of a binomial, 5 draws of chance 1 / 5
     assert abs(np.corrcoef(one[:, 0], other[:, 0])[0, 1]) < 0.05
-    np.testing.assert_array_equal(one, seed_counts("il", 5, 4000))
+    np.testing.assert_array_equal(one, seed_counts(il, resamples))
+
+
+def test_trainings_that_planners_share_are_drawn_together() -> None:
+    names = [shared_record_name(name, training) for name in ("no-act", "nbv") for training in range(3)]
+    assert (shared_trainings(names), shared_trainings(["no-act", "il/0", "il/1"])) == (3, 0)
+    resamples = drawn(np.ones((4000, 2), dtype=np.int64), np.arange(2)).with_trainings(3)
+    no_act, nbv = group_planners(names)
+    assert (no_act.shared, nbv.name, nbv.seeds) == (True, "nbv", (0, 1, 2))
+    np.testing.assert_array_equal(seed_counts(no_act, resamples), seed_counts(nbv, resamples))
+    np.testing.assert_allclose(seed_counts(nbv, resamples)[:4000].var(axis=0), 2 / 3, atol=0.05)
+    # A planner's own seeds are drawn by themselves, and not where trainings are drawn alone.
+    (il,) = group_planners(["il/0", "il/1", "il/2"])
+    own = seed_counts(il, resamples)
+    assert abs(np.corrcoef(own[:4000, 0], seed_counts(nbv, resamples)[:4000, 0])[0, 1]) < 0.05
+    assert (own[4000:] == 1).all() and (seed_counts(nbv, resamples)[4000:] != 1).any()
+
+
+def test_the_gap_of_shared_trainings_reaches_up_to_the_oracle_of_each() -> None:
+    shared = {
+        shared_record_name(name, training): make_records(10 * row + training, skill=skill)
+        for row, (name, skill) in enumerate({"no-act": 0.0, "nbv": 1.0, "oracle": 3.0}.items())
+        for training in range(2)
+    }
+    summary = summarise(
+        shared,
+        CONFIG_OF_RUN,
+        privileged={name: "oracle" in name for name in shared},
+        step_ms=dict.fromkeys(shared, 0.0),
+    )
+    low, own, high = (
+        np.mean([shared[shared_record_name(name, training)].correct.mean() for training in range(2)])
+        for name in ("no-act", "nbv", "oracle")
+    )
+    assert summary.planner("nbv").gap_closed == pytest.approx((own - low) / (high - low))
+    assert summary.planner("oracle").gap_closed == pytest.approx(1)
 
 
 def test_seeds_widen_the_interval() -> None:
@@ -155,8 +202,11 @@ def test_seeds_widen_the_interval() -> None:
 @given(copies=st.integers(2, 6))
 def test_seeds_that_are_identical_give_what_one_gives(copies: int) -> None:
     resampled = np.random.default_rng(0).random((1, 200))
+    resamples = drawn(np.ones((200, 2), dtype=np.int64), np.arange(2))
     groups = group_planners([record_name("il", seed) for seed in range(copies)])
-    np.testing.assert_allclose(resample_seeds(np.repeat(resampled, copies, axis=0), groups), resampled, rtol=1e-12)
+    np.testing.assert_allclose(
+        resample_seeds(np.repeat(resampled, copies, axis=0), groups, resamples), resampled, rtol=1e-12
+    )
 
 
 def test_a_summary_of_identical_seeds_is_that_of_one() -> None:

@@ -13,9 +13,11 @@ from eval import Watcher
 from eval.records.episodes import EpisodeRecords
 from eval.scores.planner_metrics import NLL
 from eval.scores.streams.alarms import alarms_per_minute
-from eval.studies.belief.streams import StreamBeliefReport, strangers, write_report
+from eval.studies.belief.stream_report import StreamBeliefReport, read_report, write_report
+from eval.studies.belief.streams import strangers
 from eval.studies.belief.study import belief_report
 from eval.studies.folds import take_together
+from eval.studies.trainings import trainings
 from tests.helpers.stream_worlds import save_stream_world
 from tests.helpers.streams import raising_streams
 from tests.helpers.tiny_benchmarks import Log
@@ -69,7 +71,7 @@ def test_folds_are_one_report_of_all_their_people(folder: Path, tmp_path: Path) 
     second = replace(
         one,
         config=replace(one.config, recogniser_sha256="other"),
-        readers=tuple(replace(reader, records=other(reader.records)) for reader in one.readers),
+        records={name: other(held) for name, held in one.records.items()},
     )
     write_report(tmp_path / "1", second)
     (tmp_path / "1" / "belief.json").write_text("{}")
@@ -82,6 +84,34 @@ def test_folds_are_one_report_of_all_their_people(folder: Path, tmp_path: Path) 
     assert "Intervals rest on" in (tmp_path / "both" / "table.md").read_text()
     with pytest.raises(UsageError, match="expected a recogniser of each, got the same"):
         take_together([tmp_path / "0", tmp_path / "0"])
+
+
+def test_trainings_are_one_report_whose_figures_are_their_means(folder: Path, tmp_path: Path) -> None:
+    told = Conditions(data=str(folder / "raising.npz"), models=folder / "models", length=50)
+    one = belief_report(told, out=tmp_path / "0", reporter=Log())
+    assert isinstance(one, StreamBeliefReport)
+
+    def other(records: EpisodeRecords) -> EpisodeRecords:
+        sure = np.sqrt(records.true_probability)
+        return replace(records, true_probability=sure, predicted=np.roll(records.predicted, 7, axis=1))
+
+    records = {name: other(held) for name, held in one.records.items()}
+    for number in (1, 2):
+        write_report(
+            tmp_path / f"{number}",
+            replace(one, config=replace(one.config, recogniser_sha256=f"{number}"), records=records),
+        )
+        (tmp_path / f"{number}" / "belief.json").write_text("{}")
+    both = trainings([tmp_path / f"{number}" for number in range(3)], out=tmp_path / "all")
+    alone = read_report(one.config, records, one.fps)
+    assert isinstance(both, StreamBeliefReport) and both.basis == one.basis
+    for reader, first, second in zip(both.readers, one.readers, alone.readers, strict=True):
+        assert (reader.rollouts, reader.name) == (first.rollouts, first.name)
+        assert reader.nll == pytest.approx((first.nll + 2 * second.nll) / 3)
+        assert reader.better == pytest.approx((first.better + 2 * second.better) / 3)
+        assert reader.delay_s == pytest.approx((first.delay_s + 2 * second.delay_s) / 3)
+        assert reader.alarms == pytest.approx((first.alarms + 2 * second.alarms) / 3)
+    assert "3 trainings" in (tmp_path / "all" / "table.md").read_text()
 
 
 def test_what_a_frame_tells_is_learned_on_people_whom_the_recogniser_does_not_know() -> None:
