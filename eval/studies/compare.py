@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from ehar.errors import DataError, UsageError
+from ehar.files import write_text
 from eval.records.config import CONFIG, PlannerConfig
+from eval.render.tables import markdown
 from eval.running.run import Run, read_run
 from eval.scores.differences import compare_pairs
 from eval.scores.planner_accuracy import PlannerAccuracy, draw_resamples, planner_accuracy
@@ -22,13 +24,16 @@ MAY_DIFFER = (  # a footnote says what differs
 )
 
 
-def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) -> Comparison:
+def compare(
+    run_a: str | Path, run_b: str | Path, planners: Sequence[str] = (), *, out: str | Path | None = None
+) -> Comparison:
     """Compare each planner that is in both runs: its accuracy in A minus its accuracy in B.
 
     Args:
         run_a: folder of a run of `ehar benchmark`.
         run_b: folder of another run of `ehar benchmark`.
         planners: empty, or one planner of A and one of B; `il-ppo` is all its training seeds, `il-ppo/0` is one.
+        out: folder for table.md.
 
     Raises:
         UsageError: a folder holds no run, the runs have different episodes, or a planner did not run.
@@ -44,7 +49,7 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
     )
     pairs = [_accuracies(of_a, of_b, a, b, resamples) for of_a, of_b in groups]
     conditions = a.conditions
-    return Comparison(
+    found = Comparison(
         folders=(a.folder, b.folder),
         title=f"{a.config.data}, {conditions.sensor} sensor"
         + ("" if conditions.part == "test" else f", {conditions.part} part"),
@@ -66,6 +71,9 @@ def compare(run_a: str | Path, run_b: str | Path, planners: Sequence[str] = ()) 
         no_intervals=resamples.why_none,
         basis=resamples.basis,
     )
+    if out is not None:
+        write_text(Path(out) / "table.md", [markdown(*found.tables())])
+    return found
 
 
 def _read(directory: str | Path) -> Run:

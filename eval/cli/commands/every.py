@@ -100,6 +100,7 @@ COMMANDS = CommandGroup(
                     metavar="PLANNER-A PLANNER-B",
                     hint="each with itself",
                 ),
+                "out": Flag("folder for table.md.", hint="none"),
             },
         ),
         "verify": Command(

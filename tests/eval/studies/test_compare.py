@@ -91,8 +91,9 @@ def test_two_planners_are_compared_by_name(tmp_path: Path) -> None:
     a, b = two_runs(tmp_path)
     (of,) = compare(a, b, ("no-act", "random")).planners
     assert of.difference.p_corrected == pytest.approx(of.difference.p, abs=0.05)  # the bootstrap's, and Student's
-    (row,) = compare_table(compare(a, b, ("no-act", "oracle"))).rows
+    (row,) = compare_table(compare(a, b, ("no-act", "oracle"), out=tmp_path / "out")).rows
     assert row[0] == "no-act - oracle*"
+    assert r"| no-act - oracle\* |" in (tmp_path / "out" / "table.md").read_text()
     with pytest.raises(UsageError, match=r"b: no planner 'no-act'; expected one of: random, oracle, nbv"):
         compare(a, b, ("no-act", "no-act"))
     with pytest.raises(UsageError, match=r"^planners: expected one of A and one of B, got 1: nbv$"):
