@@ -203,22 +203,6 @@ endef
 $(foreach vehicle,$(FLYING),$(eval $(call watched_in_flight,$(vehicle))))
 
 SYNTHETIC := solo-stream duo-stream
-$(SYNTHETIC:%=runs/belief-%/table.md): runs/belief-%/table.md: $(STREAM_RECOGNISER)
-	$(EHAR) study belief $(call stream_data,$*) --sensor estimator --models models/$* --out $(@D)
-
-# When to answer in streams, on the recogniser's words and on the belief's: rules are fitted on the policy part.
-define decided_in_streams
-runs/deciding-$(1)-test/table.md: models/solo-stream/planners
-	$$(BENCHMARK) no-act nbv --data solo-stream --sensor estimator --models models/solo-stream --readout $(1) --out $$(@D)
-
-runs/deciding-$(1)-policy/table.md: models/solo-stream/planners
-	$$(BENCHMARK) no-act nbv --data solo-stream --sensor estimator --models models/solo-stream --readout $(1) \
-	  --part policy --starts 2 --out $$(@D)
-
-runs/decided-$(1)/table.md: runs/deciding-$(1)-test/table.md runs/deciding-$(1)-policy/table.md
-	$$(EHAR) study decide runs/deciding-$(1)-test --fitted-on runs/deciding-$(1)-policy --out $$(@D)
-endef
-$(foreach words,recogniser belief,$(eval $(call decided_in_streams,$(words))))
 
 # Things in the way: three trainings of the open world.
 IN_THE_WAY := room crowd
@@ -248,13 +232,14 @@ runs/room-solo-stream-px4-auto/table.md: runs/room-solo-stream/table.md
 RECORDED := sbu-stream hdm05-stream utkinect
 NUMBERS := 0 1 2
 FOLDS := $(foreach set,$(RECORDED),$(NUMBERS:%=$(set)-%))
+KINDERGATOR := $(NUMBERS:%=kindergator-stream-%)
 LOOKING := no-act h-rotate near-level front fixed-best nbv-greedy nbv-search nbv
 whole = $(or $(filter-out --data,$($(1))),streams/$(1).npz)
-rate = $(if $(filter hdm05-stream-%,$(1)),--fps 30)
+rate = $(if $(filter hdm05-stream-%,$(1)),--fps 30)$(if $(filter kindergator-stream-%,$(1)),--fps 10)
 watched = --data streams/$(1).npz $(call rate,$(1)) --sensor estimator --models models/$(1) $(if $(filter sbu-stream-%,$(1)),--length 368)
 looked = $(watched) --starts 3
 
-STITCHED := hdm05 sbu
+STITCHED := hdm05 sbu kindergator
 $(STITCHED:%=streams/%-stream.npz): streams/%-stream.npz: | setup
 	$(EHAR) data stitch $(DATA)/$*.npz --out $@
 
@@ -262,12 +247,15 @@ define fold_of
 streams/$(1)-$(2).npz: $(filter streams/%,$(call whole,$(1))) | setup
 	$$(EHAR) data fold $(call whole,$(1)) --number $(2) --out $$@
 endef
-$(foreach set,$(RECORDED),$(foreach number,$(NUMBERS),$(eval $(call fold_of,$(set),$(number)))))
+$(foreach set,$(RECORDED) kindergator-stream,$(foreach number,$(NUMBERS),$(eval $(call fold_of,$(set),$(number)))))
 
-$(FOLDS:%=models/%/planners): models/%/planners: streams/%.npz
-	$(EHAR) train recogniser --data $< $(call rate,$*) --sensor estimator --out $(@D)
-	$(EHAR) train gain-field --data $< $(call rate,$*) --sensor estimator --models $(@D)
-	$(EHAR) train fixed-best --data $< $(call rate,$*) --sensor estimator --models $(@D)
+# Activities of kindergator last 5 s: its recognisers learn on windows of 8 s. They know too little for planners to look by.
+$(FOLDS:%=$(STREAM_RECOGNISER)) $(KINDERGATOR:%=$(STREAM_RECOGNISER)): $(STREAM_RECOGNISER): streams/%.npz
+	$(EHAR) train recogniser --data $< $(call rate,$*) $(if $(filter kindergator-%,$*),--length 80) --sensor estimator --out $(@D)
+
+$(FOLDS:%=models/%/planners): models/%/planners: $(STREAM_RECOGNISER)
+	$(EHAR) train gain-field --data streams/$*.npz $(call rate,$*) --sensor estimator --models $(@D)
+	$(EHAR) train fixed-best --data streams/$*.npz $(call rate,$*) --sensor estimator --models $(@D)
 	touch $@
 
 # No vehicle keeps up with all people of hdm05.
@@ -296,8 +284,10 @@ SEEDED := $(foreach set,$(SYNTHETIC),$(NUMBERS:%=$(set)-%))
 seed_number = $(lastword $(subst -, ,$(1)))
 seeded = --data $(patsubst %-$(call seed_number,$(1)),%,$(1)) --sensor estimator
 LOOKED_BY_SEED := no-act h-rotate fixed-best nbv-search nbv
-$(SEEDED:%=models/%/planners): models/%/planners: | setup
+$(SEEDED:%=$(STREAM_RECOGNISER)): $(STREAM_RECOGNISER): | setup
 	$(EHAR) train recogniser $(call seeded,$*) --seed $(call seed_number,$*) --out $(@D)
+
+$(SEEDED:%=models/%/planners): models/%/planners: $(STREAM_RECOGNISER)
 	$(EHAR) train gain-field $(call seeded,$*) --seed $(call seed_number,$*) --models $(@D)
 	$(EHAR) train fixed-best $(call seeded,$*) --models $(@D)
 	touch $@
@@ -328,15 +318,54 @@ $(RECORDED:%=runs/knowledge-%/table.md): runs/knowledge-%/table.md: $(NUMBERS:%=
 $(SYNTHETIC:%=runs/knowledge-%/table.md): runs/knowledge-%/table.md: models/%/planners
 	$(EHAR) study ablation $(call stream_data,$*) --sensor estimator --models models/$* --starts $(STARTS) --groups knowledge --out $(@D)
 
-# What the belief wins on everybody, and when to answer: rules of each fold are fitted on the others.
-$(FOLDS:%=runs/belief-%/table.md): runs/belief-%/table.md: models/%/planners
-	$(EHAR) study belief $(call watched,$*) --out $(@D)
+# What the belief wins, and what an unknown onset costs: three trainings of synthetic streams, or three folds of recorded ones.
+HEARD := $(SYNTHETIC) $(RECORDED) kindergator-stream
+HEARD_ONCE := $(SEEDED) $(FOLDS) $(KINDERGATOR)
+heard = $(if $(filter $(1),$(SEEDED)),$(call seeded,$(1)) --models models/$(1),$(call watched,$(1)))
+HOW := belief known unknown
+$(HEARD_ONCE:%=runs/belief-%/table.md): runs/belief-%/table.md: $(STREAM_RECOGNISER)
+	$(EHAR) study belief $(call heard,$*) --out $(@D)
 
-$(RECORDED:%=runs/belief-%/table.md): runs/belief-%/table.md: $(NUMBERS:%=runs/belief-\%-%/table.md)
-	$(EHAR) study folds $(^:/table.md=) --out $(@D)
+define of_onset
+$$(HEARD_ONCE:%=runs/$(1)-%/table.md): runs/$(1)-%/table.md: $$(STREAM_RECOGNISER)
+	$$(BENCHMARK) no-act random h-rotate $$(call heard,$$*) --onset $(1) --no-report --out $$(@D)
+endef
+$(foreach onset,known unknown,$(eval $(call of_onset,$(onset))))
 
+define heard_together
+$$(SYNTHETIC:%=runs/$(1)-%/table.md): runs/$(1)-%/table.md: $$(NUMBERS:%=runs/$(1)-\%-%/table.md)
+	$$(EHAR) study trainings $$(^:/table.md=) --planner h-rotate --out $$(@D)
+
+$$(filter-out $$(SYNTHETIC:%=runs/$(1)-%/table.md),$$(HEARD:%=runs/$(1)-%/table.md)): runs/$(1)-%/table.md: $$(NUMBERS:%=runs/$(1)-\%-%/table.md)
+	$$(EHAR) study folds $$(^:/table.md=) --out $$(@D)
+endef
+$(foreach how,$(HOW),$(eval $(call heard_together,$(how))))
+
+$(HEARD:%=runs/onset-%/table.md): runs/onset-%/table.md: runs/known-%/table.md runs/unknown-%/table.md
+	$(EHAR) compare $(^:/table.md=) --out $(@D)
+
+# When to answer in synthetic streams, on the recogniser's words and on the belief's: rules are fitted on the policy part.
+define decided_in_streams
+$$(SEEDED:%=runs/answers-$(1)-%/table.md): runs/answers-$(1)-%/table.md: models/%/planners
+	$$(BENCHMARK) no-act nbv $$(call heard,$$*) --readout $(1) --no-report --out $$(@D)
+
+$$(SEEDED:%=runs/taught-$(1)-%/table.md): runs/taught-$(1)-%/table.md: models/%/planners
+	$$(BENCHMARK) no-act nbv $$(call heard,$$*) --readout $(1) --part policy --starts 2 --no-report --out $$(@D)
+
+$$(SYNTHETIC:%=runs/answers-$(1)-%/table.md) $$(SYNTHETIC:%=runs/taught-$(1)-%/table.md): %/table.md: $$(NUMBERS:%=\%-%/table.md)
+	$$(EHAR) study trainings $$(^:/table.md=) --out $$(@D)
+
+$$(SYNTHETIC:%=runs/decided-$(1)-%/table.md): runs/decided-$(1)-%/table.md: runs/answers-$(1)-%/table.md runs/taught-$(1)-%/table.md
+	$$(EHAR) study decide runs/answers-$(1)-$$* --fitted-on runs/taught-$(1)-$$* --out $$(@D)
+endef
+$(foreach words,recogniser belief,$(eval $(call decided_in_streams,$(words))))
+
+# In recorded streams the rules of each fold are fitted on the others.
 $(RECORDED:%=runs/decided-%/table.md): runs/decided-%/table.md: runs/looked-%-paper/table.md
 	$(EHAR) study decide $(<D) --planners no-act nbv --out $(@D)
+
+runs/decided-kindergator-stream/table.md: runs/unknown-kindergator-stream/table.md
+	$(EHAR) study decide $(<D) --planners no-act --out $(@D)
 
 # The film of the README: the episode in which nbv's gain over front is the median, and of it the most activities.
 docs/figures/stream.gif: runs/watched-utkinect-px4-auto/table.md
@@ -469,8 +498,11 @@ docs/results/class-maps.md: $(MAPPED:%=runs/class-maps-%/table.md)
 docs/results/knowledge.md: $(SYNTHETIC:%=runs/knowledge-%/table.md) $(RECORDED:%=runs/knowledge-%/table.md)
 	$(call page,$@,What nbv has to know,ehar study ablation --data solo-stream --sensor estimator --groups knowledge,$^)
 
-docs/results/stream-belief.md: $(SYNTHETIC:%=runs/belief-%/table.md) $(RECORDED:%=runs/belief-%/table.md)
+docs/results/stream-belief.md: $(HEARD:%=runs/belief-%/table.md)
 	$(call page,$@,The belief in streams,ehar study belief --data solo-stream --sensor estimator,$^)
+
+docs/results/onsets.md: $(HEARD:%=runs/onset-%/table.md)
+	$(call page,$@,What an unknown onset costs,ehar compare runs/known-solo-stream runs/unknown-solo-stream,$^)
 
 docs/results/trainings.md: runs/trainings-duo/table.md runs/trainings-solo/table.md
 	$(call page,$@,Three trainings of recogniser and gain field,ehar study trainings runs/rules-duo-estimator \
@@ -498,10 +530,11 @@ docs/results/deciding.md: $(foreach set,hdm05 sbu solo,runs/rules-$(set)-estimat
 	$(call page,$@,When to answer,ehar study decide runs/rules-hdm05-estimator --fitted-on runs/fitting-hdm05,\
 	  $(foreach set,hdm05 sbu solo,runs/deciding-$(set)/table.md))
 
-docs/results/deciding-streams.md: runs/decided-recogniser/table.md runs/decided-belief/table.md $(RECORDED:%=runs/decided-%/table.md)
-	cp runs/decided-recogniser/deciding.png docs/results/deciding-stream.png
-	cp runs/decided-belief/deciding.png docs/results/deciding-stream-believed.png
-	$(call page,$@,When to answer in streams,ehar study decide runs/deciding-recogniser-test --fitted-on runs/deciding-recogniser-policy,$^)
+DECIDED := $(foreach words,recogniser belief,$(SYNTHETIC:%=$(words)-%)) $(RECORDED) kindergator-stream
+docs/results/deciding-streams.md: $(DECIDED:%=runs/decided-%/table.md)
+	cp runs/decided-recogniser-solo-stream/deciding.png docs/results/deciding-stream.png
+	cp runs/decided-belief-solo-stream/deciding.png docs/results/deciding-stream-believed.png
+	$(call page,$@,When to answer in streams,ehar study decide runs/answers-solo-stream --fitted-on runs/taught-solo-stream,$^)
 
 docs/results/headroom.md: $(SETS:%=runs/headroom-%/table.md)
 	$(call page,$@,What there is to win,ehar study headroom $(sbu) --sensor estimator --models models/sbu,$^)
@@ -537,10 +570,10 @@ docs/results/behaviour.md: runs/agents-hdm05-estimator/table.md
 docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/table.md runs/rules-$(set)-perfect/table.md)
 	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$^)
 
-# Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), stream-sets (onsets that are known),
-# kindergator, and what stood before (mended).
+# Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), kindergator in clips, and what stood
+# before (mended).
 PAGES := planners nbv indoor obstacles exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding deciding-streams \
-  streams couple-streams obstacle-streams recorded-streams recorded-flights stream-trainings knowledge stream-belief utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
+  streams couple-streams obstacle-streams recorded-streams recorded-flights stream-trainings knowledge stream-belief onsets utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
 results: left
 	@$(MAKE) --no-print-directory pages
 
