@@ -5,6 +5,8 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.camera import Camera
 from ehar.flight.vehicle import Vehicle
+from ehar.obstacles.free_ways import REACH, free_ways
+from ehar.obstacles.shapes import Obstacles
 from ehar.planner import Context, Observation
 from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, Workspace
 
@@ -22,6 +24,8 @@ def shown(
     workspace: Workspace,
     camera: Camera,
     time: float = 0.0,
+    obstacles: Obstacles | None = None,
+    centre: FloatArray | None = None,
 ) -> Observations:
     """Return the agent's observation of one frame of B episodes; every array is float32 and starts with B.
 
@@ -35,14 +39,18 @@ def shown(
         workspace: the bounds by which viewpoints are scaled.
         camera: the camera by whose image joints are scaled.
         time: time since the first frame, which a stream shows [s].
+        obstacles: what stands there; None if nothing does.
+        centre: (B, 3) how far people's centre has moved since the first frame [m]; None if it stays.
 
     Returns:
         joints (B, P, J, 2) from the image centre in half image widths, confidence (B, P, J), viewpoint (B, 4),
-        probabilities (B, K), embedding (B, D), and ratio (B, 1) or in a stream time (B, 1).
+        probabilities (B, K), embedding (B, D), and ratio (B, 1) or in a stream time (B, 1). Where something stands,
+        also distances (B, 6): the `free_ways`, from 0 to 1 over their reach.
     """
-    centre = np.array([camera.width / 2, camera.height / 2])
-    joints = (joints_2d - centre) / (camera.width / 2)
+    middle = np.array([camera.width / 2, camera.height / 2])
+    joints = (joints_2d - middle) / (camera.width / 2)
     when = {"time": time} if ratio is None else {"ratio": ratio}
+    around = {"distances": free_ways(obstacles, viewpoint, centre) / REACH} if obstacles else {}
     return {
         "joints": joints.astype(np.float32),
         "confidence": confidence.astype(np.float32),
@@ -50,6 +58,7 @@ def shown(
         "probabilities": np.clip(np.exp(log_probs), 0, 1).astype(np.float32),
         "embedding": embedding.astype(np.float32),
         **{name: np.full((len(viewpoint), 1), value, dtype=np.float32) for name, value in when.items()},
+        **{name: values.astype(np.float32) for name, values in around.items()},
     }
 
 
@@ -65,6 +74,8 @@ def shown_to_agent(observation: Observation, context: Context) -> Observations:
         time=observation.time,
         workspace=context.workspace,
         camera=context.world.camera,
+        obstacles=context.world.obstacles,
+        centre=observation.centre,
     )
 
 

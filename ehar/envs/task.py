@@ -17,6 +17,7 @@ from ehar.envs.observations import Observations as Observations
 from ehar.envs.observations import shown
 from ehar.errors import EpisodeError, UsageError
 from ehar.motion import CarriedMotion, keep_clear
+from ehar.obstacles.free_ways import WAYS
 from ehar.obstacles.surroundings import Surroundings
 from ehar.plugins.blame import blamed
 from ehar.recogniser import Recogniser
@@ -75,6 +76,8 @@ class EpisodeTask:
     - `embedding` (D,), from the recogniser
     - `ratio` (1,): the share of the episode that has been observed, in (0, 1]; in a stream, whose end nobody knows,
       there is `time` (1,) instead: seconds since its first frame
+    - `distances` (6,), in worlds where something stands: how far the camera may go each way, in the order of the moves,
+      before it is too near to an obstacle, from 0 to 1 over 4 m
     - the arrays that the controls add
 
     Args:
@@ -136,6 +139,7 @@ class EpisodeTask:
                 "probabilities": spaces.Box(0, 1, (len(data.recognised_names),), np.float32),
                 "embedding": spaces.Box(-np.inf, np.inf, (self.recogniser.embedding_size,), np.float32),
                 when[0]: spaces.Box(0, when[1], (1,), np.float32),
+                **({"distances": spaces.Box(0, 1, (WAYS,), np.float32)} if self.world.obstacles else {}),
                 **self.controls.observation_spaces,
             }
         )
@@ -231,6 +235,7 @@ class EpisodeTask:
             )
         check_recognition(recognition, self.recogniser, len(self._batch.labels), where)
         self.correct = np.argmax(recognition.log_probs, axis=1) == self._batch.frame_labels[:, self.frame]
+        around = self._batch.surroundings
         return {
             **shown(
                 joints_2d=sensed.joints_2d,
@@ -242,6 +247,8 @@ class EpisodeTask:
                 time=self.frame / self.scenarios.data.fps,
                 workspace=self.workspace,
                 camera=self.sensor.camera,
+                obstacles=self.world.obstacles,
+                centre=None if around is None or around.moved is None else around.moved[:, self.frame],
             ),
             **self.controls.observations(),
         }

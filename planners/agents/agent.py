@@ -59,8 +59,9 @@ class Agent(Planner):
 
     def act(self, observation: Observation) -> FloatArray:
         """Return the targets (B, 3) of the most probable moves."""
-        flown = self.network.spec.sizes.flown
-        inputs = self._inputs.see(seen_by_agent(observation, self._context, flown=flown))
+        sizes = self.network.spec.sizes
+        shown = seen_by_agent(observation, self._context, flown=sizes.flown, distances=sizes.distances)
+        inputs = self._inputs.see(shown)
         moves, self.state = decide(self.network, inputs)
         return heading(self._context, observation.viewpoint, moves)
 

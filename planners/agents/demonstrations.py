@@ -88,8 +88,8 @@ class Demonstrator(Planner):
 
     def act(self, observation: Observation) -> FloatArray:
         """Ask the teacher, keep its answer, and act."""
-        flown = self._context.vehicle is not None
-        inputs = self._inputs.see(seen_by_agent(observation, self._context, flown=flown))
+        flown, distances = self._context.vehicle is not None, bool(self._context.world.obstacles)
+        inputs = self._inputs.see(seen_by_agent(observation, self._context, flown=flown, distances=distances))
         best = self._ask(observation, inputs)
         if self.agent is not None:
             best, _ = decide(self.agent, inputs)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.envs.observations import Observations, scaled_velocity, shown_to_agent
+from ehar.obstacles.free_ways import WAYS
 from ehar.planner import Context, Observation
 
 RECOGNITION, VISION, POSITION = "recognition", "vision", "position"
@@ -18,6 +19,7 @@ EMBEDDING, LOG_PROBS, TIME = "embedding", "log-probs", "time"  # the parts of wh
 LEFT_OUT = (*ENCODED, EMBEDDING, LOG_PROBS, TIME)  # each can be left out: a whole encoder, or one part of f^A's inputs
 LEAST_LOG_PROB = -8.0  # smaller log-probabilities say nothing more
 AT_REST = 4  # numbers of a viewpoint
+PLACED = ("viewpoint", "velocity", "distances")  # the observations that f^P takes, as far as there are any
 MEMORY = 2.0  # [s] that an embedding counts for in the mean over those of a stream
 
 Inputs = dict[str, FloatArray]
@@ -31,7 +33,8 @@ class InputSizes:
         recognition: 2 D + K + 1: embedding, its mean over the frames so far, log-probabilities, observation ratio. In
             streams 2 D + K, with no activity among the K: nobody knows the ratio.
         vision: P (3 J + 4): a person's joints, their confidence, the person's place and size, the share of seen joints.
-        position: 4, the azimuth as sine and cosine; 7 of an agent that was trained in flight, with the velocity.
+        position: 4, the azimuth as sine and cosine; 3 more of an agent that was trained in flight, the velocity; 6 more
+            of one that was trained where something stands, how far it may go each way.
     """
 
     recognition: int
@@ -40,7 +43,14 @@ class InputSizes:
 
     @staticmethod
     def of(
-        *, persons: int, joints: int, classes: int, embedding: int, streams: bool = False, flown: bool = False
+        *,
+        persons: int,
+        joints: int,
+        classes: int,
+        embedding: int,
+        streams: bool = False,
+        flown: bool = False,
+        distances: bool = False,
     ) -> "InputSizes":
         """Return the sizes for P persons of J joints, K classes and embeddings of D numbers.
 
@@ -51,17 +61,23 @@ class InputSizes:
             embedding: D.
             streams: whether they are of streams.
             flown: whether the agent sees its velocity.
+            distances: whether it sees how far it may go.
         """
         return InputSizes(
             recognition=2 * embedding + classes + (not streams),
             vision=persons * (3 * joints + 4),
-            position=AT_REST + 3 * flown,
+            position=AT_REST + 3 * flown + WAYS * distances,
         )
 
     @property
     def flown(self) -> bool:
         """Whether the agent sees its velocity."""
-        return self.position > AT_REST
+        return (self.position - AT_REST) % WAYS > 0
+
+    @property
+    def distances(self) -> bool:
+        """Whether the agent sees how far it may go."""
+        return self.position - AT_REST >= WAYS
 
 
 def recognition_parts(size: int, classes: int, *, streams: bool = False) -> dict[str, slice]:
@@ -118,13 +134,23 @@ class AgentInputs:
         return {
             RECOGNITION: np.concatenate(recognition, axis=1).astype(np.float32),
             VISION: _bodies(shown["joints"], shown["confidence"]),
-            POSITION: np.concatenate([shown[name] for name in ("viewpoint", "velocity") if name in shown], axis=1),
+            POSITION: np.concatenate([shown[name] for name in PLACED if name in shown], axis=1),
         }
 
 
-def seen_by_agent(observation: Observation, context: Context, *, flown: bool) -> Observations:
-    """Return what an agent is shown of a frame; one that was trained in flight also its velocity."""
+def seen_by_agent(observation: Observation, context: Context, *, flown: bool, distances: bool) -> Observations:
+    """Return what an agent is shown of a frame.
+
+    Args:
+        observation: what planners are told.
+        context: the conditions.
+        flown: whether it was trained in flight, and sees its velocity.
+        distances: whether it was trained where something stands, and sees how far it may go; in an open world anywhere.
+    """
     shown = shown_to_agent(observation, context)
+    free = shown.pop("distances", np.ones((len(observation.viewpoint), WAYS), dtype=np.float32))
+    if distances:
+        shown["distances"] = free
     if not flown:
         return shown
     if context.vehicle is None:

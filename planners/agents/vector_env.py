@@ -134,6 +134,7 @@ def _input_space(env: EpisodeVectorEnv) -> spaces.Dict:
         embedding=embedding,
         streams=env.episodes.in_streams,
         flown="velocity" in shown.spaces,
+        distances="distances" in shown.spaces,
     )
     return spaces.Dict(
         {

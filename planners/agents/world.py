@@ -121,6 +121,7 @@ class TrainingWorld:
             embedding=self.setting.runner.recogniser.embedding_size,
             streams=streams,
             flown=self.flown is not None,
+            distances=bool(self.setting.world.obstacles),
         )
         without = () if config.without == "none" else (config.without,)
         spec = AgentSpec(sizes, without, classes + 2 if config.ppo.hindsight else 0, streams)

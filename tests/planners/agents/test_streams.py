@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium import spaces
 
 from ehar.arrays import FloatArray
 from ehar.batch import Batch, noise_of
@@ -26,7 +27,7 @@ from ehar.runner import Runner
 from ehar.sensors.perfect import PerfectSensor
 from ehar.track import load_track
 from ehar.viewpoint import AZIMUTH, Workspace, apply_moves, wrap_difference
-from ehar.world import PAPER
+from ehar.world import PAPER, ROOM
 from planners.agents.agent import Agent
 from planners.agents.config import AgentTrainingConfig, PPOSetting
 from planners.agents.demonstrations import HORIZON, Demonstrator, frames_ahead
@@ -205,10 +206,46 @@ def test_an_agent_of_flights_sees_its_velocity_as_the_environment_shows_it() -> 
         random_observation(rng, episodes=3), length=None, viewpoint=here, velocity=controls.motion.velocity
     )
     context = of.context(3, None, rng)
-    seen = AgentInputs.of(context).see(seen_by_agent(observation, context, flown=True))
+    seen = AgentInputs.of(context).see(seen_by_agent(observation, context, flown=True, distances=False))
     np.testing.assert_array_equal(seen[POSITION][:, 4:], shown_there)
-    at_rest = AgentInputs.of(context).see(seen_by_agent(observation, context, flown=False))
+    at_rest = AgentInputs.of(context).see(seen_by_agent(observation, context, flown=False, distances=False))
     np.testing.assert_array_equal(at_rest[POSITION], seen[POSITION][:, :4])
+
+
+@pytest.mark.parametrize("track", ["ideal", "px4-auto"])
+def test_an_agent_of_a_room_sees_how_far_it_may_go_as_the_environment_shows_it(track: str) -> None:
+    of = Runner(STREAMS, StreamRecogniser(), PerfectSensor(), track=load_track(track), world=ROOM)
+    controls = HeadingControls(of) if track != "ideal" else GridControls(workspace=ROOM.workspace)
+    task = EpisodeTask(
+        scenarios=of.followed_everywhere(windows(STREAMS, np.arange(len(STREAMS.lengths)), 40, 1)),
+        recogniser=of.recogniser,
+        sensor=of.sensor,
+        controls=controls,
+        world=ROOM,
+    )
+    env = EpisodeVectorEnv(3, task)
+    shown, _ = env.reset(seed=1)
+    for _ in range(5):
+        shown, *_ = env.step(np.array([0, 2, 5]))
+    assert env.observation_space.contains(shown)
+    assert shown["distances"].shape == (3, 6) and (shown["distances"] < 1).any()
+    around = task._batch.surroundings
+    assert around is not None and around.moved is not None
+    rng, moved = np.random.default_rng(0), around.moved[:, task.frame]
+    observation = replace(random_observation(rng, episodes=3), length=None, viewpoint=task.viewpoint, centre=moved)
+    context, flown = of.context(3, None, rng), track != "ideal"
+    seen = AgentInputs.of(context).see(seen_by_agent(observation, context, flown=flown, distances=True))
+    np.testing.assert_array_equal(seen[POSITION][:, -6:], shown["distances"])
+    # An agent that was trained in the open sees none of it; one of a room that watches in the open may go anywhere.
+    unaware = AgentInputs.of(context).see(seen_by_agent(observation, context, flown=flown, distances=False))
+    np.testing.assert_array_equal(unaware[POSITION], seen[POSITION][:, :-6])
+    opened = replace(context, world=PAPER)
+    anywhere = AgentInputs.of(opened).see(seen_by_agent(observation, opened, flown=flown, distances=True))
+    assert (anywhere[POSITION][:, -6:] == 1).all()
+    space = AgentVecEnv(lambda episodes: EpisodeVectorEnv(episodes, task), num_envs=1, seed=0).observation_space
+    sizes = InputSizes.of(persons=1, joints=1, classes=1, embedding=1, streams=True, flown=flown, distances=True)
+    assert isinstance(space, spaces.Dict) and space[POSITION].shape == (sizes.position,)
+    assert (sizes.flown, sizes.distances) == (flown, True)
 
 
 def test_agents_of_clips_do_not_watch_streams_nor_the_other_way_round(tmp_path: Path) -> None:
