@@ -22,6 +22,7 @@ from ehar.world import PAPER, World, by_name
 
 Form = Literal["causal", "ctrgcn"]
 FORMS: tuple[Form, ...] = get_args(Form)
+USUAL_SENSOR = "usual"
 REGIMES = ("moving", "paper", "recorded")  # views that a recogniser is trained on
 
 
@@ -54,7 +55,7 @@ class Conditions:
 
     data: str | Path | MotionData | StreamData = "duo"
     models: str | Path | None = None
-    sensor: str | Sensor = "perfect"
+    sensor: str | Sensor = USUAL_SENSOR
     track: str | Path | Vehicle | Motion = IDEAL
     starts: int = 1
     length: int | None = None
@@ -68,7 +69,9 @@ class Conditions:
     onset: Onset = "unknown"
 
     def __post_init__(self) -> None:
-        """Check words and numbers."""
+        """Check words and numbers, and take the usual sensor."""
+        if self.sensor == USUAL_SENSOR:
+            object.__setattr__(self, "sensor", self._usual_sensor)
         for name, known in (("part", PARTS), ("views", REGIMES), ("form", FORMS), ("onset", ONSETS)):
             value = getattr(self, name)
             if value not in known:
@@ -85,7 +88,7 @@ class Conditions:
     def __repr__(self) -> str:
         """Return the data, and the fields that differ from their defaults."""
         told = {part.name: getattr(self, part.name) for part in fields(self)} | {"world": self.world_name}
-        usual = {part.name: part.default for part in fields(self)}
+        usual = {part.name: part.default for part in fields(self)} | {"sensor": self._usual_sensor}
         shown = (f"{name}={value!r}" for name, value in told.items() if name == "data" or value != usual[name])
         return f"Conditions({', '.join(shown)})"
 
@@ -98,6 +101,13 @@ class Conditions:
             optional = type(None) in choices
             types[name] = (str | None if optional else str) if str in choices else kind
         return types
+
+    @property
+    def _usual_sensor(self) -> str:
+        """The sensor that is taken if none is named."""
+        from ehar.data.any_source import BUILT_IN_STREAMS  # imported here: too slow for `ehar --help`
+
+        return "estimator" if isinstance(self.data, str) and self.data in BUILT_IN_STREAMS else "perfect"
 
     @property
     def frames(self) -> int:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import tyro
 
-from ehar.conditions import Conditions
+from ehar.conditions import USUAL_SENSOR, Conditions
 from ehar.processes import cores
 
 REQUIRED = inspect.Parameter.empty
@@ -40,8 +40,10 @@ class Flag:
     hint: str | None = None
 
 
+OF_SENSOR = "perfect; our streams estimator"
 SHARED = {  # for every command with such a parameter
     "models": Flag(metavar="PATH", hint="those that ship"),
+    "sensor": Flag(hint=OF_SENSOR),
     "length": Flag("frames of an episode.", hint="60"),
     "fps": Flag(hint="the data's"),
     "recogniser": Flag("your own: file.py:Class, then --argument value.", hint="ours"),
@@ -185,7 +187,7 @@ class Command:
         if name == "workers":
             default = cores()
         hint = None
-        if flag.hint is not None and (default is None or default == ()):
+        if flag.hint is not None and default in (None, (), USUAL_SENSOR):
             hint = f"(default: {flag.hint})"
         elif flag.hint is not None and default is REQUIRED:
             hint = f"({flag.hint})"

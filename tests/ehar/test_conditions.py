@@ -10,6 +10,7 @@ from ehar.conditions import FORMS, REGIMES, Conditions
 from ehar.data.scenario import PARTS
 from ehar.errors import UsageError
 from ehar.sensors.estimator import EstimatorSensor
+from recognition.storage import SHIPPED, recogniser_path
 from tests.helpers.fakes import SKELETON, FakeRecogniser, tiny_data
 
 
@@ -100,3 +101,13 @@ def test_the_folder_of_weights_is_a_path_or_none() -> None:
 def test_data_may_be_an_object() -> None:
     data = tiny_data()
     assert Conditions(data=data).data is data
+
+
+def test_the_usual_sensor_is_the_one_whose_weights_ship(tmp_path: Path) -> None:
+    for data in ("duo", tiny_data(), tmp_path / "mine.npz"):
+        assert Conditions(data=data).sensor == "perfect"
+    for data in ("solo-stream", "duo-stream"):
+        told = Conditions(data=data)
+        assert told.sensor == "estimator" and "sensor" not in repr(told)
+        assert recogniser_path(SHIPPED / data, told).is_file()
+        assert Conditions(data=data, sensor="perfect").sensor == "perfect"

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from eval.cli.command import REQUIRED, Flag
+from eval.cli.command import OF_SENSOR, REQUIRED, Flag
 
 RUN = Flag(kind=Path, positional=True, metavar="RUN")  # folder of a finished run
 AS_RECORDED = {  # inputs of a finished run
@@ -11,7 +11,7 @@ AS_RECORDED = {  # inputs of a finished run
 }
 SEEN = ("data", "models", "sensor", "views", "seed", "length", "fps", "recogniser", "world")  # conditions of any run
 TRAINED = ("data", "sensor", "views", "length", "fps", "world")  # conditions of any training
-SENSED = {"sensor": Flag("perfect, estimator (noisy), or your own: file.py:Class.")}
+SENSED = {"sensor": Flag("perfect, estimator or file.py:Class.", hint=OF_SENSOR)}
 TRAINED_FROM = {  # flags of trainings for a recogniser
     **SENSED,
     "data": Flag(default=REQUIRED),
