@@ -371,6 +371,10 @@ runs/decided-kindergator-stream/table.md: runs/unknown-kindergator-stream/table.
 docs/figures/stream.gif: runs/watched-utkinect-px4-auto/table.md
 	$(EHAR) replay $(<D) typical --planners nbv front --since 8 --until 18 --out $@
 
+# The film of a join: an episode of Kinder-Gator in which one motion leads to the next from 17.1 to 17.8 s.
+docs/figures/join.gif: runs/unknown-kindergator-stream-0/table.md
+	$(EHAR) replay $(<D) 4 --planners no-act --since 15.6 --until 19.4 --slower 2 --out $@
+
 # Episodes of validation people, on which rules of when to answer are fitted.
 $(SETS:%=runs/fitting-%/table.md): runs/fitting-%/table.md: models/%/planners-estimator-moving
 	$(BENCHMARK) no-act nbv $(call data_of,$*) --sensor estimator --models models/$* --part validation --starts $(STARTS) \
