@@ -75,7 +75,7 @@ def bench(
         out: the file.
         effort: how much to measure.
         report: a report.html to open as well.
-        models: folder of a recogniser of solo-stream, to see how soon it lets go.
+        models: folder of a recogniser of solo-stream, to see how soon it lets go; None takes the one that ships.
 
     Returns:
         flops_ratio, time_ratio: the cost of the published form over an episode, evaluated on every prefix, divided by
@@ -102,7 +102,7 @@ def bench(
         stream_late_over_early_frame: the streaming recogniser's time for frame 18,000 of a stream divided by that for
             frame 60.
         recognised_s_after_30_frames, recognised_s_after_300_frames: how long after its onset an activity is recognised
-            behind so many frames of another [s]; only with models.
+            behind so many frames of another [s].
         letting_go_later_s: the second of these minus the first.
         report_interactive_s: from opening the report until its table is sorted and its replay has moved; only with a
             report.
@@ -110,7 +110,7 @@ def bench(
     """
     effort = effort or Effort()
     opened = {} if report is None else {"report_interactive_s": time_report(Path(report))}  # first: it may be missing
-    let_go = {} if models is None else letting_go(models, effort)
+    let_go = letting_go(models, effort)
     data, streams = load_data(DATA), load_recordings(STREAMS)
     assert isinstance(streams, StreamData)
     context = multiprocessing.get_context("spawn")
@@ -173,11 +173,6 @@ def bench_table(figures: dict[str, float]) -> Table:
 def _footnotes(figures: dict[str, float]) -> Iterator[str]:
     if not figures["shipped_weights"]:
         yield "The recogniser is untrained: no weights ship yet."
-    if "letting_go_later_s" not in figures:
-        yield (
-            f"How soon an activity is let go of takes a recogniser of streams: --models DIR, that of `ehar train "
-            f"recogniser --data {STREAMS} --sensor estimator --out DIR`."
-        )
 
 
 def _verdict(target: Target | None, figure: float) -> str:

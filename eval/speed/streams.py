@@ -105,7 +105,7 @@ def late_over_early(data: StreamData, effort: Effort) -> float:
     return float(late / early)
 
 
-def letting_go(models: str | Path, effort: Effort) -> dict[str, float]:
+def letting_go(models: str | Path | None, effort: Effort) -> dict[str, float]:
     """Return how long after its onset an activity is recognised behind 30, and behind 300 frames of another [s].
 
     It is the delay of the stream table: until the answer is right and stays right, and all that is shown of the
@@ -113,7 +113,7 @@ def letting_go(models: str | Path, effort: Effort) -> dict[str, float]:
     between as in stitched streams; the camera stays.
 
     Args:
-        models: folder of a recogniser of solo-stream.
+        models: folder of a recogniser of solo-stream; None takes the one that ships.
         effort: the number of dancers.
 
     Raises:

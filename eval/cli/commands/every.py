@@ -134,7 +134,7 @@ COMMANDS = CommandGroup(
             flags={
                 "out": Flag(".json to write.", default=REQUIRED),
                 "report": Flag("report.html to open too; takes chromium, and playwright from ehar[dev].", hint="none"),
-                "models": Flag("recogniser of solo-stream, to see how soon it lets go.", metavar="PATH", hint="none"),
+                "models": Flag("recogniser of solo-stream, to see how soon it lets go.", metavar="PATH", hint="ours"),
             },
         ),
     },

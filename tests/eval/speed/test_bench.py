@@ -101,6 +101,9 @@ def test_targets_are_bounds_from_their_side() -> None:
     assert not TARGETS["late_over_early_frame"].met(1.3)
 
 
+ZERO_OR_LESS = ("shipped_weights", "nbv_fallback_share", "letting_go_later_s")  # may be
+
+
 @pytest.mark.slow
 def test_every_figure_is_written_and_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("eval.speed.bench.time_report", {tmp_path / "report.html": 2.5}.__getitem__)
@@ -108,7 +111,9 @@ def test_every_figure_is_written_and_printed(tmp_path: Path, monkeypatch: pytest
     figures = bench(out, BRIEF, tmp_path / "report.html")
     assert figures["report_interactive_s"] == 2.5
     assert json.loads(out.read_text()) == figures
-    assert figures.keys() == TARGETS.keys() - {"letting_go_later_s"} | {
+    assert figures.keys() == TARGETS.keys() | {
+        "recognised_s_after_30_frames",
+        "recognised_s_after_300_frames",
         "flops_ratio_published_widths",
         "time_ratio_published_widths",
         "refresh_over_plain_frame",
@@ -117,7 +122,7 @@ def test_every_figure_is_written_and_printed(tmp_path: Path, monkeypatch: pytest
         *peak_figures(BRIEF, 1),
         "shipped_weights",
     }
-    assert all(figure > 0 for name, figure in figures.items() if name not in ("shipped_weights", "nbv_fallback_share"))
+    assert all(figure > 0 for name, figure in figures.items() if name not in ZERO_OR_LESS)
     printed = markdown(bench_table(figures))
     assert f"{WORKERS} processes" in printed
     assert all(name in printed for name in figures)
