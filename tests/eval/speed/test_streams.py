@@ -65,7 +65,7 @@ def test_flights_are_timed_with_the_weights_that_ship() -> None:
 
 
 def test_the_recogniser_that_ships_lets_go() -> None:
-    figures = letting_go(None, replace(BRIEF, dancers=3))
+    figures = letting_go(None, Effort())
     assert TARGETS["letting_go_later_s"].met(figures["letting_go_later_s"])
-    assert figures["recognised_s_after_300_frames"] < SHOWN / 60  # untrained, it takes all that is shown
     assert not TARGETS["letting_go_later_s"].met(0.31)
+    assert figures["recognised_s_after_300_frames"] < SHOWN / 120  # half of what is shown, which counts if it never is
