@@ -11,9 +11,11 @@ import pytest
 from ehar.data.streams.data import NO_ACTIVITY
 from eval.records.episodes import EpisodeRecords
 from eval.replays.choice import Chosen
+from eval.replays.data import MOST_BYTES as REPLAY_BYTES
 from eval.replays.data import replay_data
 from eval.reports.data import report_data
 from eval.reports.delays import class_delays
+from eval.reports.timelines import MOST_BYTES as TIMELINE_BYTES
 from eval.reports.timelines import UNKNOWN, facing_of, timelines
 from eval.running.run import Run, read_run
 from eval.scores.streams.alarms import delays
@@ -92,6 +94,11 @@ def test_timelines_of_a_large_run_are_those_of_its_first_episodes_and_of_those_w
     lines = timelines(report_data(run, CLASS_NAMES), [3], None)
     assert [line["episode"] for line in lines["episodes"]] == [0, 1, 3]
     assert lines["episodes"][0]["facing"] is None  # nobody knows without the data
+
+
+def test_the_largest_report_of_streams_is_below_15_mb(watched: tuple[Run, str]) -> None:
+    _, page = watched  # of a small run: next to all of it is the library that draws
+    assert len(page.encode()) + TIMELINE_BYTES + REPLAY_BYTES < 15_000_000
 
 
 def turned(angle: float) -> Any:
