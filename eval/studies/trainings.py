@@ -1,4 +1,4 @@
-"""Several trainings of recogniser and gain field in one table: the same episodes and conditions, other weights."""
+"""Runs of several trainings taken together as one run: the same episodes and conditions, other weights."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -42,8 +42,8 @@ class Trainings:
 
     def tables(self) -> list[Table]:
         """Return the table of the trainings; of streams, also how soon activities are recognised."""
-        _, *of_streams = self.run.tables() if self.run.of_streams else [None]
-        return [trainings_table(self), *of_streams[-1:]]
+        own = [trainings_table(self)]
+        return [*own, self.run.tables()[-1]] if self.run.of_streams else own
 
     def __repr__(self) -> str:
         """Return one line: the runs, and the number of planners."""
