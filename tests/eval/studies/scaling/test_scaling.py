@@ -162,7 +162,7 @@ def test_the_commands_of_make_results_are_found() -> None:
     told = subprocess.run(["make", "-n", "-B", "pages"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     found = read_commands(told)
     assert len(found) == told.count("bin/ehar ") + 2 * 4 + 1 + 2, "two loops over five words, one over two, and three"
-    assert {one.kind.partition(" ")[0] for one in found} == {"data", "train", "benchmark", "study"}
+    assert {one.kind.partition(" ")[0] for one in found} == {"data", "train", "benchmark", "study", "compare"}
     assert sum(map(len, needs_of(found).values())) > len(found)
     rules = (ROOT / "Makefile").read_text()
     assert "\nresults: left\n\t@$(MAKE) --no-print-directory pages\n" in rules
