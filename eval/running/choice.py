@@ -11,7 +11,7 @@ from ehar.data.recordings import Recordings
 from ehar.errors import ModelError, UsageError
 from ehar.localisation import Localisation
 from ehar.planner import Planner
-from eval.scores.resampling.training_seeds import group_planners, record_name, split_record_name
+from eval.scores.resampling.training_seeds import SHARED, group_planners, is_shared, record_name, split_record_name
 from planners.own_planner import Origin, check_planner_contract
 from planners.registry import (
     check_spec,
@@ -274,7 +274,8 @@ def make_planners(
     """Return planners, made from their names where needed; a learned planner gives each of its trainings in `place`.
 
     Raises:
-        UsageError: one cannot be made, there are none, or two share a name.
+        UsageError: one cannot be made, there are none, two share a name, or a name ends as those of runs of several
+            trainings do.
         ModelError: an agent or a fixed place is missing, or belongs to another data set or recogniser.
         DataError: a planner is named both with and without a training seed.
     """
@@ -286,6 +287,11 @@ def make_planners(
     twice = sorted({name for name in names if names.count(name) > 1})
     if not names or twice:
         raise UsageError(f"planners: expected each once, got {twice[0]!r} twice" if twice else "planners: got none")
+    for name in filter(is_shared, names):
+        raise UsageError(
+            f"planner {name!r}: expected a name that does not end in {SHARED} and a number, which stand for a training "
+            "of what all planners share"
+        )
     group_planners(names)  # raises an error now if no summary could be made later
     origins = {planner.name: origin for planner, origin in made if origin is not None}
     return Choice([planner for planner, _ in made], origins)

@@ -33,7 +33,7 @@ class PlannerGroup:
         seeds: G training seeds in ascending order; empty for a planner whose name has none.
         records: its record names, in the order of the seeds.
         rows: indices of its record names among all M.
-        shared: whether the trainings are those of what all planners share.
+        shared: whether they are several trainings of what all planners share.
     """
 
     name: str
@@ -57,6 +57,12 @@ def split_record_name(name: str) -> tuple[str, int | None]:
     """Return a planner's name and training seed; the seed is None if the name has none."""
     match = _RECORD_NAME.fullmatch(name)
     return (name, None) if match is None else (match[1], int(match[3]))
+
+
+def is_shared(name: str) -> bool:
+    """Return whether a record name is one of `shared_record_name`."""
+    match = _RECORD_NAME.fullmatch(name)
+    return match is not None and match[2] == SHARED
 
 
 def shared_trainings(names: Iterable[str]) -> int:
@@ -87,7 +93,7 @@ def group_planners(names: Iterable[str]) -> tuple[PlannerGroup, ...]:
                 seeds=tuple(sorted(seeds)),
                 records=tuple(record for _, record, _ in ordered),
                 rows=tuple(row for _, _, row in ordered),
-                shared=SHARED in ordered[0][1].removeprefix(name),
+                shared=len(ordered) > 1 and is_shared(ordered[0][1]),
             )
         )
     return tuple(groups)

@@ -253,6 +253,15 @@ def test_instances_run_as_they_are(tmp_path: Path) -> None:
     assert origins == {"il-ppo": Origin(f"{__name__}.Mine")}
 
 
+def test_a_name_that_stands_for_a_shared_training_is_refused() -> None:
+    mine = Mine()
+    mine.name = "mine@2"
+    with pytest.raises(UsageError, match=r"^planner 'mine@2': expected a name that does not end in @ and a number"):
+        make_planners([mine, "no-act"])
+    mine.name = "mine@2 m"
+    assert make_planners([mine])[0][0] is mine
+
+
 def test_learned_planners_without_a_place_are_refused() -> None:
     with pytest.raises(UsageError, match="planner 'il': expected a trained agent, got none"):
         make_planners(["no-act", "il"])

@@ -166,6 +166,7 @@ def test_trainings_that_planners_share_are_drawn_together() -> None:
     assert (no_act.shared, nbv.name, nbv.seeds) == (True, "nbv", (0, 1, 2))
     np.testing.assert_array_equal(seed_counts(no_act, resamples), seed_counts(nbv, resamples))
     np.testing.assert_allclose(seed_counts(nbv, resamples)[:4000].var(axis=0), 2 / 3, atol=0.05)
+    assert shared_trainings(["nbv@0", "no-act"]) == 0  # a single one is not drawn
     # A planner's own seeds are drawn by themselves, and not where trainings are drawn alone.
     (il,) = group_planners(["il/0", "il/1", "il/2"])
     own = seed_counts(il, resamples)
