@@ -249,7 +249,7 @@ streams/$(1)-$(2).npz: $(filter streams/%,$(call whole,$(1))) | setup
 endef
 $(foreach set,$(RECORDED) kindergator-stream,$(foreach number,$(NUMBERS),$(eval $(call fold_of,$(set),$(number)))))
 
-# Activities of kindergator last 5 s: its recognisers learn on windows of 8 s. They know too little for planners to look by.
+# Activities of kindergator last 5 s: its recognisers learn on windows of 8 s. No planner of ours looks at it in streams.
 $(FOLDS:%=$(STREAM_RECOGNISER)) $(KINDERGATOR:%=$(STREAM_RECOGNISER)): $(STREAM_RECOGNISER): streams/%.npz
 	$(EHAR) train recogniser --data $< $(call rate,$*) $(if $(filter kindergator-%,$*),--length 80) --sensor estimator --out $(@D)
 
@@ -538,7 +538,7 @@ DECIDED := $(foreach words,recogniser belief,$(SYNTHETIC:%=$(words)-%)) $(RECORD
 docs/results/deciding-streams.md: $(DECIDED:%=runs/decided-%/table.md)
 	cp runs/decided-recogniser-solo-stream/deciding.png docs/results/deciding-stream.png
 	cp runs/decided-belief-solo-stream/deciding.png docs/results/deciding-stream-believed.png
-	$(call page,$@,When to answer in streams,ehar study decide runs/answers-solo-stream --fitted-on runs/taught-solo-stream,$^)
+	$(call page,$@,When to answer in streams,ehar study decide runs/answers-recogniser-solo-stream --fitted-on runs/taught-recogniser-solo-stream,$^)
 
 docs/results/headroom.md: $(SETS:%=runs/headroom-%/table.md)
 	$(call page,$@,What there is to win,ehar study headroom $(sbu) --sensor estimator --models models/sbu,$^)

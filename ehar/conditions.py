@@ -30,7 +30,8 @@ REGIMES = ("moving", "paper", "recorded")  # views that a recogniser is trained 
 class Conditions:
     """The conditions of a run; every part of the run receives all of them.
 
-    In place of a name, a field may hold your own object.
+    In place of a name, a field may hold your own object. The usual sensor is perfect; of the built-in streams it is the
+    estimator, for which their weights ship. It is told by its own name once the conditions are made.
 
     Args:
         data: duo, solo, or a prepared .npz.

@@ -39,7 +39,7 @@ def shown(
         workspace: the bounds by which viewpoints are scaled.
         camera: the camera by whose image joints are scaled.
         time: time since the first frame, which a stream shows [s].
-        obstacles: what stands there; None if nothing does.
+        obstacles: what stands there; none are shown if there are none.
         centre: (B, 3) how far people's centre has moved since the first frame [m]; None if it stays.
 
     Returns:
