@@ -11,7 +11,7 @@ from ehar.sensors.perfect import PerfectSensor
 from eval.speed.effort import Effort
 from eval.speed.flops import count_flops
 from eval.speed.recognition import first_frames, streaming_recogniser
-from recognition.training.learner import has_bfloat16
+from recognition.training.arithmetic import has_bfloat16
 
 
 def peak_figures(effort: Effort, threads: int) -> dict[str, float]:

@@ -20,6 +20,7 @@ from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.sizes import Size
 from recognition.networks.spec import Network, build_network
 from recognition.published.clips import Stream, published_clip
+from recognition.training.arithmetic import quick_products
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.training.optimisers import PUBLISHED_EPOCHS, PUBLISHED_MOMENTUM, PUBLISHED_RATE, PUBLISHED_WARM_UP
 
@@ -171,7 +172,8 @@ class _Training:
         """Make one step and return its loss: the mean over frames, if the form gives an answer at each."""
         clips = [published_clip(self.data.sequence(i), self.run.stream, self.parents, rng) for i in sequences]
         labels = torch.from_numpy(self.data.labels[sequences].astype(np.int64)).to(self.device)
-        logits = self._logits(torch.from_numpy(np.stack(clips)))
+        with quick_products(self.device):
+            logits = self._logits(torch.from_numpy(np.stack(clips))).float()
         loss = functional.cross_entropy(logits.flatten(0, 1), labels.repeat_interleave(logits.shape[1]))
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]

@@ -12,6 +12,7 @@ from torch.optim.swa_utils import AveragedModel
 from ehar.arrays import FloatArray
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network
+from recognition.training.arithmetic import quick_products
 from recognition.training.clips import Clips
 from recognition.training.config import Optimiser
 from recognition.training.optimisers import make_optimiser, published_rate
@@ -89,7 +90,7 @@ class Learner:
     def _loss(self, clips: Clips, rng: np.random.Generator) -> Tensor:
         """Return the mean cross-entropy over clips and frames; for the published form, over clips at one prefix."""
         seen, labels = clips.features.to(self.device), clips.labels.to(self.device)
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=has_bfloat16(self.device)):
+        with quick_products(self.device):
             if isinstance(self.network, CausalCTRGCN):
                 logits = self.network(seen).flatten(0, 1)
                 labels = clips.frame_labels.flatten().to(self.device)
@@ -144,11 +145,3 @@ def _towards_late(average: Tensor, present: Tensor, averaged: Tensor | int) -> T
     if not average.is_floating_point():  # a counter of batches
         return present
     return average + share * (present - average)
-
-
-def has_bfloat16(device: torch.device) -> bool:
-    """Return whether products of bfloat16 are fast on a device; on such a processor training takes two thirds."""
-    if device.type == "cuda":
-        return bool(torch.cuda.is_bf16_supported())
-    able = torch.cpu.get_capabilities()
-    return bool(able.get("avx512_bf16") or able.get("amx_bf16"))

@@ -27,11 +27,12 @@ from recognition.networks.spec import Network, NetworkSpec
 from recognition.setting import load_recordings_of, with_length
 from recognition.storage import load_weights, recogniser_path, save_recogniser
 from recognition.torch_threads import one_torch_thread
+from recognition.training.arithmetic import has_bfloat16
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.training.clips import ClipSource
 from recognition.training.config import TrainingConfig
 from recognition.training.frame_weights import frame_weights
-from recognition.training.learner import Learner, has_bfloat16
+from recognition.training.learner import Learner
 from recognition.training.stopping import (
     Evaluation,
     Outcome,

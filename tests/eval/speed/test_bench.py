@@ -14,7 +14,7 @@ from eval.speed.planning import time_ruckig, time_solves
 from eval.speed.recognition import compare_forms, frame_ratios, time_training, time_world
 from recognition.networks.sizes import SMALL_WIDTHS
 from recognition.training import trainer
-from recognition.training.learner import has_bfloat16
+from recognition.training.arithmetic import has_bfloat16
 from tests.helpers.fakes import tiny_data
 
 BRIEF = Effort(
