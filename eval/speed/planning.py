@@ -95,7 +95,8 @@ def measure_solves(
         state, previous = (start, np.zeros(3), np.zeros(3)), None
         field = rng.normal(size=BASIS_SIZE)
         for _ in range(plans):
-            task = TrajectoryTask(*state, field, gain_weights, EFFORT_WEIGHT, node_time, limits, PAPER.workspace)
+            weights = np.tile(field, (horizon, 1))
+            task = TrajectoryTask(*state, weights, gain_weights, EFFORT_WEIGHT, node_time, limits, PAPER.workspace)
             previous = solver.solve_best(task, PAPER.sample_starts(rng, 16), previous, node_time)
             position, velocity, acceleration, _ = previous.trajectory
             state = (position[1], velocity[1], acceleration[1])

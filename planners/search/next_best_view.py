@@ -20,7 +20,7 @@ from planners.search.view_search import search_ways
 from planners.value.model import FULL, GainModel
 from planners.value.situation import frames_to_come
 from planners.value.view_basis import DistanceRange
-from planners.value.view_value import ViewValue, node_gains
+from planners.value.view_value import ViewValue
 
 GRID_LOOKAHEAD = 8  # frames: on the grid the target is a point of the plan this far ahead
 SEEDS = 1  # goals that a plan is started from, beside the previous plan
@@ -34,12 +34,12 @@ FLIGHT_HORIZON = (4.0, 6.0)  # [s]; a vehicle that has to stop sooner hardly get
 class NextBestView(Planner):
     """Plan a smooth trajectory that collects the gain field, follow it for a while, and plan anew.
 
-    The field depends on the present belief. A plan assumes that the field does not change over the horizon; the next
-    plan makes up for that. Without a valid plan the camera holds its viewpoint, and the plan is counted as a fallback.
+    The field depends on the belief, and at each node on what is expected of its time: in a stream activities end, and
+    others follow. Without a valid plan the camera holds its viewpoint, and the plan is counted as a fallback.
 
     Args:
         model: trained gain fields and belief.
-        horizon: number of nodes of a plan. The last node also stands for the rest of the episode. Nodes after the end
+        horizon: number of nodes of a plan. The last node also stands for the time after it. Nodes after the end
             of the episode count for nothing. 15 nodes reach to the end of the episode.
         effort_weight: cost of a trajectory at the limits of jerk, in gained probability.
         energy_weight: cost of the energy of hovering through the horizon, in gained probability; in flight only.
@@ -153,8 +153,7 @@ class NextBestView(Planner):
         """Plan for every episode and return the targets of the next frames (B, replan, 3), or paths (B, F, 3, 3)."""
         context, elapsed = self._context, self.replan * self._context.frame_time
         node_time = self._node_frames * context.frame_time
-        weights = self._value.weights
-        gains = node_gains(self._value.gains, self._nodes, self._node_frames)
+        _, gains, weights = self._value.coming(self._nodes, self._node_frames)
         ways, collected = search_ways(self._value, observation, context)
         goals = ways.goals
         order = np.argsort(-collected, axis=1)[:, :SEEDS]

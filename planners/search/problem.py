@@ -40,7 +40,7 @@ class TrajectoryProblem:
 
     `nlp` is the argument of `casadi.nlpsol`, in the order that fatrop asks for. The variables are x_0, u_0, x_1, ...
     x_H. The constraints of a stage begin with the gap to the next node. `equality` marks the constraints that are
-    equations. `quick_hessian` is about the Lagrangian's, as fatrop takes it; there is one of flights alone.
+    equations. `quick_hessian` is the Lagrangian's on the grid, and about it in flight, as fatrop takes it.
     """
 
     def __init__(
@@ -64,7 +64,8 @@ class TrajectoryProblem:
         self.horizon, self.span, self.flown, self.scene, self.body = horizon, span, flown, scene, body
         around, keep = None if scene is None else SceneSymbols(scene), kept_clear(flown=flown)
         self._unit = unit = np.array([span.half, 1.0, 1.0])  # of a position: [m], [rad], [rad]
-        start, weights, gains = ca.SX.sym("start", STATE), ca.SX.sym("weights", BASIS_SIZE), ca.SX.sym("gains", horizon)
+        start, gains = ca.SX.sym("start", STATE), ca.SX.sym("gains", horizon)
+        weights = ca.SX.sym("weights", BASIS_SIZE, horizon)
         effort, spread, time = ca.SX.sym("effort"), ca.SX.sym("spread"), ca.SX.sym("node_time")
         units = [ca.SX.sym(name, 3) for name in ("velocity", "acceleration", "jerk")]
         vehicle = ca.SX.sym("vehicle", len(VEHICLE_LIMITS) if flown else 0)
@@ -92,7 +93,7 @@ class TrajectoryProblem:
                 equality += [True] * STATE
             else:
                 distance, azimuth, polar = ca.vertsplit(state[:3] * unit)
-                value = ca.dot(weights, ca.vertcat(*view_basis(distance, azimuth, polar, span, ca)))
+                value = ca.dot(weights[:, node - 1], ca.vertcat(*view_basis(distance, azimuth, polar, span, ca)))
                 if around is not None:
                     camera = distance * _direction(state)
                     value *= around.seen(camera, node * time)
@@ -117,13 +118,13 @@ class TrajectoryProblem:
         cost += spread * ca.sumsqr(states[-1][9:] + gains[-1] * _direction(states[-1]))
         constraints.append(states[-1][3:9])  # at rest: the camera can stay there, so the next plan exists
         equality += [True] * 6
-        parameters = ca.vertcat(start, weights, gains, effort, spread, time, *units, vehicle)
+        parameters = ca.vertcat(start, ca.vec(weights), gains, effort, spread, time, *units, vehicle)
         if around is not None:
             parameters = ca.vertcat(parameters, around.numbers)
         if body is not None:
             parameters = ca.vertcat(parameters, *prices)
         self.nlp = {"x": ca.vertcat(*variables), "f": cost, "g": ca.vertcat(*constraints), "p": parameters}
-        self.quick_hessian = _hessian(self.nlp, bent, still) if flown else None
+        self.quick_hessian = _hessian(self.nlp, bent, still)
         self.equality: list[bool] = equality
         self._cost = ca.Function("cost", [self.nlp["x"], self.nlp["p"]], [self.nlp["f"]])
         self._constraints = ca.Function("constraints", [self.nlp["x"], self.nlp["p"]], [self.nlp["g"]])
@@ -160,7 +161,7 @@ class TrajectoryProblem:
         parameters = np.concatenate(
             [
                 start,
-                task.field_weights / task.stake,  # so that a solver's tolerance means the same for every field
+                task.field_weights.ravel() / task.stake,  # so that a solver's tolerance means the same for every field
                 task.gain_weights,
                 [task.effort_weight / task.stake, task.spread_weight / task.stake, task.node_time],
                 limits.velocity,
@@ -268,7 +269,7 @@ def _direction(state: Any) -> Any:
 
 
 def _hessian(nlp: dict[str, Any], bent: dict[int, Any], still: Any) -> Any:
-    """Return a function of the Lagrangian's gradient and of about its Hessian.
+    """Return a function of the Lagrangian's gradient and of about its Hessian; what is in it twice is computed once.
 
     Args:
         nlp: the problem: x, f, g and p.
@@ -284,7 +285,7 @@ def _hessian(nlp: dict[str, Any], bent: dict[int, Any], still: Any) -> Any:
     return ca.Function(
         "nlp_hess_l",
         [variables, nlp["p"], multiplier, multipliers],
-        [ca.gradient(lagrangian, variables), hessian],
+        ca.cse([ca.gradient(lagrangian, variables), hessian]),
         ["x", "p", "lam_f", "lam_g"],
         ["grad_gamma_x", "hess_gamma_x_x"],
     )

@@ -23,6 +23,7 @@ from planners.value.view_basis import PAPER_RANGE, DistanceRange
 
 TOLERANCE = 1e-6  # on every constraint, in units of its limit (positions: half the range of distances and 1 rad)
 OPTIMALITY = 1e-4  # in units of the stake; a tenth of this takes 1.5 times as long and gains 0.02 %
+FIRST_BARRIER = 1e-4  # fatrop's; guesses are good, so a solve may begin near the end, with half of the iterations
 BACK_OFF = (1.0, 0.998, 0.98, 0.9, 0.7, 0.4, 0.0)  # shares of a capped solve's step that are tried in turn
 ITERATIONS = 100  # limit of a solve that is not capped
 QUICK_ITERATIONS = 50  # and of one with the quick Hessian: 99 % of solo-stream's took at most 26
@@ -92,7 +93,7 @@ class TrajectorySolver:
         scene: SceneSize | None = None,
         body: Multicopter | None = None,
     ) -> None:
-        """Build the problem and its solvers, which takes about 0.1 s.
+        """Build the problem and its solvers, which takes about 0.3 s, and a second where something is in the way.
 
         Args:
             horizon: number H of nodes after the present one.
@@ -110,10 +111,11 @@ class TrajectorySolver:
         self._problem = TrajectoryProblem(horizon, span, flown=flown, scene=scene, body=body)
         self._seeds = seeds
         self._capped = max_iterations is not None
-        self._solvers = [self._build(solver, max_iterations or ITERATIONS)]
-        if solver == "fatrop" and flown:
-            quick = self._build(solver, max_iterations or QUICK_ITERATIONS, quick=True)
-            self._solvers = [quick] if self._capped else [quick, *self._solvers]
+        quick = solver == "fatrop"
+        iterations = max_iterations or (QUICK_ITERATIONS if flown else ITERATIONS)
+        self._solvers = [self._build(solver, iterations, quick=quick)]
+        if quick and flown and not self._capped:
+            self._solvers.append(self._build(solver, ITERATIONS))
         falls_back = solver == "fatrop" and not self._capped
         self._fallback = self._build("ipopt", ITERATIONS) if falls_back else None
 
@@ -147,7 +149,7 @@ class TrajectorySolver:
         """Return the best solution from several guesses, and count it; a task without a solution needs no guesses."""
         begin = time.perf_counter()
         best = None
-        if not np.isfinite([*task.field_weights, *task.gain_weights]).all():
+        if not (np.isfinite(task.field_weights).all() and np.isfinite(task.gain_weights).all()):
             status = SolveStatus.NAN_FIELD
         else:
             status = SolveStatus.INFEASIBLE
@@ -242,6 +244,7 @@ class TrajectorySolver:
             options |= {"structure_detection": "auto", "equality": self._problem.equality}
             options["cache"] = {"nlp_hess_l": self._problem.quick_hessian} if quick else {}
             options[solver] |= {"print_level": 0, "tolerance": OPTIMALITY, "constr_viol_tol": TOLERANCE / 10}
+            options[solver]["mu_init"] = FIRST_BARRIER
         else:
             options[solver] |= {"print_level": 0, "sb": "yes", "tol": OPTIMALITY, "constr_viol_tol": TOLERANCE / 10}
         return ca.nlpsol("trajectory", solver, self._problem.nlp, options)

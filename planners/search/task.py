@@ -78,7 +78,7 @@ class TrajectoryTask:
         position: (3,) the camera's viewpoint at node 0: distance [m], azimuth [rad], polar angle [rad].
         velocity: (3,) the velocity at node 0.
         acceleration: (3,) the acceleration at node 0.
-        field_weights: (21,) the weights of the gain field, see `view_basis`.
+        field_weights: (H, 21) the weights of the gain field at nodes 1 to H, see `view_basis`.
         gain_weights: (H,) the weight of the field at nodes 1 to H; the last may carry the time after the horizon.
         effort_weight: cost of a mean squared jerk of one axis at its limit, in the unit of the objective.
         node_time: time from one node to the next [s].
@@ -111,11 +111,14 @@ class TrajectoryTask:
 
     def __post_init__(self) -> None:
         """Check shapes and signs; the solver reports values that are not finite."""
-        for name, size in (("position", 3), ("velocity", 3), ("acceleration", 3), ("field_weights", BASIS_SIZE)):
-            if np.shape(getattr(self, name)) != (size,):
-                raise UsageError(f"trajectory task: expected {size} values of {name}, got {getattr(self, name)}")
+        for name in ("position", "velocity", "acceleration"):
+            if np.shape(getattr(self, name)) != (3,):
+                raise UsageError(f"trajectory task: expected 3 values of {name}, got {getattr(self, name)}")
         if np.ndim(self.gain_weights) != 1:
             raise UsageError(f"trajectory task: expected gain weights (H,), got shape {np.shape(self.gain_weights)}")
+        if np.shape(self.field_weights) != (self.horizon, BASIS_SIZE):
+            got = np.shape(self.field_weights)
+            raise UsageError(f"trajectory task: expected field weights ({self.horizon}, {BASIS_SIZE}), got shape {got}")
         if not (self.node_time > 0 and self.effort_weight >= 0 and self.spread_weight >= 0):
             raise UsageError(
                 "trajectory task: expected a node time > 0 and weights of effort and spread >= 0, "
@@ -140,13 +143,13 @@ class TrajectoryTask:
     @property
     def stake(self) -> float:
         """The size of the possible gain or cost, in the unit of the objective; 1 if there is none."""
-        gain = np.linalg.norm(self.field_weights[1:]) * np.abs(self.gain_weights).sum()
+        gain = np.abs(self.gain_weights) @ np.linalg.norm(self.field_weights[:, 1:], axis=1)
         return float(max(gain, self.effort_weight, self.spread_weight, *self.flight_weights)) or 1.0
 
     def objective(self, trajectory: Trajectory) -> FloatArray:
         """Return the gain of trajectories in the open less their cost, () or (G,); more is better.
 
-        sum_h gain_weights[h] field(position[h]) - effort_weight mean_h sum_axes (jerk / limit)^2
+        sum_h gain_weights[h] field_h(position[h]) - effort_weight mean_h sum_axes (jerk / limit)^2
         - spread_weight |sum_h gain_weights[h] direction(position[h])|^2
         - mean_h flight_weights . flight_shares[h]
         """

@@ -10,8 +10,8 @@ from ehar.viewpoint import MOVES, cartesian
 from planners.heading import axis_speeds, heading
 from planners.search.ways import Ways, free_spaces
 from planners.value.model import GainModel
-from planners.value.view_basis import BASIS_SIZE, basis_at, mean_direction
-from planners.value.view_value import ViewValue, coarse_grid, node_gains
+from planners.value.view_basis import basis_at, mean_direction
+from planners.value.view_value import ViewValue, coarse_grid
 
 WAY_POINTS = 15  # nodes along a straight way, over the rest of the episode
 LEAST_FRAMES = 1e-9  # takes the place of 0, because we divide by it
@@ -122,19 +122,17 @@ def search_ways(value: ViewValue, observation: Observation, context: Context) ->
     grid = coarse_grid(context.workspace)
     goals = np.concatenate([here[:, None], np.broadcast_to(grid, (len(here), *grid.shape))], axis=1)
     ways = Ways.to(goals, here, free_spaces(context, observation))
-    node_frames = -(-len(value.gains) // WAY_POINTS)
-    gains = node_gains(value.gains, WAY_POINTS, node_frames)
+    node_frames, gains, weights = value.coming(WAY_POINTS)
     needed, ramp = _frames_needed(ways.straight, here, context)
     needed = needed * ways.longer
-    along, looking = np.zeros((*goals.shape[:2], BASIS_SIZE)), np.zeros(goals.shape)
+    collected, looking = np.zeros(goals.shape[:2]), np.zeros(goals.shape)
     for node in np.flatnonzero(gains).tolist():
         frames = (node + 1) * node_frames
         there = ways.at(share_made(frames, needed, ramp))
         seen = value.seen(there, frames * context.frame_time)
         basis = basis_at(there, value.span)
-        along += gains[node] * seen[..., None] * basis
+        collected += gains[node] * seen * np.einsum("bgk,bk->bg", basis, weights[:, node])
         looking += gains[node] * mean_direction(basis)  # seen or not: or else hidden views would be those that spread
-    collected: FloatArray = np.einsum("bgk,bk->bg", along, value.weights)
     collected -= value.field.spread * (looking**2).sum(axis=-1)
     return ways, collected
 

@@ -105,7 +105,7 @@ def stream_situations(
         lookahead: time over which the shares of activities are expected [s].
     """
     episode, frame = collection.episode, collection.frame
-    shares = coming_shares(belief, fps=fps, frames=frames_ahead(1 / fps, lookahead))
+    shares = coming_shares(belief, fps=fps, ends=[frames_ahead(1 / fps, lookahead)])[0]
     expected = read_streams(belief, collection.log_probs, collection.viewpoints, fps=fps, shares=shares)
     seen, keep = basis_at(collection.viewpoints, belief.span), float(np.exp(-1 / (fps * memory)))
     for late in range(1, seen.shape[1]):

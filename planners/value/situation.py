@@ -1,5 +1,6 @@
 """The situation in an episode, as numbers: the belief, the place of people, and the views so far."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,10 +123,9 @@ class Tracker:
         self._span = DistanceRange.of(context.world.workspace)
         self._belief: Belief | StreamBelief
         if isinstance(self._model, StreamBeliefModel):
-            fps = 1 / context.frame_time
-            self._belief = StreamBelief(self._model, fps=fps)
+            self._belief = StreamBelief(self._model, fps=1 / context.frame_time)
             self._belief.start(context.episodes)
-            self._shares = coming_shares(self._model, fps=fps, frames=frames_ahead(context.frame_time, self._lookahead))
+            self._shares: dict[tuple[int, ...], FloatArray] = {}
         else:
             self._belief = Belief(self._model)
             self._belief.start(context.episodes, len(context.class_names))
@@ -145,15 +145,26 @@ class Tracker:
         self._seen = self._keep * self._seen + basis_at(observation.viewpoint, self._span)
         self.observation = observation
 
+    def beliefs(self, ends: Sequence[int]) -> FloatArray:
+        """Return what is believed of each part of the time to come, (E, B, K) or (E, B, K + 1), see `Situation.belief`.
+
+        In a clip it is the same for all. In a stream activities end, and others follow.
+
+        Args:
+            ends: the last frame of each part, counted from 1 and rising.
+        """
+        if not isinstance(self._belief, StreamBelief):
+            return np.repeat(np.exp(self._belief.log_probs)[None], len(ends), axis=0)
+        parts = tuple(ends)
+        if parts not in self._shares:
+            self._shares[parts] = coming_shares(self._belief.model, fps=1 / self.context.frame_time, ends=parts)
+        return self._belief.expected(self._shares[parts])
+
     @property
     def situation(self) -> Situation:
         """The situation after the last frame."""
         observation = self.observation
-        believed = (
-            self._belief.expected(self._shares)
-            if isinstance(self._belief, StreamBelief)
-            else np.exp(self._belief.log_probs)
-        )
+        (believed,) = self.beliefs([frames_ahead(self.context.frame_time, self._lookahead)])
         return Situation(
             ratio=None if observation.ratio is None else np.full(len(observation.viewpoint), observation.ratio),
             belief=believed,

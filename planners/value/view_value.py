@@ -1,5 +1,8 @@
 """The value of viewpoints at the present frame, from the tracked situation and the gain field."""
 
+from dataclasses import replace
+from typing import NamedTuple
+
 import numpy as np
 
 from ehar.arrays import FloatArray
@@ -13,6 +16,14 @@ from planners.value.situation import Situation, Tracker, coming_gains
 from planners.value.view_basis import BASIS_SIZE, DistanceRange, basis_at
 
 GRID = (4, 16, 6)  # distances, azimuths, polar angles of a coarse grid over the workspace
+
+
+class NodeValues(NamedTuple):
+    """What views are worth at H nodes to come, in B episodes."""
+
+    node_frames: int  # from one node to the next
+    gains: FloatArray  # (H,) the weight of the view at each node, they sum to 1
+    weights: FloatArray  # (B, H, 21) the field's weights for each
 
 
 class ViewValue:
@@ -51,10 +62,28 @@ class ViewValue:
         self.obstacles = known_obstacles(self._tracker.context, observation)
         self._hides = bool(self.obstacles) or self._tracker.context.world.passers_by > 0
 
-    @property
-    def gains(self) -> FloatArray:
-        """The weight of the view in each frame to come, (R,); the weights sum to 1."""
-        return coming_gains(self._tracker.observation, self._tracker.context, self._memory)
+    def coming(self, nodes: int, node_frames: int | None = None) -> "NodeValues":
+        """Return what views are worth at nodes to come.
+
+        Node h stands for the frames up to its own, and the last one for all frames after it as well. The belief of a
+        node is what is expected of its own frames: activities end, and others follow.
+
+        Args:
+            nodes: number H of nodes.
+            node_frames: frames from one node to the next; by default so many that they reach as far as planners look.
+        """
+        context, observation = self._tracker.context, self._tracker.observation
+        gains = coming_gains(observation, context, self._memory)
+        if node_frames is None:
+            node_frames = -(-len(gains) // nodes)
+        weights = np.repeat(self.weights[:, None], nodes, axis=1)
+        if observation.length is None:
+            ends = np.minimum(np.arange(1, nodes + 1) * node_frames, len(gains))
+            ends[-1] = len(gains)
+            parts, of_node = np.unique(ends, return_inverse=True)
+            expected = [replace(self.situation, belief=each) for each in self._tracker.beliefs(parts.tolist())]
+            weights = np.stack([self._clear(self.field.weights(each)) for each in expected], axis=1)[:, of_node]
+        return NodeValues(node_frames, node_gains(gains, nodes, node_frames), weights)
 
     @property
     def situation(self) -> Situation:
@@ -68,7 +97,10 @@ class ViewValue:
         Where something is in the way the field's least value over the workspace is 0, so that it can be multiplied by
         `seen`: what is not seen tells as little as the worst view. Elsewhere only differences between views count.
         """
-        weights = self.field.weights(self.situation)
+        return self._clear(self.field.weights(self.situation))
+
+    def _clear(self, weights: FloatArray) -> FloatArray:
+        """Return weights (B, 21) of fields that can be multiplied by `seen`."""
         if self._hides:
             weights = weights - (self._everywhere @ weights.T).min(axis=0)[:, None] * (np.arange(BASIS_SIZE) == 0)
         return weights

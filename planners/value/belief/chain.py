@@ -1,5 +1,7 @@
 """A Markov chain of activities that last and follow each other: its states, a frame later, and what is to come."""
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -74,8 +76,8 @@ def transition_matrix(model: StreamBeliefModel, seconds: float) -> FloatArray:
     return np.concatenate([part.reshape(len(each), -1) for part in later], axis=1)
 
 
-def coming_shares(model: StreamBeliefModel, *, fps: float, frames: int) -> FloatArray:
-    """Return the share of the next frames that is expected to show each class, from each state, (S, K + 1).
+def coming_shares(model: StreamBeliefModel, *, fps: float, ends: Sequence[int]) -> FloatArray:
+    """Return the share of frames to come that is expected to show each class, from each state, (E, S, K + 1).
 
     Nothing is seen of them yet: the present activity goes on for as long as such ones last, and then comes what
     follows it. States are those of `transition_matrix`.
@@ -83,12 +85,14 @@ def coming_shares(model: StreamBeliefModel, *, fps: float, frames: int) -> Float
     Args:
         model: the parameters.
         fps: frames per second.
-        frames: number of frames to come.
+        ends: the last frame of each part of the time to come, counted from 1 and rising; a part begins where the one
+            before it ends.
     """
     step = transition_matrix(model, 1 / fps)
     later = np.eye(model.classes + 1)[classes_of_states(model)]
-    total = np.zeros_like(later)
-    for _ in range(frames):
-        later = step @ later
-        total += later
-    return total / frames
+    shares = np.zeros((len(ends), *later.shape))
+    for part, (begin, end) in enumerate(pairwise((0, *ends))):
+        for _ in range(begin, end):
+            later = step @ later
+            shares[part] += later / (end - begin)
+    return shares

@@ -82,7 +82,11 @@ class StreamBelief:
         return self._chain.classes
 
     def expected(self, shares: FloatArray) -> FloatArray:
-        """Return the expected share of each class in the frames to come, (B, K + 1); `shares` are `coming_shares`."""
+        """Return the expected share of each class in frames to come, (..., B, K + 1).
+
+        Args:
+            shares: (..., S, K + 1), as `coming_shares` has them.
+        """
         states = np.concatenate([part.reshape(len(part), -1) for part in self._chain], axis=1)
         expected: FloatArray = states @ shares
         return expected

@@ -300,7 +300,8 @@ def test_a_vehicle_flies_towards_the_best_view(make: Callable[..., Planner]) -> 
     before, after = (cells_off(viewpoints[:, frame], PEAK).max(axis=1) for frame in (0, -1))
     assert (after < 0.7 * before).all()
     if isinstance(planner, NextBestView):
-        assert (after < 6).all()
+        nearest = np.min([cells_off(viewpoints[:, frame], PEAK).max(axis=1) for frame in range(100)], axis=0)
+        assert (nearest < 4).all()  # the last views of a clip hardly count
         assert planner.statistics.fallbacks == 0
         assert planner.statistics.counts.total() == 2 * len(range(0, 99, planner.replan))
 

@@ -18,7 +18,7 @@ from planners.search.costs import ROUNDED_SPEED, FlightShares
 from planners.search.problem import REGULARISATION, STAGE, STATE, TrajectoryProblem
 from planners.search.scene import Scene
 from planners.search.task import NO_COST, Trajectory, TrajectoryLimits, TrajectoryTask
-from planners.value.view_basis import PAPER_RANGE
+from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE
 from tests.helpers.examples import share_of_examples
 from tests.helpers.trajectory_tasks import FLIGHT, GRID, VEHICLE, random_task
 
@@ -60,6 +60,7 @@ def moving_task(rng: np.random.Generator, **changes: object) -> TrajectoryTask:
     return random_task(
         rng,
         horizon=HORIZON,
+        field_weights=rng.normal(size=(HORIZON, BASIS_SIZE)),
         velocity=rng.uniform(-0.3, 0.3, 3),
         acceleration=rng.uniform(-0.3, 0.3, 3),
         **changes,
@@ -146,7 +147,7 @@ def test_the_cost_is_what_the_task_says_in_units_of_what_there_is_to_win(seed: i
     velocity, acceleration = rng.uniform(-1, 1, (2, HORIZON + 1, 3))
     trajectory = Trajectory(position, velocity, acceleration, jerk)
     numbers = problem.arguments(task, trajectory)
-    unit = task.effort_weight / numbers["p"][STATE + 21 + HORIZON]
+    unit = task.effort_weight / numbers["p"][STATE + (21 + 1) * HORIZON]
     regularisation = REGULARISATION * ((jerk / FLIGHT.jerk) ** 2).sum() / HORIZON
     # Node 0 of the guess is the present state, which no weight counts.
     cost = float(function(problem, "f")(numbers["x0"], numbers["p"])) - regularisation
@@ -264,6 +265,6 @@ def test_packing_is_undone_by_unpacking(seed: int) -> None:
 
 
 def test_another_horizon_is_refused() -> None:
-    task = random_task(np.random.default_rng(0), horizon=HORIZON)
+    task = random_task(np.random.default_rng(0), horizon=3)
     with pytest.raises(UsageError, match="expected 4 gain weights, got 3"):
-        FLOWN.arguments(replace(task, gain_weights=np.ones(3)), task.hold())
+        FLOWN.arguments(task, task.hold())

@@ -9,16 +9,17 @@ from ehar.errors import UsageError
 from ehar.world import PAPER
 from planners.search.costs import FlightShares
 from planners.search.task import Trajectory, grid_limits
-from planners.value.view_basis import PAPER_RANGE, field_value
+from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, field_value
 from tests.helpers.trajectory_tasks import FLIGHT, GRID, HORIZON, random_task
 
 
 def test_the_objective_weighs_the_field_at_the_nodes_against_the_jerk() -> None:
     rng = np.random.default_rng(0)
-    task = random_task(rng, gain_weights=np.arange(1.0, HORIZON + 1), effort_weight=0.7)
+    weights = rng.normal(size=(HORIZON, BASIS_SIZE))
+    task = random_task(rng, field_weights=weights, gain_weights=np.arange(1.0, HORIZON + 1), effort_weight=0.7)
     position, jerk = rng.uniform(1, 5, (HORIZON + 1, 3)), rng.normal(size=(HORIZON, 3))
     still = np.zeros((HORIZON + 1, 3))
-    gain = sum((node + 1) * field_value(task.field_weights, position[node + 1], PAPER_RANGE) for node in range(HORIZON))
+    gain = sum((node + 1) * field_value(weights[node], position[node + 1], PAPER_RANGE) for node in range(HORIZON))
     cost = 0.7 * sum(((jerk[node] / FLIGHT.jerk) ** 2).sum() for node in range(HORIZON)) / HORIZON
     assert task.objective(Trajectory(position, still, still, jerk)) == pytest.approx(gain - cost)
 
@@ -50,7 +51,7 @@ def test_limits_that_are_none_are_refused(name: str, wrong: list[float]) -> None
     ("changes", "message"),
     [
         ({"position": np.zeros(2)}, "position"),
-        ({"field_weights": np.zeros(20)}, "21 values of field_weights"),
+        ({"field_weights": np.zeros(21)}, r"field weights \(15, 21\), got shape \(21,\)"),
         ({"gain_weights": np.zeros((3, 3))}, "gain weights"),
         ({"node_time": 0.0}, "node time"),
         ({"effort_weight": -1.0}, "weights of effort and spread"),

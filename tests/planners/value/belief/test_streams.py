@@ -223,11 +223,11 @@ def test_what_is_expected_to_come_is_the_mean_of_all_predictions(frames: int) ->
     for _ in range(frames):
         later = advance(LEARNED, later, 1 / FPS)
         predicted.append(later.classes)
-    expected = belief.expected(coming_shares(LEARNED, fps=FPS, frames=frames))
+    expected = belief.expected(coming_shares(LEARNED, fps=FPS, ends=[frames])[0])
     np.testing.assert_allclose(expected, np.mean(predicted, axis=0), atol=1e-12)
     np.testing.assert_allclose(expected.sum(axis=1), 1)
 
 
 def test_far_ahead_the_present_activity_says_nothing() -> None:
-    shares = coming_shares(LEARNED, fps=FPS, frames=5000)
+    shares = coming_shares(LEARNED, fps=FPS, ends=[5000])[0]
     np.testing.assert_allclose(shares, np.broadcast_to(shares[0], shares.shape), atol=0.01)
