@@ -112,7 +112,7 @@ class TrajectorySolver:
         self._seeds = seeds
         self._capped = max_iterations is not None
         quick = solver == "fatrop"
-        iterations = max_iterations or (QUICK_ITERATIONS if flown else ITERATIONS)
+        iterations = max_iterations or (QUICK_ITERATIONS if quick and flown else ITERATIONS)
         self._solvers = [self._build(solver, iterations, quick=quick)]
         if quick and flown and not self._capped:
             self._solvers.append(self._build(solver, ITERATIONS))
