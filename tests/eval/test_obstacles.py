@@ -188,6 +188,15 @@ def test_a_recogniser_learns_with_what_is_hidden_in_its_world(lab: Path) -> None
     assert 0.02 < float((confidence["lab"] == 0).float().mean()) < 0.5
 
 
+SCREENS = [  # on all sides of people, and above them
+    *(
+        {"centre": [2 * x, 2 * y, 0], "size": [4 * abs(y) + 0.2, 4 * abs(x) + 0.2, 8]}
+        for x, y in ((1, 0), (0, 1), (-1, 0), (0, -1))
+    ),
+    {"centre": [0, 0, 3], "size": [4, 4, 0.2]},
+]
+
+
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [
@@ -197,6 +206,7 @@ def test_a_recogniser_learns_with_what_is_hidden_in_its_world(lab: Path) -> None
             "passers_by: expected at least 0",
         ),
         ({"obstacles": {"boxes": [{"centre": [0, 0], "size": [1, 1, 1]}]}}, "boxes[0].centre: expected 3 items"),
+        ({"obstacles": {"boxes": SCREENS}}, "expected a cell that sees somebody at the centre, they hide everything"),
     ],
 )
 def test_what_cannot_be_ends_in_one_line_and_exit_code_2(

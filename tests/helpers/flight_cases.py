@@ -11,6 +11,7 @@ from ehar.flight.limits import limit_shares
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import Vehicle
 from ehar.localisation import CentreMotion, Localisation
+from ehar.obstacles import Obstacles, Surroundings
 from ehar.viewpoint import AZIMUTH, Workspace, cartesian
 
 FLIGHTS = 50  # with one vehicle
@@ -53,27 +54,31 @@ def random_viewpoints(rng: np.random.Generator, count: int, workspace: Workspace
     return np.where(rng.random((count, 1)) < 0.2, bound, drawn)
 
 
-def worst_stream_excess(rng: np.random.Generator, streams: int, frames: int) -> Excess:
+def worst_stream_excess(
+    rng: np.random.Generator, streams: int, frames: int, obstacles: Obstacles | None = None, flights: int = FLIGHTS
+) -> Excess:
     """Fly whole streams of people who walk at random, and return the worst excess at 1 kHz in the world's frame.
 
-    The camera's place in the world is differentiated, so nothing but places goes into it. Each vehicle flies `FLIGHTS`
-    streams around the centre that it follows. `workspace` is 1 if a camera left the workspace, and else 0.
+    The camera's place in the world is differentiated, so nothing but places goes into it. Each vehicle makes so many
+    flights around the centre that it follows. Among obstacles it takes ways around them, and evades those towards which
+    it is carried; some streams begin within one. `workspace` is 1 if a camera left the workspace, and else 0.
     """
     flown, worst, out = 0, -np.inf, 0.0
     workspace, step = Workspace(), 1 / SAMPLE_RATE
     while flown < streams:
         vehicle, fps = random_vehicle(rng), float(rng.choice([25, 30]))
-        walks = np.cumsum(rng.normal(0, rng.uniform(0.005, 0.1), (FLIGHTS, frames, 3)), axis=1)
-        walks[rng.random(FLIGHTS) < 0.2, frames // 2 :, 0] += 3.0  # a tracker that leaps
+        walks = np.cumsum(rng.normal(0, rng.uniform(0.005, 0.1), (flights, frames, 3)), axis=1)
+        walks[rng.random(flights) < 0.2, frames // 2 :, 0] += 3.0  # a tracker that leaps
         centres = [Localisation().followed_smoothly(walk, fps, 0, centre_limits(vehicle)) for walk in walks]
         motion = FlightMotion(vehicle=vehicle, workspace=workspace, moving_centre=True)
         motion.centre = CentreMotion(*(np.stack(parts) for parts in zip(*centres, strict=True)))
-        motion.reset(random_viewpoints(rng, FLIGHTS, workspace), 1 / fps)
-        target = random_viewpoints(rng, FLIGHTS, workspace)
+        motion.keep_clear(None if obstacles is None else Surroundings(obstacles, motion.centre.position))
+        motion.reset(random_viewpoints(rng, flights, workspace), 1 / fps)
+        target = random_viewpoints(rng, flights, workspace)
         times = np.arange(0, 1 / fps, step)
         for frame in range(frames - 1):
-            jumps = rng.random(FLIGHTS) < 0.05
-            target = np.where(jumps[:, None], random_viewpoints(rng, FLIGHTS, workspace), target)
+            jumps = rng.random(flights) < 0.05
+            target = np.where(jumps[:, None], random_viewpoints(rng, flights, workspace), target)
             motion.advance(target)
             state, after = motion.sample(times), times[:, None]
             p, v, a, j = (part[:, frame, None] for part in motion.centre)
@@ -91,7 +96,7 @@ def worst_stream_excess(rng: np.random.Generator, streams: int, frames: int) -> 
             )
             worst = max(worst, float(max(shares)) - 1)
             out = max(out, float(not workspace.contains(state.viewpoint).all()))
-        flown += FLIGHTS
+        flown += flights
     return Excess(flown * frames, worst, out)
 
 

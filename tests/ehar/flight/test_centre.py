@@ -14,6 +14,7 @@ from ehar.flight.limits import limit_shares
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.localisation import CentreLimits, CentreMotion, Localisation
+from ehar.world import ROOM
 from tests.helpers.examples import share_of_examples
 from tests.helpers.flight_cases import worst_stream_excess
 
@@ -94,6 +95,14 @@ def test_limits_hold_in_the_world_in_whole_streams() -> None:
 def test_limits_hold_in_the_world_in_1000_whole_streams() -> None:
     excess = worst_stream_excess(np.random.default_rng(1), 1_000, 100)
     assert excess.cases >= 1_000 * 100
+    assert excess.limits < 1e-6
+    assert excess.workspace == 0
+
+
+@pytest.mark.slow
+def test_limits_hold_in_the_world_among_obstacles() -> None:
+    """Whoever evades what people carry it towards keeps its limits too."""
+    excess = worst_stream_excess(np.random.default_rng(2), 12, 20, ROOM.obstacles, flights=4)
     assert excess.limits < 1e-6
     assert excess.workspace == 0
 
