@@ -223,9 +223,16 @@ $$(SYNTHETIC:%=runs/$(1)-%/table.md): runs/$(1)-%/table.md: models/%/planners
 endef
 $(foreach world,$(IN_THE_WAY),$(eval $(call in_the_way_of_streams,$(world))))
 
-runs/room-solo-stream-px4-auto/table.md: runs/room-solo-stream/table.md
-	$(BENCHMARK) no-act h-rotate fixed-best nbv --data solo-stream --sensor estimator --world room --models models/solo-stream \
-	  --starts 3 --track px4-auto --ideal $(<D) --out $(@D)
+# Flown among them, with nbv's nearest rivals.
+AMONG := no-act h-rotate fixed-best nbv-search nbv --data solo-stream --sensor estimator --models models/solo-stream --starts 3
+$(IN_THE_WAY:%=runs/among-%/table.md): runs/among-%/table.md: models/solo-stream/planners
+	$(BENCHMARK) $(AMONG) --world $* --out $(@D)
+
+define flown_among
+$$(IN_THE_WAY:%=runs/among-%-$(1)/table.md): runs/among-%-$(1)/table.md: runs/among-%/table.md
+	$$(BENCHMARK) $$(AMONG) --world $$* --track $(1) --ideal $$(<D) --out $$(@D)
+endef
+$(foreach vehicle,$(FLYING),$(eval $(call flown_among,$(vehicle))))
 
 # Looking at recorded people: utkinect, and what is stitched of hdm05 and sbu, everybody tested once. Most of sbu's streams
 # are shorter than 30 s.
@@ -478,8 +485,11 @@ docs/results/streams.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watc
 docs/results/couple-streams.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-duo-stream$(track:.=)/table.md)
 	$(call page,$@,Streams of couples,ehar benchmark $(WATCHING) --data duo-stream --sensor estimator --models models/duo-stream,$^)
 
-docs/results/obstacle-streams.md: $(foreach world,$(IN_THE_WAY),$(SYNTHETIC:%=runs/$(world)-%/table.md)) runs/room-solo-stream-px4-auto/table.md
+docs/results/obstacle-streams.md: $(foreach world,$(IN_THE_WAY),$(SYNTHETIC:%=runs/$(world)-%/table.md))
 	$(call page,$@,Things in the way in streams,ehar benchmark no-act nbv --data solo-stream --sensor estimator --world room --starts 3,$^)
+
+docs/results/obstacle-flights.md: $(foreach world,$(IN_THE_WAY),$(FLYING:%=runs/among-$(world)-%/table.md))
+	$(call page,$@,Flying among things in the way,ehar benchmark no-act h-rotate fixed-best nbv-search nbv --data solo-stream --sensor estimator,$^)
 
 docs/results/utkinect.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-utkinect$(track:.=)/table.md)
 	$(call page,$@,Streams of a real Kinect,ehar benchmark $(WATCHING) --data utkinect.npz --sensor estimator,$^)
@@ -577,7 +587,7 @@ docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/t
 # Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), kindergator in clips, and what stood
 # before (mended).
 PAGES := planners nbv indoor obstacles exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding deciding-streams \
-  streams couple-streams obstacle-streams recorded-streams recorded-flights stream-trainings knowledge stream-belief onsets utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
+  streams couple-streams obstacle-streams obstacle-flights recorded-streams recorded-flights stream-trainings knowledge stream-belief onsets utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
 results: left
 	@$(MAKE) --no-print-directory pages
 
