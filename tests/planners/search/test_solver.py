@@ -12,7 +12,7 @@ from ehar.flight.kinematics import SphericalState
 from ehar.flight.limits import limit_shares
 from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, cartesian
 from ehar.world import PAPER
-from planners.search.guess import best_guesses
+from planners.search.guess import best_guesses, states_at
 from planners.search.solver import TOLERANCE, SolveStatus, TrajectorySolver
 from planners.search.task import Trajectory, TrajectoryLimits, TrajectoryTask
 from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, view_basis
@@ -259,6 +259,26 @@ def test_plans_by_quick_second_derivatives_collect_as_much() -> None:
         assert quick.objective > slow.objective - 0.02 * task.stake
         found.append((quick.objective - slow.objective) / task.stake)
     assert abs(np.median(found)) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "acceleration"),
+    [
+        ([5.013, 0.1478, 0.8115], [-0.109, 0.1915, 0.1342], [0.5285, 0.0349, -0.5316]),
+        ([5.0541, 0.2485, 0.7721], [-0.3909, 0.4216, 0.0189], [1.6727, -0.4883, 0.0849]),
+    ],
+)
+def test_a_camera_that_brakes_just_before_a_bound_has_a_plan(
+    position: list[float], velocity: list[float], acceleration: list[float]
+) -> None:
+    """Two states of flights between the nodes of a plan, whose next control points are given; flights check anew."""
+    state = {"position": position, "velocity": velocity, "acceleration": acceleration}
+    given = {name: np.array(values) for name, values in state.items()}
+    task = random_task(np.random.default_rng(0), node_time=0.4, **given)
+    solution = FLOWN.solve(task, task.hold())
+    assert solution.status is SolveStatus.OPTIMAL
+    flown = states_at(solution.trajectory, np.linspace(0, 6, 1201), 0.4)[0]
+    assert flown[:, 0].min() > 5.0 - 1e-3
 
 
 def test_a_task_of_another_horizon_is_refused() -> None:
