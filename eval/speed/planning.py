@@ -17,7 +17,7 @@ from ehar.flight.time_optimal import TimeOptimal
 from ehar.flight.vehicle import VEHICLES
 from ehar.planner import Context
 from ehar.sensors.perfect import PerfectSensor
-from ehar.world import PAPER
+from ehar.world import PAPER, ROOM, World
 from eval.speed.effort import WORKERS, Effort
 from eval.speed.recognition import streaming_recogniser
 from planners.agents.config import PPOSetting
@@ -26,6 +26,7 @@ from planners.agents.network import AgentNetwork, AgentSpec
 from planners.agents.ppo import PPOProgress, train_ppo
 from planners.search.limits import camera_limits
 from planners.search.next_best_view import DEFAULT_HORIZON, FLIGHT_HORIZON
+from planners.search.scene import Scene
 from planners.search.solver import SolverStatistics, TrajectorySolver
 from planners.search.task import TrajectoryLimits, TrajectoryTask
 from planners.value.view_basis import BASIS_SIZE
@@ -39,9 +40,28 @@ FIELD_MEMORY = 0.97  # how much of a random gain field is left one node later; t
 
 
 def time_solves(data: MotionData, effort: Effort) -> dict[str, float]:
-    """Return how long solves take on the grid and in flight together, and the share of plans that fell back."""
+    """Return how long solves take on the grid and in flight together, and the share of plans that fell back.
+
+    In the open, and around one person in the room.
+    """
+    figures: dict[str, float] = {}
+    for name, world in (("nbv", PAPER), ("nbv_room", ROOM)):
+        statistics = _solves_in(world, data, effort)
+        seconds = [second for each in statistics for second in each.solve_seconds]
+        figures |= {
+            f"{name}_solve_ms_median": 1000 * float(np.median(seconds)),
+            f"{name}_solve_ms_p95": 1000 * float(np.percentile(seconds, 95)),
+            f"{name}_fallback_share": sum(each.fallbacks for each in statistics)
+            / sum(each.counts.total() for each in statistics),
+        }
+    return figures
+
+
+def _solves_in(world: World, data: MotionData, effort: Effort) -> list[SolverStatistics]:
+    """Return the statistics of solves in a world, on the grid and in flight."""
     grid_node = math.ceil((effort.length - 1) / DEFAULT_HORIZON) / data.fps
-    seconds, plans, fallbacks = [], 0, 0
+    scene = None if world.is_open else Scene.of(np.zeros((1, 3)), world.obstacles, None)
+    found = []
     for vehicle, node_time in ((None, grid_node), (VEHICLE, FLIGHT_HORIZON[1] / DEFAULT_HORIZON)):
         rng = np.random.default_rng(0)
         context = Context(
@@ -56,22 +76,20 @@ def time_solves(data: MotionData, effort: Effort) -> dict[str, float]:
             vehicle=vehicle,
         )
         limits = camera_limits(context, PAPER.sample_starts(rng, 1)[0], node_time)
-        in_a_row = min(15, effort.plans)
-        statistics = measure_solves(
-            rng,
-            TrajectorySolver(horizon=DEFAULT_HORIZON, flown=vehicle is not None),
-            limits,
-            node_time=node_time,
-            episodes=effort.plans // in_a_row,
-            plans=in_a_row,
+        in_a_row, size = min(15, effort.plans), None if scene is None else scene.size
+        found.append(
+            measure_solves(
+                rng,
+                TrajectorySolver(horizon=DEFAULT_HORIZON, flown=vehicle is not None, scene=size),
+                limits,
+                node_time=node_time,
+                episodes=effort.plans // in_a_row,
+                plans=in_a_row,
+                world=world,
+                scene=scene,
+            )
         )
-        seconds += statistics.solve_seconds
-        plans, fallbacks = plans + statistics.counts.total(), fallbacks + statistics.fallbacks
-    return {
-        "nbv_solve_ms_median": 1000 * float(np.median(seconds)),
-        "nbv_solve_ms_p95": 1000 * float(np.percentile(seconds, 95)),
-        "nbv_fallback_share": fallbacks / plans,
-    }
+    return found
 
 
 def measure_solves(
@@ -82,6 +100,8 @@ def measure_solves(
     node_time: float,
     episodes: int,
     plans: int,
+    world: World = PAPER,
+    scene: Scene | None = None,
 ) -> SolverStatistics:
     """Return the statistics of `episodes * plans` solves, each warm-started from the one before it.
 
@@ -91,13 +111,15 @@ def measure_solves(
     solver.statistics = SolverStatistics()
     horizon = solver.horizon
     gain_weights = np.full(horizon, 1 / horizon)
-    for start in PAPER.sample_starts(rng, episodes):
+    for start in world.sample_starts(rng, episodes):
         state, previous = (start, np.zeros(3), np.zeros(3)), None
         field = rng.normal(size=BASIS_SIZE)
         for _ in range(plans):
             weights = np.tile(field, (horizon, 1))
-            task = TrajectoryTask(*state, weights, gain_weights, EFFORT_WEIGHT, node_time, limits, PAPER.workspace)
-            previous = solver.solve_best(task, PAPER.sample_starts(rng, 16), previous, node_time)
+            task = TrajectoryTask(
+                *state, weights, gain_weights, EFFORT_WEIGHT, node_time, limits, world.workspace, scene=scene
+            )
+            previous = solver.solve_best(task, world.sample_starts(rng, 16), previous, node_time)
             position, velocity, acceleration, _ = previous.trajectory
             state = (position[1], velocity[1], acceleration[1])
             change = np.sqrt(1 - FIELD_MEMORY**2)

@@ -89,8 +89,9 @@ def test_a_training_takes_in_clips(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_solves_and_flights_take_time() -> None:
     solves = time_solves(tiny_data(frames=6), BRIEF)
-    assert 0 < solves["nbv_solve_ms_median"] <= solves["nbv_solve_ms_p95"]
-    assert 0 <= solves["nbv_fallback_share"] <= 1
+    for name in ("nbv", "nbv_room"):
+        assert 0 < solves[f"{name}_solve_ms_median"] <= solves[f"{name}_solve_ms_p95"]
+        assert 0 <= solves[f"{name}_fallback_share"] <= 1
     assert 0 < time_ruckig(BRIEF) < 1
 
 
