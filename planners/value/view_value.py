@@ -62,7 +62,7 @@ class ViewValue:
         self.obstacles = known_obstacles(self._tracker.context, observation)
         self._hides = bool(self.obstacles) or self._tracker.context.world.passers_by > 0
 
-    def coming(self, nodes: int, node_frames: int | None = None) -> "NodeValues":
+    def coming(self, nodes: int, node_frames: int | None = None) -> NodeValues:
         """Return what views are worth at nodes to come.
 
         Node h stands for the frames up to its own, and the last one for all frames after it as well. The belief of a
