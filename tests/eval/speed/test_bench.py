@@ -118,6 +118,7 @@ def test_every_figure_is_written_and_printed(tmp_path: Path, monkeypatch: pytest
         "flops_ratio_published_widths",
         "time_ratio_published_widths",
         "refresh_over_plain_frame",
+        "nbv_room_solve_ms_median",
         "training_clips_per_s",
         "recognised_share_of_peak",
         *peak_figures(BRIEF, 1),
