@@ -102,7 +102,7 @@ def test_targets_are_bounds_from_their_side() -> None:
     assert not TARGETS["late_over_early_frame"].met(1.3)
 
 
-ZERO_OR_LESS = ("shipped_weights", "nbv_fallback_share", "letting_go_later_s")  # may be
+ZERO_OR_LESS = ("shipped_weights", "nbv_fallback_share", "nbv_room_fallback_share", "letting_go_later_s")  # may be
 
 
 @pytest.mark.slow
