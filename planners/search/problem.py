@@ -178,7 +178,8 @@ class TrajectoryProblem:
         least, most = (bounds.copy() for bounds in self._constraint_bounds)
         for place, axis in enumerate((DISTANCE, POLAR)):
             least[self._turns[:, place]], most[self._turns[:, place]] = lower[STAGE + axis], upper[STAGE + axis]
-            given = self._turns[:1, place, 0]  # x_1 - v_1 time / 3 = x_0 + 2 / 3 v_0 time + a_0 time^2 / 6: no choice
+            # x_1 - v_1 time / 3 = x_0 + 2 / 3 v_0 time + a_0 time^2 / 6: the present state gives it, whatever the jerk.
+            given = self._turns[:1, place, 0]
             least[given], most[given] = -np.inf, np.inf
         return {
             "x0": first,

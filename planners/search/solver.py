@@ -93,7 +93,7 @@ class TrajectorySolver:
         scene: SceneSize | None = None,
         body: Multicopter | None = None,
     ) -> None:
-        """Build the problem and its solvers, which takes about 0.3 s, and a second where something is in the way.
+        """Build the problem and its solvers, which takes about 0.3 s, and 1.6 s where something is in the way.
 
         Args:
             horizon: number H of nodes after the present one.

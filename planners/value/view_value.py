@@ -76,12 +76,14 @@ class ViewValue:
         gains = coming_gains(observation, context, self._memory)
         if node_frames is None:
             node_frames = -(-len(gains) // nodes)
-        weights = np.repeat(self.weights[:, None], nodes, axis=1)
-        if observation.length is None:
+        if observation.length is not None:
+            weights = np.repeat(self.weights[:, None], nodes, axis=1)
+        else:
             ends = np.minimum(np.arange(1, nodes + 1) * node_frames, len(gains))
             ends[-1] = len(gains)
-            parts, of_node = np.unique(ends, return_inverse=True)
-            expected = [replace(self.situation, belief=each) for each in self._tracker.beliefs(parts.tolist())]
+            parts, of_node = np.unique(ends, return_inverse=True)  # nodes after the end have no frames of their own
+            now = self.situation
+            expected = [replace(now, belief=each) for each in self._tracker.beliefs(parts.tolist())]
             weights = np.stack([self._clear(self.field.weights(each)) for each in expected], axis=1)[:, of_node]
         return NodeValues(node_frames, node_gains(gains, nodes, node_frames), weights)
 

@@ -59,9 +59,9 @@ def worst_stream_excess(
 ) -> Excess:
     """Fly whole streams of people who walk at random, and return the worst excess at 1 kHz in the world's frame.
 
-    The camera's place in the world is differentiated, so nothing but places goes into it. Each vehicle makes so many
-    flights around the centre that it follows. Among obstacles it takes ways around them, and evades those towards which
-    it is carried; some streams begin within one. `workspace` is 1 if a camera left the workspace, and else 0.
+    The camera's place in the world is differentiated, so nothing but places goes into it. Each vehicle flies
+    `flights` streams around the centre that it follows. Among obstacles it takes ways around them, and evades those
+    towards which it is carried; some streams begin within one. `workspace` is 1 if a camera left the workspace, else 0.
     """
     flown, worst, out = 0, -np.inf, 0.0
     workspace, step = Workspace(), 1 / SAMPLE_RATE

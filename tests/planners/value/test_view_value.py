@@ -99,7 +99,7 @@ class Foreseer(Valuer):
 
     def act(self, observation: Observation) -> FloatArray:
         target = super().act(observation)
-        self.coming, self.last = self.value.coming(4, 10), observation
+        self.coming = self.value.coming(4, 10)
         return target
 
 
