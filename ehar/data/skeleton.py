@@ -7,7 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ehar.arrays import IntArray, in_brief, read_only
+from ehar.arrays import FloatArray, IntArray, in_brief, read_only
+
+LIMB_RADIUS = 0.05  # [m], about a forearm's or a shin's
+TRUNK_RADIUS = 0.12  # [m], for bones between two joints of the body's middle: spine, neck, head
 
 _LEFT_TO_RIGHT = (
     (r"^(.*[_\-. :])?left([_\-. ]?.*)$", "right"),
@@ -42,6 +45,24 @@ class Skeleton:
         Read from the names: `left_hip`/`right_hip`, `lhip`/`rhip`, `Hand_L`/`Hand_R`, in upper or lower case.
         """
         return read_only(counterparts(self.joint_names))
+
+    def bone_radii(self, limb: float = LIMB_RADIUS, trunk: float = TRUNK_RADIUS) -> FloatArray:
+        """Return the radius [m] of a capsule around each bone, (bones,): that of a limb, or of the body's middle."""
+        middle = self.mirror == np.arange(len(self.mirror))
+        of_trunk = middle[self.bone_indices].all(axis=1) & ~middle.all()
+        return np.where(of_trunk, trunk, limb).astype(np.float32)
+
+    def heading(self, joints: FloatArray) -> FloatArray:
+        """Return the way that bodies (..., J, 3) face, seen from above, from x towards y [rad], (...,).
+
+        Without joints on two sides it is 0: nobody can say how such a body is turned.
+        """
+        left = np.flatnonzero(self.mirror > np.arange(len(self.mirror)))
+        if len(left) == 0:
+            return np.zeros(joints.shape[:-2])
+        to_left = (joints[..., left, :] - joints[..., self.mirror[left], :]).mean(axis=-2)
+        heading: FloatArray = np.arctan2(-to_left[..., 0], to_left[..., 1])  # forward is left x up
+        return heading
 
 
 def counterparts(names: Sequence[str]) -> IntArray:

@@ -5,13 +5,13 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.data.scenario import Scenarios
 from ehar.data.streams.scenario import StreamScenarios
-from ehar.obstacles.surroundings import Passers, Surroundings
-from ehar.world import PASSER_RADIUS, World
+from ehar.obstacles.passers import Bodies, Passers
+from ehar.obstacles.surroundings import Surroundings
+from ehar.world import World
 
 WALKING = (1.0, 1.6)  # [m/s], from the slowest to the fastest passer-by
 NEAREST = (0.7, 2.0)  # [m], between the people's centre and the nearest point of a passer-by's way
 TRACKED = (0.05, 0.1)  # [m], [m/s], standard deviation of what planners are told on each axis, in each frame anew
-LOOKED_AT = 8  # frames of a sequence by which the height of a person is told
 
 
 def surroundings_of(
@@ -38,7 +38,7 @@ def surroundings_of(
 def _passers(
     scenarios: Scenarios | StreamScenarios, chosen: IntArray, world: World, rng: np.random.Generator
 ) -> Passers:
-    """Draw the passers-by of B scenarios: how tall they are, and straight ways past people, to and fro.
+    """Draw the passers-by of B scenarios: people of other sequences of the same part, and straight ways past people.
 
     A way is a chord of the circle within which they walk. It is walked at one speed, from one end to the other and
     back. Where it begins is drawn, so at any time a passer-by is as likely here as there.
@@ -59,24 +59,46 @@ def _passers(
     velocity = np.stack([speed * east, speed * north], axis=-1)
     error = rng.standard_normal((*place.shape[:-1], 4)) * np.repeat(TRACKED, 2)
     tracked = np.concatenate([place, velocity], axis=-1) + error
-    heights = scenarios.positions(chosen)[..., 2].min(axis=(2, 3))  # NaN in frames that are missing
-    floor = np.nan_to_num(heights[np.arange(len(chosen)), np.isfinite(heights).argmax(axis=1)])
-    low = np.repeat(floor[:, None], world.passers_by, axis=1).astype(np.float64)
-    return Passers(place, low, low + _heights(scenarios, chosen, shape, rng), PASSER_RADIUS, tracked)
+
+    skeleton = scenarios.data.skeleton
+    bodies = Bodies(scenarios.data.positions[:, 0], skeleton.bone_indices, skeleton.bone_radii())
+    posture, lowest = _postures(scenarios, _others(scenarios, chosen, shape, rng), rng)
+    facing = skeleton.heading(bodies.joints[posture[:, 0]])
+    turn = np.arctan2(velocity[..., 1], velocity[..., 0]) - facing[:, None]
+    return Passers(place, posture, turn, _floor(scenarios, chosen)[:, None] - lowest, tracked, bodies)
 
 
-def _heights(
+def _others(
     scenarios: Scenarios | StreamScenarios, chosen: IntArray, shape: tuple[int, int], rng: np.random.Generator
-) -> FloatArray:
-    """Return the heights of people of other sequences of the same part, (B, W) [m]; with one sequence, of its own."""
+) -> IntArray:
+    """Draw other sequences of the same part for each scenario, (B, W); where there is one sequence, it is its own."""
     sequences = np.unique(scenarios.sequence)
     own = np.searchsorted(sequences, scenarios.sequence[chosen])
-    others = (own[:, None] + rng.integers(1, max(len(sequences), 2), shape)) % len(sequences)
-    data = scenarios.data
-    heights = np.empty(len(sequences))
-    for index in np.unique(others):
-        sequence = sequences[index]
-        frames = np.linspace(data.offsets[sequence], data.offsets[sequence + 1] - 1, LOOKED_AT).astype(np.int64)
-        heights[index] = np.ptp(data.positions[frames, 0, :, 2], axis=1).max()
-    drawn: FloatArray = heights[others]
+    drawn: IntArray = sequences[(own[:, None] + rng.integers(1, max(len(sequences), 2), shape)) % len(sequences)]
     return drawn
+
+
+def _postures(
+    scenarios: Scenarios | StreamScenarios, sequence: IntArray, rng: np.random.Generator
+) -> tuple[IntArray, FloatArray]:
+    """Return the frames that passers-by show, (B, L, W), and the lowest height of each one's sequence, (B, W) [m].
+
+    A sequence is played from a frame that is drawn, to its end, back to its beginning, and so on.
+    """
+    data = scenarios.data
+    begin, length = data.offsets[sequence], data.lengths[sequence]
+    shown = rng.integers(length)[:, None] + np.arange(scenarios.length)[:, None]
+    period = np.maximum(2 * (length - 1), 1)[:, None]
+    posture = begin[:, None] + np.minimum(shown % period, period - shown % period) * (length > 1)[:, None]
+    lowest = np.empty(sequence.shape)
+    for one in np.unique(sequence):
+        frames = slice(data.offsets[one], data.offsets[one + 1])
+        lowest[sequence == one] = data.positions[frames, 0, :, 2].min()
+    return posture, lowest
+
+
+def _floor(scenarios: Scenarios | StreamScenarios, chosen: IntArray) -> FloatArray:
+    """Return the height of the feet of those that are watched, (B,) [m], in the first frame in which they are seen."""
+    heights = scenarios.positions(chosen)[..., 2].min(axis=(2, 3))  # NaN in frames that are missing
+    floor: FloatArray = np.nan_to_num(heights[np.arange(len(chosen)), np.isfinite(heights).argmax(axis=1)])
+    return floor

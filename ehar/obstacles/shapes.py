@@ -205,6 +205,55 @@ def cylinder_cuts(
     return _is_cut(*_between(begin[..., 2], end[..., 2], low, high, entered, left))
 
 
+def passes_by(begin: FloatArray, end: FloatArray, place: FloatArray, reach: FloatArray) -> BoolArray:
+    """Return which straight ways, (..., 3) to (..., 3), come nearer to a place (..., 2) than `reach`, seen from above.
+
+    Args:
+        begin: where the ways begin [m].
+        end: where they end [m].
+        place: the places [m].
+        reach: (...,) how near [m].
+    """
+    x, y = begin[..., 0] - place[..., 0], begin[..., 1] - place[..., 1]
+    way_x, way_y = end[..., 0] - begin[..., 0], end[..., 1] - begin[..., 1]
+    nearest = np.clip(-(x * way_x + y * way_y) / np.maximum(way_x**2 + way_y**2, NO_WAY**2), 0, 1)
+    near: BoolArray = (x + nearest * way_x) ** 2 + (y + nearest * way_y) ** 2 < reach**2
+    return near
+
+
+def passes_through(
+    begin: FloatArray, end: FloatArray, first: FloatArray, last: FloatArray, radius: FloatArray
+) -> BoolArray:
+    """Return which straight ways, (..., 3) to (..., 3), pass through a capsule, (...,).
+
+    A way does if its least distance to the capsule's axis is below the radius. The nearest points of two segments:
+    Ericson, Real-Time Collision Detection, Sec. 5.1.9.
+
+    Args:
+        begin: where the ways begin [m].
+        end: where they end [m].
+        first: one end of the capsule's axis [m].
+        last: the other end [m].
+        radius: of the capsule [m].
+    """
+    way, axis, between = end - begin, last - first, begin - first
+    of_way, of_axis = np.maximum(_dot(way, way), NO_WAY**2), np.maximum(_dot(axis, axis), NO_WAY**2)
+    both, along_way, along_axis = _dot(way, axis), _dot(way, between), _dot(axis, between)
+    apart = np.maximum(of_way * of_axis - both**2, NO_WAY)  # parallel ones are equally near everywhere
+    gone = np.clip((both * along_axis - along_way * of_axis) / apart, 0, 1)
+    at = np.clip((both * gone + along_axis) / of_axis, 0, 1)
+    gone = np.clip((both * at - along_way) / of_way, 0, 1)
+    away = between + gone[..., None] * way - at[..., None] * axis
+    through: BoolArray = _dot(away, away) < radius**2
+    return through
+
+
+def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the scalar product along the last axis."""
+    product: FloatArray = np.einsum("...i,...i->...", one, other)
+    return product
+
+
 def _between(
     first: FloatArray,
     last: FloatArray,

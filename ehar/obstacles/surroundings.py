@@ -1,38 +1,16 @@
 """What stands and walks around the people of some episodes, frame by frame."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief, read_only
-from ehar.obstacles.shapes import MARGIN, Obstacles, cylinder_cuts
+from ehar.obstacles.passers import Frames, Passers
+from ehar.obstacles.shapes import MARGIN, Obstacles
 from ehar.viewpoint import cartesian
-
-_OF_PASSERS = ("place", "low", "high", "tracked")  # their arrays
-Frames = int | slice  # one frame, of arrays (B, ...); or several, of arrays (B, T, ...)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Passers:
-    """People who walk past those that are watched: upright cylinders.
-
-    Args:
-        place: (B, L, W, 2) where they are in each frame, relative to people's centre [m].
-        low: (B, W) height of their feet [m].
-        high: (B, W) height of the top of their heads [m].
-        radius: their radius [m].
-        tracked: (B, L, W, 4) what planners are told in each frame: where they are thought to be [m] and how fast they
-            walk [m/s], each along x and y.
-    """
-
-    place: FloatArray
-    low: FloatArray
-    high: FloatArray
-    radius: float
-    tracked: FloatArray
-
-    __repr__ = in_brief
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,7 +44,7 @@ class Surroundings:
         moved = self._moved(frames, cameras)
         hidden = self.obstacles.hide(cameras + moved, joints + moved[..., None, None, :])
         if self.passers is not None:
-            hidden |= _hidden_by(self.passers, cameras, joints, frames)
+            hidden |= self.passers.hide(cameras, joints, frames)
         return hidden
 
     def clearance(self, viewpoint: FloatArray, frames: Frames) -> FloatArray:
@@ -77,10 +55,7 @@ class Surroundings:
     def select(self, rows: IntArray | slice, frames: int | None = None) -> "Surroundings":
         """Return those of some of the episodes, cut to their first frames; None keeps all frames."""
         moved = None if self.moved is None else self.moved[rows, :frames]
-        passers = self.passers
-        if passers is not None:
-            place, tracked = passers.place[rows, :frames], passers.tracked[rows, :frames]
-            passers = replace(passers, place=place, low=passers.low[rows], high=passers.high[rows], tracked=tracked)
+        passers = None if self.passers is None else self.passers.select(rows, frames)
         return Surroundings(self.obstacles, moved, passers)
 
     @staticmethod
@@ -90,29 +65,21 @@ class Surroundings:
         if not held:
             return None
         moved = [piece.moved for piece in held if piece.moved is not None]
-        walkers = [piece.passers for piece in held if piece.passers is not None]
-        passers = held[0].passers
-        if passers is not None:
-            place, low, high, tracked = (
-                np.concatenate([getattr(one, name) for one in walkers]) for name in _OF_PASSERS
-            )
-            passers = Passers(place, low, high, passers.radius, tracked)
+        walking = [piece.passers for piece in held if piece.passers is not None]
+        passers = Passers.joined(walking) if walking else None
         return Surroundings(held[0].obstacles, np.concatenate(moved) if moved else None, passers)
 
     @property
-    def arrays(self) -> dict[str, FloatArray]:
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """All arrays, by name."""
-        held = {} if self.moved is None else {"moved": self.moved}
+        held: dict[str, npt.NDArray[Any]] = {} if self.moved is None else {"moved": self.moved}
         if self.passers is not None:
-            held |= {f"passers' {name}": getattr(self.passers, name) for name in _OF_PASSERS}
+            held |= {f"passers' {name}": array for name, array in self.passers.arrays.items()}
         return held
 
     def protected(self) -> "Surroundings":
         """Return a copy that nobody can write into."""
-        passers = self.passers
-        if passers is not None:
-            place, low, high, tracked = (read_only(getattr(passers, name)) for name in _OF_PASSERS)
-            passers = Passers(place, low, high, passers.radius, tracked)
+        passers = None if self.passers is None else self.passers.protected()
         return Surroundings(self.obstacles, None if self.moved is None else read_only(self.moved), passers)
 
     def _moved(self, frames: Frames, cameras: FloatArray) -> FloatArray:
@@ -124,22 +91,6 @@ def too_near(clearance: FloatArray) -> BoolArray:
     """Return which clearances [m] are less than the margin; rounding does not count."""
     near: BoolArray = clearance < MARGIN - 1e-6
     return near
-
-
-def _hidden_by(passers: Passers, cameras: FloatArray, joints: FloatArray, frames: Frames) -> BoolArray:
-    """Return which joints are hidden from cameras by people who pass."""
-    begin, end = cameras[..., None, None, :].astype(np.float32), joints.astype(np.float32, copy=False)
-    hidden = np.zeros(np.broadcast_shapes(begin.shape, end.shape)[:-1], dtype=bool)
-    for walker in range(passers.place.shape[2]):
-        at = np.zeros((*passers.place[:, frames].shape[:-2], 3), dtype=np.float32)
-        at[..., :2] = passers.place[:, frames, walker]
-        at = _as_wide(at, cameras.ndim)[..., None, None, :]
-        low, high = (
-            height[:, walker].astype(np.float32).reshape(-1, *[1] * (begin.ndim - 2))
-            for height in (passers.low, passers.high)
-        )
-        hidden |= cylinder_cuts(begin - at, end - at, low, high, passers.radius)
-    return hidden
 
 
 def _as_wide(array: FloatArray, axes: int) -> FloatArray:

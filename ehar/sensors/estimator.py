@@ -4,7 +4,7 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
 from ehar.camera import NEAR_PLANE, Camera, project
-from ehar.data.skeleton import Skeleton
+from ehar.data.skeleton import LIMB_RADIUS, TRUNK_RADIUS, Skeleton
 from ehar.sensors.sensor import Sensed, SensorNoise
 
 RELATIVE_NOISE = 0.01  # standard deviation, as a share of the person's height in the image
@@ -14,8 +14,6 @@ OCCLUDED_CONFIDENCE = 0.3  # a joint in plain view has 1, a missing one 0
 SMALLEST_HEIGHT = 60.0  # [px], no joint of a taller person is missed for its size
 SWAP_PROBABILITY = 0.25  # for a person seen exactly edge-on
 SWAP_WIDTH = 0.4  # share of the body's width: if more is seen, sides are never confused; 24 degrees off edge-on
-LIMB_RADIUS = 0.05  # [m], about a forearm's or a shin's
-TRUNK_RADIUS = 0.12  # [m], for bones between two joints of the body's middle: spine, neck, head
 OCCLUSION_MARGIN = 0.1  # [m], a bone hides a joint only if it is nearer by this much
 CHUNK_FRAMES = 64  # the temporary arrays of 64 frames fit in a core's cache
 
@@ -145,9 +143,7 @@ class EstimatorSensor:
         The radius is 0 if the bone touches the joint, on the same person: then it never occludes it.
         """
         bones, joints = self.skeleton.bone_indices, len(self.skeleton.joint_names)
-        middle = self.skeleton.mirror == np.arange(joints)
-        trunk = middle[bones].all(axis=1) & ~middle.all()
-        radius = np.where(trunk, self.trunk_radius, self.limb_radius)
+        radius = self.skeleton.bone_radii(self.limb_radius, self.trunk_radius)
         touches = (bones[None] == np.arange(joints)[:, None, None]).any(axis=2)
         own = np.kron(np.eye(persons, dtype=bool), touches)
         radii: FloatArray = np.where(own, 0.0, np.tile(radius, persons)).astype(np.float32)

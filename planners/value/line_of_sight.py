@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from ehar.arrays import FloatArray
-from ehar.obstacles.shapes import Obstacles
-from ehar.obstacles.surroundings import Passers, Surroundings
-from ehar.viewpoint import AZIMUTH
+from ehar.arrays import BoolArray, FloatArray
+from ehar.obstacles.shapes import Obstacles, cylinder_cuts
+from ehar.obstacles.surroundings import Surroundings
+from ehar.viewpoint import AZIMUTH, cartesian
 from ehar.world import FLOOR, PASSER_RADIUS
 
 # A person as seen from the side: an upright strip, three points high and three across.
@@ -25,6 +25,7 @@ def seen_share(
     """Return the share of people that is seen from viewpoints, 0 to 1, (B, ...).
 
     It is the share of free lines of sight to points on people. Each person is an upright strip that faces the camera.
+    Each passer-by is an upright cylinder, as nobody tells how they hold their limbs.
 
     Args:
         viewpoint: (B, ..., 3).
@@ -34,11 +35,6 @@ def seen_share(
         ahead: how far ahead the viewpoints are [s].
         centre: (B, 3) where the centre is, from where it was in the first frame [m]; None if it has stayed.
     """
-    walking = None
-    if passers is not None:
-        place = (passers[..., :2] + ahead * passers[..., 2:])[:, None]
-        low, high = np.full(passers.shape[:2], FLOOR), np.full(passers.shape[:2], PASSER_TOP)
-        walking = Passers(place, low, high, PASSER_RADIUS, passers[:, None])
     azimuth = viewpoint[..., AZIMUTH]
     aside = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros_like(azimuth)], axis=-1)
     person = position.reshape(len(position), *[1] * (viewpoint.ndim - 2), *position.shape[1:])
@@ -46,6 +42,19 @@ def seen_share(
     strip = up + ACROSS[:, None] * aside[..., None, None, :]  # (B, ..., 3, 3, 3)
     points = person[..., None, :] + strip.reshape(*strip.shape[:-3], 1, -1, 3)  # (B, ..., P, 9, 3)
     moved = None if centre is None else centre[:, None]
-    hidden = Surroundings(obstacles, moved, walking).hide(viewpoint, points, 0)
+    hidden = Surroundings(obstacles, moved).hide(viewpoint, points, 0)
+    if passers is not None:
+        hidden |= _behind(passers[..., :2] + ahead * passers[..., 2:], cartesian(viewpoint), points)
     seen: FloatArray = 1 - hidden.mean(axis=(-2, -1))
     return seen
+
+
+def _behind(place: FloatArray, cameras: FloatArray, points: FloatArray) -> BoolArray:
+    """Return which points (B, ..., P, N, 3) passers-by at places (B, W, 2) hide from cameras (B, ..., 3)."""
+    begin, end = cameras[..., None, None, :].astype(np.float32), points.astype(np.float32)
+    hidden = np.zeros(np.broadcast_shapes(begin.shape, end.shape)[:-1], dtype=bool)
+    for walker in range(place.shape[1]):
+        at = np.zeros((len(place), *[1] * (end.ndim - 2), 3), dtype=np.float32)
+        at[..., :2] = place[:, walker].reshape(len(place), *[1] * (end.ndim - 2), 2)
+        hidden |= cylinder_cuts(begin - at, end - at, FLOOR, PASSER_TOP, PASSER_RADIUS)
+    return hidden

@@ -9,12 +9,12 @@ import pytest
 from ehar.batch import Batch
 from ehar.localisation import CentreMotion
 from ehar.obstacles import Box, Obstacles, Surroundings
-from ehar.obstacles.surroundings import Passers
+from ehar.obstacles.passers import Bodies, Passers
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import SensorNoise
 from ehar.viewpoint import cartesian
 from ehar.world import PAPER
-from tests.helpers.fakes import tiny_batch
+from tests.helpers.fakes import SKELETON, tiny_batch
 
 EPISODES, LENGTH = 3, 4
 
@@ -23,8 +23,12 @@ def busy_batch() -> Batch:
     """Return episodes in which everything is there that can be: obstacles, passers-by, a centre that moves."""
     made, rng = tiny_batch(episodes=EPISODES, length=LENGTH), np.random.default_rng(0)
     walking, centre = rng.normal(size=(EPISODES, LENGTH, 2, 4)), rng.normal(size=(4, EPISODES, LENGTH, 3))
-    low = rng.normal(size=(EPISODES, 2))
-    passers = Passers(walking[..., :2].copy(), low, low + 1.7, 0.25, walking)
+    posture, bodies = (
+        np.zeros((EPISODES, LENGTH, 2), dtype=np.int64),
+        Bodies(np.zeros((9, 6, 3)), SKELETON.bone_indices, SKELETON.bone_radii()),
+    )
+    turn, lift = rng.normal(size=(EPISODES, LENGTH, 2)), rng.normal(size=(EPISODES, 2))
+    passers = Passers(walking[..., :2].copy(), posture, turn, lift, walking, bodies)
     pillar = Obstacles(boxes=(Box(centre=(20.0, 0.0, 0.0), size=(1.0, 1.0, 1.0)),))
     around = Surroundings(pillar, rng.normal(size=(EPISODES, LENGTH, 3)), passers)
     gaze = 0.3 * rng.normal(size=(EPISODES, LENGTH, 3))
@@ -60,7 +64,7 @@ def test_whatever_is_written_into_it_is_noticed(name: str) -> None:
 def test_nobody_can_write_into_a_protected_copy() -> None:
     batch = busy_batch()
     own, copies = arrays_of(batch), arrays_of(batch.protected())
-    assert len(own) == len(copies) == 16
+    assert len(own) == len(copies) == 17
     for name, array in copies.items():
         np.testing.assert_array_equal(array, own[name])
         assert not np.shares_memory(array, own[name])

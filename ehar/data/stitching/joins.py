@@ -87,15 +87,8 @@ def _limited(vector: FloatArray, most: float) -> FloatArray:
 
 
 def _heading(joints: FloatArray, skeleton: Skeleton) -> float:
-    """Return the way that a person faces, or of two the way from the first to the second, seen from above [rad].
-
-    Without joints on two sides it is 0: nobody can say how such a body is turned.
-    """
+    """Return the way that a person faces, or of two the way from the first to the second, seen from above [rad]."""
     if len(joints) > 1:
         east, north = (joints[1] - joints[0]).mean(axis=0)[:2]
         return float(np.arctan2(north, east))
-    left = np.flatnonzero(skeleton.mirror > np.arange(len(skeleton.mirror)))
-    if len(left) == 0:
-        return 0.0
-    to_left = (joints[0, left] - joints[0, skeleton.mirror[left]]).mean(axis=0)
-    return float(np.arctan2(-to_left[0], to_left[1]))  # forward is left x up
+    return float(skeleton.heading(joints[0]))

@@ -5,12 +5,10 @@ import pytest
 
 from ehar import EharError, EstimatorSensor, GridMotion, PerfectSensor
 from ehar.batch import Batch
-from ehar.data.scenario import windows
 from ehar.data.streams.data import StreamData
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.surroundings import surroundings_of
 from ehar.obstacles import Box, Cylinder, Obstacles, Surroundings
-from ehar.obstacles.surroundings import Passers
 from ehar.rollout import rollout
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import draw_noise
@@ -120,57 +118,6 @@ def test_an_open_world_has_no_surroundings_and_draws_nothing() -> None:
     assert surroundings_of(tiny_scenarios(), np.arange(3), PAPER, rng) is None
     assert surroundings_of(tiny_scenarios(), np.arange(3), CROWD, rng) is not None
     assert rng.bit_generator.state == np.random.default_rng(0).bit_generator.state
-
-
-def passers(seed: int = 0, length: int = 200) -> Passers:
-    data = tiny_data(sequences=6, frames=length)
-    scenarios = windows(data, np.arange(6), length, 1)
-    around = surroundings_of(scenarios, np.arange(6), CROWD, np.random.default_rng(seed))
-    assert around is not None and around.passers is not None
-    return around.passers
-
-
-def test_passers_by_walk_straight_past_people_and_never_where_cameras_are() -> None:
-    walked = passers()
-    assert walked.place.shape == (6, 200, 4, 2)
-    speed = np.linalg.norm(np.diff(walked.place, axis=1), axis=-1) * 25
-    assert np.quantile(speed, 0.1) > 0.99 and speed.max() < 1.61  # at the ends of their ways they turn round
-    away = np.linalg.norm(walked.place, axis=-1)
-    assert away.max() <= CROWD.passing_reach + 1e-9
-    assert away.max() + walked.radius + 0.3 <= CROWD.workspace.distance_min + 1e-9
-    assert (away.min(axis=1) >= 0.7 - 1e-9).all()
-    turns = np.abs(np.diff(walked.place, n=2, axis=1)).max(axis=-1) > 1e-9
-    assert turns.mean() < 0.03
-    assert (walked.high - walked.low > 1.2).all() and (walked.low < -0.8).all()
-    error = walked.tracked[..., :2] - walked.place
-    assert error.std() == pytest.approx(0.05, rel=0.1) and abs(error.mean()) < 0.005
-    ahead = walked.tracked[:, :-5, :, :2] + 0.2 * walked.tracked[:, :-5, :, 2:] - walked.place[:, 5:]
-    assert np.median(np.linalg.norm(ahead, axis=-1)) < 0.1
-    steps = np.diff(walked.place, axis=1) * 25
-    pace = np.linalg.norm(steps, axis=-1)
-    straight = pace > pace.max(axis=1, keepdims=True) - 1e-6  # in the others a passer-by turned round
-    wrong = (walked.tracked[:, 1:, :, 2:] - steps)[straight]  # what is told tells of no turn that is yet to come
-    assert wrong.std() == pytest.approx(0.1, rel=0.05) and np.abs(wrong).max() < 0.6 and (~straight).sum() > 20
-    np.testing.assert_array_equal(passers().place, walked.place)
-    assert not np.array_equal(passers(1).place, walked.place)
-
-
-def test_a_passer_by_hides_what_is_behind_it_while_it_is_there() -> None:
-    place = np.zeros((1, 2, 1, 2))
-    place[0, :, 0] = [[2.0, 0.0], [2.0, 1.0]]
-    around = Surroundings(Obstacles(), None, Passers(place, np.array([[-0.9]]), np.array([[0.8]]), 0.25, place))
-    joints = np.array([[[[0, 0, 0.0], [0, 0, 0.75], [0, 0.8, 0.0]]]]).reshape(1, 1, 3, 3)
-    assert around.hide(BEHIND[None], joints, 0)[0, 0].tolist() == [True, True, False]
-    assert around.hide(BEHIND[None], joints, 1)[0, 0].tolist() == [False, False, False]
-    forks = np.stack([BEHIND, ASIDE])[None]
-    assert around.hide(forks, joints[:, None], 0)[0, :, 0, 0].tolist() == [True, False]
-    high = np.array([6.0, 0.0, 0.5])
-    assert not around.hide(high[None], joints, 0).any()
-    twice = Surroundings.joined([around, around])
-    assert twice is not None
-    both = twice.hide(np.stack([BEHIND, ASIDE]), np.concatenate([joints, joints]), 0)
-    assert both[:, 0, 0].tolist() == [True, False]
-    assert np.isinf(around.clearance(BEHIND[None], 0)).all()
 
 
 def test_a_box_far_away_hides_nothing() -> None:

@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 
 from ehar.camera import FOCAL_LENGTH, IMAGE_HEIGHT, IMAGE_WIDTH, Camera, project
-from ehar.data.skeleton import Skeleton
+from ehar.data.skeleton import LIMB_RADIUS, TRUNK_RADIUS, Skeleton
 from ehar.sensors.estimator import (
-    LIMB_RADIUS,
     OCCLUDED_CONFIDENCE,
     OCCLUDED_NOISE,
     SWAP_PROBABILITY,
-    TRUNK_RADIUS,
     EstimatorSensor,
 )
 from ehar.sensors.sensor import Sensed, SensorNoise, draw_noise

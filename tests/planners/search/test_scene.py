@@ -12,7 +12,6 @@ from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion, Motion
 from ehar.obstacles import Box, Cylinder, Obstacles, Surroundings
-from ehar.obstacles.surroundings import Passers
 from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import cartesian, wrap_difference
@@ -26,6 +25,7 @@ from planners.value.view_value import ViewValue
 from tests.helpers.agents import random_observation
 from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context
 from tests.helpers.gain_models import model_of, peak_weights
+from tests.helpers.passers import standing
 from tests.helpers.trajectory_tasks import GRID, random_task
 
 KEEP = 0.35  # [m]
@@ -174,11 +174,8 @@ def test_plans_in_a_room_keep_the_margin_and_get_to_where_people_are_seen(motion
 def test_passers_by_are_planned_with() -> None:
     """Somebody stands between the camera and people where the field is best: the plan ends beside."""
     passers = np.array([[[2.0, 0.0, 0.0, 0.0]]])
-    low, high = np.full((1, 1), -0.95), np.full((1, 1), 0.75)
     made = tiny_batch(episodes=1, length=40)
-    walkers = Passers(
-        np.tile(passers[:, None, :, :2], (1, 40, 1, 1)), low, high, 0.25, np.tile(passers[:, None], (1, 40, 1, 1))
-    )
+    walkers = standing(passers[0, :, :2], length=40)
     batch = replace(
         made, starts=np.array([[6.0, 0.3, np.pi / 2]]), surroundings=Surroundings(Obstacles(), None, walkers)
     )

@@ -1,0 +1,116 @@
+"""People who walk past those that are watched: recorded bodies that are carried along straight ways."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief, read_only
+from ehar.obstacles.shapes import passes_by, passes_through
+
+THICKEST = 0.15  # [m], more than the radius of any bone
+
+Frames = int | slice  # one frame, of arrays (B, ...); or several, of arrays (B, T, ...)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Bodies:
+    """Recorded bodies, as capsules around their bones. Batches share them, so nobody may write into them.
+
+    Args:
+        joints: (F, J, 3) joints of one person in each frame of a recording [m].
+        bones: (bones, 2) pairs of joints.
+        radii: (bones,) radius of the capsule around each bone [m].
+    """
+
+    joints: FloatArray
+    bones: IntArray
+    radii: FloatArray
+
+    __repr__ = in_brief
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Passers:
+    """W people who walk past, in each of B episodes of L frames.
+
+    Args:
+        place: (B, L, W, 2) the mean of their joints, relative to the centre of those that are watched [m].
+        posture: (B, L, W) the frame of `bodies` that shows their posture.
+        turn: (B, L, W) how far they are turned from what was recorded, from x towards y [rad].
+        lift: (B, W) how much higher they are than what was recorded [m].
+        tracked: (B, L, W, 4) what planners are told in each frame: where they are thought to be [m] and how fast they
+            walk [m/s], each along x and y.
+        bodies: the postures.
+    """
+
+    place: FloatArray
+    posture: IntArray
+    turn: FloatArray
+    lift: FloatArray
+    tracked: FloatArray
+    bodies: Bodies
+
+    __repr__ = in_brief
+
+    @property
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """All arrays of the episodes, by name."""
+        return {name: getattr(self, name) for name in ("place", "posture", "turn", "lift", "tracked")}
+
+    def select(self, rows: IntArray | slice, frames: int | None = None) -> "Passers":
+        """Return those of some of the episodes, cut to their first frames; None keeps all frames."""
+        return self._with(
+            lambda name: getattr(self, name)[rows] if name == "lift" else getattr(self, name)[rows, :frames]
+        )
+
+    @staticmethod
+    def joined(pieces: "Sequence[Passers]") -> "Passers":
+        """Return those of several batches of one recording, one after another."""
+        return pieces[0]._with(lambda name: np.concatenate([getattr(one, name) for one in pieces]))
+
+    def protected(self) -> "Passers":
+        """Return a copy that nobody can write into."""
+        return self._with(lambda name: read_only(getattr(self, name)))
+
+    def _with(self, changed: Callable[[str], npt.NDArray[Any]]) -> "Passers":
+        """Return a copy in which each array, by its name, is another."""
+        return Passers(**{name: changed(name) for name in self.arrays}, bodies=self.bodies)
+
+    def joints(self, frames: Frames) -> FloatArray:
+        """Return their joints in a frame, (B, W, J, 3), or in frames, (B, T, W, J, 3): float32 [m]."""
+        posture, turn = self.bodies.joints[self.posture[:, frames]], self.turn[:, frames, :, None]
+        posture = posture - posture.mean(axis=-2, keepdims=True) * np.array([1, 1, 0], dtype=posture.dtype)
+        x, y = posture[..., 0], posture[..., 1]
+        lift = self.lift if isinstance(frames, int) else self.lift[:, None]
+        placed = np.empty(posture.shape, dtype=np.float32)
+        placed[..., 0] = np.cos(turn) * x - np.sin(turn) * y + self.place[:, frames, :, None, 0]
+        placed[..., 1] = np.sin(turn) * x + np.cos(turn) * y + self.place[:, frames, :, None, 1]
+        placed[..., 2] = posture[..., 2] + lift[..., None]
+        return placed
+
+    def hide(self, cameras: FloatArray, joints: FloatArray, frames: Frames) -> BoolArray:
+        """Return which joints are hidden from cameras, (..., P, J): a bone's capsule is in the way.
+
+        Args:
+            cameras: (B, ..., 3) of one frame, or (B, T, 3) of several [m].
+            joints: (B, ..., P, J, 3) [m]; its leading axes broadcast against those of the cameras.
+            frames: the frame, or the frames.
+        """
+        begin, end = np.broadcast_arrays(cameras[..., None, None, :].astype(np.float32), joints.astype(np.float32))
+        hidden = np.zeros(begin.shape[:-1], dtype=bool)
+        bodies = self.joints(frames)  # (B, W, J, 3) or (B, T, W, J, 3)
+        leading = bodies.shape[:-3]
+        row = np.arange(np.prod(leading)).reshape(*leading, *[1] * (hidden.ndim - len(leading)))
+        row = np.broadcast_to(row, hidden.shape)
+        bodies = bodies.reshape(-1, *bodies.shape[-3:])
+        place = self.place[:, frames].reshape(len(bodies), -1, 2).astype(np.float32)
+        reach = np.linalg.norm(bodies[..., :2] - place[:, :, None], axis=-1).max(axis=-1) + THICKEST
+        bones, radii = self.bodies.bones, self.bodies.radii
+        for walker in range(place.shape[1]):
+            near = passes_by(begin, end, place[row, walker], reach[row, walker])
+            body, sights = bodies[row[near], walker], (begin[near][:, None], end[near][:, None])
+            hidden[near] |= passes_through(*sights, body[:, bones[:, 0]], body[:, bones[:, 1]], radii).any(axis=1)
+        return hidden

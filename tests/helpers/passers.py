@@ -1,0 +1,17 @@
+"""People who stand in the way."""
+
+import numpy as np
+
+from ehar.arrays import FloatArray
+from ehar.obstacles.passers import Bodies, Passers
+from tests.helpers.fakes import POSE, SKELETON
+
+
+def standing(place: FloatArray, length: int = 1, turn: float = 0.0) -> Passers:
+    """Return one episode in which W people stand still at places (W, 2), for `length` frames."""
+    shape = (1, length, len(place))
+    places = np.broadcast_to(place, (*shape, 2)).astype(np.float64)
+    tracked = np.concatenate([places, np.zeros_like(places)], axis=-1)
+    turned, lift = np.full(shape, turn), np.zeros((1, len(place)))
+    bodies = Bodies(POSE[None], SKELETON.bone_indices, SKELETON.bone_radii())
+    return Passers(places, np.zeros(shape, dtype=np.int64), turned, lift, tracked, bodies)
