@@ -115,6 +115,7 @@ def _episode(
         "labels": integers(replays.labels[row], np.uint16),
         "centre": None if replays.centres is None else integers(replays.centres[row] * CENTI, np.int16),
         "people": integers(replays.positions[row] * MILLI, np.int16),
+        "passers": None if replays.passers is None else integers(replays.passers[row] * MILLI, np.int16),
         "planners": {
             name: _planner(replays.planners[record], row, run.config.world.workspace)
             for name, record in planners.items()

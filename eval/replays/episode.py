@@ -87,7 +87,8 @@ class EpisodeReplay:
         centres: (L, 3) [m], where the centre is in a stream, relative to its first frame; None in a clip.
         first: the number of the first frame in the episode.
         length: the number of frames of the episode, if these are only some of them.
-        obstacles: what stands there.
+        obstacles: what stands there, relative to where the centre is in the episode's first frame.
+        passers: (L, W, J, 3) [m], who walks past, in the frame of `positions`; None if nobody does.
     """
 
     index: int
@@ -105,6 +106,7 @@ class EpisodeReplay:
     first: int = 0
     length: int | None = None
     obstacles: Obstacles = field(default_factory=Obstacles)
+    passers: FloatArray | None = None
 
     @property
     def frames(self) -> int:
@@ -147,6 +149,7 @@ class EpisodeReplay:
             positions=self.positions[frames],
             cameras=tuple(camera.cut(frames) for camera in self.cameras),
             centres=None if self.centres is None else self.centres[frames],
+            passers=None if self.passers is None else self.passers[frames],
             first=self.first + first,
             length=self.length or self.frames,
         )
@@ -184,6 +187,7 @@ def replay_episode(
         cameras=tuple(_camera(record, replays.planners[record], run.config.world.workspace) for record in records),
         notes=replays.notes,
         obstacles=run.config.world.obstacles,
+        passers=None if replays.passers is None else replays.passers[0],
     )
 
 

@@ -14,7 +14,8 @@ from ehar.errors import UsageError
 from ehar.files import replacing
 from ehar.viewpoint import DISTANCE, cartesian
 from eval.render.field_map import COLOUR_MAP
-from eval.render.palette import PAIR, PEOPLE, bone_colours
+from eval.render.outlines import outlines
+from eval.render.palette import EDGE, PAIR, PEOPLE, bone_colours
 from eval.replays.episode import MAP_AZIMUTHS, CameraReplay, EpisodeReplay, map_polars
 
 if TYPE_CHECKING:
@@ -81,6 +82,8 @@ def _log_what_stays(stream: "rr.RecordingStream", replay: EpisodeReplay) -> None
     ]
     stream.log("about", rr.TextDocument("\n\n".join(lines), media_type="text/markdown"), static=True)
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    if replay.obstacles:
+        stream.log("world/obstacles", rr.LineStrips3D(outlines(replay.obstacles), colors=_rgba(EDGE)), static=True)
     for camera, look in zip(replay.cameras, PAIR, strict=False):
         colour = _rgba(look.colour)
         pinhole = rr.Pinhole(
@@ -114,6 +117,9 @@ def _log_people(stream: "rr.RecordingStream", replay: EpisodeReplay, frame: int)
         colour = _rgba(PEOPLE[person % len(PEOPLE)])
         stream.log(f"world/people/{person}/joints", rr.Points3D(joints, colors=colour, radii=JOINT))
         stream.log(f"world/people/{person}/bones", rr.LineStrips3D(joints[bones], colors=colour, radii=BONE))
+    if replay.passers is not None:
+        passing = (replay.passers[frame] + _origins(replay)[frame])[:, bones].reshape(-1, 2, 3)
+        stream.log("world/passers", rr.LineStrips3D(passing, colors=_rgba(EDGE), radii=BONE))
 
 
 def _log_camera(

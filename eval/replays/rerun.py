@@ -73,6 +73,7 @@ class Replays:
         positions: (E, L, P, J, 3) [m], relative to each scenario's centre; in a stream, to where it is in that frame.
         labels: (E, L), the true class of each frame.
         centres: (E, L, 3) [m], where the centre is in a stream, relative to the first frame; None in clips.
+        passers: (E, L, W, J, 3) [m], who walks past, in the frame of `positions`; None if nobody does.
         skeleton: the skeleton of one person.
         class_names: K class names; in streams, the last one is no activity.
         fps: frames per second.
@@ -84,6 +85,7 @@ class Replays:
     positions: FloatArray
     labels: IntArray
     centres: FloatArray | None
+    passers: FloatArray | None
     skeleton: Skeleton
     class_names: tuple[str, ...]
     fps: float
@@ -99,6 +101,7 @@ class Replays:
             positions=self.positions[:, frames],
             labels=self.labels[:, frames],
             centres=None if self.centres is None else self.centres[:, frames],
+            passers=None if self.passers is None else self.passers[:, frames],
             fps=self.fps / every,
             planners={name: planner.cut(frames) for name, planner in self.planners.items()},
         )
@@ -146,10 +149,12 @@ def replay_run(
                 "not have gone where it went."
             )
         advance(name)
+    passers = None if batch.surroundings is None else batch.surroundings.passers
     return Replays(
         positions=batch.around_centre,
         labels=np.broadcast_to(batch.labels.reshape(len(batch.labels), -1), batch.positions.shape[:2]),
         centres=_centres(workload.followed.scenarios, episodes.scenario[list(indices)]),
+        passers=None if passers is None else passers.joints(slice(None)),
         skeleton=data.skeleton,
         class_names=data.recognised_names,
         fps=data.fps,

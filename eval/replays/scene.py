@@ -52,8 +52,11 @@ class Scene:
         self._walked = LineCollection([], colors=EDGE, linewidths=THIN, zorder=2)
         axes.add_collection(self._walked)
         self._draw_ground(extent)
-        lines = [line @ self._to_plane.T for line in outlines(replay.obstacles)]
-        axes.add_collection(LineCollection(lines, colors=EDGE, linewidths=THIN, zorder=2))
+        self._outlines = [line @ self._to_plane.T for line in outlines(replay.obstacles)]
+        self._obstacles = LineCollection(self._outlines, colors=EDGE, linewidths=THIN, zorder=2)
+        self._passing = LineCollection([], colors=EDGE, linewidths=STRONG, capstyle="round", zorder=3)
+        axes.add_collection(self._obstacles)
+        axes.add_collection(self._passing)
         colours = bone_colours(replay.positions.shape[1], len(replay.skeleton.bones))
         self._bones = LineCollection([], colors=colours, linewidths=STRONG, capstyle="round", zorder=3)
         axes.add_collection(self._bones)
@@ -64,6 +67,8 @@ class Scene:
         ]
         self.moving: list[Artist] = [
             self._walked,
+            self._obstacles,
+            self._passing,
             self._bones,
             *(part for camera in self._cameras for part in camera.moving),
         ]
@@ -80,8 +85,22 @@ class Scene:
         self._bones.set_segments(list(segments))
         if self._replay.centres is not None:
             self._walked.set_segments(list(self._lines_below(self._replay.centres[frame])))
+            away = self._replay.centres[frame] @ self._to_plane.T
+            self._obstacles.set_segments([line - away for line in self._outlines])
+        if self._replay.passers is not None:
+            passing = self._at_their_places(self._replay.passers[frame])
+            self._passing.set_segments(list(passing[:, bones].reshape(-1, 2, 2)))
         for camera in self._cameras:
             camera.show(frame)
+
+    def _at_their_places(self, joints: FloatArray) -> FloatArray:
+        """Return bodies (W, J, 3) [m] in the plane, (W, J, 2): as much enlarged as people, each where it is.
+
+        So a line of sight that it cuts is cut in the picture too.
+        """
+        place = joints.mean(axis=1, keepdims=True) * [1, 1, 0]
+        drawn: FloatArray = (place + self.enlarged * (joints - place)) @ self._to_plane.T
+        return drawn
 
     def _frame_axes(self) -> None:
         """Fit half a sphere as large as the farthest camera's, and the ground below it, into the panel."""

@@ -39,6 +39,7 @@ function decodedEpisode(episode) {
       labels: decoded(episode.labels, "uint16"),
       centre: episode.centre === null ? null : Float64Array.from(decoded(episode.centre, "int16"), (value) => value / 100),
       people: Float64Array.from(decoded(episode.people, "int16"), (value) => (value === LOST_JOINT ? NaN : value / 1000)),
+      passers: episode.passers === null ? null : Float64Array.from(decoded(episode.passers, "int16"), (value) => value / 1000),
       cast: Object.fromEntries(cast),
     };
   }

@@ -16,14 +16,17 @@ function projection(width, height, reach) {
 
 function drawScene(canvas, episode, cast, frame) {
   const { pen, width, height } = prepared(canvas, 0.82);
-  const { people, centre } = decodedEpisode(episode);
+  const { people, passers, centre } = decodedEpisode(episode);
   const reach = Math.max(...cast.flatMap(({ of }) => farthest(of.path)), replays.distances[0]);
   const at = projection(width, height, reach);
   const floor = lowest(people);
   if (centre === null) drawGround(pen, at, reach, floor);
   else drawWalkedGround(pen, at, reach, floor, centre, frame);
   drawDome(pen, at, reach);
-  replays.obstacles.forEach((line) => stroke(pen, line.map(at), colour("@neutral/0.9"), 1.2));
+  const here = centre === null ? [0, 0, 0] : centre.subarray(3 * frame, 3 * frame + 3);
+  const standing = (point) => at(point.map((value, axis) => value - here[axis]));
+  replays.obstacles.forEach((line) => stroke(pen, line.map(standing), colour("@neutral/0.9"), 1.2));
+  if (passers !== null) drawPassers(pen, at, passers, frame);
   cast.forEach(({ of, look }) => (centre === null ? drawPath(pen, at, of, look, frame) : drawTrail(pen, at, of, look, centre, frame)));
   drawPeople(pen, at, people, frame);
   cast.forEach(({ of, look, name }, index) => drawCamera(pen, at, of, look, frame, name, index, reach));
@@ -121,13 +124,21 @@ function drawPath(pen, at, of, look, frame) {
 
 // Where the tracker lost people, their joints are NaN, and a canvas draws no line to NaN.
 function drawPeople(pen, at, people, frame) {
-  const { persons, joints, bones } = replays;
-  for (let who = 0; who < persons; who += 1) {
-    const first = 3 * joints * (frame * persons + who);
-    const joint = (index) => at([...people.subarray(first + 3 * index, first + 3 * index + 3)]);
+  for (let who = 0; who < replays.persons; who += 1) {
     const [tint, dash] = person(who);
-    for (const [from, to] of bones) stroke(pen, [joint(from), joint(to)], colour(tint), 2.2, dash);
+    drawBones(pen, at, people, frame * replays.persons + who, colour(tint), dash);
   }
+}
+
+function drawPassers(pen, at, passers, frame) {
+  const many = passers.length / (3 * replays.joints * replays.frames);
+  for (let who = 0; who < many; who += 1) drawBones(pen, at, passers, frame * many + who, colour("@neutral/0.9"), []);
+}
+
+function drawBones(pen, at, bodies, index, tint, dash) {
+  const first = 3 * replays.joints * index;
+  const joint = (number) => at([...bodies.subarray(first + 3 * number, first + 3 * number + 3)]);
+  for (const [from, to] of replays.bones) stroke(pen, [joint(from), joint(to)], tint, 2.2, dash);
 }
 
 function drawCamera(pen, at, of, look, frame, name, index, reach) {

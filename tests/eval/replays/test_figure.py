@@ -7,8 +7,10 @@ import pytest
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
+from ehar.obstacles import Box, Obstacles
 from ehar.viewpoint import cartesian
 from eval.render.figures import shortened
+from eval.render.outlines import outlines
 from eval.render.palette import PAIR
 from eval.replays.figure import HEIGHT, WIDTH, ReplayFigure
 from eval.replays.panels import Beliefs, Course, DirectionMap, Image, unbroken
@@ -159,3 +161,29 @@ def test_the_map_shows_the_field_of_the_frame() -> None:
     alone = DirectionMap(axes(), known_replay().cameras[1], PAIR[1])
     alone.show(0)
     assert alone._caption.get_text() == "all directions; it has no gain field"
+
+
+def test_passers_by_are_drawn_where_they_are_as_large_as_people() -> None:
+    replay = known_replay()
+    passers = replay.positions[:, :1] + [3.0, -1.0, 0.0]
+    scene = Scene(axes(), replace(replay, passers=passers))
+    scene.show(2)
+    drawn = np.array([line.tolist() for line in scene._passing.get_segments()])
+    plane, bones = scene._to_plane, np.array(SKELETON.bones)
+    place = passers[2, 0].mean(axis=0) * [1, 1, 0]
+    np.testing.assert_allclose(
+        drawn.mean(), ((place + scene.enlarged * (passers[2, 0] - place)) @ plane.T)[bones].mean()
+    )
+    lengths = np.linalg.norm(drawn[:, 0] - drawn[:, 1], axis=-1)
+    people = np.array([line.tolist() for line in scene._bones.get_segments()])[:BONES]
+    np.testing.assert_allclose(lengths, np.linalg.norm(people[:, 0] - people[:, 1], axis=-1))
+
+
+def test_what_stands_stays_where_it_is_when_the_centre_of_a_stream_moves() -> None:
+    centres = np.linspace([0, 0, 0], [1.0, 2.0, 0.0], FRAMES)
+    box = Obstacles(boxes=(Box(centre=(2.0, 0.0, 0.0), size=(1.0, 1.0, 1.0)),))
+    scene = Scene(axes(), known_replay(centres=centres, obstacles=box))
+    for frame in (0, FRAMES - 1):
+        scene.show(frame)
+        for drawn, line in zip(scene._obstacles.get_segments(), outlines(box), strict=True):
+            np.testing.assert_allclose(drawn, (line - centres[frame]) @ scene._to_plane.T, atol=1e-9)

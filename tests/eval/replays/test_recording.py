@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from ehar.errors import UsageError
+from ehar.obstacles import Box, Obstacles
 from ehar.viewpoint import cartesian
+from eval.render.outlines import outlines
 from eval.replays.episode import MAP_AZIMUTHS, EpisodeReplay, map_polars
 from eval.replays.recording import check_recording, write_recording
 from tests.helpers.fakes import CLASS_NAMES, SKELETON
@@ -139,3 +141,13 @@ def test_a_stream_moves_through_space_and_names_what_is_shown(tmp_path: Path) ->
     np.testing.assert_allclose(moved - moved[0], centres, atol=1e-5)  # it stays where it is, seen from the centre
     assert held["/shown"]["frame"] == [1, 3, 6]
     assert [text[0] for text in held["/shown"]["TextDocument:text"]] == [f"# {CLASS_NAMES[at]}" for at in (0, 2, 1)]
+
+
+def test_what_is_in_the_way_is_recorded(tmp_path: Path) -> None:
+    replay = known_replay()
+    passers = replay.positions[:, :1] + [3.0, -1.0, 0.0]
+    box = Obstacles(boxes=(Box(centre=(2.0, 0.0, 0.0), size=(1.0, 1.0, 1.0)),))
+    held = held_by(replace(replay, passers=passers, obstacles=box), tmp_path / "a.rrd")
+    strips = np.array(held["/world/passers"]["LineStrips3D:strips"])
+    np.testing.assert_allclose(strips, passers[:, 0][:, np.array(SKELETON.bones)], rtol=1e-6)
+    assert len(held["/world/obstacles"]["LineStrips3D:strips"][0]) == len(outlines(box))
