@@ -19,7 +19,7 @@ from planners.agents.config import check_seeds
 from recognition.devices import check_device
 from recognition.networks.sizes import Size
 from recognition.published.clips import STREAMS, Stream
-from recognition.published.training import RATIOS, PublishedRun, accuracies, train_published
+from recognition.published.training import RATIOS, PublishedRun, accuracies, arithmetic_of, train_published
 from recognition.training.optimisers import PUBLISHED_EPOCHS
 
 FORMS: tuple[Form, ...] = ("ctrgcn", "causal")
@@ -62,6 +62,7 @@ class PublishedReport:
         rows: the results.
         tests: number of test sequences.
         copies: the class of each of them that is a copy of a training sequence.
+        arithmetic: the arithmetic of trainings: bfloat16, float32, or unknown in results of older versions.
     """
 
     data: str
@@ -71,6 +72,7 @@ class PublishedReport:
     rows: tuple[PublishedRow, ...]
     tests: int
     copies: tuple[str, ...]
+    arithmetic: tuple[str, ...]
 
     def tables(self) -> list[Table]:
         """Return the table."""
@@ -94,7 +96,8 @@ class PublishedReport:
                 ),
                 footnotes=(
                     f"{len(self.seeds)} trainings of each; behind ± stands the standard deviation over them. "
-                    f"{self.epochs} epochs, as published {PUBLISHED_EPOCHS}.",
+                    f"{self.epochs} epochs, as published {PUBLISHED_EPOCHS}. Products in training: "
+                    f"{' or '.join(self.arithmetic)}.",
                     "acc@x: the network sees the first x % of the frames, scaled and cut to a clip by themselves. "
                     "area: the mean over 10, 20, ..., 100 %. Published figures are those of all frames.",
                     _told_copies(self.copies, self.tests),
@@ -160,6 +163,7 @@ def published(
     motion, folder = load_data(data), Path(out)
     unseen = unseen_test(motion)
     held: dict[Form, list[list[FloatArray]]] = {}
+    arithmetic = set()
     for form in FORMS:
         held[form] = []
         for seed in seeds:
@@ -167,6 +171,7 @@ def published(
             held[form].append(
                 [train_published(run, motion, folder, device=device, report=partial(_epoch_done, run)) for run in runs]
             )
+            arithmetic |= {arithmetic_of(run, folder) for run in runs}
     assert motion.is_test is not None
     test = np.flatnonzero(motion.is_test)
     labels, new = motion.labels[test], np.isin(test, unseen)
@@ -181,7 +186,9 @@ def published(
             whole = np.array([accuracies(of[part], labels) for of in trained])
             without = np.array([accuracies([stream[new] for stream in of[part]], labels[new]) for of in trained])
             rows.append(PublishedRow(form, name, whole, without))
-    found = PublishedReport(motion.title, size, epochs, tuple(seeds), tuple(rows), len(new), copies)
+    found = PublishedReport(
+        motion.title, size, epochs, tuple(seeds), tuple(rows), len(new), copies, tuple(sorted(arithmetic))
+    )
     kept = {**asdict(found), "rows": [{**asdict(row), **_lists(row)} for row in rows]}
     write_text(folder / "summary.json", [json_text(kept)])
     write_text(folder / "table.md", [markdown(*found.tables())])

@@ -20,7 +20,7 @@ from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.sizes import Size
 from recognition.networks.spec import Network, build_network
 from recognition.published.clips import Stream, published_clip
-from recognition.training.arithmetic import quick_products
+from recognition.training.arithmetic import arithmetic_on, quick_products
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.training.optimisers import PUBLISHED_EPOCHS, PUBLISHED_MOMENTUM, PUBLISHED_RATE, PUBLISHED_WARM_UP
 
@@ -93,7 +93,8 @@ def train_published(
     trained.train(report)
     log_probs = trained.test()
     with replacing(finished) as temporary, temporary.open("wb") as file:
-        np.savez(file, allow_pickle=False, log_probs=log_probs, data_sha256=data.sha256)
+        arithmetic = arithmetic_on(trained.device)
+        np.savez(file, allow_pickle=False, log_probs=log_probs, data_sha256=data.sha256, arithmetic=arithmetic)
     trained.checkpoint.unlink(missing_ok=True)
     return log_probs
 
@@ -223,6 +224,12 @@ def _read(path: Path, data: MotionData) -> FloatArray:
             raise UsageError(f"{path}: the result of other data than {data.name}: remove it, or choose another --out")
         log_probs: FloatArray = held["log_probs"]
     return log_probs
+
+
+def arithmetic_of(run: PublishedRun, out: Path) -> str:
+    """Return the arithmetic that a finished run ended with: `bfloat16` or `float32`; that of older files is unknown."""
+    with np.load(out / f"{run.name}.npz", allow_pickle=False) as held:
+        return str(held["arithmetic"]) if "arithmetic" in held else "unknown"
 
 
 def accuracies(log_probs: Sequence[FloatArray], labels: IntArray) -> FloatArray:

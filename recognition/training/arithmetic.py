@@ -11,6 +11,11 @@ def has_bfloat16(device: torch.device) -> bool:
     return bool(able.get("avx512_bf16") or able.get("amx_bf16"))
 
 
+def arithmetic_on(device: torch.device) -> str:
+    """Return the arithmetic of the products that `quick_products` makes on a device: `bfloat16` or `float32`."""
+    return "bfloat16" if has_bfloat16(device) else "float32"
+
+
 def quick_products(device: torch.device) -> torch.autocast:
     """Return a context in which products are made in bfloat16 where the device is quick at them."""
     return torch.autocast(device.type, torch.bfloat16, enabled=has_bfloat16(device))

@@ -27,7 +27,7 @@ from recognition.networks.spec import Network, NetworkSpec
 from recognition.setting import load_recordings_of, with_length
 from recognition.storage import load_weights, recogniser_path, save_recogniser
 from recognition.torch_threads import one_torch_thread
-from recognition.training.arithmetic import has_bfloat16
+from recognition.training.arithmetic import arithmetic_on
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.training.clips import ClipSource
 from recognition.training.config import TrainingConfig
@@ -254,7 +254,7 @@ class _Run:
             "validated_on": self.validated_on,
             "stopped": outcome.reason,
             "cut_short": outcome.cut_short,
-            "arithmetic": "bfloat16" if has_bfloat16(self.device) else "float32",
+            "arithmetic": arithmetic_on(self.device),
             "evaluations": [asdict(evaluation) for evaluation in self.evaluations],
         }
         save_recogniser(self.path, network, self.spec, temperature, history)

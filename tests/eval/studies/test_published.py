@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from ehar.data.motion_file import save_motion
 from ehar.errors import UsageError
 from eval.cli.main import main
 from eval.studies.published import published
+from recognition.training.arithmetic import arithmetic_on
 from tests.helpers.fakes import tiny_data
 
 
@@ -48,6 +50,8 @@ def test_the_command_trains_tests_and_prints_both_forms(
         (form, streams) for form in ("ctrgcn", "causal") for streams in ("joint", "bone", "joint + bone")
     ]
     assert np.shape(held["rows"][0]["accuracy"]) == (2, 10)
+    here = arithmetic_on(torch.device("cpu"))
+    assert held["arithmetic"] == [here] and f"Products in training: {here}" in " ".join(printed.out.split())
     found = published(str(motion), out=tmp_path, epochs=1, seeds=(0, 1))  # from what is done
     assert not capsys.readouterr().err
     assert found.rows[5].accuracy.tolist() == held["rows"][5]["accuracy"]
@@ -56,6 +60,11 @@ def test_the_command_trains_tests_and_prints_both_forms(
     held = json.loads((tmp_path / "summary.json").read_text())
     assert [(row["form"], row["streams"]) for row in held["rows"]] == [("ctrgcn", "bone"), ("causal", "bone")]
     assert held["rows"][1]["accuracy"] == [found.rows[4].accuracy[0].tolist()]
+    old = tmp_path / "causal-bone-small-seed0-1-epochs.npz"  # as written before results held their arithmetic
+    with np.load(old) as kept:
+        np.savez(old, log_probs=kept["log_probs"], data_sha256=kept["data_sha256"])
+    again = published(str(motion), out=tmp_path, epochs=1, streams=("bone",))
+    assert again.arithmetic == (here, "unknown") and f"{here} or unknown" in str(again)
 
 
 def test_what_cannot_be_trained_is_refused(motion: Path, tmp_path: Path) -> None:
