@@ -99,18 +99,17 @@ class Passers:
             joints: (B, ..., P, J, 3) [m]; its leading axes broadcast against those of the cameras.
             frames: the frame, or the frames.
         """
-        begin, end = np.broadcast_arrays(cameras[..., None, None, :].astype(np.float32), joints.astype(np.float32))
-        hidden = np.zeros(begin.shape[:-1], dtype=bool)
+        begin = cameras[..., None, None, None, :].astype(np.float32)
+        end = joints[..., None, :].astype(np.float32, copy=False)
         bodies = self.joints(frames)  # (B, W, J, 3) or (B, T, W, J, 3)
-        leading = bodies.shape[:-3]
-        row = np.arange(np.prod(leading)).reshape(*leading, *[1] * (hidden.ndim - len(leading)))
-        row = np.broadcast_to(row, hidden.shape)
-        bodies = bodies.reshape(-1, *bodies.shape[-3:])
-        place = self.place[:, frames].reshape(len(bodies), -1, 2).astype(np.float32)
-        reach = np.linalg.norm(bodies[..., :2] - place[:, :, None], axis=-1).max(axis=-1) + THICKEST
-        bones, radii = self.bodies.bones, self.bodies.radii
-        for walker in range(place.shape[1]):
-            near = passes_by(begin, end, place[row, walker], reach[row, walker])
-            body, sights = bodies[row[near], walker], (begin[near][:, None], end[near][:, None])
-            hidden[near] |= passes_through(*sights, body[:, bones[:, 0]], body[:, bones[:, 1]], radii).any(axis=1)
+        *leading, walkers, _, _ = bodies.shape
+        place = self.place[:, frames].astype(np.float32)
+        reach = np.linalg.norm(bodies[..., :2] - place[..., None, :], axis=-1).max(axis=-1) + THICKEST
+        wide = *leading, *[1] * (begin.ndim - len(leading) - 2), walkers  # as lines of sight: (B, ..., 1, 1, W)
+        near = passes_by(begin, end, place.reshape(*wide, 2), reach.reshape(wide))
+        body = np.broadcast_to(np.arange(bodies[..., 0, 0].size).reshape(wide), near.shape)[near]
+        begin, end = (np.broadcast_to(ends, (*near.shape, 3))[near][:, None] for ends in (begin, end))
+        first, last = np.moveaxis(bodies.reshape(-1, *bodies.shape[-2:])[body][:, self.bodies.bones], 2, 0)
+        near[near] = passes_through(begin, end, first, last, self.bodies.radii).any(axis=1)
+        hidden: BoolArray = np.asarray(near.any(axis=-1))
         return hidden
