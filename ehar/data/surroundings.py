@@ -61,7 +61,9 @@ def _passers(
     tracked = np.concatenate([place, velocity], axis=-1) + error
 
     skeleton = scenarios.data.skeleton
-    bodies = Bodies(scenarios.data.positions[:, 0], skeleton.bone_indices, skeleton.bone_radii())
+    joints = scenarios.data.positions[:, 0]
+    joints.flags.writeable = False  # of this view: all batches share the recording
+    bodies = Bodies(joints, skeleton.bone_indices, skeleton.bone_radii())
     posture, lowest = _postures(scenarios, _others(scenarios, chosen, shape, rng), rng)
     facing = skeleton.heading(bodies.joints[posture[:, 0]])
     turn = np.arctan2(velocity[..., 1], velocity[..., 0]) - facing[:, None]

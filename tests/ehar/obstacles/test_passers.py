@@ -57,6 +57,7 @@ def test_they_are_people_of_other_sequences_as_they_were_recorded() -> None:
     assert (sequence == sequence[:, :1]).all()  # one person each
     assert (sequence[:, 0] != np.arange(EPISODES)[:, None]).all() and len(np.unique(sequence)) == 6
     assert (np.abs(np.diff(walked.posture, axis=1)) == 1).all()  # frame by frame, to and fro
+    assert not walked.bodies.joints.flags.writeable and data.positions.flags.writeable
     joints = walked.joints(7)
     recorded = data.positions[walked.posture[:, 7], 0]
     for one, other in ((0, 4), (3, 5), (1, 2)):

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from ehar.data.motion_file import save_motion
+from ehar.world import CROWD
 from tests.helpers.fakes import tiny_data
 from tests.helpers.reports import report_of, tiny_run
 from tests.helpers.stream_runs import forgetful, stream_run
@@ -148,6 +149,17 @@ def test_long_class_names_are_shortened_and_leave_room(opened: Any, tmp_path: Pa
         page.locator(f"[data-figure={figure}] .main-svg").first.wait_for(timeout=30_000)
         shown = page.locator(f"[data-figure={figure}] .ytick text").all_text_contents()
         assert sorted(shown) == [f"{name[:14]}…{name[-9:]}" for name in names]
+
+
+def test_passers_by_walk_through_the_replay(opened: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, **__: HashedRecogniser())
+    run = tiny_run(tmp_path, ("no-act", "h-rotate"), world=CROWD)
+    report_of(run)
+    page = opened(run / "report.html")
+    shown = painted(page, "#scene")
+    page.evaluate("drawPassers = () => {}; drawFrame()")
+    alone = painted(page, "#scene")
+    assert 0.0005 < (np.abs(shown - alone).max(axis=-1) > 0.1).mean() < 0.1
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

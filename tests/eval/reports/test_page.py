@@ -16,6 +16,7 @@ from plotly.offline import get_plotlyjs
 from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
 from ehar.viewpoint import Workspace
+from ehar.world import CROWD
 from eval.cli.main import main
 from eval.records.episodes import EpisodeRecords
 from eval.records.one_by_one import OneByOne
@@ -126,6 +127,17 @@ def test_what_is_replayed_is_what_happened(tiny: tuple[Path, str]) -> None:
         assert (target[:, 2] <= 100 * np.degrees(workspace.polar_max) + 1).all()
         people = values(episode["people"], np.int16).reshape(10, 1, 6, 3)
         assert np.abs(people[0].mean(axis=(0, 1))).max() < 2  # [mm], centred on where people are at first
+
+
+def test_passers_by_are_replayed_where_they_walk(tiny: tuple[Path, str], tmp_path: Path) -> None:
+    assert all(episode["passers"] is None for episode in embedded(tiny[1], "replays")["episodes"])
+    replays = embedded(report_of(tiny_run(tmp_path, ("no-act", "h-rotate"), world=CROWD)), "replays")
+    for episode in replays["episodes"]:
+        bodies = values(episode["passers"], np.int16).reshape(10, CROWD.passers_by, 6, 3) / 1000
+        place = bodies[..., :2].mean(axis=2)
+        pace = np.linalg.norm(np.diff(place, axis=0), axis=-1) * replays["fps"]
+        assert np.linalg.norm(place, axis=-1).max() < CROWD.passing_reach + 0.01
+        assert 0.9 < np.median(pace) < 1.7
 
 
 def test_a_planner_with_a_gain_field_shows_it(tmp_path: Path) -> None:
