@@ -96,7 +96,9 @@ def bench(
         nbv_solve_ms_median, nbv_solve_ms_p95: one solve at the default horizon, over plans on the grid and plans of a
             PX4 in mission mode.
         nbv_fallback_share: the share of those plans that the chosen solver did not find itself.
-        nbv_room_solve_ms_median, nbv_room_solve_ms_p95, nbv_room_fallback_share: the same around a person in the room.
+        nbv_compiled: 1 if all of them ran on machine code, 0 if formulas were interpreted, as without a C compiler.
+        nbv_room_solve_ms_median, nbv_room_solve_ms_p95, nbv_room_fallback_share, nbv_room_compiled: the same around a
+            person in the room.
         ruckig_us_per_call: one flight of that vehicle on three axes.
         ppo_frames_per_s: environment frames of PPO's training, with the recogniser in the loop and 64 environments.
         streams_times_real_time: seconds that 32 streams of one person have together, for each second that a benchmark

@@ -8,7 +8,7 @@ WORKERS = 2  # processes side by side, one a core, that are timed together
 
 @dataclass(frozen=True)
 class Effort:
-    """The number of measurements; the defaults take about two minutes.
+    """The number of measurements; the defaults take about three minutes.
 
     Args:
         length: L, frames of an episode.
@@ -26,6 +26,7 @@ class Effort:
         stream_frames: frames of each of them.
         late_frame: the frame of a stream whose cost is compared with that of an early one.
         dancers: people of whom each does two activities, one after the other.
+        compile: whether plans wait for machine code before they are timed.
     """
 
     length: int = 60
@@ -43,3 +44,4 @@ class Effort:
     stream_frames: int = 600
     late_frame: int = 18_000
     dancers: int = 20
+    compile: bool = True

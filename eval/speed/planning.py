@@ -46,19 +46,21 @@ def time_solves(data: MotionData, effort: Effort) -> dict[str, float]:
     """
     figures: dict[str, float] = {}
     for name, world in (("nbv", PAPER), ("nbv_room", ROOM)):
-        statistics = _solves_in(world, data, effort)
+        solvers = _solvers_in(world, data, effort)
+        statistics = [solver.statistics for solver in solvers]
         seconds = [second for each in statistics for second in each.solve_seconds]
         figures |= {
             f"{name}_solve_ms_median": 1000 * float(np.median(seconds)),
             f"{name}_solve_ms_p95": 1000 * float(np.percentile(seconds, 95)),
             f"{name}_fallback_share": sum(each.fallbacks for each in statistics)
             / sum(each.counts.total() for each in statistics),
+            f"{name}_compiled": float(all(solver.compiled for solver in solvers)),
         }
     return figures
 
 
-def _solves_in(world: World, data: MotionData, effort: Effort) -> list[SolverStatistics]:
-    """Return the statistics of solves in a world, on the grid and in flight."""
+def _solvers_in(world: World, data: MotionData, effort: Effort) -> list[TrajectorySolver]:
+    """Return what solved problems in a world, on the grid and in flight; their statistics are of those solves."""
     grid_node = math.ceil((effort.length - 1) / DEFAULT_HORIZON) / data.fps
     scene = None if world.is_open else Scene.of(np.zeros((1, 3)), world.obstacles, None)
     found = []
@@ -77,18 +79,20 @@ def _solves_in(world: World, data: MotionData, effort: Effort) -> list[SolverSta
         )
         limits = camera_limits(context, PAPER.sample_starts(rng, 1)[0], node_time)
         in_a_row, size = min(15, effort.plans), None if scene is None else scene.size
-        found.append(
-            measure_solves(
-                rng,
-                TrajectorySolver(horizon=DEFAULT_HORIZON, flown=vehicle is not None, scene=size),
-                limits,
-                node_time=node_time,
-                episodes=effort.plans // in_a_row,
-                plans=in_a_row,
-                world=world,
-                scene=scene,
-            )
+        solver = TrajectorySolver(horizon=DEFAULT_HORIZON, flown=vehicle is not None, scene=size)
+        if effort.compile:
+            solver.compile()
+        measure_solves(
+            rng,
+            solver,
+            limits,
+            node_time=node_time,
+            episodes=effort.plans // in_a_row,
+            plans=in_a_row,
+            world=world,
+            scene=scene,
         )
+        found.append(solver)
     return found
 
 

@@ -141,6 +141,10 @@ class NextBestView(Planner):
             self._built = built
         return self._solver
 
+    def compile(self) -> bool:
+        """Wait for machine code of the problem of the last plan; return whether plans run on it."""
+        return self._solver is not None and self._solver.compile()
+
     def act(self, observation: Observation) -> FloatArray:
         """Return the targets of the plans, or their paths; plan every `replan` frames."""
         self._value.update(observation)

@@ -13,6 +13,7 @@ Second derivatives take most of a solve. The quick ones of a vehicle's limits le
 with position and velocity: steps are a little worse, optima the same, as first derivatives alone decide about these.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -138,6 +139,31 @@ class TrajectoryProblem:
         Raises:
             UsageError: the task is for another horizon, another world or another kind of limits.
         """
+        lower, upper = self._variable_bounds(task)
+        least, most = (bounds.copy() for bounds in self._constraint_bounds)
+        for place, axis in enumerate((DISTANCE, POLAR)):
+            least[self._turns[:, place]], most[self._turns[:, place]] = lower[STAGE + axis], upper[STAGE + axis]
+            # x_1 - v_1 time / 3 = x_0 + 2 / 3 v_0 time + a_0 time^2 / 6: the present state gives it, whatever the jerk.
+            given = self._turns[:1, place, 0]
+            least[given], most[given] = -np.inf, np.inf
+        parameters = self._parameters(task)
+        return {
+            "x0": self._variables(guess, task, parameters),
+            "p": parameters,
+            "lbx": lower,
+            "ubx": upper,
+            "lbg": least,
+            "ubg": most,
+        }
+
+    def _variables(self, guess: Trajectory, task: TrajectoryTask, parameters: FloatArray) -> FloatArray:
+        """Return the problem's variables for a guess, which begins at the present state."""
+        variables = self.pack(guess, task)
+        variables[:STATE] = parameters[:STATE]
+        return variables
+
+    def _parameters(self, task: TrajectoryTask) -> FloatArray:
+        """Return the numbers of a task, which begin with its state."""
         if task.horizon != self.horizon:
             raise UsageError(f"trajectory task: expected {self.horizon} gain weights, got {task.horizon}")
         if task.span != self.span:
@@ -158,7 +184,7 @@ class TrajectoryProblem:
                 np.zeros(3),
             ]
         )
-        parameters = np.concatenate(
+        parameters: FloatArray = np.concatenate(
             [
                 start,
                 task.field_weights.ravel() / task.stake,  # so that a solver's tolerance means the same for every field
@@ -172,23 +198,16 @@ class TrajectoryProblem:
                 [] if task.body is None else np.array(task.flight_weights) / task.stake,
             ]
         )
-        lower, upper = self._variable_bounds(task)
-        first = self.pack(guess, task)
-        first[:STATE] = start
-        least, most = (bounds.copy() for bounds in self._constraint_bounds)
-        for place, axis in enumerate((DISTANCE, POLAR)):
-            least[self._turns[:, place]], most[self._turns[:, place]] = lower[STAGE + axis], upper[STAGE + axis]
-            # x_1 - v_1 time / 3 = x_0 + 2 / 3 v_0 time + a_0 time^2 / 6: the present state gives it, whatever the jerk.
-            given = self._turns[:1, place, 0]
-            least[given], most[given] = -np.inf, np.inf
-        return {
-            "x0": first,
-            "p": parameters,
-            "lbx": lower,
-            "ubx": upper,
-            "lbg": least,
-            "ubg": most,
-        }
+        return parameters
+
+    @property
+    def functions(self) -> list[Any]:
+        """The CasADi functions that plans are judged by."""
+        return [self._cost, self._constraints]
+
+    def take(self, functions: dict[str, Any]) -> None:
+        """Take the same functions, quicker ones, in place of `functions`, by their names."""
+        self._cost, self._constraints = functions["cost"], functions["constraints"]
 
     def _variable_bounds(self, task: TrajectoryTask) -> tuple[FloatArray, FloatArray]:
         """Return the bounds of all variables; the present state is given, so it has none."""
@@ -222,10 +241,11 @@ class TrajectoryProblem:
         high = np.concatenate([variables - numbers["ubx"], constraints - numbers["ubg"]])
         return float(np.max([low.max(), high.max(), 0.0]))
 
-    def objective(self, task: TrajectoryTask, guess: Trajectory) -> float:
-        """Return the gain of a trajectory less its cost, with all that is in the way; more is better."""
-        numbers = self.arguments(task, guess)
-        return -float(self._cost(numbers["x0"], numbers["p"])) * task.stake
+    def objective(self, task: TrajectoryTask, guesses: Sequence[Trajectory]) -> FloatArray:
+        """Return the gain of trajectories less their cost, (G,), with all that is in the way; more is better."""
+        parameters = self._parameters(task)
+        costs = [float(self._cost(self._variables(guess, task, parameters), parameters)) for guess in guesses]
+        return -np.array(costs) * task.stake
 
     def pack(self, trajectory: Trajectory, task: TrajectoryTask) -> FloatArray:
         """Return the problem's variables for a trajectory."""

@@ -1,6 +1,7 @@
 """Solves the optimal control problem: fatrop first, ipopt if fatrop fails, the present viewpoint if both fail.
 
-In flight fatrop first takes the quick Hessian of the problem, and the exact one if it does not get there.
+In flight fatrop first takes the quick Hessian of the problem, and the exact one if it does not get there. Who plans
+often gets machine code of the problem, which changes no plan: see `planners.search.machine_code`.
 """
 
 import time
@@ -16,6 +17,7 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.flight.multicopter import Multicopter
 from planners.search.guess import at_rest_at_the_end, best_guesses, moved_on
+from planners.search.machine_code import MachineCode, has_compiler
 from planners.search.problem import TrajectoryProblem
 from planners.search.scene import SceneSize
 from planners.search.task import Trajectory, TrajectoryTask
@@ -27,6 +29,8 @@ FIRST_BARRIER = 1e-4  # fatrop's; guesses are good, so a solve may begin near th
 BACK_OFF = (1.0, 0.998, 0.98, 0.9, 0.7, 0.4, 0.0)  # shares of a capped solve's step that are tried in turn
 ITERATIONS = 100  # limit of a solve that is not capped
 QUICK_ITERATIONS = 50  # and of one with the quick Hessian: 99 % of solo-stream's took at most 26
+PATIENCE = 500  # plans before the problem is compiled: as much work, about, as compiling it
+DERIVED = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l")  # functions that fatrop calls
 START_TOLERANCE = 1e-6  # [m], [rad]: how far outside the workspace the camera may already be
 
 
@@ -79,7 +83,10 @@ class SolverStatistics:
 
 
 class TrajectorySolver:
-    """Finds trajectories for tasks of one horizon; `statistics` counts how the plans ended."""
+    """Finds trajectories for tasks of one horizon.
+
+    `statistics` counts how the plans ended; `compiled` tells whether they run on machine code.
+    """
 
     def __init__(
         self,
@@ -113,11 +120,23 @@ class TrajectorySolver:
         self._capped = max_iterations is not None
         quick = solver == "fatrop"
         iterations = max_iterations or (QUICK_ITERATIONS if quick and flown else ITERATIONS)
-        self._solvers = [self._build(solver, iterations, quick=quick)]
+        self._solvers = [self._build(solver, iterations, {"nlp_hess_l": self._problem.quick_hessian} if quick else {})]
         if quick and flown and not self._capped:
             self._solvers.append(self._build(solver, ITERATIONS))
         falls_back = solver == "fatrop" and not self._capped
         self._fallback = self._build("ipopt", ITERATIONS) if falls_back else None
+        self._iterations, self._asked, self.compiled = iterations, 0, False
+        self._code: MachineCode | None = None
+        if quick and has_compiler():
+            self._code = MachineCode([*map(self._solvers[0].get_function, DERIVED), *self._problem.functions])
+            self._quicken()
+
+    def compile(self) -> bool:
+        """Wait for machine code, which takes 5 to 20 s if there is none; return whether plans now run on it."""
+        if self._code is not None:
+            self._code.make(wait=True)
+            self._quicken()
+        return self.compiled
 
     def solve(self, task: TrajectoryTask, guess: Trajectory) -> Solution:
         """Return the best trajectory near a guess."""
@@ -147,6 +166,8 @@ class TrajectorySolver:
         self, task: TrajectoryTask, guesses: Callable[[], list[Trajectory]], *, every: bool = True
     ) -> Solution:
         """Return the best solution from several guesses, and count it; a task without a solution needs no guesses."""
+        self._asked += 1
+        self._quicken()
         begin = time.perf_counter()
         best = None
         if not (np.isfinite(task.field_weights).all() and np.isfinite(task.gain_weights).all()):
@@ -217,9 +238,8 @@ class TrajectorySolver:
         if task.scene is None:
             return task.objective(trajectory)
         if trajectory.position.ndim == 2:
-            return np.array(self._problem.objective(task, trajectory))
-        each = (Trajectory(*parts) for parts in zip(*trajectory, strict=True))
-        return np.array([self._problem.objective(task, one) for one in each])
+            return np.array(self._problem.objective(task, [trajectory])[0])
+        return self._problem.objective(task, [Trajectory(*parts) for parts in zip(*trajectory, strict=True)])
 
     def _repaired(self, variables: FloatArray, task: TrajectoryTask, first: Trajectory) -> tuple[FloatArray, float]:
         """Return the trajectory within the limits that is nearest to the result of a capped solve, and its violation.
@@ -237,12 +257,24 @@ class TrajectorySolver:
                 break
         return numbers["x0"], violation
 
-    def _build(self, solver: str, max_iterations: int, *, quick: bool = False) -> Any:
-        """Return a CasADi solver of the problem; a quick one is fatrop, which takes the Hessian for its own."""
-        options: dict[str, Any] = {"expand": True, "print_time": False, solver: {"max_iter": max_iterations}}
+    def _quicken(self) -> None:
+        """Take machine code if there is some; have it made when many plans have been asked for."""
+        if self._code is None:
+            return
+        functions = self._code.load()
+        if functions is not None:
+            self._solvers[0] = self._build("fatrop", self._iterations, functions)
+            self._problem.take(functions)
+            self._code, self.compiled = None, True
+        elif self._asked == PATIENCE:
+            self._code.make()
+
+    def _build(self, solver: str, max_iterations: int, functions: dict[str, Any] | None = None) -> Any:
+        """Return a CasADi solver of the problem; it takes `functions`, by name, in place of its own."""
+        options: dict[str, Any] = {"expand": True, "print_time": False, "cache": functions or {}}
+        options[solver] = {"max_iter": max_iterations}
         if solver == "fatrop":
             options |= {"structure_detection": "auto", "equality": self._problem.equality}
-            options["cache"] = {"nlp_hess_l": self._problem.quick_hessian} if quick else {}
             options[solver] |= {"print_level": 0, "tolerance": OPTIMALITY, "constr_viol_tol": TOLERANCE / 10}
             options[solver]["mu_init"] = FIRST_BARRIER
         else:

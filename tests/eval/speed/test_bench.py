@@ -32,6 +32,7 @@ BRIEF = Effort(
     streams=2,
     stream_frames=4,
     late_frame=80,
+    compile=False,
 )
 
 
@@ -92,6 +93,7 @@ def test_solves_and_flights_take_time() -> None:
     for name in ("nbv", "nbv_room"):
         assert 0 < solves[f"{name}_solve_ms_median"] <= solves[f"{name}_solve_ms_p95"]
         assert 0 <= solves[f"{name}_fallback_share"] <= 1
+        assert solves[f"{name}_compiled"] in (0, 1)
     assert 0 < time_ruckig(BRIEF) < 1
 
 
@@ -102,7 +104,14 @@ def test_targets_are_bounds_from_their_side() -> None:
     assert not TARGETS["late_over_early_frame"].met(1.3)
 
 
-ZERO_OR_LESS = ("shipped_weights", "nbv_fallback_share", "nbv_room_fallback_share", "letting_go_later_s")  # may be
+ZERO_OR_LESS = (  # may be
+    "shipped_weights",
+    "nbv_fallback_share",
+    "nbv_compiled",
+    "nbv_room_fallback_share",
+    "nbv_room_compiled",
+    "letting_go_later_s",
+)
 
 
 @pytest.mark.slow
@@ -118,7 +127,9 @@ def test_every_figure_is_written_and_printed(tmp_path: Path, monkeypatch: pytest
         "flops_ratio_published_widths",
         "time_ratio_published_widths",
         "refresh_over_plain_frame",
+        "nbv_compiled",
         "nbv_room_solve_ms_median",
+        "nbv_room_compiled",
         "training_clips_per_s",
         "recognised_share_of_peak",
         *peak_figures(BRIEF, 1),

@@ -103,7 +103,7 @@ def test_a_plan_collects_the_field_as_far_as_it_sees_people() -> None:
     problem = TrajectoryProblem(task.horizon, scene=scene.size)
     seen = [at_cameras(scene, cartesian(task.position)[None], node * 0.16)[0][0] for node in range(1, 16)]
     value = float(replace(task, spread_weight=0.0).objective(stay))  # the weights of the nodes add up to 1
-    assert problem.objective(task, stay) == pytest.approx(np.mean(seen) * value - 0.2, abs=0.02)
+    assert problem.objective(task, [stay])[0] == pytest.approx(np.mean(seen) * value - 0.2, abs=0.02)
 
 
 def test_a_task_among_other_things_is_refused() -> None:
