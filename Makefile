@@ -265,7 +265,7 @@ $(FOLDS:%=models/%/planners): models/%/planners: $(STREAM_RECOGNISER)
 	$(EHAR) train fixed-best --data streams/$*.npz $(call rate,$*) --sensor estimator --models $(@D)
 	touch $@
 
-# No vehicle keeps up with all people of hdm05.
+# No vehicle keeps up with all people of hdm05: tracking-drone does with those of folds 1 and 2.
 FLOWN := sbu-stream utkinect
 define looked_at
 $$(FOLDS:%=runs/looked-%-$(1)/table.md): runs/looked-%-$(1)/table.md: models/%/planners
@@ -285,6 +285,57 @@ $$(FLOWN:%=runs/looked-%-$(1)-$(2)/table.md): runs/looked-%-$(1)-$(2)/table.md: 
 	$$(EHAR) study folds $$(patsubst %/table.md,%,$$(wordlist 2,9,$$^)) --ideal $$(<D) --out $$(@D)
 endef
 $(foreach track,$(FLYING),$(foreach world,paper $(IN_THE_WAY),$(eval $(call flown_through,$(world),$(track)))))
+
+define two_folds
+runs/looked-two-$(1)/table.md: runs/looked-hdm05-stream-1-$(1)/table.md runs/looked-hdm05-stream-2-$(1)/table.md
+	$$(EHAR) study folds $$(^:/table.md=) --out $$(@D)
+
+runs/looked-two-$(1)-tracking-drone/table.md: runs/looked-two-$(1)/table.md \
+  runs/looked-hdm05-stream-1-$(1)-tracking-drone/table.md runs/looked-hdm05-stream-2-$(1)-tracking-drone/table.md
+	$$(EHAR) study folds $$(patsubst %/table.md,%,$$(wordlist 2,3,$$^)) --ideal $$(<D) --out $$(@D)
+endef
+$(foreach world,paper $(IN_THE_WAY),$(eval $(call two_folds,$(world))))
+
+# What learned in flight: a gain field, and agents that copy flights of an oracle. Flights take them where there are any, so
+# they have a folder of their own.
+ALOFT := solo-stream $(foreach set,$(FLOWN),$(NUMBERS:%=$(set)-%))
+aloft = $(if $(filter $(1),$(FOLDS)),--data streams/$(1).npz,--data $(1)) --sensor estimator --track px4-auto --models models/$(1)-flown
+$(ALOFT:%=models/%-flown/planners): models/%-flown/planners: models/%/planners
+	mkdir -p $(@D) && cp models/$*/causal-* models/$*/fixed-best-* $(@D)
+	$(EHAR) train gain-field $(call aloft,$*)
+	$(EHAR) train agent $(call aloft,$*) --stages il --seeds 0 1 2
+	touch $@
+
+ALOFT_PLANNERS := no-act h-rotate front fixed-best il nbv-search nbv
+define learned_aloft
+$$(ALOFT:%=runs/aloft-%-$(1)/table.md): runs/aloft-%-$(1)/table.md: models/%-flown/planners
+	$$(BENCHMARK) $$(ALOFT_PLANNERS) $$(call aloft,$$*) $$(if $$(filter sbu-stream-%,$$*),--length 368) --world $(1) --starts 3 --out $$(@D)
+
+$$(FLOWN:%=runs/aloft-%-$(1)/table.md): runs/aloft-%-$(1)/table.md: $$(NUMBERS:%=runs/aloft-\%-%-$(1)/table.md)
+	$$(EHAR) study folds $$(^:/table.md=) --out $$(@D)
+endef
+$(foreach world,paper room,$(eval $(call learned_aloft,$(world))))
+
+# Flights that pay for energy, for noise near people, and for their length.
+PRICED := $(foreach price,energy_weight-0.1 energy_weight-1 noise_weight-0.1 distance_weight-0.001 distance_weight-0.01, \
+  planners.search.next_best_view:NextBestView --$(subst -, ,$(price)) --name nbv-$(price))
+runs/priced-solo-stream/table.md: models/solo-stream/planners
+	$(BENCHMARK) no-act front nbv-search nbv $(PRICED) --data solo-stream --sensor estimator --models models/solo-stream \
+	  --track px4-auto --starts 3 --out $(@D)
+
+# What it costs if people are localised worse than the recogniser was told: the world is the example of the docs.
+runs/worse.json: docs/worlds.md
+	mkdir -p $(@D) && sed -n '/^## How people are localised/,/^## What/p' $< | sed -n '/^{/,/^}/p' > $@
+
+LOCALISED := no-act front nbv --data solo-stream --sensor estimator --models models/solo-stream
+runs/localised-worse/table.md: runs/worse.json models/solo-stream/planners
+	$(BENCHMARK) $(LOCALISED) --world $< --out $(@D)
+
+runs/localised-usual/table.md: models/solo-stream/planners
+	$(BENCHMARK) $(LOCALISED) --out $(@D)
+
+runs/localised/table.md: runs/localised-worse/table.md runs/localised-usual/table.md
+	$(EHAR) compare $(^:/table.md=) --out $(@D)
 
 # Three trainings of synthetic streams: in the open and in a room, on the grid and flown.
 SEEDED := $(foreach set,$(SYNTHETIC),$(NUMBERS:%=$(set)-%))
@@ -483,7 +534,8 @@ docs/results/exact-joints.md: $(SETS:%=runs/rules-%-perfect/table.md)
 docs/results/flown.md: $(SETS:%=runs/agents-%-drone/table.md)
 	$(call side_by_side,nbv,All planners in flight on single clips)
 
-docs/results/streams.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-solo-stream$(track:.=)/table.md)
+docs/results/streams.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-solo-stream$(track:.=)/table.md) \
+  runs/aloft-solo-stream-paper/table.md runs/priced-solo-stream/table.md runs/localised/table.md
 	$(call page,$@,Streams of one person,ehar benchmark $(WATCHING) --data solo-stream --sensor estimator --models models/solo-stream,$^)
 
 docs/results/couple-streams.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-duo-stream$(track:.=)/table.md)
@@ -501,7 +553,8 @@ docs/results/utkinect.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/wat
 docs/results/recorded-streams.md: $(foreach world,paper $(IN_THE_WAY),$(RECORDED:%=runs/looked-%-$(world)/table.md))
 	$(call side_by_side,nbv,Looking at recorded people)
 
-docs/results/recorded-flights.md: $(foreach world,paper $(IN_THE_WAY),$(foreach track,$(FLYING),$(FLOWN:%=runs/looked-%-$(world)-$(track)/table.md)))
+docs/results/recorded-flights.md: $(foreach world,paper $(IN_THE_WAY),$(foreach track,$(FLYING),$(FLOWN:%=runs/looked-%-$(world)-$(track)/table.md)) \
+  runs/looked-two-$(world)-tracking-drone/table.md) $(foreach world,paper room,$(FLOWN:%=runs/aloft-%-$(world)/table.md))
 	$(call side_by_side,nbv,Flying around recorded people)
 
 docs/results/stream-trainings.md: $(foreach set,$(SYNTHETIC),$(foreach world,room paper,$(foreach track,. -px4-auto.,runs/seeded-$(set)-$(world)$(track:.=)/table.md)))

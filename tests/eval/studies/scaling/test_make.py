@@ -40,8 +40,8 @@ def place(tmp_path: Path) -> Path:
     """Return a folder with the Makefile, and an ehar that takes no time."""
     for folder in (".venv/bin", "docs/results"):
         (tmp_path / folder).mkdir(parents=True)
-    for name in ("Makefile", "pyproject.toml", "constraints.txt"):
-        shutil.copy(ROOT / name, tmp_path)
+    for name in ("Makefile", "pyproject.toml", "constraints.txt", "docs/worlds.md"):
+        shutil.copy(ROOT / name, tmp_path / name)
     (tmp_path / ".venv/.installed").touch()
     (tmp_path / "heard").touch()
     (tmp_path / ".venv/bin/ehar").write_text(EHAR)
