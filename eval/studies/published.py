@@ -126,35 +126,39 @@ def published(
     out: str | Path,
     size: Size = "small",
     seeds: Sequence[int] = (0,),
+    forms: Sequence[Form] = FORMS,
     streams: Sequence[Stream] = STREAMS,
     epochs: int = PUBLISHED_EPOCHS,
     device: str = "cpu",
     threads: int = 0,
 ) -> PublishedReport:
-    """Train both forms by the published protocol on joints, on bones, or on both for an ensemble, and test them.
+    """Train forms by the published protocol on joints, on bones, or on both for an ensemble, and test them.
 
     Args:
         data: an .npz with 3D joints and a split, such as Northwestern-UCLA by camera.
         out: folder of the results; what is done there is kept, and a training goes on from its last epoch.
         size: widths of the networks.
         seeds: seeds of the trainings of each form and stream.
+        forms: what is trained. Processes may train different forms or streams into one folder, side by side; one that
+            then asks for all of them trains nothing, and writes the whole table.
         streams: what networks see: joints, bones, or both, and then both together as well.
         epochs: epochs of each training.
         device: torch device.
         threads: CPU threads of torch; with 0, torch decides.
 
     Raises:
-        UsageError: the number of epochs is below 1, a seed is no seed, there is no stream, one that does not exist or
-            one twice, or `out` holds results of other data.
+        UsageError: the number of epochs is below 1, a seed is no seed, there is no form or stream, one that does not
+            exist or one twice, or `out` holds results of other data.
         DataError: the data is malformed, or has no split.
         ModelError: a loss is not finite, or a checkpoint is damaged.
     """
     import torch  # imported here: too slow for `ehar --help`
 
     check_seeds(seeds)
-    if not streams or len(set(streams)) < len(streams) or not set(streams) <= set(STREAMS):
-        got = " ".join(streams) or "none"
-        raise UsageError(f"--streams: got {got}, expected {' or '.join(STREAMS)}, each once")
+    for name, chosen, known in (("forms", forms, FORMS), ("streams", streams, STREAMS)):
+        if not chosen or len(set(chosen)) < len(chosen) or not {*chosen} <= {*known}:
+            got = " ".join(chosen) or "none"
+            raise UsageError(f"--{name}: got {got}, expected {' or '.join(known)}, each once")
     if epochs < 1:
         raise UsageError(f"--epochs: got {epochs}, expected at least 1")
     check_device(device)
@@ -164,7 +168,7 @@ def published(
     unseen = unseen_test(motion)
     held: dict[Form, list[list[FloatArray]]] = {}
     arithmetic = set()
-    for form in FORMS:
+    for form in forms:
         held[form] = []
         for seed in seeds:
             runs = [PublishedRun(form, stream, size, seed, epochs) for stream in streams]
@@ -176,13 +180,13 @@ def published(
     test = np.flatnonzero(motion.is_test)
     labels, new = motion.labels[test], np.isin(test, unseen)
     copies = tuple(motion.class_names[label] for label in labels[~new])
-    chosen: Sequence[tuple[str, slice]] = (
+    together: Sequence[tuple[str, slice]] = (
         *((stream, slice(i, i + 1)) for i, stream in enumerate(streams)),
         *([(" + ".join(streams), slice(None))] if len(streams) > 1 else []),
     )
     rows = []
     for form, trained in held.items():
-        for name, part in chosen:
+        for name, part in together:
             whole = np.array([accuracies(of[part], labels) for of in trained])
             without = np.array([accuracies([stream[new] for stream in of[part]], labels[new]) for of in trained])
             rows.append(PublishedRow(form, name, whole, without))

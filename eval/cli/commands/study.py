@@ -235,6 +235,7 @@ STUDY = CommandGroup(
                 "seeds": Flag(
                     "seeds of the trainings of each form and stream.", kind=tuple[int, ...], metavar="SEED ..."
                 ),
+                "forms": Flag("ctrgcn, causal or both.", kind=tuple[str, ...], metavar="FORM ..."),
                 "streams": Flag("joint, bone, or both and their ensemble.", kind=tuple[str, ...], metavar="STREAM ..."),
                 "epochs": Flag("epochs of each training."),
                 "device": Flag("torch device."),

@@ -60,6 +60,11 @@ def test_the_command_trains_tests_and_prints_both_forms(
     held = json.loads((tmp_path / "summary.json").read_text())
     assert [(row["form"], row["streams"]) for row in held["rows"]] == [("ctrgcn", "bone"), ("causal", "bone")]
     assert held["rows"][1]["accuracy"] == [found.rows[4].accuracy[0].tolist()]
+    one = published(str(motion), out=tmp_path, epochs=1, forms=("causal",))
+    assert [(row.form, row.streams) for row in one.rows] == [
+        ("causal", name) for name in ("joint", "bone", "joint + bone")
+    ]
+    assert one.rows[1].accuracy.tolist() == held["rows"][1]["accuracy"]
     old = tmp_path / "causal-bone-small-seed0-1-epochs.npz"  # as written before results held their arithmetic
     with np.load(old) as kept:
         np.savez(old, log_probs=kept["log_probs"], data_sha256=kept["data_sha256"])
@@ -75,6 +80,8 @@ def test_what_cannot_be_trained_is_refused(motion: Path, tmp_path: Path) -> None
     for streams, got in (((), "none"), (("bone", "bone"), "bone bone"), (("motion",), "motion")):
         with pytest.raises(UsageError, match=f"--streams: got {got}, expected joint or bone, each once"):
             published(str(motion), out=tmp_path, streams=streams)  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match="--forms: got lstm, expected ctrgcn or causal, each once"):
+        published(str(motion), out=tmp_path, forms=("lstm",))  # type: ignore[arg-type]
 
 
 def test_copies_of_training_sequences_are_counted_and_left_out(tmp_path: Path) -> None:
