@@ -113,7 +113,13 @@ def draw_scenarios(
     longer = data.lengths[sequences] - length
     weights = longer + 1 if isinstance(data, StreamData) else longer // length + 1
     sequence = rng.choice(sequences, size=count, p=weights / weights.sum())
-    first = rng.integers(data.lengths[sequence] - length + 1)
+    return scenarios_at(data, length, sequence, rng.integers(data.lengths[sequence] - length + 1))
+
+
+def scenarios_at(
+    data: MotionData | StreamData, length: int, sequence: IntArray, first: IntArray
+) -> Scenarios | StreamScenarios:
+    """Return the windows of `length` frames that begin at some frames of some sequences or streams."""
     if isinstance(data, StreamData):
         return StreamScenarios(data, length, sequence, first)
     return Scenarios(data, length, sequence, first)

@@ -28,7 +28,7 @@ class Needed(NamedTuple):
         # Imported here: they bring torch and scipy, too slow for `ehar --help`.
         from planners.value.situation import STREAM_WINDOW
         from recognition.setting import EPISODE
-        from recognition.training.trainer import WINDOW
+        from recognition.training.config import WINDOW
 
         usual = (round(seconds * data.fps) for seconds in (WINDOW, STREAM_WINDOW, EPISODE))
         return Needed(*(frames if length is None else length for frames in usual))

@@ -16,8 +16,8 @@ from eval.running.outlook import outlook
 from planners.agents.config import PAPER_FORM, AgentTrainingConfig
 from planners.place.config import FixedBestConfig
 from planners.value.config import GainTrainingConfig
-from recognition.setting import load_recordings_of, load_setting
-from recognition.training.config import PUBLISHED_BATCH, TrainingConfig
+from recognition.setting import load_recordings_of, load_setting, with_length
+from recognition.training.config import PUBLISHED_BATCH, WINDOW, TrainingConfig
 
 Effort = Literal["tiny", "quick", "paper"]
 # A first try, which shows that everything runs on some data, and nothing more.
@@ -147,14 +147,25 @@ class TrainAllConfig:
         )
 
 
-def train_recogniser(config: TrainingConfig) -> Trained:
-    """Train a recogniser, with a bar on standard error; resumes where a checkpoint lies in `out`."""
-    from eval.running.progress import TrainingProgress  # these bring rich and torch, which `ehar --help` does not need
+def train_recogniser(config: TrainingConfig, planned: tuple[Path, ...] = ()) -> Trained:
+    """Train a recogniser, with a bar on standard error; resumes where a checkpoint lies in `out`.
+
+    Args:
+        config: the settings of the training.
+        planned: folders of runs of the benchmark on the recogniser's part: half of the clips are seen from where their
+            planners went.
+    """
+    from eval.running.planned import planned_views  # these bring rich and torch, which `ehar --help` does not need
+    from eval.running.progress import TrainingProgress
     from recognition.storage import recogniser_path
     from recognition.training import trainer
 
+    views = None
+    if planned:
+        data = load_recordings_of(config.conditions)
+        views = planned_views(planned, data, with_length(config.conditions, data, WINDOW))
     with TrainingProgress() as progress:
-        outcome = trainer.train_recogniser(config, progress.report)
+        outcome = trainer.train_recogniser(config, progress.report, views)
     best = outcome.best
     lines = (
         f"best after {best.clips:,} clips: validation accuracy {100 * best.accuracy:.1f} % (mean over frames), "

@@ -9,7 +9,7 @@ from torch import Tensor
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
-from ehar.data.scenario import draw_scenarios, localised
+from ehar.data.scenario import draw_scenarios, localised, scenarios_at
 from ehar.data.skeleton_tree import parents
 from ehar.data.streams.data import StreamData
 from ehar.data.surroundings import surroundings_of
@@ -18,9 +18,11 @@ from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensor, draw_noise
 from ehar.world import PAPER, World
 from recognition.networks.features import features, with_view
+from recognition.training.planned_views import PlannedViews
 from recognition.training.views import recorded_viewpoints, training_viewpoints
 
 RECORDED = "recorded"  # the regime of the cameras that recorded the data
+CUT = ("sequence", "first")  # where a window is cut from
 BODY_SCALE = 0.1  # training bodies are scaled by a random factor from 1 - this to 1 + this: actors differ in size
 
 
@@ -40,7 +42,8 @@ class Clips(NamedTuple):
 class ClipSource:
     """Draws clips from some sequences.
 
-    Clips are drawn by `ehar.data.streams.scenario.draw_scenarios`, so they have the distribution of test windows.
+    Clips are drawn by `ehar.data.scenario.draw_scenarios`, so they have the distribution of test windows. With planned
+    views, half of them are windows of those episodes, and seen from there.
 
     Args:
         data: the motion, trimmed or in streams.
@@ -51,6 +54,7 @@ class ClipSource:
         form: form of the network; the causal one is told where the camera is.
         augment: whether bodies are scaled.
         world: the world that cameras are in, and in which people are localised.
+        planned: views that planners chose in episodes of these sequences.
     """
 
     def __init__(
@@ -64,6 +68,7 @@ class ClipSource:
         form: Form,
         augment: bool,
         world: World = PAPER,
+        planned: PlannedViews | None = None,
     ) -> None:
         """Collect the sequences that are long enough.
 
@@ -80,20 +85,29 @@ class ClipSource:
             )
         self._data, self._sequences, self._length = data, long_enough, length
         self._sensor, self._views, self._form, self._augment, self._world = sensor, views, form, augment, world
+        self._planned = planned
         self._parents = torch.from_numpy(parents(data.skeleton))
 
     def draw(self, rng: np.random.Generator, clips: int) -> Clips:
-        """Draw B clips from random viewpoints of the regime."""
-        scenarios = localised(draw_scenarios(self._data, self._sequences, self._length, rng, clips), self._world)
+        """Draw B clips from random viewpoints of the regime; with planned views, half of them from these."""
+        usual = clips if self._planned is None else clips - clips // 2
+        scenarios = draw_scenarios(self._data, self._sequences, self._length, rng, usual)
+        if self._planned is not None:
+            chosen = self._planned.draw(rng, clips - usual, self._length)
+            sequence, first = (np.concatenate([getattr(part, name) for part in (scenarios, chosen)]) for name in CUT)
+            scenarios = scenarios_at(self._data, self._length, sequence, first)
+        scenarios = localised(scenarios, self._world)
         every = np.arange(clips)
         positions = scenarios.positions(every)
         if self._augment:
             scale = rng.uniform(1 - BODY_SCALE, 1 + BODY_SCALE, size=(clips, 1, 1, 1, 1))
             positions = positions * scale.astype(np.float32)
         if self._views == RECORDED:
-            viewpoints = recorded_viewpoints(scenarios.centres(every), self._length)
+            viewpoints = recorded_viewpoints(scenarios.centres(every[:usual]), self._length)
         else:
-            viewpoints = training_viewpoints(self._views, self._world, rng, clips, self._length)
+            viewpoints = training_viewpoints(self._views, self._world, rng, usual, self._length)
+        if self._planned is not None:
+            viewpoints = np.concatenate([viewpoints, chosen.viewpoints])
         around = surroundings_of(scenarios, every, self._world, rng)
         hidden = None if around is None else around.hide(viewpoints, positions, slice(None))
         seen = self._see(positions, viewpoints, rng, hidden)

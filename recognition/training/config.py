@@ -8,6 +8,7 @@ from ehar.conditions import Conditions
 from recognition.networks.sizes import Size
 
 Optimiser = Literal["adamw", "published"]
+WINDOW = 4.0  # [s], the usual length of a training clip of streams
 PUBLISHED_BATCH = 64  # clips of a step with the published optimiser
 
 

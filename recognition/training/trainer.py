@@ -30,9 +30,10 @@ from recognition.torch_threads import one_torch_thread
 from recognition.training.arithmetic import arithmetic_on
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.training.clips import ClipSource
-from recognition.training.config import TrainingConfig
+from recognition.training.config import WINDOW, TrainingConfig
 from recognition.training.frame_weights import frame_weights
 from recognition.training.learner import Learner
+from recognition.training.planned_views import PlannedViews
 from recognition.training.stopping import (
     Evaluation,
     Outcome,
@@ -43,7 +44,6 @@ from recognition.training.stopping import (
 )
 from recognition.weight_files import description_path, recorded_run
 
-WINDOW = 4.0  # [s], the usual length of a training clip of streams
 VALIDATION_CLIPS = 768
 VALIDATION_SEED = 1_000_003  # draws the same clips for every run on the same data
 
@@ -62,7 +62,9 @@ class _Held:
 Report = Callable[[int, int, "Sequence[Evaluation] | None"], None]
 
 
-def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Outcome:
+def train_recogniser(
+    config: TrainingConfig, report: Report | None = None, planned: PlannedViews | None = None
+) -> Outcome:
     """Train, calibrate and save a recogniser.
 
     Training stops when twice the clips have gained too little on validation (`recognition.training.stopping`), so no
@@ -74,6 +76,7 @@ def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Ou
     Args:
         config: the settings of the training.
         report: called after every step.
+        planned: views that planners chose in episodes of the recogniser's part: half of the clips are seen from there.
 
     Raises:
         UsageError: an option is unknown or below 1; `out` cannot be written to, or holds a checkpoint of another run.
@@ -88,7 +91,7 @@ def train_recogniser(config: TrainingConfig, report: Report | None = None) -> Ou
     if config.threads:
         torch.set_num_threads(config.threads)
     keep_freed_memory()
-    run = _Run(config)
+    run = _Run(config, planned)
     _refuse_finished(run.path, run.identity)
     return run.train(report or (lambda clips, expected, evaluations: None))
 
@@ -118,7 +121,7 @@ def time_step(config: TrainingConfig, steps: int = 3) -> float:
 class _Run:
     """One training run: its data, network, optimiser and evaluations."""
 
-    def __init__(self, config: TrainingConfig) -> None:
+    def __init__(self, config: TrainingConfig, planned: PlannedViews | None = None) -> None:
         data = load_recordings_of(config.conditions)
         config = replace(config, conditions=with_length(config.conditions, data, WINDOW))
         self.config = config
@@ -126,7 +129,7 @@ class _Run:
         world = load_world(config.conditions.world)
         loaded = load_sensor(config.conditions.sensor, data, world)
 
-        def source(sequences: Any, augment: bool) -> ClipSource:
+        def source(sequences: Any, augment: bool, planned: PlannedViews | None = None) -> ClipSource:
             return ClipSource(
                 data=data,
                 sequences=sequences,
@@ -136,9 +139,10 @@ class _Run:
                 form=config.conditions.form,
                 augment=augment,
                 world=world,
+                planned=planned,
             )
 
-        self.source = source(parts.recogniser, augment=True)
+        self.source = source(parts.recogniser, augment=True, planned=planned)
         # If no sequence of the validation part is long enough, we validate on the recogniser's own part.
         has_own = bool((data.lengths[parts.validation] >= config.conditions.frames).any())
         held_out = source(parts.validation if has_own else parts.recogniser, augment=False)
@@ -171,6 +175,8 @@ class _Run:
         self.identity = _identify(config, data.sha256)
         if loaded.sha256 is not None:
             self.identity["sensor_sha256"] = loaded.sha256
+        if planned is not None:
+            self.identity["planned_sha256"] = planned.sha256
         if self.weights is not None:
             self.identity["no_activity_weight"] = float(self.weights[-1])
         if not world.agrees_with(PAPER):

@@ -50,6 +50,8 @@ TRAIN = CommandGroup(
 
             For example:
                 ehar train recogniser --data mine.npz --out models/mine
+
+            With --planned it learns where planners look, after runs with --part recogniser.
             """,
             conditions=(*TRAINED, "form", "seed"),
             flags={
@@ -58,6 +60,11 @@ TRAIN = CommandGroup(
                 "length": Flag("frames of a clip.", hint="60; streams 4 s"),
                 "seed": Flag("seed of initial weights, clips and dropout."),
                 "init": Flag(hint="none"),
+                "planned": Flag(
+                    "runs on the recogniser's part: half of the clips are seen from where their planners went.",
+                    metavar="RUN ...",
+                    hint="none",
+                ),
             },
         ),
         "gain-field": Command(

@@ -56,7 +56,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Replace the trainings by notes of their names; the recogniser's leaves the shipped one behind."""
     heard: list[str] = []
 
-    def recogniser(config: TrainingConfig, report: object) -> Outcome:
+    def recogniser(config: TrainingConfig, report: object, planned: object) -> Outcome:
         heard.append("recogniser")
         copy(RECOGNISERS / "duo", RECOGNISER, config.out)
         best = Evaluation(step=3, clips=24_000, train_loss=0.5, nll=0.25, accuracy=0.8)
