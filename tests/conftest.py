@@ -1,3 +1,4 @@
+import math
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +21,14 @@ settings.load_profile("default")
 def one_thread() -> None:
     """Tests run side by side, and their tensors are too small to divide."""
     torch.set_num_threads(1)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def nothing_in_the_cache() -> Iterator[None]:
+    """However much tests plan, they leave no machine code in the cache of whoever runs them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("planners.search.solver.PATIENCE", math.inf)
+        yield
 
 
 @pytest.fixture
