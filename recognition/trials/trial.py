@@ -14,12 +14,12 @@ from ehar.data.variations import with_variations
 from ehar.errors import ModelError
 from ehar.sensors.registry import load_sensor
 from ehar.world import PAPER
+from recognition.left_out import Fold
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import NetworkSpec
 from recognition.training.clips import Clips, ClipSource
 from recognition.training.learner import Learner
 from recognition.trials.changes import Change
-from recognition.trials.folds import Fold
 from recognition.trials.inputs import changed_input
 from recognition.trials.next_pose import NextPoseLearner
 

@@ -1,0 +1,43 @@
+"""People who are left out of a training, group by group, so that it can be asked about people whom it does not know."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ehar.arrays import IntArray
+from ehar.data.recordings import UNKNOWN_SUBJECT, Recordings
+from ehar.errors import DataError, UsageError
+
+FOLD_SEED = 0  # folds are properties of the data, not of a run
+
+
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """One division of some sequences.
+
+    Args:
+        learned: sequences without anybody who is left out.
+        held: sequences that show somebody who is left out.
+    """
+
+    learned: IntArray
+    held: IntArray
+
+
+def leave_people_out(data: Recordings, sequences: IntArray, folds: int) -> tuple[Fold, ...]:
+    """Leave out everybody of some sequences once, in `folds` groups.
+
+    Raises:
+        UsageError: there are fewer people than folds, or fewer than two folds.
+        DataError: the data do not name people.
+    """
+    people = np.unique(data.subjects[sequences])
+    if UNKNOWN_SUBJECT in people:
+        raise DataError(
+            f"{data.name}: expected the names of all people who are trained on, so that some can be left out"
+        )
+    if not 2 <= folds <= len(people):
+        raise UsageError(f"--folds: got {folds}, expected 2 to {len(people)}, the people whom {data.name} trains on")
+    drawn = np.random.default_rng(FOLD_SEED).permutation(people)
+    out = [np.isin(data.subjects[sequences], drawn[number::folds]).any(axis=1) for number in range(folds)]
+    return tuple(Fold(sequences[~left], sequences[left]) for left in out)
