@@ -5,7 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ehar.arrays import IntArray
+from ehar.data.motion_data import MotionData
 from ehar.data.recordings import UNKNOWN_SUBJECT, Recordings
+from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.errors import DataError, UsageError
 
 FOLD_SEED = 0  # folds are properties of the data, not of a run
@@ -41,3 +43,17 @@ def leave_people_out(data: Recordings, sequences: IntArray, folds: int) -> tuple
     drawn = np.random.default_rng(FOLD_SEED).permutation(people)
     out = [np.isin(data.subjects[sequences], drawn[number::folds]).any(axis=1) for number in range(folds)]
     return tuple(Fold(sequences[~left], sequences[left]) for left in out)
+
+
+def of_known_classes(data: MotionData | StreamData, fold: Fold) -> IntArray:
+    """Return the held sequences without a class that nobody else shows; a network could only be wrong there."""
+    known = _classes(data, fold.learned)
+    return np.array([one for one in fold.held if _classes(data, np.array([one])) <= known], dtype=np.int64)
+
+
+def _classes(data: MotionData | StreamData, sequences: IntArray) -> set[int]:
+    """Return the classes that some sequences show."""
+    if isinstance(data, MotionData):
+        return set(data.labels[sequences].tolist())
+    frames = [data.labels[data.offsets[one] : data.offsets[one + 1]] for one in sequences]
+    return set(np.concatenate(frames).tolist()) - {NO_ACTIVITY}

@@ -27,6 +27,8 @@ class TrainingConfig:
         learning_rate: peak of the schedule (AdamW).
         weight_decay: weight decay of AdamW.
         interval: clips from one checkpoint to the next, and between the first evaluations on validation clips.
+        folds: number of groups of people; each is left out of one more training, as long as this one, and asked about.
+            So temperatures are fitted on more people than those of the validation part; with 0 on these alone.
         init: .safetensors file of the same shape to start from, instead of random weights.
         device: torch device, cpu or cuda.
         threads: number of CPU threads of torch; with 0, torch decides.
@@ -41,6 +43,7 @@ class TrainingConfig:
     learning_rate: float = 3e-3
     weight_decay: float = 0.02
     interval: int = 2_500
+    folds: int = 0
     init: Path | None = None
     device: str = "cpu"
     threads: int = 0

@@ -32,6 +32,11 @@ class PlannedViews:
             digest.update(np.ascontiguousarray(held).tobytes())
         return digest.hexdigest()
 
+    def of(self, sequences: IntArray) -> "PlannedViews":
+        """Return those of some sequences."""
+        kept = np.isin(self.sequence, sequences)
+        return PlannedViews(self.sequence[kept], self.first[kept], self.viewpoints[kept])
+
     def draw(self, rng: np.random.Generator, count: int, length: int) -> "PlannedViews":
         """Draw windows of so many frames, of any episodes; they may overlap."""
         episode = rng.integers(len(self.sequence), size=count)

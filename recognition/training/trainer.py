@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from ehar.arrays import FloatArray
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.scenario import split_parts
 from ehar.data.streams.data import StreamData
@@ -23,6 +24,7 @@ from ehar.world import PAPER, load_world
 from recognition.calibration import fit_temperature
 from recognition.devices import check_device
 from recognition.freed_memory import keep_freed_memory
+from recognition.left_out import leave_people_out, of_known_classes
 from recognition.networks.spec import Network, NetworkSpec
 from recognition.setting import load_recordings_of, with_length
 from recognition.storage import load_weights, recogniser_path, save_recogniser
@@ -68,7 +70,8 @@ def train_recogniser(
     """Train, calibrate and save a recogniser.
 
     Training stops when twice the clips have gained too little on validation (`recognition.training.stopping`), so no
-    length has to be known beforehand. How a step goes, and which weights count, is the `Learner`'s.
+    length has to be known beforehand. How a step goes, and which weights count, is the `Learner`'s. With folds, people
+    of the recogniser's part are left out of further trainings, and asked about, before temperatures are fitted.
 
     The clips and dropout of a step depend only on its number and the seed. So a run that is stopped and started again
     ends like one that ran through.
@@ -79,19 +82,24 @@ def train_recogniser(
         planned: views that planners chose in episodes of the recogniser's part: half of the clips are seen from there.
 
     Raises:
-        UsageError: an option is unknown or below 1; `out` cannot be written to, or holds a checkpoint of another run.
-        DataError: the data is malformed, or has no training sequence of `length` frames.
+        UsageError: an option is unknown or below 1; `out` cannot be written to, or holds a checkpoint of another run;
+            there are more folds than people.
+        DataError: the data is malformed, has no training sequence of `length` frames, or does not name people who are
+            to be left out.
         ModelError: the loss is not finite, the checkpoint is damaged, or `init` does not fit.
     """
     for field in ("clips", "batch", "interval"):
         if getattr(config, field) < 1:
             raise UsageError(f"--{field}: got {getattr(config, field)}, expected at least 1")
+    if config.folds < 0:
+        raise UsageError(f"--folds: got {config.folds}, expected at least 0")
     check_device(config.device)
     check_folder(config.out)
     if config.threads:
         torch.set_num_threads(config.threads)
     keep_freed_memory()
     run = _Run(config, planned)
+    run.folds = [_Run(config, planned, number) for number in range(config.folds)]  # here: what is wrong is told at once
     _refuse_finished(run.path, run.identity)
     return run.train(report or (lambda clips, expected, evaluations: None))
 
@@ -119,9 +127,9 @@ def time_step(config: TrainingConfig, steps: int = 3) -> float:
 
 
 class _Run:
-    """One training run: its data, network, optimiser and evaluations."""
+    """One training run: its data, network, optimiser and evaluations; of a fold, one that leaves people out."""
 
-    def __init__(self, config: TrainingConfig, planned: PlannedViews | None = None) -> None:
+    def __init__(self, config: TrainingConfig, planned: PlannedViews | None = None, fold: int | None = None) -> None:
         data = load_recordings_of(config.conditions)
         config = replace(config, conditions=with_length(config.conditions, data, WINDOW))
         self.config = config
@@ -142,10 +150,15 @@ class _Run:
                 planned=planned,
             )
 
-        self.source = source(parts.recogniser, augment=True, planned=planned)
         # If no sequence of the validation part is long enough, we validate on the recogniser's own part.
         has_own = bool((data.lengths[parts.validation] >= config.conditions.frames).any())
-        held_out = source(parts.validation if has_own else parts.recogniser, augment=False)
+        learned, asked = parts.recogniser, parts.validation if has_own else parts.recogniser
+        if fold is not None:
+            left = leave_people_out(data, learned, config.folds)[fold]
+            learned, asked = left.learned, of_known_classes(data, left)
+            planned = None if planned is None else planned.of(learned)
+        self.source = source(learned, augment=True, planned=planned)
+        held_out = source(asked, augment=False)
         people = data.subjects[parts.validation]
         if not has_own:
             self.validated_on = "its own training sequences"
@@ -155,7 +168,7 @@ class _Run:
             known = np.isin(people, data.subjects[parts.recogniser]).all()
             self.validated_on = "other sequences of people it knows" if known else "people it does not know"
         self.validation = held_out.draw(np.random.default_rng(VALIDATION_SEED), VALIDATION_CLIPS)
-        self.weights = frame_weights(data, parts.recogniser) if isinstance(data, StreamData) else None
+        self.weights = frame_weights(data, learned) if isinstance(data, StreamData) else None
         self.spec = NetworkSpec.of(
             data, form=config.conditions.form, size=config.size, length=config.conditions.frames, world=world
         )
@@ -177,6 +190,8 @@ class _Run:
             self.identity["sensor_sha256"] = loaded.sha256
         if planned is not None:
             self.identity["planned_sha256"] = planned.sha256
+        if fold is not None:
+            self.identity["without"] = fold
         if self.weights is not None:
             self.identity["no_activity_weight"] = float(self.weights[-1])
         if not world.agrees_with(PAPER):
@@ -186,21 +201,37 @@ class _Run:
         self.evaluations: list[Evaluation] = []
         self.losses: list[float] = []
         self.best: dict[str, Tensor] = {}
+        self.folds: list[_Run] = []
         self.path = recogniser_path(config.out, config.conditions)
+        if fold is not None:
+            self.path = self.path.with_stem(f"{self.path.stem}-without-{fold}")
         self.checkpoint = self.path.with_suffix(".checkpoint")
+        self.interval = max(1, config.interval // config.batch)  # steps
 
     def train(self, report: Report) -> Outcome:
+        """Train to the end, calibrate and save."""
         self._resume()
-        interval = max(1, self.config.interval // self.config.batch)
         while self.step < self.steps and (self.runs_to_end or not has_learned(self.evaluations)):
             self.losses.append(self._learn())
-            evaluated = self.step >= next_evaluation(self.evaluations, interval) or self.step == self.steps
+            evaluated = self.step >= next_evaluation(self.evaluations, self.interval) or self.step == self.steps
             if evaluated:
                 self._evaluate()
-            if evaluated or self.step % interval == 0:
+            if evaluated or self.step % self.interval == 0:
                 self._save_checkpoint()
             report(self.clips, self._expected_clips(), self.evaluations if evaluated else None)
-        return self._finish()
+        return self._finish(report)
+
+    def answer_after(self, steps: int, report: Report) -> FloatArray:
+        """Train for so many steps, and return the logits of the clips of those who were left out."""
+        self.steps = steps
+        self._resume()
+        while self.step < steps:
+            self._learn()
+            if self.step % self.interval == 0 or self.step == steps:
+                self.best = _copied(self.learner.averaged)
+                self._save_checkpoint()
+            report(self.clips, steps * self.config.batch, None)
+        return self.learner.logits(self.learner.averaged, self.validation.features)
 
     @property
     def clips(self) -> int:
@@ -241,30 +272,34 @@ class _Run:
                 f"{self.path.name}: the validation loss is {nll} at step {self.step}: expected a finite one"
             )
         if accuracy >= max((past.accuracy for past in self.evaluations), default=0.0):
-            self.best = {name: tensor.detach().clone() for name, tensor in network.state_dict().items()}
+            self.best = _copied(network)
         train_loss = float(np.mean(self.losses))
         self.losses = []
         self.evaluations.append(Evaluation(self.step, self.clips, train_loss, nll, accuracy))
 
-    def _finish(self) -> Outcome:
-        """Calibrate and save the best weights, and remove the checkpoint."""
+    def _finish(self, report: Report) -> Outcome:
+        """Calibrate and save the best weights, and remove the checkpoints."""
         network = self.learner.network
         network.load_state_dict(self.best)
-        logits = self.learner.logits(network, self.validation.features)
-        temperature = fit_temperature(logits, self.validation.labels.numpy(), self.weights)
+        said = [self.learner.logits(network, self.validation.features)]
+        said += [fold.answer_after(self.step, report) for fold in self.folds]
+        labels = [run.validation.labels.numpy() for run in (self, *self.folds)]
+        temperature = fit_temperature(np.concatenate(said), np.concatenate(labels), self.weights)
         begun = self.config.init is not None
         outcome = conclude(self.evaluations, self.clips, runs_to_end=self.runs_to_end, begun=begun)
         history = {
             "data": self.data_title,
             "run": self.identity,
             "validated_on": self.validated_on,
+            **({"calibrated_on": f"these, and people left out in {len(self.folds)} folds"} if self.folds else {}),
             "stopped": outcome.reason,
             "cut_short": outcome.cut_short,
             "arithmetic": arithmetic_on(self.device),
             "evaluations": [asdict(evaluation) for evaluation in self.evaluations],
         }
         save_recogniser(self.path, network, self.spec, temperature, history)
-        self.checkpoint.unlink(missing_ok=True)
+        for run in (self, *self.folds):
+            run.checkpoint.unlink(missing_ok=True)
         return outcome
 
     def _save_checkpoint(self) -> None:
@@ -295,6 +330,11 @@ class _Run:
             )
 
 
+def _copied(network: Network) -> dict[str, Tensor]:
+    """Return the weights as they are now."""
+    return {name: tensor.detach().clone() for name, tensor in network.state_dict().items()}
+
+
 NOT_DECISIVE = ("conditions", "out", "threads", "device", "init")  # their decisive parts are added in `_identify`
 
 
@@ -303,6 +343,8 @@ def _identify(config: TrainingConfig, data_sha256: str) -> dict[str, Any]:
     told, own = vars(config.conditions), vars(config)
     identity = {name: told[name] for name in ("views", "form", "length", "fps", "seed")}
     identity |= {name: value for name, value in own.items() if name not in NOT_DECISIVE}
+    if not config.folds:
+        del identity["folds"]  # as in files from before there were any
     if config.optimiser != "published":
         del identity["clips"]  # they only end the training: with more of them, a checkpoint goes on
     identity["sensor"] = config.conditions.sensor_name

@@ -60,6 +60,7 @@ TRAIN = CommandGroup(
                 "length": Flag("frames of a clip.", hint="60; streams 4 s"),
                 "seed": Flag("seed of initial weights, clips and dropout."),
                 "init": Flag(hint="none"),
+                "folds": Flag("calibrate also on people who are left out, group by group, of so many more trainings."),
                 "planned": Flag(
                     "runs on the recogniser's part: half of the clips are seen from where their planners went.",
                     metavar="RUN ...",

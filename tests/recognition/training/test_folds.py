@@ -1,0 +1,140 @@
+"""Calibration on people who are left out: who is asked, that nothing but temperatures changes, and that it resumes."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ehar.arrays import FloatArray, IntArray
+from ehar.conditions import Conditions
+from ehar.data.motion_file import save_motion
+from ehar.data.recordings import Recordings
+from ehar.data.scenario import split_parts
+from ehar.data.streams.file import save_streams
+from ehar.errors import DataError, UsageError
+from recognition.calibration import Temperature, fit_temperature
+from recognition.left_out import leave_people_out, of_known_classes
+from recognition.storage import recogniser_path
+from recognition.training import trainer as training
+from recognition.training.config import TrainingConfig
+from recognition.training.trainer import train_recogniser
+from tests.helpers.fakes import tiny_data
+from tests.helpers.streams import raising_streams
+
+PEOPLE = 8
+
+
+@pytest.fixture(autouse=True)
+def few_validation_clips(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(training, "VALIDATION_CLIPS", 24)
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> TrainingConfig:
+    data = tiny_data(sequences=12 * PEOPLE)
+    subjects = np.repeat(np.arange(PEOPLE), 12)[:, None]
+    save_motion(tmp_path / "tiny.npz", replace(data, subjects=subjects))
+    told = Conditions(data=str(tmp_path / "tiny.npz"), length=8)
+    return TrainingConfig(conditions=told, out=tmp_path / "models", clips=48, batch=8, interval=16, threads=1)
+
+
+def trained(config: TrainingConfig, out: Path, folds: int) -> tuple[bytes, dict[str, object]]:
+    config = replace(config, out=out, folds=folds)
+    train_recogniser(config)
+    path = recogniser_path(config.out, config.conditions)
+    assert sorted(file.suffix for file in out.iterdir()) == [".json", ".safetensors"]
+    return path.read_bytes(), json.loads(path.with_suffix(".json").read_text())
+
+
+def test_temperatures_are_fitted_on_more_people_and_weights_stay(
+    config: TrainingConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[FloatArray, IntArray]] = []
+
+    def fit(logits: FloatArray, labels: IntArray, weights: FloatArray | None) -> Temperature:
+        asked.append((logits, labels))
+        return fit_temperature(logits, labels, weights)
+
+    monkeypatch.setattr(training, "fit_temperature", fit)
+    weights, told = trained(config, tmp_path / "usual", 0)
+    same, calibrated = trained(config, tmp_path / "calibrated", 2)
+    assert weights == same
+    (few, few_labels), (more, more_labels) = asked
+    assert (len(few), len(more)) == (24, 3 * 24) == (len(few_labels), len(more_labels))
+    np.testing.assert_array_equal(more[:24], few)
+    assert not np.allclose(more[24:48], more[48:])
+    assert calibrated["training"]["calibrated_on"] == "these, and people left out in 2 folds"  # type: ignore[index]
+    assert "calibrated_on" not in told["training"] and "folds" not in told["training"]["run"]  # type: ignore[index,operator]
+    assert calibrated["training"]["run"]["folds"] == 2  # type: ignore[index]
+
+
+@pytest.mark.parametrize("clips", [16, 32])
+def test_a_run_that_is_stopped_in_a_fold_goes_on(config: TrainingConfig, tmp_path: Path, clips: int) -> None:
+    class Stopped(Exception):
+        pass
+
+    begun = 0
+
+    def stop(seen: int, expected: int, evaluations: object) -> None:
+        nonlocal begun
+        begun += seen == 8
+        if begun == 3 and seen == clips:  # in the second fold
+            raise Stopped
+
+    through, told = trained(config, tmp_path / "through", 2)
+    with pytest.raises(Stopped):
+        train_recogniser(replace(config, out=tmp_path / "twice", folds=2), stop)
+    again, calibrated = trained(config, tmp_path / "twice", 2)
+    assert through == again and told["log_temperatures"] == calibrated["log_temperatures"]
+
+
+def test_streams_are_asked_too(tmp_path: Path) -> None:
+    streams = raising_streams(people=10)
+    save_streams(tmp_path / "streams.npz", streams)
+    told = Conditions(data=str(tmp_path / "streams.npz"))
+    config = TrainingConfig(conditions=told, out=tmp_path, clips=16, batch=8, interval=8, threads=1)
+    _, told_by = trained(config, tmp_path / "out", 2)
+    assert "calibrated_on" in told_by["training"]  # type: ignore[operator]
+
+
+def test_people_who_are_left_out_are_asked_and_not_learned_from(config: TrainingConfig) -> None:
+    run = [training._Run(replace(config, folds=3), None, number) for number in range(3)]
+    data: Recordings = run[0].source._data
+    people = data.subjects[split_parts(data).recogniser]  # type: ignore[arg-type]
+    asked = []
+    for fold in run:
+        learned = set(data.subjects[fold.source._sequences, 0])
+        held = set(data.subjects[fold.validation.sequences, 0])
+        assert held and not learned & held
+        asked += held
+    assert sorted(asked) == sorted(np.unique(people))
+    assert len({fold.path for fold in run}) == 3
+
+
+def test_what_nobody_else_shows_is_not_asked() -> None:
+    data = tiny_data(sequences=12)
+    subjects = np.repeat(np.arange(3), 4)[:, None]
+    labels = data.labels.copy()
+    labels[:] = np.arange(12) % 2
+    labels[1] = 2
+    data = replace(data, subjects=subjects, labels=labels)
+    folds = leave_people_out(data, np.arange(12), 3)
+    left = next(fold for fold in folds if 1 in fold.held)
+    assert of_known_classes(data, left).tolist() == [0, 2, 3]
+
+
+def test_what_cannot_be_left_out_is_refused(config: TrainingConfig, tmp_path: Path) -> None:
+    for folds, expected in (
+        (-1, "got -1, expected at least 0"),
+        (1, "got 1, expected 2 to"),
+        (99, "got 99, expected 2"),
+    ):
+        with pytest.raises(UsageError, match=f"--folds: {expected}"):
+            train_recogniser(replace(config, folds=folds))
+    save_motion(tmp_path / "unnamed.npz", tiny_data(sequences=24))
+    unnamed = replace(config.conditions, data=str(tmp_path / "unnamed.npz"))
+    with pytest.raises(DataError, match="expected the names of all people who are trained on"):
+        train_recogniser(replace(config, conditions=unnamed, folds=2))
+    assert not config.out.exists()
