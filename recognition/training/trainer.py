@@ -83,7 +83,7 @@ def train_recogniser(
 
     Raises:
         UsageError: an option is unknown or below 1; `out` cannot be written to, or holds a checkpoint of another run;
-            there are more folds than people.
+            there are more folds than people, or other weights to start from.
         DataError: the data is malformed, has no training sequence of `length` frames, or does not name people who are
             to be left out.
         ModelError: the loss is not finite, the checkpoint is damaged, or `init` does not fit.
@@ -93,6 +93,8 @@ def train_recogniser(
             raise UsageError(f"--{field}: got {getattr(config, field)}, expected at least 1")
     if config.folds < 0:
         raise UsageError(f"--folds: got {config.folds}, expected at least 0")
+    if config.folds and config.init is not None:
+        raise UsageError("--folds: expected no --init: its weights may have learned from who is to be left out")
     check_device(config.device)
     check_folder(config.out)
     if config.threads:

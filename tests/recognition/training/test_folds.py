@@ -133,6 +133,8 @@ def test_what_cannot_be_left_out_is_refused(config: TrainingConfig, tmp_path: Pa
     ):
         with pytest.raises(UsageError, match=f"--folds: {expected}"):
             train_recogniser(replace(config, folds=folds))
+    with pytest.raises(UsageError, match="--folds: expected no --init: its weights may have learned"):
+        train_recogniser(replace(config, folds=2, init=tmp_path / "other.safetensors"))
     save_motion(tmp_path / "unnamed.npz", tiny_data(sequences=24))
     unnamed = replace(config.conditions, data=str(tmp_path / "unnamed.npz"))
     with pytest.raises(DataError, match="expected the names of all people who are trained on"):
