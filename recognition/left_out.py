@@ -7,6 +7,7 @@ import numpy as np
 from ehar.arrays import IntArray
 from ehar.data.motion_data import MotionData
 from ehar.data.recordings import UNKNOWN_SUBJECT, Recordings
+from ehar.data.scenario import people_together
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.errors import DataError, UsageError
 
@@ -33,15 +34,33 @@ def leave_people_out(data: Recordings, sequences: IntArray, folds: int) -> tuple
         UsageError: there are fewer people than folds, or fewer than two folds.
         DataError: the data do not name people.
     """
-    people = np.unique(data.subjects[sequences])
-    if UNKNOWN_SUBJECT in people:
+    return _leave_out(data, data.subjects, sequences, folds)
+
+
+def leave_performers_out(data: Recordings, sequences: IntArray, folds: int) -> tuple[Fold, ...]:
+    """Leave out all who perform together once; couples, where everybody performs with everybody, as `data fold` does.
+
+    Raises:
+        UsageError: there are fewer of them than folds, or fewer than two folds.
+        DataError: the data do not name people.
+    """
+    return _leave_out(data, people_together(data.subjects)[:, None], sequences, folds, data.subjects)
+
+
+def _leave_out(
+    data: Recordings, members: IntArray, sequences: IntArray, folds: int, people: IntArray | None = None
+) -> tuple[Fold, ...]:
+    """Leave out every member once; `members` (sequences of the data, M) says who is in which sequence."""
+    if UNKNOWN_SUBJECT in (members if people is None else people)[sequences]:
         raise DataError(
             f"{data.name}: expected the names of all people who are trained on, so that some can be left out"
         )
-    if not 2 <= folds <= len(people):
-        raise UsageError(f"--folds: got {folds}, expected 2 to {len(people)}, the people whom {data.name} trains on")
-    drawn = np.random.default_rng(FOLD_SEED).permutation(people)
-    out = [np.isin(data.subjects[sequences], drawn[number::folds]).any(axis=1) for number in range(folds)]
+    everybody = np.unique(members[sequences])
+    if not 2 <= folds <= len(everybody):
+        who = "people" if people is None else "people or couples"
+        raise UsageError(f"--folds: got {folds}, expected 2 to {len(everybody)}, the {who} whom {data.name} trains on")
+    drawn = np.random.default_rng(FOLD_SEED).permutation(everybody)
+    out = [np.isin(members[sequences], drawn[number::folds]).any(axis=1) for number in range(folds)]
     return tuple(Fold(sequences[~left], sequences[left]) for left in out)
 
 

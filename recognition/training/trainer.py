@@ -24,7 +24,7 @@ from ehar.world import PAPER, load_world
 from recognition.calibration import fit_temperature
 from recognition.devices import check_device
 from recognition.freed_memory import keep_freed_memory
-from recognition.left_out import leave_people_out, of_known_classes
+from recognition.left_out import leave_performers_out, of_known_classes
 from recognition.networks.spec import Network, NetworkSpec
 from recognition.setting import load_recordings_of, with_length
 from recognition.storage import load_weights, recogniser_path, save_recogniser
@@ -156,7 +156,7 @@ class _Run:
         has_own = bool((data.lengths[parts.validation] >= config.conditions.frames).any())
         learned, asked = parts.recogniser, parts.validation if has_own else parts.recogniser
         if fold is not None:
-            left = leave_people_out(data, learned, config.folds)[fold]
+            left = leave_performers_out(data, learned, config.folds)[fold]
             learned, asked = left.learned, of_known_classes(data, left)
             planned = None if planned is None else planned.of(learned)
         self.source = source(learned, augment=True, planned=planned)

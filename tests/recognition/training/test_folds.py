@@ -15,7 +15,7 @@ from ehar.data.scenario import split_parts
 from ehar.data.streams.file import save_streams
 from ehar.errors import DataError, UsageError
 from recognition.calibration import Temperature, fit_temperature
-from recognition.left_out import leave_people_out, of_known_classes
+from recognition.left_out import leave_people_out, leave_performers_out, of_known_classes
 from recognition.storage import recogniser_path
 from recognition.training import trainer as training
 from recognition.training.config import TrainingConfig
@@ -123,6 +123,16 @@ def test_what_nobody_else_shows_is_not_asked() -> None:
     folds = leave_people_out(data, np.arange(12), 3)
     left = next(fold for fold in folds if 1 in fold.held)
     assert of_known_classes(data, left).tolist() == [0, 2, 3]
+
+
+def test_where_everybody_performs_with_everybody_couples_are_left_out() -> None:
+    couples = np.array([(1, 2), (2, 3), (3, 1), (1, 3)] * 3)
+    data = replace(tiny_data(sequences=12, persons=2), subjects=couples)
+    folds = leave_performers_out(data, np.arange(12), 4)
+    for fold in folds:
+        assert len(np.unique(couples[fold.held], axis=0)) == 1 and len(fold.held) == 3
+        assert not {tuple(pair) for pair in couples[fold.held]} & {tuple(pair) for pair in couples[fold.learned]}
+    assert sorted(np.concatenate([fold.held for fold in folds])) == list(range(12))
 
 
 def test_what_cannot_be_left_out_is_refused(config: TrainingConfig, tmp_path: Path) -> None:
