@@ -50,8 +50,6 @@ TRAIN = CommandGroup(
 
             For example:
                 ehar train recogniser --data mine.npz --out models/mine
-
-            With --planned it learns where planners look, after runs with --part recogniser.
             """,
             conditions=(*TRAINED, "form", "seed"),
             flags={
@@ -59,11 +57,13 @@ TRAIN = CommandGroup(
                 "form": Flag("causal streams; ctrgcn, as published, is trained on prefixes."),
                 "length": Flag("frames of a clip.", hint="60; streams 4 s"),
                 "seed": Flag("seed of initial weights, clips and dropout."),
-                "init": Flag(hint="none"),
-                "folds": Flag("calibrate also on people who are left out, group by group, of so many more trainings."),
+                "clips": Flag("the most training clips; with adamw it stops once it has learned."),
+                "interval": Flag("clips between checkpoints, and first evaluations."),
+                "init": Flag(".safetensors of the same shape to start from.", hint="none"),
+                "folds": Flag("groups of people left out to calibrate on."),
                 "planned": Flag(
-                    "runs on the recogniser's part: half of the clips are seen from where their planners went.",
-                    metavar="RUN ...",
+                    "runs whose planners show where to look.",
+                    metavar="RUN",
                     hint="none",
                 ),
             },
