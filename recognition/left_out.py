@@ -34,7 +34,7 @@ def leave_people_out(data: Recordings, sequences: IntArray, folds: int) -> tuple
         UsageError: there are fewer people than folds, or fewer than two folds.
         DataError: the data do not name people.
     """
-    return _leave_out(data, data.subjects, sequences, folds)
+    return _leave_out(data, sequences, folds, data.subjects, "people")
 
 
 def leave_performers_out(data: Recordings, sequences: IntArray, folds: int) -> tuple[Fold, ...]:
@@ -44,21 +44,27 @@ def leave_performers_out(data: Recordings, sequences: IntArray, folds: int) -> t
         UsageError: there are fewer of them than folds, or fewer than two folds.
         DataError: the data do not name people.
     """
-    return _leave_out(data, people_together(data.subjects)[:, None], sequences, folds, data.subjects)
+    return _leave_out(data, sequences, folds, people_together(data.subjects)[:, None], "people or couples")
 
 
-def _leave_out(
-    data: Recordings, members: IntArray, sequences: IntArray, folds: int, people: IntArray | None = None
-) -> tuple[Fold, ...]:
-    """Leave out every member once; `members` (sequences of the data, M) says who is in which sequence."""
-    if UNKNOWN_SUBJECT in (members if people is None else people)[sequences]:
+def _leave_out(data: Recordings, sequences: IntArray, folds: int, members: IntArray, called: str) -> tuple[Fold, ...]:
+    """Leave out every member once.
+
+    Args:
+        data: the data.
+        sequences: the sequences that are divided.
+        folds: number of groups.
+        members: (all sequences of the data, M) numbers of who is in each.
+        called: what members are called.
+    """
+    if UNKNOWN_SUBJECT in data.subjects[sequences]:
         raise DataError(
             f"{data.name}: expected the names of all people who are trained on, so that some can be left out"
         )
     everybody = np.unique(members[sequences])
     if not 2 <= folds <= len(everybody):
-        who = "people" if people is None else "people or couples"
-        raise UsageError(f"--folds: got {folds}, expected 2 to {len(everybody)}, the {who} whom {data.name} trains on")
+        expected = f"2 to {len(everybody)}, the {called} whom {data.name} trains on"
+        raise UsageError(f"--folds: got {folds}, expected {expected}")
     drawn = np.random.default_rng(FOLD_SEED).permutation(everybody)
     out = [np.isin(members[sequences], drawn[number::folds]).any(axis=1) for number in range(folds)]
     return tuple(Fold(sequences[~left], sequences[left]) for left in out)

@@ -54,7 +54,9 @@ class MachineCode:
             wait: whether to return when it is done.
         """
         try:
-            self._library.parent.mkdir(parents=True, exist_ok=True)
+            self._library.parent.mkdir(
+                mode=0o700, parents=True, exist_ok=True
+            )  # who writes here runs code as this user
             lock = os.open(self._library.with_suffix(".lock"), os.O_CREAT | os.O_RDWR, 0o644)
         except OSError:
             return

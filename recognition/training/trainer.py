@@ -101,8 +101,8 @@ def train_recogniser(
         torch.set_num_threads(config.threads)
     keep_freed_memory()
     run = _Run(config, planned)
-    run.folds = [_Run(config, planned, number) for number in range(config.folds)]  # here: what is wrong is told at once
     _refuse_finished(run.path, run.identity)
+    run.folds = [_Run(config, planned, number) for number in range(config.folds)]  # here: what is wrong is told at once
     return run.train(report or (lambda clips, expected, evaluations: None))
 
 
