@@ -298,7 +298,7 @@ def test_trainings_need_data_and_take_what_else_they_are_told(name: str) -> None
     made: list[Any] = []
     parse = _recorded(EVERY[name], made)
     parse.parse("ehar it", words)()
-    (config,) = made
+    config, *_ = made
     told = Conditions(data="mine.npz", length=30, sensor="estimator", views="paper")
     (one,) = config.sets.values() if isinstance(config, SweepConfig) else (config,)
     assert (one.conditions, one.out) == (told, Path("o"))

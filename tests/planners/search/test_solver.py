@@ -244,7 +244,7 @@ def test_ipopt_takes_over_where_fatrop_fails() -> None:
 def test_exact_second_derivatives_take_over_where_quick_ones_fail() -> None:
     solver = TrajectorySolver(flown=True)
     task = random_task(np.random.default_rng(0))
-    solver._solvers[0] = solver._build("fatrop", 2, quick=True)
+    solver._solvers[0] = solver._build("fatrop", 2, {"nlp_hess_l": solver._problem.quick_hessian})
     solution = solver.solve(task, task.hold())
     assert solution.status is SolveStatus.OPTIMAL and solution.violation <= TOLERANCE
     assert solver.statistics.fallbacks == 0
