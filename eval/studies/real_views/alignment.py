@@ -71,6 +71,14 @@ def apart(first: FloatArray, second: FloatArray) -> FloatArray:
     return distance
 
 
+def same_moments(first: FloatArray, second: FloatArray, mirror: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the frames (n,) and (n,) of two recordings, (T, J, 3) and (S, J, 3) of one frame, that belong together.
+
+    A tracker may have swapped sides: `mirror` (J,) is the joint on the other side of each.
+    """
+    return matched(np.minimum(apart(first, second), apart(first, second[:, mirror])))
+
+
 def matched(cost: FloatArray) -> tuple[IntArray, IntArray]:
     """Return the frames (n,) and (n,) on the cheapest path through a cost (T, S), from corner to corner.
 

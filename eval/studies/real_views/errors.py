@@ -18,7 +18,7 @@ from ehar.data.skeleton import Skeleton
 from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.sensor import Sensed, SensorNoise, draw_noise
 from ehar.viewpoint import spherical, wrap_difference
-from eval.studies.real_views.alignment import Pose, apart, matched
+from eval.studies.real_views.alignment import Pose, same_moments
 from eval.studies.real_views.executions import Execution, Poses
 
 SWAPPED = 0.5  # sides are swapped if joints then fit in this share of the distance
@@ -71,8 +71,7 @@ def real_errors(data: MotionData, executions: Sequence[Execution], poses: Poses,
     found = []
     for first, second, pose in _pairs(data, executions, poses):
         carried = pose.carried(first)
-        swapped = second[:, data.skeleton.mirror]
-        one, other = matched(np.minimum(apart(carried, second), apart(carried, swapped)))
+        one, other = same_moments(carried, second, data.skeleton.mirror)
         frame, at = np.unique(other, return_index=True)
         looks = _Camera.at(carried, camera, data.skeleton)
         found.append(looks.compare(carried[one[at]], looks.image(second[frame]), frame))
@@ -103,7 +102,7 @@ def _pairs(
         for one, first in execution.sequences.items():
             for other, second in execution.sequences.items():
                 if one != other:
-                    yield data.sequence(first)[:, 0], data.sequence(second)[:, 0], poses[execution.person, one, other]
+                    yield data.sequence(first)[:, 0], data.sequence(second)[:, 0], poses[execution.name, one, other]
 
 
 @dataclass(frozen=True, eq=False)

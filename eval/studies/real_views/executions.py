@@ -1,6 +1,7 @@
 """The executions that several cameras recorded at once, and how these cameras stand."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ehar.data.copies import is_copy
@@ -8,12 +9,12 @@ from ehar.data.motion_data import MotionData
 from ehar.errors import DataError
 from eval.studies.real_views.alignment import Pose, consensus, find_pose
 
-Poses = dict[tuple[int, int, int], Pose]  # the way from a camera to another one, by (person, camera, other camera)
+Poses = dict[tuple[str, int, int], Pose]  # the way from a camera to another one, by (execution, camera, other camera)
 
 _VIEW = re.compile(r"_v\d+$")  # names of one execution differ in this alone
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Execution:
     """One performance of an activity, as several cameras recorded it.
 
@@ -53,16 +54,25 @@ def find_executions(data: MotionData) -> list[Execution]:
     return executions
 
 
-def find_poses(data: MotionData, executions: list[Execution]) -> Poses:
-    """Return how cameras stand in the recordings of each person.
+def find_poses(data: MotionData, executions: Sequence[Execution]) -> Poses:
+    """Return how cameras stand, as each execution tells it by itself."""
+    return {
+        (execution.name, one, other): find_pose(data.sequence(first)[:, 0], data.sequence(second)[:, 0])
+        for execution in executions
+        for one, first in execution.sequences.items()
+        for other, second in execution.sequences.items()
+        if one != other
+    }
 
-    Cameras do not move while one person performs; so all executions of a person decide together.
+
+def agreed(poses: Poses, executions: Sequence[Execution]) -> Poses:
+    """Return how cameras stand, if all executions of a person decide together.
+
+    Cameras do not move while one person performs.
     """
+    people = {execution.name: execution.person for execution in executions}
     of_pair: dict[tuple[int, int, int], list[Pose]] = {}
-    for execution in executions:
-        for one, first in execution.sequences.items():
-            for other, second in execution.sequences.items():
-                if one != other:
-                    pose = find_pose(data.sequence(first)[:, 0], data.sequence(second)[:, 0])
-                    of_pair.setdefault((execution.person, one, other), []).append(pose)
-    return {pair: consensus(poses) for pair, poses in of_pair.items()}
+    for (name, one, other), pose in poses.items():
+        of_pair.setdefault((people[name], one, other), []).append(pose)
+    decided = {pair: consensus(found) for pair, found in of_pair.items()}
+    return {(name, one, other): decided[people[name], one, other] for name, one, other in poses}

@@ -14,12 +14,12 @@ from tests.helpers.recordings import TURNS, recorded_solo, rotation
 
 def poses() -> Poses:
     """Return how the cameras of `recorded_solo` really stand."""
-    found = {}
+    names, found = {one.name for one in find_executions(recorded_solo())}, {}
     for one, turn in TURNS.items():
         for other, also in TURNS.items():
             turned = rotation(also - turn)
             place = np.array([0.1 * other, 3.0, 0]) - turned @ np.array([0.1 * one, 3.0, 0])
-            found.update({(person, one, other): Pose(turned, place) for person in range(4) if one != other})
+            found.update({(name, one, other): Pose(turned, place) for name in names if one != other})
     return found
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from ehar.data.synthetic.sets import duo
 from ehar.errors import DataError
-from eval.studies.real_views.executions import find_executions, find_poses
+from eval.studies.real_views.executions import agreed, find_executions, find_poses
 from tests.helpers.fakes import tiny_data
 from tests.helpers.recordings import recorded_solo, rotation
 
@@ -46,7 +46,13 @@ def test_data_without_cameras_is_refused(data: object, message: str) -> None:
 
 def test_all_executions_of_a_person_say_how_cameras_stand() -> None:
     data = recorded_solo(executions=6, frames=40)
-    poses = find_poses(data, find_executions(data))
-    assert set(poses) == {(person, a, b) for person in (0, 1) for a in (1, 2, 3) for b in (1, 2, 3) if a != b}
-    np.testing.assert_allclose(poses[0, 1, 3].rotation, rotation(1.6), atol=0.06)
-    np.testing.assert_allclose(poses[1, 3, 1].rotation, rotation(-1.6), atol=0.06)
+    found = find_executions(data)
+    alone = find_poses(data, found)
+    poses = agreed(alone, found)
+    assert set(poses) == set(alone)
+    assert set(poses) == {(one.name, a, b) for one in found for a in (1, 2, 3) for b in (1, 2, 3) if a != b}
+    for one in found:
+        np.testing.assert_allclose(poses[one.name, 1, 3].rotation, rotation(1.6), atol=0.06)
+        np.testing.assert_allclose(alone[one.name, 3, 1].rotation, rotation(-1.6), atol=0.1)
+        same = next(other for other in found if other.person == one.person)
+        assert poses[one.name, 1, 2] is poses[same.name, 1, 2]
