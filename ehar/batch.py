@@ -14,7 +14,7 @@ from ehar.localisation import CentreMotion
 from ehar.obstacles.surroundings import Surroundings
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise
-from ehar.viewpoint import DISTANCE, cartesian
+from ehar.viewpoint import away_from, cartesian
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -127,11 +127,7 @@ class Batch:
             frame: the frame.
             viewpoint: around the centre, (B, 3), or of forks (B, F, 3).
         """
-        if self.gaze is None:
-            return viewpoint
-        seen_from = viewpoint.copy()
-        seen_from[..., DISTANCE] = np.linalg.norm(self._sight(frame, viewpoint), axis=-1)
-        return seen_from
+        return viewpoint if self.gaze is None else away_from(viewpoint, self._gaze(frame, viewpoint))
 
     def sense(self, sensor: Sensor, frame: int, viewpoint: FloatArray, where: str = "") -> Sensed:
         """Return what a sensor sees in a frame; see `ehar.sensors.sensing.sense`.
@@ -149,14 +145,15 @@ class Batch:
         if viewpoint.ndim == 3:
             joints, noise = joints[:, None], noise.forked()
         if self.gaze is not None:
-            joints = _turned(joints, self._sight(frame, viewpoint), cartesian(viewpoint)).astype(np.float32)
+            place = cartesian(viewpoint)
+            joints = _turned(joints, place - self._gaze(frame, viewpoint), place).astype(np.float32)
         return sense(sensor, joints, self.seen_from(frame, viewpoint), noise, where, self.hidden(frame, viewpoint))
 
-    def _sight(self, frame: int, viewpoint: FloatArray) -> FloatArray:
-        """Return where cameras are from what they look at, in the shape of `viewpoint` [m]."""
+    def _gaze(self, frame: int, viewpoint: FloatArray) -> FloatArray:
+        """Return where cameras look in a frame, (B, 3), or (B, 1, 3) for viewpoints of forks (B, F, 3) [m]."""
         assert self.gaze is not None
         gaze = self.gaze[:, frame]
-        return cartesian(viewpoint) - (gaze if viewpoint.ndim == 2 else gaze[:, None])
+        return gaze if viewpoint.ndim == 2 else gaze[:, None]
 
     def hidden(self, frame: int, viewpoint: FloatArray) -> BoolArray | None:
         """Return which joints are hidden from cameras in a frame, (B, P, J) or (B, F, P, J); None in an open world.

@@ -84,6 +84,7 @@ class Observation:
     time: float = 0.0  # [s] since the first frame
     passers: FloatArray | None = None  # (B, W, 4): place [m] and velocity [m/s] of passers-by along x and y, as tracked
     centre: FloatArray | None = None  # (B, 3) [m]: where it is, from where it began; None if it stays or all is open
+    gaze: FloatArray | None = None  # (B, 3) [m]: what cameras look at, from the centre; None where they look at it
 
     __repr__ = in_brief
 

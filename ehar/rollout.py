@@ -114,6 +114,7 @@ def rollout(
             time=frame * context.frame_time,
             passers=None if passers is None else read_only(passers.tracked[:, frame]),
             centre=None if moved is None else read_only(moved[:, frame]),
+            gaze=None if world.gaze is None else read_only(world.gaze[:, frame]),
         )
         begin = time.perf_counter()
         with blamed(planner, f"{planning}, frame {frame}"):

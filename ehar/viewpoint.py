@@ -159,6 +159,13 @@ def spherical(position: FloatArray) -> FloatArray:
     return np.stack([distance, azimuth, np.arccos(position[..., 2] / distance)], axis=-1)
 
 
+def away_from(viewpoint: FloatArray, gaze: FloatArray) -> FloatArray:
+    """Return viewpoints (..., 3) with cameras' distance from what they look at, `gaze` (..., 3) from the centre [m]."""
+    away = viewpoint.copy()
+    away[..., DISTANCE] = np.linalg.norm(cartesian(viewpoint) - gaze, axis=-1)
+    return away
+
+
 def apply_moves(viewpoint: FloatArray, moves: IntArray, workspace: Workspace) -> FloatArray:
     """Return the viewpoints that grid moves lead to; a move out of the workspace leaves the camera where it is.
 

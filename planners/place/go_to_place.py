@@ -85,8 +85,7 @@ class GoToPlace(Planner):
 
     def reset(self, context: Context) -> None:
         """Forget the people."""
-        camera = context.world.camera
-        self._people = PeopleTracker(skeleton=context.skeleton, frame_time=context.frame_time, camera=camera)
+        self._people = PeopleTracker(context)
         self._workspace = context.workspace
 
     def act(self, observation: Observation) -> FloatArray:

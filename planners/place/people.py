@@ -3,9 +3,8 @@
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.camera import Camera
 from ehar.data.skeleton import Skeleton
-from ehar.planner import Observation
+from ehar.planner import Context, Observation
 from planners.value.body_filter import BodyFilter, mirrored_pairs
 
 KNOWN = 0.5  # least length of a mean direction that counts; for one person, a standard deviation of 67 degrees
@@ -63,24 +62,19 @@ class PeopleTracker:
     """Tracks people frame by frame, in B episodes at once.
 
     Args:
-        skeleton: the skeleton, which says left from right.
-        frame_time: time of one frame [s].
-        camera: the world's camera; None is the paper's.
+        context: the episodes; its skeleton says left from right.
     """
 
-    def __init__(self, *, skeleton: Skeleton, frame_time: float, camera: Camera | None = None) -> None:
+    def __init__(self, context: Context) -> None:
         """Create the tracker."""
-        pairs = trunk_of(skeleton)
-        self._body = BodyFilter(pairs=pairs, frame_time=frame_time, camera=camera) if len(pairs) else None
+        pairs = trunk_of(context.skeleton)
+        self._body = BodyFilter.of(context, pairs) if len(pairs) else None
 
     def update(self, observation: Observation) -> None:
         """Take in one more frame; frame 0 forgets what was before."""
-        self._episodes, persons = observation.joints_2d.shape[:2]
-        if self._body is None:
-            return
-        if observation.frame == 0:
-            self._body.start(self._episodes, persons)
-        self._body.update(observation.joints_2d, observation.confidence, observation.viewpoint)
+        self._episodes = len(observation.joints_2d)
+        if self._body is not None:
+            self._body.observe(observation)
 
     def azimuths_at(self, angle: float) -> FloatArray:
         """Return the azimuths that show people under an angle from their front, (B, 4) [rad]; NaN where not known."""

@@ -7,7 +7,8 @@ from ehar.camera import Camera, look_at_rotation
 from ehar.data.recordings import Recordings
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError
-from ehar.viewpoint import DISTANCE, POLAR, wrap_difference
+from ehar.planner import Context, Observation
+from ehar.viewpoint import DISTANCE, POLAR, away_from, wrap_difference
 
 RIGID_VARIATION = 0.15  # largest standard deviation of a trunk's width over its mean, over actors of all sizes
 LEAST_WIDTH = 0.05  # [m]; closer pairs say nothing about a direction
@@ -74,6 +75,14 @@ class BodyFilter:
     as a random walk. A person faces the azimuth :math:`\mathrm{atan2}(b, a) - \pi/2`. The state has no angle, so
     nothing in the filter has to wrap. The second tracks position and velocity (x, y, z) [m], [m/s].
 
+    In a clip the centre rests, and people may walk away from it: a white acceleration moves them. In a stream the
+    centre follows them, so they stay near it: each axis is a Matérn process of order 3/2,
+
+    .. math:: \ddot x = -2 \lambda \dot x - \lambda^2 x + w, \qquad \lambda = \sigma_v / \sigma_x ,
+
+    whose stationary deviations are those that the filter begins with. A camera does not see how deep people stand. As a
+    random walk that would be uncertain by metres after some seconds, and be taken from the errors of small moves.
+
     An image measures both vectors along the camera's right and down axes, which move with the camera:
 
     .. math:: z = r \cdot v + e_r, \qquad z' = d \cdot v + e_d .
@@ -92,6 +101,7 @@ class BodyFilter:
         joint_noise: standard deviation of a joint in plain view [m], on top of `pixel_noise`.
         pixel_noise: standard deviation of a joint in plain view [px].
         swap_probability: probability that left and right are swapped for a person seen edge-on.
+        followed: whether the centre follows people, as in a stream.
     """
 
     def __init__(
@@ -105,6 +115,7 @@ class BodyFilter:
         joint_noise: float = JOINT_NOISE,
         pixel_noise: float = PIXEL_NOISE,
         swap_probability: float = SWAP_PROBABILITY,
+        followed: bool = False,
     ) -> None:
         """Create the filter; `start` it before the first frame."""
         # Imported here: filterpy takes half a second to import, and every process would wait for it.
@@ -116,9 +127,39 @@ class BodyFilter:
         self.pixel_noise = pixel_noise
         self.swap_probability = swap_probability
         self.turning_noise = turning * frame_time * np.eye(2)
-        self.motion = np.kron(np.array([[1.0, frame_time], [0.0, 1.0]]), np.eye(3))
-        self.motion_noise = np.kron(Q_continuous_white_noise(2, frame_time, acceleration), np.eye(3))
+        motion = np.array([[1.0, frame_time], [0.0, 1.0]])
+        noise = Q_continuous_white_noise(2, frame_time, acceleration)
+        if followed:
+            rate = SPEED_SPREAD / POSITION_SPREAD
+            still = np.diag([POSITION_SPREAD**2, SPEED_SPREAD**2])
+            motion = np.exp(-rate * frame_time) * np.array(
+                [[1 + rate * frame_time, frame_time], [-(rate**2) * frame_time, 1 - rate * frame_time]]
+            )
+            noise = still - motion @ still @ motion.T
+        self._gaze: FloatArray | None = None
+        self.motion, self.motion_noise = np.kron(motion, np.eye(3)), np.kron(noise, np.eye(3))
         self.start(0, 0)
+
+    @staticmethod
+    def of(context: Context, pairs: IntArray) -> "BodyFilter":
+        """Return the filter for the episodes of a context."""
+        return BodyFilter(
+            pairs=pairs,
+            frame_time=context.frame_time,
+            camera=context.world.camera,
+            followed=context.length is None,
+        )
+
+    def observe(self, observation: Observation) -> None:
+        """See one more frame, as a planner does; the first one forgets what was before."""
+        if observation.frame == 0:
+            self.start(*observation.joints_2d.shape[:2])
+        seen = observation.joints_2d, observation.confidence
+        self._gaze = observation.gaze
+        if self._gaze is None:
+            self.update(*seen, observation.viewpoint)
+        else:
+            self.update(*seen, away_from(observation.viewpoint, self._gaze))
 
     def start(self, episodes: int, persons: int) -> None:
         """Forget everything: B episodes of P persons who may be anywhere near the centre, facing anywhere."""
@@ -129,6 +170,7 @@ class BodyFilter:
         spread = np.repeat([POSITION_SPREAD**2, SPEED_SPREAD**2], 3)
         self.movement_covariance: FloatArray = np.broadcast_to(np.diag(spread), (*leading, 6, 6))
         self._begun = False
+        self._gaze = None
 
     def update(self, joints_2d: FloatArray, confidence: FloatArray, viewpoint: FloatArray) -> None:
         """See one more frame.
@@ -216,8 +258,12 @@ class BodyFilter:
 
     @property
     def position(self) -> FloatArray:
-        """Where people are relative to the centre, (B, P, 3) [m]: the mean of their joints."""
-        return self.movement[..., :3]
+        """Where people are relative to the centre, (B, P, 3) [m]: the mean of their joints.
+
+        It is measured from what cameras look at, which may be beside the centre.
+        """
+        position = self.movement[..., :3]
+        return position if self._gaze is None else position + self._gaze[:, None]
 
 
 def _mean_of_seen(values: FloatArray, variance: FloatArray, spread: float) -> tuple[FloatArray, FloatArray, BoolArray]:

@@ -91,8 +91,7 @@ class Forker(Planner):
     def reset(self, context: Context) -> None:
         """Draw when to fork, and who wanders."""
         self._context = context
-        camera = context.world.camera
-        self._body = BodyFilter(pairs=self.pairs, frame_time=context.frame_time, camera=camera)
+        self._body = BodyFilter.of(context, self.pairs)
         # There is no plan at the last frame, and a fork needs a frame after it.
         shares, last = FORK_SPANS, self.length - 2
         if context.length is None:
@@ -108,9 +107,7 @@ class Forker(Planner):
     def act(self, observation: Observation) -> FloatArray:
         """Track the people, fork if it is time, and wander or follow on."""
         rng, workspace = self._context.rng, self._context.workspace
-        if observation.frame == 0:
-            self._body.start(*observation.joints_2d.shape[:2])
-        self._body.update(observation.joints_2d, observation.confidence, observation.viewpoint)
+        self._body.observe(observation)
         if observation.frame in self._at:
             self.forks.append(self._fork(observation))
         if self.lead is not None:

@@ -118,8 +118,7 @@ class Tracker:
         if isinstance(self._model, StreamBeliefModel) != (context.length is None):
             kinds = ("clips", "streams") if context.length is None else ("streams", "clips")
             raise UsageError(f"gain model: got one that was trained on {kinds[0]}, expected one for {kinds[1]}")
-        camera = context.world.camera
-        self._body = BodyFilter(pairs=self._pairs, frame_time=context.frame_time, camera=camera)
+        self._body = BodyFilter.of(context, self._pairs)
         self._span = DistanceRange.of(context.world.workspace)
         self._belief: Belief | StreamBelief
         if isinstance(self._model, StreamBeliefModel):
@@ -134,9 +133,7 @@ class Tracker:
 
     def update(self, observation: Observation) -> None:
         """Take in one more frame."""
-        if observation.frame == 0:
-            self._body.start(*observation.joints_2d.shape[:2])
-        self._body.update(observation.joints_2d, observation.confidence, observation.viewpoint)
+        self._body.observe(observation)
         if isinstance(self._belief, StreamBelief):
             self._belief.update(observation.log_probs, observation.viewpoint)
         else:

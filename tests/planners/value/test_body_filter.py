@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter
@@ -10,14 +12,15 @@ from ehar.data.scenario import split_parts, windows
 from ehar.data.skeleton import Skeleton
 from ehar.data.source import load_data
 from ehar.errors import DataError
+from ehar.planner import Observation
 from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import draw_noise
-from ehar.viewpoint import wrap_difference
+from ehar.viewpoint import away_from, wrap_difference
 from ehar.world import PAPER
 from planners.value.body_filter import UNIFORM_STD, BodyFilter, trunk_pairs
 from recognition.training.views import training_viewpoints
 from tests.helpers.examples import share_of_examples
-from tests.helpers.fakes import POSE, SKELETON, tiny_data
+from tests.helpers.fakes import POSE, SKELETON, tiny_context, tiny_data
 from tests.helpers.people import facing_people
 
 PAIRS = np.array([[1, 2], [4, 5]])
@@ -82,6 +85,55 @@ def test_position_is_found_by_a_camera_that_moves():
     body = watch(people, arc(40, polar=0.9, turn=2.0)[None])
     expected = POSE.mean(axis=0) + where
     np.testing.assert_allclose(body.position[0, 0], expected, atol=0.08)
+
+
+def followed_dancer(followed: bool) -> FloatArray:
+    """Return how far off (frames,) [m] somebody is taken to be, seen for 20 s from one place, then from aside."""
+    frames = round(22 / FRAME_TIME)
+    rng = np.random.default_rng(0)
+    sway = 0.1 * np.sin(np.arange(frames)[:, None] * FRAME_TIME * np.array([1.0, 0.7, 0.0]))
+    people = facing_people(np.zeros((1, frames, 1))) + sway[None, :, None, None]
+    viewpoints = arc(frames, polar=1.4, turn=0.0)
+    viewpoints[-round(2 / FRAME_TIME) :, 1] += np.linspace(0, np.radians(5), round(2 / FRAME_TIME))
+    sensor = make_sensor("estimator", tiny_data())
+    noise = draw_noise(rng, (1, frames), 1, people.shape[3])
+    body = BodyFilter(pairs=PAIRS, frame_time=FRAME_TIME, followed=followed)
+    body.start(1, 1)
+    errors = []
+    for frame in range(frames):
+        sensed = sensor.sense(people[:, frame], viewpoints[None, frame], noise.frame(frame))
+        body.update(sensed.joints_2d, sensed.confidence, viewpoints[None, frame])
+        errors.append(float(np.linalg.norm(body.position[0, 0] - people[0, frame, 0].mean(axis=0))))
+    return np.array(errors)
+
+
+def test_who_is_followed_stays_near_the_centre_however_long_a_camera_does_not_see_how_deep_they_stand():
+    assert followed_dancer(followed=True).max() < 0.4
+    assert followed_dancer(followed=False).max() > 0.5  # in a clip they may have walked away: it is not as long
+
+
+def test_the_prior_of_who_is_followed_stays_what_it_is_while_nobody_is_seen():
+    body = BodyFilter(pairs=PAIRS, frame_time=FRAME_TIME, followed=True)
+    body.start(1, 1)
+    before = body.movement_covariance
+    for _ in range(100):
+        body.update(np.zeros((1, 1, 6, 2)), np.zeros((1, 1, 6)), np.array([[10.0, 0.0, 1.0]]))
+    np.testing.assert_allclose(body.movement_covariance, before, atol=1e-12)
+
+
+def test_a_camera_that_looks_beside_the_centre_measures_from_there():
+    gaze = np.array([[0.8, -0.3, 0.1]])
+    people = facing_people(np.zeros((1, 40, 1)))[0]  # around what cameras look at
+    context = replace(tiny_context(), episodes=1, skeleton=SKELETON, frame_time=FRAME_TIME, length=None)
+    body = BodyFilter.of(context, PAIRS)
+    for frame, viewpoint in enumerate(arc(40, polar=0.9, turn=2.0)):
+        seen_from = away_from(viewpoint[None], gaze)
+        pixels, _ = project(people[None, frame], seen_from, Camera())
+        blank = np.zeros((1, 1))
+        body.observe(
+            Observation(frame, None, pixels, np.ones((1, 1, 6)), viewpoint[None], blank, blank, blank, blank, gaze=gaze)
+        )
+    np.testing.assert_allclose(body.position[0, 0], POSE.mean(axis=0) + gaze[0], atol=0.08)
 
 
 def random_frames(rng, episodes, frames, persons):
