@@ -156,7 +156,7 @@ def fit_field(
     absolute[:, 1:] = solution[:, :SIZE]
     if "facing" in parts:
         relative[:, 1:] = solution[:, SIZE:]
-    return Fit(GainField(parts, absolute, relative, max(spread_weight, 0.0)), penalties, scores)
+    return Fit(GainField(parts, absolute, relative, spread_weight), penalties, scores)
 
 
 def score_field(field: GainField, collection: Collection, situation: Situation) -> Scores:
@@ -214,7 +214,11 @@ def _moments(rows: _Rows) -> _Moments:
 
 
 def _solve(sums: _Moments, penalties: tuple[float, float], features: int) -> tuple[FloatArray, float]:
-    """Return the ridge solution for C features, (C, S), and the weight of the spread, which no penalty shrinks."""
+    """Return the ridge solution for C features, (C, S), and the weight of the spread, which no penalty shrinks.
+
+    The weight is at least 0. Where the best one is not, the best of those that may be is 0, and the rest is solved for
+    without it.
+    """
     harmonics = np.ones(SIZE)
     harmonics[SINES - 1] = HANDEDNESS
     size = (len(sums.response) - 1) // features
@@ -222,6 +226,8 @@ def _solve(sums: _Moments, penalties: tuple[float, float], features: int) -> tup
     penalty[0] *= penalties[1] / penalties[0]
     ridge = sums.moments + sums.curvature * np.diag(np.append(penalty.ravel(), 0.0))
     solution: FloatArray = solve(ridge, sums.response, assume_a="pos")
+    if solution[-1] < 0:
+        solution = np.append(solve(ridge[:-1, :-1], sums.response[:-1], assume_a="pos"), 0.0)
     return solution[:-1].reshape(features, size), float(solution[-1])
 
 
