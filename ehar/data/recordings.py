@@ -81,7 +81,8 @@ class Recordings:
         """A hash of everything that decides an episode; recorded beside every result."""
         digest = hashlib.sha256()
         digest.update(np.ascontiguousarray(self.positions, dtype=np.float32).tobytes())
-        for indices in (self.offsets, *self._activities, self.skeleton.bone_indices):
+        # Who performs decides the parts, where the data are not divided already.
+        for indices in (self.offsets, *self._activities, self.skeleton.bone_indices, self.subjects):
             digest.update(np.ascontiguousarray(indices, dtype=np.int64).tobytes())
         if self.is_test is not None:
             digest.update(self.is_test.tobytes())

@@ -7,6 +7,7 @@ import pytest
 
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import part_of, split_parts, windows
+from ehar.data.synthetic.sets import solo
 from ehar.errors import DataError, UsageError
 from tests.helpers.fakes import CLASS_NAMES, POSE, SKELETON, tiny_data
 
@@ -196,3 +197,10 @@ def test_validation_of_one_person_in_a_third_of_the_sequences_is_still_of_people
 def test_validation_of_two_people_is_of_each_class() -> None:
     data = performed([0, 1] * 20, [0, 0, 1, 1] * 10)
     assert set(data.subjects[split_parts(data).validation, 0]) == {0, 1}
+
+
+def test_who_performs_is_in_the_hash_of_the_data_as_it_decides_the_parts() -> None:
+    data = solo()
+    others = replace(data, subjects=np.roll(data.subjects, 1, axis=0))
+    assert not np.array_equal(split_parts(others).recogniser, split_parts(data).recogniser)
+    assert others.sha256 != data.sha256
