@@ -1,6 +1,7 @@
 """The next-best-view planner: a receding-horizon optimal control problem over the gain field (nbv)."""
 
 import math
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -71,7 +72,7 @@ class NextBestView(Planner):
         variant: str = FULL,
         name: str = "nbv",
     ) -> None:
-        """Create the planner; the problem is built with the first plan."""
+        """Create the planner; the problem is built with the first plan, once in each process."""
         for option, value in (("horizon", horizon), ("replan", replan), ("max_iterations", max_iterations)):
             if value is not None and value < 1:
                 raise UsageError(f"{name}: expected {option} of at least 1, got {value}")
@@ -84,15 +85,13 @@ class NextBestView(Planner):
         self.flight_weights = FlightShares(*flight.values())
         self._solver_options = (solver, max_iterations)
         self._value = ViewValue(model, variant=variant)
-        self._solver: TrajectorySolver | None = None
-        self._built: tuple[DistanceRange, bool, SceneSize | None, Multicopter | None] | None = (
-            None  # what the solver is for
-        )
+        self._scene: SceneSize | None = None  # that of the last plan
+        self._statistics = SolverStatistics()
 
     @property
     def statistics(self) -> SolverStatistics:
         """The statistics of all plans since the last reset."""
-        return SolverStatistics() if self._solver is None else self._solver.statistics
+        return self._statistics
 
     def reset(self, context: Context) -> None:
         """Forget plans and episodes; the problem stays built.
@@ -117,33 +116,20 @@ class NextBestView(Planner):
             least, most = (round(time / context.frame_time / DEFAULT_HORIZON) for time in FLIGHT_HORIZON)
             frames = min(max(frames, least), max(most, 1))
         self._node_frames = math.ceil(frames * self.horizon / self._nodes)
-        if self._solver is not None:
-            self._solver.statistics = SolverStatistics()
+        self._statistics = SolverStatistics()
         if context.world.is_open:  # elsewhere the first frame says how many people there are
-            self._build(None)
+            self._solver()
 
-    def _build(self, scene: SceneSize | None) -> TrajectorySolver:
-        """Return the solver of a world; a problem is built for one."""
+    def _solver(self) -> TrajectorySolver:
+        """Return the solver of the problem of the last plan, which counts for this planner from now on."""
         flown = self._context.vehicle is not None
-        built = (self._value.span, flown, scene, self._body)
-        if self._solver is None or self._built != built:
-            solver, max_iterations = self._solver_options
-            self._solver = TrajectorySolver(
-                horizon=self._nodes,
-                solver=solver,
-                max_iterations=max_iterations,
-                seeds=SEEDS,
-                span=self._value.span,
-                flown=flown,
-                scene=scene,
-                body=self._body,
-            )
-            self._built = built
-        return self._solver
+        solver = _solver_of(self._nodes, *self._solver_options, self._value.span, flown, self._scene, self._body)
+        solver.statistics = self._statistics
+        return solver
 
     def compile(self) -> bool:
         """Wait for machine code of the problem of the last plan; return whether plans run on it."""
-        return self._solver is not None and self._solver.compile()
+        return self._solver().compile()
 
     def act(self, observation: Observation) -> FloatArray:
         """Return the targets of the plans, or their paths; plan every `replan` frames."""
@@ -166,7 +152,8 @@ class NextBestView(Planner):
             walking = walking if self._centre is None else (observation.centre - self._centre) / elapsed
             self._centre = observation.centre
         scenes = scenes_of(self._value, observation, walking)
-        solver = self._build(scenes[0].size if scenes else None)
+        self._scene = scenes[0].size if scenes else None
+        solver = self._solver()
         targets = []
         for episode, viewpoint in enumerate(observation.viewpoint):
             task = TrajectoryTask(
@@ -211,6 +198,29 @@ class NextBestView(Planner):
             ahead = np.minimum((frames + GRID_LOOKAHEAD) / self._node_frames, last)
         position, nodes = plan.trajectory.position, np.arange(self._nodes + 1)
         return np.stack([np.interp(ahead, nodes, position[:, axis]) for axis in range(3)], axis=1)
+
+
+@lru_cache(maxsize=4)
+def _solver_of(
+    nodes: int,
+    solver: Literal["fatrop", "ipopt"],
+    max_iterations: int | None,
+    span: DistanceRange,
+    flown: bool,
+    scene: SceneSize | None,
+    body: Multicopter | None,
+) -> TrajectorySolver:
+    """Return the solver of a problem, which is built once in each process: each job there has a planner of its own."""
+    return TrajectorySolver(
+        horizon=nodes,
+        solver=solver,
+        max_iterations=max_iterations,
+        seeds=SEEDS,
+        span=span,
+        flown=flown,
+        scene=scene,
+        body=body,
+    )
 
 
 def scenes_of(value: ViewValue, observation: Observation, walking: FloatArray) -> list[Scene]:

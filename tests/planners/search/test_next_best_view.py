@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import cloudpickle
 import numpy as np
 import pytest
 
@@ -14,11 +15,13 @@ from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion, Motion
 from ehar.planner import Context, Observation, Planner, Truth
+from ehar.processes import payload
 from ehar.rollout import Record, rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import SensorNoise
 from ehar.viewpoint import Workspace, wrap_difference
 from ehar.world import PAPER
+from planners.search import next_best_view
 from planners.search.next_best_view import NextBestView
 from planners.search.solver import SolveStatus
 from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch
@@ -193,6 +196,21 @@ def test_a_plan_is_made_every_so_often_and_counted_since_the_reset() -> None:
         assert planner.statistics.counts.total() == 2 * 4  # after frames 0, 5, 10, 15
     assert len(planner.statistics.plan_seconds) == 8
     assert planner.statistics.violation <= 1e-6
+
+
+def test_a_planner_that_has_planned_can_be_sent_and_problems_are_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    batch = starting(EVERYWHERE[:2], length=17)
+    planner = NextBestView(model=model_of(peak_weights(PEAK)))
+    first = run(planner, batch)
+    counted = planner.statistics.counts.total()
+
+    def refuse(**_: Any) -> None:
+        raise AssertionError("expected no problem to be built: this process has it")
+
+    monkeypatch.setattr(next_best_view, "TrajectorySolver", refuse)
+    sent = cloudpickle.loads(payload(planner, "nbv"))
+    np.testing.assert_array_equal(run(sent, batch).viewpoints, first.viewpoints)
+    assert planner.statistics.counts.total() == sent.statistics.counts.total() == counted
 
 
 @pytest.mark.parametrize(
