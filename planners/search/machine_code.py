@@ -10,8 +10,11 @@ import hashlib
 import os
 import platform
 import shutil
+import stat
 import subprocess
+import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -19,6 +22,7 @@ from platformdirs import user_cache_path
 
 COMPILER = "cc"
 FLAGS = ("-O1", "-ffp-contract=off", "-fPIC", "-shared")  # -O2 takes twice as long to compile, and is as fast
+KEPT = 90 * 24 * 3600  # [s] that code is kept after its last use
 COMPILE = 'nice "$@" -o "$0.tmp" "$0.c" -lm && mv "$0.tmp" "$0.so"; rm -f "$0.c" "$0.tmp"'  # a shell's command
 
 
@@ -33,18 +37,19 @@ class MachineCode:
     def __init__(self, functions: Sequence[Any]) -> None:
         """Find out where that of CasADi functions is kept; each has a name of its own."""
         self._functions = functions
-        text = [ca.CasadiMeta.version(), platform.platform(), COMPILER, *FLAGS, *(f.serialize() for f in functions)]
+        machine = platform.machine(), *platform.libc_ver()
+        text = [ca.CasadiMeta.version(), *machine, COMPILER, *FLAGS, *(f.serialize() for f in functions)]
         self._library = user_cache_path("ehar") / f"{hashlib.sha256(''.join(text).encode()).hexdigest()[:32]}.so"
         self._making: subprocess.Popen[bytes] | None = None
 
     def load(self) -> dict[str, Any] | None:
-        """Return the compiled functions by their names, or None while there are none."""
-        if not self._library.is_file():
-            return None
+        """Return the compiled functions by their names, or None while there are none that can be loaded."""
         try:
+            if not self._library.is_file() or not _is_ours(self._library.parent):
+                return None
+            os.utime(self._library)
             return {function.name(): ca.external(function.name(), str(self._library)) for function in self._functions}
-        except RuntimeError:  # a damaged file
-            self._library.unlink(missing_ok=True)
+        except (OSError, RuntimeError):  # a damaged file, or a folder from which nothing may run
             return None
 
     def make(self, *, wait: bool = False) -> None:
@@ -54,9 +59,11 @@ class MachineCode:
             wait: whether to return when it is done.
         """
         try:
-            self._library.parent.mkdir(
-                mode=0o700, parents=True, exist_ok=True
-            )  # who writes here runs code as this user
+            folder = self._library.parent
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if not _is_ours(folder):
+                return
+            _forget(folder)
             lock = os.open(self._library.with_suffix(".lock"), os.O_CREAT | os.O_RDWR, 0o644)
         except OSError:
             return
@@ -80,3 +87,16 @@ class MachineCode:
         command = ["sh", "-c", COMPILE, str(self._library.with_suffix("")), COMPILER, *FLAGS]
         quiet = subprocess.DEVNULL
         self._making = subprocess.Popen(command, pass_fds=[lock], stdout=quiet, stderr=quiet, start_new_session=True)
+
+
+def _is_ours(folder: Path) -> bool:
+    """Return whether nobody but this user may write into a folder: who does runs code as this user."""
+    found = folder.stat()
+    return found.st_uid == os.getuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _forget(folder: Path) -> None:
+    """Remove what nobody has used for long: code of another version is never asked for again."""
+    for path in folder.iterdir():
+        if time.time() - path.stat().st_mtime > KEPT:
+            path.unlink(missing_ok=True)

@@ -1,5 +1,6 @@
 """Machine code: plans are the same with it, it is made in the background and kept, and nobody needs a compiler."""
 
+import os
 import subprocess
 from pathlib import Path
 
@@ -108,6 +109,34 @@ def test_what_goes_wrong_costs_time_alone(fault: str, cache: Path, monkeypatch: 
     planning = TrajectorySolver(horizon=NODES, flown=True)
     assert not planning.compile()
     assert not any(plan.held for plan in plans(planning))
+
+
+@needs_compiler
+def test_code_in_a_folder_that_others_may_write_into_is_not_run(cache: Path) -> None:
+    cache.mkdir()
+    cache.chmod(0o777)
+    assert not TrajectorySolver(horizon=NODES, flown=True).compile()
+    assert not list(cache.iterdir())
+    cache.chmod(0o700)
+    assert TrajectorySolver(horizon=NODES, flown=True).compile()
+    cache.chmod(0o770)
+    assert not TrajectorySolver(horizon=NODES, flown=True).compile()
+
+
+@needs_compiler
+def test_code_that_nobody_has_used_for_long_is_removed(cache: Path) -> None:
+    assert TrajectorySolver(horizon=NODES, flown=True).compile()
+    before = list(cache.iterdir())
+    (used,) = cache.glob("*.so")
+    for path in before:
+        os.utime(path, (0, 0))
+    assert TrajectorySolver(horizon=NODES, flown=True).compile()  # which uses it
+    import casadi as ca
+
+    x = ca.SX.sym("x")
+    MachineCode([ca.Function("other", [x], [x**2])]).make(wait=True)
+    assert used.is_file() and len(list(cache.glob("*.so"))) == 2
+    assert {path for path in before if path.exists()} == {used}
 
 
 def test_an_ipopt_of_its_own_is_not_compiled() -> None:
