@@ -217,15 +217,17 @@ class Loop:
                 if self._stopped:
                     return
                 decided, self._decided = self._decided, False
-                silent = time.monotonic() - self._heard > SILENCE or (self._ended and not self._inbox)
+                ended = self._ended and not self._inbox
+                silent = not ended and time.monotonic() - self._heard > SILENCE
             if not self._watcher.setpoints.begun:
                 self._send(None)
                 continue
-            if silent and not self._watcher.setpoints.braking:
+            if (silent or ended) and not self._watcher.setpoints.braking:
                 self._watcher.setpoints.brake()
-                with self._changed:
-                    self._counts[SILENT] += 1
-                    self._notes.append(SILENT)
+                if silent:
+                    with self._changed:
+                        self._counts[SILENT] += 1
+                        self._notes.append(SILENT)
             if pacer.due(time.monotonic(), decided=decided):
                 self._send(self._watcher.setpoint())
                 now = time.monotonic()

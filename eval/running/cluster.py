@@ -81,15 +81,19 @@ class Cluster:
             waiting = deque(batches)
             pending: dict[ObjectRef[bytes], Batch] = {}
             head = _Head(ray.get_runtime_context().gcs_address)
-            while waiting or pending:
-                while waiting and len(pending) < AHEAD:
-                    batch = waiting.popleft()
-                    pending[run.remote([shared], versions, batch)] = batch
-                head.check()
-                for done in ray.wait(list(pending), timeout=HEARD_EVERY)[0]:
-                    batch, result = pending.pop(done), _result_of(done)
-                    yield batch, result
-                    waiting.extend(follow(batch, result) if follow else ())
+            try:
+                while waiting or pending:
+                    while waiting and len(pending) < AHEAD:
+                        batch = waiting.popleft()
+                        pending[run.remote([shared], versions, batch)] = batch
+                    head.check()
+                    for done in ray.wait(list(pending), timeout=HEARD_EVERY)[0]:
+                        batch, result = pending.pop(done), _result_of(done)
+                        yield batch, result
+                        waiting.extend(follow(batch, result) if follow else ())
+            finally:
+                for left in pending:  # of one who stops, or fails, in a cluster that goes on
+                    ray.cancel(left)
 
     @contextmanager
     def _connected(self) -> Iterator[None]:

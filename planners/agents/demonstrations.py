@@ -8,7 +8,6 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
-import torch
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
@@ -27,6 +26,7 @@ from planners.agents.network import AgentNetwork
 from planners.heading import HEADING_TIME, axis_speeds, heading, moved
 from planners.oracle import frame_worth, true_log_probs, truth_of, try_moves
 from planners.value.collection import random_viewpoints
+from recognition.torch_threads import one_torch_thread
 
 EPISODES = 32  # episodes that run in lockstep
 HORIZON = 15  # frames for which the look-ahead teacher repeats a move; a vehicle does so for `HEADING_TIME`
@@ -181,9 +181,9 @@ def demonstrate(
     yield from (engine or Processes()).each_batch(demonstrate_batch, task, batches)
 
 
+@one_torch_thread()
 def demonstrate_batch(task: DemonstrationTask, index: int) -> Demonstrations:
     """Run one batch of episodes; its random numbers depend only on the seed and its index."""
-    torch.set_num_threads(1)
     rng = np.random.default_rng([*task.seed, index])
     chosen = rng.integers(len(task.scenarios), size=EPISODES)
     batch = task.runner.batch(task.scenarios, chosen, task.runner.world.sample_starts(rng, EPISODES), rng)

@@ -188,8 +188,11 @@ def _optimise(runs: Sequence[StageRun], world: TrainingWorld, workers: int, repo
         futures = [pool.submit(call, payload((_optimise_here, run), run.title)) for run in runs]
         waiting = set(futures)
         while waiting:
-            waiting = wait(waiting, timeout=0.5).not_done
+            done, waiting = wait(waiting, timeout=0.5)
             _pass_on(heard, report, note)
+            failed = [error for future in done if (error := future.exception()) is not None]
+            for error in failed if waiting else []:  # the others' work is not lost, but may take hours
+                note(f"{error}; the other seeds go on")
         for future in futures:
             future.result()
     _pass_on(heard, report, note)  # processes that have ended have sent all they had

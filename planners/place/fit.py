@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from ehar.arrays import BoolArray
 from ehar.data.scenario import Scenarios, split_parts, windows
@@ -23,6 +22,7 @@ from planners.place.people import trunk_of
 from planners.place.storage import FIXED_BEST, fixed_place_path, load_fixed_place, save_fixed_place
 from planners.value.situation import STREAM_WINDOW
 from recognition.setting import Setting, load_setting, refuse_loss, with_length
+from recognition.torch_threads import one_torch_thread
 
 # Shares of the way from the nearest to the farthest distance. On the grid a way of 4 m costs most of an episode, so
 # the camera may also keep its distance and make all of its moves around the people.
@@ -180,12 +180,12 @@ def validation_windows(setting: Setting, length: int) -> tuple[str, Scenarios | 
     return part, found
 
 
+@one_torch_thread()
 def accuracy_at(task: PlaceTask, index: int) -> float:
     """Return the accuracy of one place, mean over frames and episodes; it depends only on the seed and the place.
 
     Of streams, frames that show no activity do not count.
     """
-    torch.set_num_threads(1)
     rng = np.random.default_rng(task.seed)
     scenario = np.tile(np.arange(len(task.scenarios)), STARTS)
     starts = task.runner.world.sample_starts(rng, len(scenario))

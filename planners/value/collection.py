@@ -5,7 +5,6 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-import torch
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.data.motion_data import MotionData
@@ -22,6 +21,7 @@ from planners.heading import free_space
 from planners.value.body_filter import BodyFilter
 from planners.value.situation import USUAL_MEMORY, coming_gains, frames_to_come
 from planners.value.view_basis import DistanceRange, basis_at
+from recognition.torch_threads import one_torch_thread
 
 EPISODES = 32  # episodes that run in lockstep
 PATHS = 8  # paths from a fork, one of which stays where it is
@@ -247,9 +247,9 @@ def run_batches(
     yield from (engine or Processes()).each_batch(collect_batch, task, batches)
 
 
+@one_torch_thread()
 def collect_batch(task: CollectionTask, index: int) -> Collection:
     """Run one batch of episodes; its random numbers depend only on the seed and its index."""
-    torch.set_num_threads(1)
     rng = np.random.default_rng([task.seed, index])
     data = task.runner.data
     assert isinstance(data, MotionData | StreamData)

@@ -28,7 +28,7 @@ FULL = "full"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GainModel:
-    """Gain fields and belief, trained on the policy part of the training data for one recogniser and sensor.
+    """Gain fields, trained on the policy part of the training data, and belief, for one recogniser and sensor.
 
     Args:
         fields: gain fields by variant; `full` sees the whole situation, the others are for ablations.

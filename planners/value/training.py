@@ -52,6 +52,7 @@ from planners.value.view_basis import DistanceRange
 from recognition.setting import load_setting, refuse_loss, with_length
 
 LEAST_LENGTH = 3  # frames of an episode: views along a path spread only if there are two to come
+ROLLOUTS = 2  # counts what decides rollouts beside their key, so that none of before a change are read
 FIRST_BATCHES = 12  # of rollouts; then twice as many, and so on
 UNSEEN_BATCHES = 6  # on the validation part: they fit the belief, and tell when more rollouts gain nothing
 WORTH = 0.001  # rollouts go on while twice as many gain at least this probability on the validation part
@@ -153,7 +154,7 @@ def train_gain_field(
     )
     path = gain_model_path(directory, conditions)
     refuse_loss(path, setting, load_gain_model)
-    key = f"{data.sha256} {setting.recogniser_sha256} {length} {conditions.seed}"
+    key = f"{ROLLOUTS} {data.sha256} {setting.recogniser_sha256} {length} {conditions.seed}"
     key += "" if setting.sensor_sha256 is None else f" {setting.sensor_sha256}"
     world = setting.world
     key += "" if world.agrees_with(PAPER) else f" {world.to_json()}"

@@ -159,7 +159,7 @@ def fit_evidence(
 
     Args:
         model: the belief with its transitions, which stay.
-        log_probs: (N, T, K + 1), the recogniser's log-probabilities after every frame of the policy part's streams.
+        log_probs: (N, T, K + 1), the recogniser's log-probabilities after every frame of rollouts.
         viewpoints: (N, T, 3).
         labels: (N, T), the true class of each frame; `NO_ACTIVITY` where there is none.
         fps: frames per second.

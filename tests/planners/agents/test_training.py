@@ -214,7 +214,11 @@ def test_an_error_in_a_process_arrives(config: AgentTrainingConfig) -> None:
     checkpoint = agent_file(config, "ppo", 1).with_suffix(".checkpoint")
     checkpoint.parent.mkdir()
     checkpoint.write_bytes(b"nonsense")
-    assert str(checkpoint) in refusal(ModelError, chosen)
+    told: list[str] = []
+    with pytest.raises(ModelError) as refused:
+        train_agents(chosen, lambda *_: None, told.append)
+    assert str(checkpoint) in str(refused.value)
+    assert f"{refused.value}; the other seeds go on" in told
     assert agent_file(config, "ppo", 0).is_file()  # what the other has done is not lost
 
 
