@@ -1,6 +1,6 @@
 """The data of a report on a finished run, except its replay."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,13 +22,11 @@ from eval.scores.behaviour import (
     sphere_density,
 )
 from eval.scores.confusion import ClassGains, class_gains, confusion
-from eval.scores.differences import Difference, compare_pairs
 from eval.scores.metrics import Reliability, reliability
-from eval.scores.planner_accuracy import accuracy_bands, draw_resamples, planner_accuracy
+from eval.scores.planner_accuracy import accuracy_bands, draw_resamples
 from eval.scores.planner_summary import NO_ACT
 from eval.scores.predictability import Predictability, predictability
-from eval.scores.resampling.resamples import Resamples
-from eval.scores.resampling.training_seeds import curves, group_planners, shared_trainings
+from eval.scores.resampling.training_seeds import curves, shared_trainings
 from eval.scores.seed_accuracy import pool_seeds, seeds_of
 from eval.scores.summary import Summary
 
@@ -69,8 +67,6 @@ class ReportData:
     Args:
         run: the run, with conditions and records.
         class_names: K class names.
-        differences: paired differences of summary.json; if it has none, those between each planner without the truth
-            and no-act, or the first planner if no-act did not run.
         curves: (L,) accuracy after each frame, by planner; of streams (20,), after equal shares of activities.
         bands: (L, 2) 95 % interval of that accuracy, by planner; NaN without an interval.
         planners: data of each planner by name, in the order of the run.
@@ -79,7 +75,6 @@ class ReportData:
 
     run: Run
     class_names: tuple[str, ...]
-    differences: Sequence[Difference]
     curves: Mapping[str, FloatArray]
     bands: Mapping[str, FloatArray]
     planners: Mapping[str, PlannerData]
@@ -134,7 +129,6 @@ def report_data(run: Run, class_names: tuple[str, ...]) -> ReportData:
     return ReportData(
         run=run,
         class_names=class_names,
-        differences=run.summary.differences or _differences(run, scored, resamples),
         curves=curves(scored),
         bands=accuracy_bands(scored, resamples),
         planners={name: _planner(name, held, seeds_of(scored), len(class_names), run) for name, held in pooled.items()},
@@ -172,16 +166,6 @@ def _planner(
         predictability=predictability(join_records(trainings[name]), classes),
         delays=class_delays(pooled, classes) if of_streams else None,
     )
-
-
-def _differences(run: Run, scored: Mapping[str, EpisodeRecords], resamples: Resamples) -> Sequence[Difference]:
-    """Return the differences of all planners without the truth to no-act, or to the first if no-act did not run."""
-    able = [planner.name for planner in run.summary.planners if not planner.privileged]
-    compared = {group.name: group for group in group_planners(scored) if group.name in able}
-    accuracy = {name: planner_accuracy(group, scored, resamples) for name, group in compared.items()}
-    base = NO_ACT if NO_ACT in accuracy else next(iter(accuracy), None)
-    pairs = [(held, accuracy[base]) for name, held in accuracy.items() if base is not None and name != base]
-    return compare_pairs(pairs, resamples) if pairs else ()
 
 
 def finite(values: FloatArray, digits: int) -> list[Any]:

@@ -152,7 +152,7 @@ def _cost(data: ReportData, cost: FloatArray, axis: Mapping[str, Any], unit: str
 def difference_figures(data: ReportData) -> dict[str, Figure]:
     """Return the paired differences of each planner that is compared with the others, by its name."""
     found: dict[str, list[Difference]] = {}
-    for pair in data.differences:
+    for pair in data.summary.differences:
         found.setdefault(pair.planner, []).append(pair)
     return {name: _differences(name, pairs) for name, pairs in found.items()}
 

@@ -171,7 +171,7 @@ def _table_notes(data: ReportData) -> Iterable[str]:
 
 def differences_part(data: ReportData) -> str:
     """Return the text, the choice and the table of paired differences."""
-    pairs = data.differences
+    pairs = data.summary.differences
     if not pairs:
         return "<p>There is no pair to compare: it takes two planners without the truth.</p>"
     subjects = list(dict.fromkeys(pair.planner for pair in pairs))

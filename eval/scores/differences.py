@@ -1,11 +1,12 @@
 """Paired differences: how much more accurate a planner of interest is than each of the others."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from eval.scores.planner_accuracy import PlannerAccuracy
+from eval.scores.planner_summary import NO_ACT
 from eval.scores.resampling.resamples import Resamples
 from eval.scores.resampling.statistics import Interval, pair
 from eval.scores.sequence_scores import probability_of_improvement, resampled_improvements, wins
@@ -59,17 +60,27 @@ def excludes_zero(ends: Interval) -> bool:
 
 
 def differences(
-    planners: Sequence[PlannerAccuracy], privileged: Mapping[str, bool], resamples: Resamples
+    planners: Sequence[PlannerAccuracy],
+    privileged: Mapping[str, bool],
+    resamples: Resamples,
+    own: Collection[str] = (),
 ) -> tuple[Difference, ...]:
-    """Return the differences between each of `SUBJECTS` and each other planner without the truth, each pair once.
+    """Return the differences between each planner of interest and each other one without the truth, each pair once.
+
+    Of interest are a user's own planners and `SUBJECTS`; where none of them ran, a camera that stays is.
 
     Args:
         planners: all planners of the run.
         privileged: whether each was handed the truth, by name.
         resamples: the resamples that all planners share.
+        own: names of a user's own planners.
     """
     unprivileged = {planner.name: planner for planner in planners if not privileged[planner.name]}
-    subjects = [subject for subject in SUBJECTS if subject in unprivileged]
+    subjects = [name for name in unprivileged if name in own]
+    subjects += [name for name in SUBJECTS if name in unprivileged and name not in own]
+    if not subjects and NO_ACT in unprivileged:
+        stays = unprivileged[NO_ACT]
+        return compare_pairs([(one, stays) for one in unprivileged.values() if one is not stays], resamples)
     pairs = [
         (unprivileged[subject], planner)
         for rank, subject in enumerate(subjects)

@@ -63,6 +63,7 @@ def summarise(
         answers[name] = answers_only(name, records[name], next(iter(answers.values()), None))
         told[name] = _Told.of(records[name], step_ms[name], None if solves is None else solves[name])
     stored, records, reference = records, answers, next(iter(answers.values()))
+    own = {planner.name for planner in config.planners if planner.source_sha256 is not None}
     of_streams, fps = any(one.of_streams for one in told.values()), config.conditions.fps
     if on_ideal is not None:
         on_ideal = {name: answers_only(f"{name} on the ideal track", on_ideal[name], reference) for name in on_ideal}
@@ -110,7 +111,12 @@ def summarise(
         no_intervals=resamples.why_none,
         basis=resamples.basis,
         planners=planners,
-        differences=differences(compared, {planner.name: planner.privileged for planner in planners}, resamples),
+        differences=differences(
+            compared,
+            {planner.name: planner.privileged for planner in planners},
+            resamples,
+            own={group.name for group in groups if any(name in own for name in group.records)},
+        ),
     )
 
 

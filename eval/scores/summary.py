@@ -30,7 +30,7 @@ class Summary:
         no_intervals: why there are no intervals; None if there are.
         basis: the people and sequences that intervals rest on.
         planners: results of each planner, in the order of the run.
-        differences: paired differences between `differences.SUBJECTS` and every other planner that is not privileged.
+        differences: paired differences between planners of interest and every other planner that is not privileged.
         activities: of streams, the number of activities that are scored; None for clips, each of which is one.
     """
 

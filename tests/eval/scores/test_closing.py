@@ -134,8 +134,13 @@ def test_one_planner_alone() -> None:
     assert closing_sentences(of(oracle=HIGH)).startswith("Only planners that are handed the truth ran")
 
 
-def test_planners_that_are_compared_in_no_pair() -> None:
+def test_who_is_compared_with_a_camera_that_stays() -> None:
     said = closing_sentences(of(no_act=LOW, spiral=MIDDLE, oracle=HIGH))
+    assert " and is clearly above every other planner without the truth. " in said
+
+
+def test_planners_that_are_compared_in_no_pair() -> None:
+    said = closing_sentences(of(front=LOW, spiral=MIDDLE, oracle=HIGH))
     assert ", more than any other planner without the truth, but no pair was tested. " in said
 
 

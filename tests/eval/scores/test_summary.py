@@ -10,7 +10,7 @@ import pytest
 
 from ehar.errors import DataError, UsageError
 from ehar.files import json_text
-from eval.records.config import RunConfig
+from eval.records.config import PlannerConfig, RunConfig
 from eval.records.episode_lines import episode_lines, read_episodes
 from eval.records.episodes import EpisodeRecords
 from eval.records.flights import COSTS
@@ -21,6 +21,7 @@ from eval.running.run import write_records
 from eval.scores.summary import Summary, read_summary
 from tests.helpers.made_records import (
     CONFIG_OF_RUN,
+    config_of_run,
     flown,
     make_records,
     make_stream_records,
@@ -193,7 +194,6 @@ def test_flights_are_compared_with_the_same_episodes_only() -> None:
 
 def test_nbv_is_compared_in_pairs_with_every_planner_that_is_not_privileged() -> None:
     records = three_planners()
-    assert summary_of(records).differences == ()
     records["nbv"] = make_records(4, skill=2.0)
     records["twin"] = records["nbv"]
     summary = summary_of(records)
@@ -206,6 +206,21 @@ def test_nbv_is_compared_in_pairs_with_every_planner_that_is_not_privileged() ->
     assert (to_twin.acc_mean, to_twin.ci95) == (0, (0, 0)), "a pair shares its resamples"
     assert "| twin | +0.0 [0.0, 0.0] |" in markdown(*summary.tables())
     assert summary.to_json()["differences"][0]["other"] == "no-act"
+
+
+def test_without_a_planner_of_interest_all_are_compared_with_a_camera_that_stays() -> None:
+    records = three_planners() | {"twin": make_records(3, skill=1.0)}
+    (mine, twin) = summary_of(records).differences
+    assert [(mine.planner, mine.other), (twin.planner, twin.other)] == [("mine", "no-act"), ("twin", "no-act")]
+    del records["no-act"]
+    assert summary_of(records).differences == ()
+
+
+def test_your_own_planner_is_compared_with_every_other() -> None:
+    records = three_planners() | {"nbv": make_records(4, skill=2.0)}
+    own = PlannerConfig("mine", False, "./mine.py:Mine", source_sha256="0" * 64)
+    found = summary_of(records, replace(config_of_run(length=4), planners=(own,))).differences
+    assert [(of.planner, of.other) for of in found] == [("mine", "no-act"), ("mine", "nbv"), ("nbv", "no-act")]
 
 
 def full_summary() -> tuple[dict[str, EpisodeRecords], Summary]:
