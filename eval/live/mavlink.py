@@ -31,7 +31,7 @@ class Mavlink:
         try:
             from pymavlink import mavutil  # imported here: an extra that few need
         except ImportError as error:
-            raise UsageError("--mavlink needs pymavlink: pip install 'ehar[mavlink]'") from error
+            raise UsageError("--mavlink needs pymavlink: pip install -e '.[mavlink]'") from error
         self._kinds: Any = mavutil.mavlink
         try:
             self._link: Any = mavutil.mavlink_connection(

@@ -33,7 +33,7 @@ EVERY = 2  # step between the directions of the field map that are logged
 def check_recording(path: Path | None) -> None:
     """Raise a UsageError unless a recording of this name can be written; None is any name."""
     if importlib.util.find_spec("rerun") is None:
-        raise UsageError("--rerun: expected rerun-sdk to be installed, it is not: pip install 'ehar[rerun]' adds it")
+        raise UsageError("--rerun: expected rerun-sdk to be installed, it is not: pip install -e '.[rerun]' adds it")
     if path is not None and path.suffix != FORMAT:
         raise UsageError(f"{path}: expected a Rerun recording that ends in {FORMAT}")
 

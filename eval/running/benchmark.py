@@ -45,7 +45,7 @@ def benchmark(
     For example:
         ehar benchmark --data duo
         ehar benchmark --data mine.npz --models models/mine --out runs/mine
-        ehar benchmark ./spiral.py:Spiral --distance 6 no-act oracle
+        ehar benchmark ./spiral.py:Spiral no-act oracle
 
     Args:
         planners: names, or your own: file.py:Class or module:Class, then --argument value; from Python, objects too.

@@ -51,7 +51,7 @@ class Cluster:
         try:
             import ray  # noqa: F401  # imported where it is needed: it is large, and optional
         except ImportError as error:
-            raise UsageError("engine ray: Ray is not installed: pip install ehar[cluster]") from error
+            raise UsageError("engine ray: Ray is not installed: pip install -e '.[cluster]'") from error
 
     def each_batch(
         self,

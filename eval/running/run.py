@@ -152,7 +152,9 @@ class Run:
         try:
             import pandas
         except ImportError as error:
-            raise UsageError("a data frame needs pandas, which is not installed: pip install ehar[notebook]") from error
+            raise UsageError(
+                "a data frame needs pandas, which is not installed: pip install -e '.[notebook]'"
+            ) from error
         names = self.class_names
         return pandas.concat(
             [pandas.DataFrame(_columns(planner, episodes, names)) for planner, episodes in self.records.items()],

@@ -30,7 +30,7 @@ def time_report(report: Path) -> float:
     try:
         from playwright.sync_api import sync_playwright
     except ImportError as error:
-        raise UsageError("report: expected playwright, which pip install 'ehar[dev]' brings, to open it") from error
+        raise UsageError("report: expected playwright, which pip install -e '.[dev]' brings, to open it") from error
     seconds = np.empty(REPEATS)
     with sync_playwright() as running:
         for repeat in range(REPEATS):

@@ -85,7 +85,7 @@ def prepare_c3d(
         DataError: a file is malformed or differs in rate, says another unit, or shares too few markers with the others.
     """
     if find_spec("ezc3d") is None:
-        raise UsageError("data prepare c3d needs ezc3d: pip install 'ehar[c3d]'")
+        raise UsageError("data prepare c3d needs ezc3d: pip install -e '.[c3d]'")
     source, regex = Path(source), compiled(pattern)
     metres(unit), up_rotation(up)  # a wrong option is told before anything is read
     files = visible_files(source, ".c3d")

@@ -11,7 +11,7 @@ BENCHMARK = Command(
     For example:
         ehar benchmark --data duo
         ehar benchmark --data mine.npz --models models/mine --out runs/mine
-        ehar benchmark ./spiral.py:Spiral --distance 6 no-act oracle
+        ehar benchmark ./spiral.py:Spiral no-act oracle
     """,
     conditions=(
         *("data", "models", "sensor", "track", "starts", "length", "fps", "seed", "part", "views", "form"),

@@ -22,7 +22,7 @@ CHECK = CommandGroup(
             Exit code 0: all passed; 1: a check failed, and how to mend it; 2: it can't run.
 
             For example:
-                ehar check planner ./spiral.py:Spiral --distance 6
+                ehar check planner ./spiral.py:Spiral
             """,
             conditions=("data", "models", "world"),
             flags={

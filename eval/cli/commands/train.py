@@ -27,7 +27,7 @@ TRAIN = CommandGroup(
                 ehar train all --data mine.npz --out models/mine
                 ehar train all --data one.npz two.npz --seeds 0 1 2 --out models
             """,
-            conditions=tuple(name for name in TRAINED if name != "data"),
+            conditions=(*(name for name in TRAINED if name != "data"), "seed"),
             flags={
                 **TRAINED_ANEW,
                 "data": Flag(
@@ -37,6 +37,7 @@ TRAIN = CommandGroup(
                     metavar="DATA ...",
                 ),
                 "length": Flag("frames of an episode.", hint="60; streams 4 s or 8 s"),
+                "seed": Flag("seed of recogniser, field and fixed-best."),
                 "engine": Flag("processes, or ray: a cluster that shares --out and data.", kind=str),
                 "address": Flag("of a Ray cluster, or auto.", hint="started here"),
             },

@@ -18,7 +18,7 @@ from eval.live.setpoints import Centre, Setpoint
 from eval.live.watcher import Watcher
 from tests.helpers.live_worlds import FPS, frame, person, save_live_world
 
-mavutil = pytest.importorskip("pymavlink.mavutil", reason="pymavlink is not installed: pip install 'ehar[mavlink]'")
+mavutil = pytest.importorskip("pymavlink.mavutil", reason="pymavlink is not installed: pip install -e '.[mavlink]'")
 
 DROPS_OUT = 0.5  # [s] without a setpoint after which PX4 leaves offboard mode
 

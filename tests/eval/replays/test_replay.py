@@ -178,5 +178,5 @@ def test_without_rerun_it_says_so_before_any_work(
     find: Any = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *of: None if name == "rerun" else find(name, *of))
     line = fails_with(["replay", str(tmp_path / "absent"), "0", "--rerun"], capsys)
-    told = "--rerun: expected rerun-sdk to be installed, it is not: pip install 'ehar[rerun]' adds it"
+    told = "--rerun: expected rerun-sdk to be installed, it is not: pip install -e '.[rerun]' adds it"
     assert line == f"ehar: error: {told}\n"

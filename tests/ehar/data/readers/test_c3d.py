@@ -13,7 +13,7 @@ from ehar.errors import DataError, UsageError
 from eval.conformance.data import check_data
 from tests.helpers.places import SHARED
 
-ezc3d = pytest.importorskip("ezc3d", reason="ezc3d is not installed: pip install 'ehar[c3d]'")
+ezc3d = pytest.importorskip("ezc3d", reason="ezc3d is not installed: pip install -e '.[c3d]'")
 
 SAMPLE = SHARED / "formats_sample" / "utd_mhad"
 NAMES = ("HEAD", "CLAV", "LSHO", "RSHO", "LANK", "RANK")

@@ -56,7 +56,7 @@ def test_the_option_that_the_check_names_mends_the_file(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     if kind == "c3d" and find_spec("ezc3d") is None:
-        pytest.skip("ezc3d is not installed: pip install 'ehar[c3d]'")
+        pytest.skip("ezc3d is not installed: pip install -e '.[c3d]'")
     _, write, skeleton, unit, up = FORMATS[kind]
     source, out = tmp_path / "files", tmp_path / "out.npz"
     source.mkdir()
