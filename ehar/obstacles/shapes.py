@@ -40,6 +40,11 @@ class Box:
         """Check the numbers."""
         _check(self, (*self.centre, *self.size, self.yaw_deg), self.size)
 
+    @property
+    def reach(self) -> float:
+        """The radius of a circle around it, seen from above [m]."""
+        return float(np.hypot(self.size[0], self.size[1])) / 2
+
     def clearance(self, points: FloatArray) -> FloatArray:
         """Return how far points (..., 3) are from the box [m], (...,); inside it is negative: the way out."""
         beyond = np.stack([np.abs(axis) - size / 2 for axis, size in zip(self._own(points), self.size, strict=True)])
@@ -84,6 +89,11 @@ class Cylinder:
     def __post_init__(self) -> None:
         """Check the numbers."""
         _check(self, (*self.centre, self.radius, self.height), (self.radius, self.height))
+
+    @property
+    def reach(self) -> float:
+        """The radius of a circle around it, seen from above [m]."""
+        return self.radius
 
     def clearance(self, points: FloatArray) -> FloatArray:
         """Return how far points (..., 3) are from the cylinder [m], (...,); inside it is negative: the way out."""
@@ -138,7 +148,7 @@ class Obstacles:
     def clearance(self, points: FloatArray) -> FloatArray:
         """Return how far points (..., 3) are from the nearest obstacle [m], (...,); inside one it is negative."""
         nearest = np.full(points.shape[:-1], np.inf)
-        for shape in self._shapes:
+        for shape in self.shapes:
             nearest = np.minimum(nearest, shape.clearance(points))
         return nearest if self.walls is None else np.minimum(nearest, -self.walls.clearance(points))
 
@@ -149,19 +159,19 @@ class Obstacles:
         """
         begin, end = cameras[..., None, None, :].astype(np.float32), joints.astype(np.float32, copy=False)
         hidden = np.zeros(np.broadcast_shapes(begin.shape, end.shape)[:-1], dtype=bool)
-        for shape in self._shapes:
+        for shape in self.shapes:
             hidden |= shape.cuts(begin, end)
         return hidden
 
     @property
-    def _shapes(self) -> tuple[Box | Cylinder, ...]:
+    def shapes(self) -> tuple[Box | Cylinder, ...]:
         """What stands within the walls."""
         return (*self.boxes, *self.cylinders)
 
     @property
     def numbers(self) -> tuple[float, ...]:
         """All numbers, with how many shapes of each kind there are."""
-        shapes = (*(() if self.walls is None else (self.walls,)), *self._shapes)
+        shapes = (*(() if self.walls is None else (self.walls,)), *self.shapes)
         return (
             *(self.walls is not None, len(self.boxes), len(self.cylinders)),
             *(float(number) for shape in shapes for number in _numbers(shape)),
@@ -205,7 +215,7 @@ def cylinder_cuts(
     return _is_cut(*_between(begin[..., 2], end[..., 2], low, high, entered, left))
 
 
-def passes_by(begin: FloatArray, end: FloatArray, place: FloatArray, reach: FloatArray) -> BoolArray:
+def passes_by(begin: FloatArray, end: FloatArray, place: FloatArray, reach: FloatArray | float) -> BoolArray:
     """Return which straight ways, (..., 3) to (..., 3), come nearer to a place (..., 2) than `reach`, seen from above.
 
     Args:

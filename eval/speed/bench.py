@@ -30,7 +30,7 @@ from eval.speed.recognition import (
     time_world,
 )
 from eval.speed.report import time_report
-from eval.speed.streams import STREAMS, late_over_early, letting_go, time_flown_streams, time_streams
+from eval.speed.streams import STREAMS, late_over_early, letting_go, time_flown_streams, time_plans, time_streams
 
 
 class Target(NamedTuple):
@@ -55,6 +55,9 @@ TARGETS = {
     "nbv_fallback_share": Target(0.01, at_most=True),
     "nbv_room_solve_ms_p95": Target(10.0, at_most=True),
     "nbv_room_fallback_share": Target(0.005, at_most=True),
+    "nbv_plan_ms_p95": Target(10.0, at_most=True),
+    "nbv_room_plan_ms_p95": Target(10.0, at_most=True),
+    "nbv_crowd_plan_ms_p95": Target(10.0, at_most=True),
     "ruckig_us_per_call": Target(5.0, at_most=True),
     "ppo_frames_per_s": Target(5000.0),
     "streams_times_real_time": Target(50.0),
@@ -99,6 +102,8 @@ def bench(
         nbv_compiled: 1 if all of them ran on machine code, 0 if formulas were interpreted, as without a C compiler.
         nbv_room_solve_ms_median, nbv_room_solve_ms_p95, nbv_room_fallback_share, nbv_room_compiled: the same around a
             person in the room.
+        nbv_plan_ms_median, nbv_plan_ms_p95: all that nbv does in a frame in which it plans, flown around one person;
+            `nbv_room_plan_...` and `nbv_crowd_plan_...` likewise in these worlds. A plan is one solve or several.
         ruckig_us_per_call: one flight of that vehicle on three axes.
         ppo_frames_per_s: environment frames of PPO's training, with the recogniser in the loop and 64 environments.
         streams_times_real_time: seconds that 32 streams of one person have together, for each second that a benchmark
@@ -135,6 +140,7 @@ def bench(
         gflop = pool.submit(frame_gflop, data, effort).result()
         peaks = pool.submit(peak_figures, effort, WORKERS).result()
         solves = pool.submit(time_solves, data, effort).result()
+        plans = pool.submit(time_plans, effort).result()
         ruckig_seconds = pool.submit(time_ruckig, effort).result()
     frames_per_s = float((effort.episodes * effort.length / frame_seconds.sum(axis=1)).sum())
     figures = {
@@ -147,6 +153,7 @@ def bench(
         "training_clips_per_s": trained,
         "world_frames_per_s": world_rate,
         **solves,
+        **plans,
         "ruckig_us_per_call": 1e6 * ruckig_seconds,
         "ppo_frames_per_s": time_ppo(data, effort),
         "streams_times_real_time": real_time,

@@ -12,12 +12,13 @@ from ehar.data.stitching.joins import DURATIONS, join, placed
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.synthetic.sets import TRAINING_CASTS, dance
+from ehar.planner import Context, Observation, Planner
 from ehar.recogniser import Recogniser
 from ehar.runner import Runner
 from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed
-from ehar.world import PAPER
+from ehar.world import CROWD, PAPER, ROOM
 from eval.scores.streams.alarms import delays
 from eval.speed.effort import WORKERS, Effort
 from eval.speed.planning import VEHICLE
@@ -36,6 +37,7 @@ SHOWN = 200  # frames of the other activity, as in most of the set's
 AHEAD = (3, 7)  # classes, from the first activity to the second
 MORE = 8  # times the usual repeats: one frame takes a millisecond, and other processes ten at a time
 FIRST_PLANS = 12  # frames of flights that warm up: the problem is built with the first plan
+PLANNED = 120  # frames of each flight in which plans are timed
 WINDOW = 240  # frames that an untrained recogniser is meant for
 
 
@@ -77,6 +79,56 @@ def time_flown_streams(effort: Effort) -> float:
         if effort.compile:
             planner.compile()
     return count * frames / told.fps / seconds
+
+
+def time_plans(effort: Effort) -> dict[str, float]:
+    """Return how long nbv takes in a frame in which it plans, in flight with the weights that ship [ms].
+
+    Everything is in it: the belief and where people are, the free cells, the ways of the search, and the control
+    problem. One stream at a time, as live.
+
+    Raises:
+        ModelError: no weights ship.
+    """
+    figures: dict[str, float] = {}
+    for name, world in (("nbv", PAPER), ("nbv_room", ROOM), ("nbv_crowd", CROWD)):
+        setting = load_setting(Conditions(data=STREAMS, sensor=SENSOR, track=VEHICLE.name, world=world.name))
+        told = setting.recordings
+        assert isinstance(told, StreamData)
+        planner = _Timed(NextBestView(model=load_gain_model(setting.conditions, told, setting.recogniser_sha256)))
+        frames = min(effort.stream_frames, PLANNED)
+        for stream in (0, *range(max(1, effort.streams // WORKERS))):  # the first warms up
+            scenarios = StreamScenarios(told, frames, np.array([stream]), np.array([0]))
+            rng = np.random.default_rng(stream)
+            batch = setting.runner.batch(scenarios, np.array([0]), setting.world.sample_starts(rng, 1), rng)
+            setting.runner.roll(planner, batch, rng)
+            if not planner.timed:
+                if effort.compile:
+                    planner.planner.compile()
+                planner.timed = True
+                planner.seconds.clear()
+        for kind, share in (("median", 50), ("p95", 95)):
+            figures[f"{name}_plan_ms_{kind}"] = 1000 * float(np.percentile(planner.seconds, share))
+    return figures
+
+
+class _Timed(Planner):
+    """Times nbv in the frames in which it plans."""
+
+    name = "nbv"
+
+    def __init__(self, planner: NextBestView) -> None:
+        self.planner, self.timed, self.seconds = planner, False, list[float]()
+
+    def reset(self, context: Context) -> None:
+        self.planner.reset(context)
+
+    def act(self, observation: Observation) -> FloatArray:
+        begin = time.perf_counter()
+        path = self.planner.act(observation)
+        if observation.frame % self.planner.replan == 0:
+            self.seconds.append(time.perf_counter() - begin)
+        return path
 
 
 def late_over_early(data: StreamData, effort: Effort) -> float:

@@ -3,14 +3,15 @@
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
-from ehar.obstacles.shapes import Obstacles, cylinder_cuts
-from ehar.obstacles.surroundings import Surroundings
+from ehar.obstacles.shapes import Obstacles, cylinder_cuts, passes_by
 from ehar.viewpoint import AZIMUTH, cartesian
 from ehar.world import FLOOR, PASSER_RADIUS
 
 # A person as seen from the side: an upright strip, three points high and three across.
 HEIGHTS = np.array([-0.7, 0.0, 0.6])  # [m], from the mean of the joints
 ACROSS = np.array([-0.25, 0.0, 0.25])  # [m]
+ASIDE = 0.26  # [m], farther from the middle than any of these, rounding included
+UP = np.array([0.0, 0.0, 1.0])
 PASSER_TOP = FLOOR + 1.7  # [m], of the head of a passer-by, whose height nobody tells
 
 
@@ -37,24 +38,42 @@ def seen_share(
     """
     azimuth = viewpoint[..., AZIMUTH]
     aside = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros_like(azimuth)], axis=-1)
+    strip = HEIGHTS[:, None, None] * UP + ACROSS[:, None] * aside[..., None, None, :]  # (B, ..., 3, 3, 3)
     person = position.reshape(len(position), *[1] * (viewpoint.ndim - 2), *position.shape[1:])
-    up = HEIGHTS[:, None, None] * np.array([0.0, 0.0, 1.0])  # (3, 1, 3)
-    strip = up + ACROSS[:, None] * aside[..., None, None, :]  # (B, ..., 3, 3, 3)
     points = person[..., None, :] + strip.reshape(*strip.shape[:-3], 1, -1, 3)  # (B, ..., P, 9, 3)
-    moved = None if centre is None else centre[:, None]
-    hidden = Surroundings(obstacles, moved).hide(viewpoint, points, 0)
-    if passers is not None:
-        hidden |= _behind(passers[..., :2] + ahead * passers[..., 2:], cartesian(viewpoint), points)
+    cameras = np.broadcast_to(cartesian(viewpoint)[..., None, :], (*points.shape[:-2], 3))  # (B, ..., P, 3)
+    shift = np.zeros((len(position), 3)) if centre is None else centre
+    hidden = np.zeros(points.shape[:-1], dtype=bool)
+    for shape in obstacles.shapes:
+        near, begin, end = _lines_near(cameras, person, points, shape.centre[:2] - shift[:, :2], shape.reach)
+        moved = shift[np.nonzero(near)[0], None]
+        hidden[near] |= shape.cuts((begin + moved).astype(np.float32), (end + moved).astype(np.float32))
+    walking = np.empty((len(position), 0, 2)) if passers is None else passers[..., :2] + ahead * passers[..., 2:]
+    for walker in range(walking.shape[1]):
+        near, begin, end = _lines_near(cameras, person, points, walking[:, walker], PASSER_RADIUS)
+        at = np.zeros((len(begin), 1, 3), dtype=np.float32)
+        at[:, 0, :2] = walking[np.nonzero(near)[0], walker]
+        from_there = (begin.astype(np.float32) - at, end.astype(np.float32) - at)
+        hidden[near] |= cylinder_cuts(*from_there, FLOOR, PASSER_TOP, PASSER_RADIUS)
     seen: FloatArray = 1 - hidden.mean(axis=(-2, -1))
     return seen
 
 
-def _behind(place: FloatArray, cameras: FloatArray, points: FloatArray) -> BoolArray:
-    """Return which points (B, ..., P, N, 3) passers-by at places (B, W, 2) hide from cameras (B, ..., 3)."""
-    begin, end = cameras[..., None, None, :].astype(np.float32), points.astype(np.float32)
-    hidden = np.zeros(np.broadcast_shapes(begin.shape, end.shape)[:-1], dtype=bool)
-    for walker in range(place.shape[1]):
-        at = np.zeros((len(place), *[1] * (end.ndim - 2), 3), dtype=np.float32)
-        at[..., :2] = place[:, walker].reshape(len(place), *[1] * (end.ndim - 2), 2)
-        hidden |= cylinder_cuts(begin - at, end - at, FLOOR, PASSER_TOP, PASSER_RADIUS)
-    return hidden
+def _lines_near(
+    cameras: FloatArray, person: FloatArray, points: FloatArray, place: FloatArray, reach: float
+) -> tuple[BoolArray, FloatArray, FloatArray]:
+    """Return the lines of sight that something may be in the way of; few come near a thing.
+
+    Args:
+        cameras: (B, ..., P, 3) [m].
+        person: the middles of people [m], which broadcast against them.
+        points: (B, ..., P, N, 3) on people [m].
+        place: (B, 2) where it is [m].
+        reach: its radius [m].
+
+    Returns:
+        of which people it may hide a part, (B, ..., P), and the ends of these n lines, (n, 1, 3) and (n, N, 3) [m].
+    """
+    there = place.reshape(len(place), *[1] * (cameras.ndim - 2), 2)
+    near = passes_by(cameras, person, there, reach + ASIDE)
+    return near, cameras[near][:, None], points[near]

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -141,6 +142,7 @@ class Tracker:
             self._belief.update(observation.log_probs, observation.viewpoint, observation.ratio, observation.frame)
         self._seen = self._keep * self._seen + basis_at(observation.viewpoint, self._span)
         self.observation = observation
+        self.__dict__.pop("situation", None)  # that of the frame before
 
     def beliefs(self, ends: Sequence[int]) -> FloatArray:
         """Return what is believed of each part of the time to come, (E, B, K) or (E, B, K + 1), see `Situation.belief`.
@@ -157,7 +159,7 @@ class Tracker:
             self._shares[parts] = coming_shares(self._belief.model, fps=1 / self.context.frame_time, ends=parts)
         return self._belief.expected(self._shares[parts])
 
-    @property
+    @cached_property
     def situation(self) -> Situation:
         """The situation after the last frame."""
         observation = self.observation
