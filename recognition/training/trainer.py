@@ -283,12 +283,13 @@ class _Run:
         """Calibrate and save the best weights, and remove the checkpoints."""
         network = self.learner.network
         network.load_state_dict(self.best)
-        said = [self.learner.logits(network, self.validation.features)]
-        said += [fold.answer_after(self.step, report) for fold in self.folds]
-        labels = [run.validation.labels.numpy() for run in (self, *self.folds)]
-        temperature = fit_temperature(np.concatenate(said), np.concatenate(labels), self.weights)
         begun = self.config.init is not None
         outcome = conclude(self.evaluations, self.clips, runs_to_end=self.runs_to_end, begun=begun)
+        said = [self.learner.logits(network, self.validation.features)]
+        # As long as the weights that are kept have learned, not as long as it took to see that no more was gained.
+        said += [fold.answer_after(outcome.best.step, report) for fold in self.folds]
+        labels = [run.validation.labels.numpy() for run in (self, *self.folds)]
+        temperature = fit_temperature(np.concatenate(said), np.concatenate(labels), self.weights)
         history = {
             "data": self.data_title,
             "run": self.identity,

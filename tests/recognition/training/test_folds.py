@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -68,6 +69,27 @@ def test_temperatures_are_fitted_on_more_people_and_weights_stay(
     assert calibrated["training"]["calibrated_on"] == "these, and people left out in 2 folds"  # type: ignore[index]
     assert "calibrated_on" not in told["training"] and "folds" not in told["training"]["run"]  # type: ignore[index,operator]
     assert calibrated["training"]["run"]["folds"] == 2  # type: ignore[index]
+
+
+def test_folds_learn_for_as_long_as_the_weights_that_are_kept_had(
+    config: TrainingConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = training._Run
+    evaluate, answer, lengths = run._evaluate, run.answer_after, []
+
+    def worse_and_worse(self: Any) -> None:
+        evaluate(self)
+        last = self.evaluations[-1]
+        self.evaluations[-1] = replace(last, accuracy=1 / last.step)
+
+    def answer_after(self: Any, steps: int, report: Any) -> FloatArray:
+        lengths.append(steps)
+        return answer(self, steps, report)
+
+    monkeypatch.setattr(run, "_evaluate", worse_and_worse)
+    monkeypatch.setattr(run, "answer_after", answer_after)
+    trained(config, tmp_path / "out", 2)
+    assert lengths == [2, 2]  # of 6 steps; the first evaluation, after 16 clips, was the best
 
 
 @pytest.mark.parametrize("clips", [16, 32])
