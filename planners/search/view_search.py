@@ -125,14 +125,14 @@ def search_ways(value: ViewValue, observation: Observation, context: Context) ->
     node_frames, gains, weights = value.coming(WAY_POINTS)
     needed, ramp = _frames_needed(ways.straight, here, context)
     needed = needed * ways.longer
-    collected, looking = np.zeros(goals.shape[:2]), np.zeros(goals.shape)
-    for node in np.flatnonzero(gains).tolist():
-        frames = (node + 1) * node_frames
-        there = ways.at(share_made(frames, needed, ramp))
-        seen = value.seen(there, frames * context.frame_time)
-        basis = basis_at(there, value.span)
-        collected += gains[node] * seen * np.einsum("bgk,bk->bg", basis, weights[:, node])
-        looking += gains[node] * mean_direction(basis)  # seen or not: or else hidden views would be those that spread
+    nodes = np.flatnonzero(gains)
+    frames, counts = (nodes + 1) * node_frames, gains[nodes]
+    there = np.stack([ways.at(share_made(count, needed, ramp)) for count in frames.tolist()], axis=1)  # (B, N, G, 3)
+    basis = basis_at(there, value.span)
+    worth = value.seen(there, frames * context.frame_time) * (basis @ weights[:, nodes, :, None])[..., 0]
+    collected = np.einsum("n,bng->bg", counts, worth)
+    # Seen or not: or else hidden views would be those that spread.
+    looking = np.einsum("n,bngi->bgi", counts, mean_direction(basis))
     collected -= value.field.spread * (looking**2).sum(axis=-1)
     return ways, collected
 

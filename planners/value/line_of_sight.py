@@ -20,7 +20,7 @@ def seen_share(
     position: FloatArray,
     obstacles: Obstacles,
     passers: FloatArray | None = None,
-    ahead: float = 0.0,
+    ahead: FloatArray | float = 0.0,
     centre: FloatArray | None = None,
 ) -> FloatArray:
     """Return the share of people that is seen from viewpoints, 0 to 1, (B, ...).
@@ -33,7 +33,7 @@ def seen_share(
         position: (B, P, 3) where people are thought to be, the mean of their joints [m].
         obstacles: what stands there.
         passers: (B, W, 4) place and velocity of passers-by [m], [m/s]; they walk straight on. None if there are none.
-        ahead: how far ahead the viewpoints are [s].
+        ahead: how far ahead the viewpoints are [s]; or (N,), for viewpoints (B, N, ..., 3).
         centre: (B, 3) where the centre is, from where it was in the first frame [m]; None if it has stayed.
     """
     azimuth = viewpoint[..., AZIMUTH]
@@ -48,11 +48,14 @@ def seen_share(
         near, begin, end = _lines_near(cameras, person, points, shape.centre[:2] - shift[:, :2], shape.reach)
         moved = shift[np.nonzero(near)[0], None]
         hidden[near] |= shape.cuts((begin + moved).astype(np.float32), (end + moved).astype(np.float32))
-    walking = np.empty((len(position), 0, 2)) if passers is None else passers[..., :2] + ahead * passers[..., 2:]
-    for walker in range(walking.shape[1]):
-        near, begin, end = _lines_near(cameras, person, points, walking[:, walker], PASSER_RADIUS)
+    times = np.asarray(ahead)
+    walkers = np.empty((len(position), 0, 4)) if passers is None else passers
+    for walker in np.moveaxis(walkers, 1, 0):
+        begun, pace = walker[:, :2], walker[:, 2:]
+        place = begun + times * pace if times.ndim == 0 else begun[:, None] + times[:, None] * pace[:, None]
+        near, begin, end = _lines_near(cameras, person, points, place, PASSER_RADIUS)
         at = np.zeros((len(begin), 1, 3), dtype=np.float32)
-        at[:, 0, :2] = walking[np.nonzero(near)[0], walker]
+        at[:, 0, :2] = place[np.nonzero(near)[: place.ndim - 1]]
         from_there = (begin.astype(np.float32) - at, end.astype(np.float32) - at)
         hidden[near] |= cylinder_cuts(*from_there, FLOOR, PASSER_TOP, PASSER_RADIUS)
     seen: FloatArray = 1 - hidden.mean(axis=(-2, -1))
@@ -68,12 +71,12 @@ def _lines_near(
         cameras: (B, ..., P, 3) [m].
         person: the middles of people [m], which broadcast against them.
         points: (B, ..., P, N, 3) on people [m].
-        place: (B, 2) where it is [m].
+        place: (B, 2) where it is [m]; or (B, N, 2).
         reach: its radius [m].
 
     Returns:
         of which people it may hide a part, (B, ..., P), and the ends of these n lines, (n, 1, 3) and (n, N, 3) [m].
     """
-    there = place.reshape(len(place), *[1] * (cameras.ndim - 2), 2)
+    there = place.reshape(*place.shape[:-1], *[1] * (cameras.ndim - place.ndim), 2)
     near = passes_by(cameras, person, there, reach + ASIDE)
     return near, cameras[near][:, None], points[near]

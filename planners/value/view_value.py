@@ -107,12 +107,12 @@ class ViewValue:
             weights = weights - (self._everywhere @ weights.T).min(axis=0)[:, None] * (np.arange(BASIS_SIZE) == 0)
         return weights
 
-    def seen(self, viewpoint: FloatArray, ahead: float) -> FloatArray:
+    def seen(self, viewpoint: FloatArray, ahead: FloatArray | float) -> FloatArray:
         """Return the share of people that is seen from viewpoints (B, ..., 3), (B, ...); 1 where nothing is in the way.
 
         Args:
             viewpoint: the viewpoints.
-            ahead: how far ahead cameras will be there [s].
+            ahead: how far ahead cameras will be there [s]; or (N,), for viewpoints (B, N, ..., 3).
         """
         if not self._hides:
             return np.ones(viewpoint.shape[:-1])

@@ -51,6 +51,8 @@ def test_a_passer_by_is_expected_to_walk_straight_on() -> None:
     assert shares == [1, pytest.approx(0, abs=0.4), 1]
     views = np.stack([BEHIND, ASIDE])[None]
     assert seen_share(views, CENTRE, Obstacles(), walker, 1.0).tolist() == [[shares[1], 1]]
+    at_once = seen_share(np.repeat(views[:, None], 3, axis=1), CENTRE, Obstacles(), walker, np.array([0.0, 1.0, 2.0]))
+    assert at_once.tolist() == [[[share, 1] for share in shares]]
 
 
 def context_in(obstacles: Obstacles) -> Context:
