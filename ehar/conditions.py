@@ -34,7 +34,7 @@ class Conditions:
     estimator, for which their weights ship. It is told by its own name once the conditions are made.
 
     Args:
-        data: duo, solo, or a prepared .npz.
+        data: duo, solo, duo-stream, solo-stream, or a prepared .npz.
         models: folder of weights.
         sensor: perfect (exact joints), estimator (noise, occlusion, dropout, swaps), or your own: file.py:Class.
         track: ideal (grid moves), px4-auto, px4-max, tracking-drone, ground-robot, a vehicle file, or your own:

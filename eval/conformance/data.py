@@ -20,7 +20,7 @@ from ehar.data.preparing.body_parts import body_parts
 from ehar.data.recordings import Recordings
 from ehar.data.skeleton import Skeleton
 from ehar.data.streams.data import StreamData
-from ehar.errors import DataError
+from ehar.errors import DataError, UsageError
 from eval.conformance.checks import Conformance, ContractCheck
 
 SHORTEST, LONGEST = 0.5, 4.0  # [m] the longest way along bones; a child of 5 has 1.4, a tall adult 2.7
@@ -67,6 +67,8 @@ def check_data(data: str | Path | MotionData | StreamData) -> Conformance:
     """
     if not isinstance(data, str | Path):
         return check_bodies(data, ReadWith())
+    if Path(data).suffix == ".npz" and not Path(data).is_file():
+        raise UsageError(f"{data}: no such file; expected a built-in set, or a prepared .npz")
     command = f"ehar data prepare npz {quote(str(data))} mended.npz"
     try:
         held = _loaded(data)

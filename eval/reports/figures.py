@@ -139,7 +139,7 @@ def _cost(data: ReportData, cost: FloatArray, axis: Mapping[str, Any], unit: str
                 "x": [round(float(cost[row]), 4)],
                 "y": [round(float(value[row]), 2)],
                 "error_y": _errors([value[row]], [ends], thickness=1),
-                "name": _legend(name, data) + (", front" if on_front else ""),
+                "name": _legend(name, data) + (" (Pareto front)" if on_front else ""),
                 "mode": "markers",
                 "cliponaxis": False,
                 "marker": _marker(styles[name], 13 if on_front else 9),

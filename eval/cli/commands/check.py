@@ -32,7 +32,7 @@ CHECK = CommandGroup(
                     positional=True,
                     metavar="PLANNER",
                 ),
-                "data": Flag("data whose test episodes it runs: duo, solo, or a prepared .npz."),
+                "data": Flag("data whose test episodes it runs: a built-in set or a prepared .npz."),
             },
         ),
         "recogniser": Command(
@@ -55,7 +55,7 @@ CHECK = CommandGroup(
                     positional=True,
                     metavar="RECOGNISER",
                 ),
-                "data": Flag("data whose test episodes it sees: duo, solo, or a prepared .npz."),
+                "data": Flag("data whose test episodes it sees: a built-in set or a prepared .npz."),
             },
         ),
         "sensor": Command(

@@ -255,7 +255,7 @@ STUDY = CommandGroup(
             """,
             flags={
                 "data": Flag(
-                    "duo, solo, or prepared .npz.",
+                    "built-in sets or prepared .npz.",
                     kind=tuple[str, ...],
                     positional=True,
                     metavar="DATA ...",

@@ -98,7 +98,11 @@ TRAIN = CommandGroup(
                 ehar train fixed-best --data mine.npz --models models/mine
             """,
             conditions=(*TRAINED, "models", "recogniser", "seed"),
-            flags={**TRAINED_FROM, "seed": Flag("seed of start viewpoints and noise.")},
+            flags={
+                **TRAINED_FROM,
+                "length": Flag("frames of an episode.", hint="60; streams 8 s"),
+                "seed": Flag("seed of start viewpoints and noise."),
+            },
         ),
         "agent": Command(
             "eval.running.training:train_agents",

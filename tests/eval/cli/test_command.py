@@ -229,7 +229,7 @@ def test_help_says_what_docstrings_and_flags_say(
     for line in (
         "Run it. For example: ehar run --length 5",
         "NAME ... who runs. (default: )",
-        "--data STR duo, solo, or a prepared .npz. (default: duo)",
+        "--data STR duo, solo, duo-stream, solo-stream, or a prepared .npz. (default: duo)",
         "--models PATH folder of weights. (default: those that ship)",
         "--out PATH folder for records. (default: none)",
         "--fps FLOAT frame rate to resample to [Hz]. (default: the data's)",
@@ -245,7 +245,7 @@ def test_help_says_what_docstrings_and_flags_say(
     assert "Train it. For example: ehar train --data duo " in shown  # its docstring, up to the arguments
     for text in ("Args:", "config: how", "Raises:"):
         assert text not in shown
-    assert "--data STR duo, solo, or a prepared .npz. (required)" in shown
+    assert "--data STR duo, solo, duo-stream, solo-stream, or a prepared .npz. (required)" in shown
     assert "--length INT of a clip. (default: 60)" in shown
 
 

@@ -14,7 +14,7 @@ from ehar.data.motion_file import save_motion
 from ehar.data.skeleton import Skeleton
 from ehar.data.source import load_data
 from ehar.data.streams.file import save_streams
-from ehar.errors import EharError
+from ehar.errors import EharError, UsageError
 from eval.cli.main import main
 from eval.conformance.checks import Conformance, ContractCheck
 from eval.conformance.data import check_data
@@ -237,3 +237,8 @@ def test_a_file_that_is_no_archive(tmp_path: Path) -> None:
     path.write_text("text")
     found = check_data(path)
     assert not found.passed and "not an .npz file" in found.failed[0].got
+
+
+def test_a_file_that_is_not_there_is_no_check_that_failed(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"none\.npz: no such file; expected a built-in set, or a prepared \.npz"):
+        check_data(tmp_path / "none.npz")
