@@ -217,17 +217,15 @@ class Loop:
                 if self._stopped:
                     return
                 decided, self._decided = self._decided, False
-                ended = self._ended and not self._inbox
-                silent = not ended and time.monotonic() - self._heard > SILENCE
+                silent = time.monotonic() - self._heard > SILENCE or (self._ended and not self._inbox)
             if not self._watcher.setpoints.begun:
                 self._send(None)
                 continue
-            if (silent or ended) and not self._watcher.setpoints.braking:
+            if silent and not self._watcher.setpoints.braking:
                 self._watcher.setpoints.brake()
-                if silent:
-                    with self._changed:
-                        self._counts[SILENT] += 1
-                        self._notes.append(SILENT)
+                with self._changed:
+                    self._counts[SILENT] += 1
+                    self._notes.append(SILENT)
             if pacer.due(time.monotonic(), decided=decided):
                 self._send(self._watcher.setpoint())
                 now = time.monotonic()

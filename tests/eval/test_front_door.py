@@ -158,7 +158,7 @@ def test_errors_suggest_commands_with_the_data_as_given(tmp_path: Path) -> None:
 
 def test_a_data_frame_without_pandas_says_what_to_install(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(EharError, match=r"pip install ehar\[notebook\]"):
+    with pytest.raises(EharError, match=r"pip install -e '\.\[notebook\]'"):
         run.to_dataframe()
 
 

@@ -266,5 +266,5 @@ def test_engines_that_there_are_not_are_refused(monkeypatch: pytest.MonkeyPatch)
     with pytest.raises(UsageError, match=r"^address auto: expected none with engine processes; engine ray has one$"):
         engine_of("processes", "auto", 2)
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(UsageError, match=r"^engine ray: Ray is not installed: pip install ehar\[cluster\]$"):
+    with pytest.raises(UsageError, match=r"^engine ray: Ray is not installed: pip install -e '\.\[cluster\]'$"):
         engine_of("ray", None, 2)

@@ -135,7 +135,7 @@ def test_a_data_frame_of_flights_has_what_they_demanded_and_of_a_read_run_number
 def test_without_pandas_a_data_frame_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(
-        UsageError, match=r"a data frame needs pandas, which is not installed: pip install ehar\[notebook\]"
+        UsageError, match=r"a data frame needs pandas, which is not installed: pip install -e '\.\[notebook\]'"
     ):
         made_run().to_dataframe()
 

@@ -123,5 +123,5 @@ def test_what_does_not_fit_is_named(tmp_path: Path) -> None:
 
 def test_without_the_library_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(c3d, "find_spec", lambda _: None)
-    with pytest.raises(UsageError, match=r"pip install 'ehar\[c3d\]'"):
+    with pytest.raises(UsageError, match=r"pip install -e '\.\[c3d\]'"):
         prepare_c3d(tmp_path)
