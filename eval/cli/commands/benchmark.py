@@ -34,7 +34,7 @@ BENCHMARK = Command(
         "form": Flag("causal (streams) or ctrgcn (published, on prefixes)."),
         "part": Flag("test, validation, policy or recogniser part."),
         "seed": Flag("seed of starts, noise and random."),
-        "world": Flag("paper, indoor, room, crowd or a .json."),
+        "world": Flag("indoor, room, crowd, or a .json."),
         "readout": Flag("what is scored: recogniser or belief."),
         "ideal": Flag("ideal run to compare flights with.", hint="none"),
         "engine": Flag("processes, or ray: a cluster.", kind=str),
