@@ -1,4 +1,4 @@
-"""Streams: how fast they are watched, whether a late frame costs more, and how soon one activity is let go of."""
+"""Streams: how fast they are watched and planned in, what a late frame costs, and how soon an activity is let go."""
 
 import time
 from pathlib import Path

@@ -96,7 +96,8 @@ def _is_ours(folder: Path) -> bool:
 
 
 def _forget(folder: Path) -> None:
-    """Remove what nobody has used for long: code of another version is never asked for again."""
-    for path in folder.iterdir():
-        if time.time() - path.stat().st_mtime > KEPT:
-            path.unlink(missing_ok=True)
+    """Remove code that nobody has used for long: that of another version is never asked for again."""
+    for library in folder.glob("*.so"):
+        if time.time() - library.stat().st_mtime > KEPT:
+            library.unlink(missing_ok=True)
+            library.with_suffix(".lock").unlink(missing_ok=True)

@@ -97,7 +97,7 @@ class BodyFilter:
         frame_time: time of one frame [s].
         camera: the intrinsics; the default is the documented camera.
         turning: spectral density of the lateral vector's random walk [m^2/s].
-        acceleration: spectral density of the white acceleration [m^2/s^3].
+        acceleration: spectral density of the white acceleration of clips [m^2/s^3].
         joint_noise: standard deviation of a joint in plain view [m], on top of `pixel_noise`.
         pixel_noise: standard deviation of a joint in plain view [px].
         swap_probability: probability that left and right are swapped for a person seen edge-on.

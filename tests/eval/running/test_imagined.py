@@ -53,3 +53,30 @@ def test_what_is_imagined_is_what_is_recognised_there(track: str) -> None:
         assert batch.gaze is not None and np.linalg.norm(batch.gaze, axis=-1).max() > 0.2
     imagined, recognised = np.exp(planner.imagined[:-1]), np.exp(planner.recognised[1:])
     np.testing.assert_allclose(imagined, recognised, atol=1e-5)
+
+
+class Beholds(Planner):
+    """Keeps what it is told of where its camera looks, and tries to write into it."""
+
+    name = "beholds"
+
+    def reset(self, context: Context) -> None:
+        self.gazes: list[FloatArray] = []
+
+    def act(self, observation: Observation) -> FloatArray:
+        assert observation.gaze is not None
+        with pytest.raises(ValueError, match="read-only"):
+            observation.gaze[:] = 0
+        self.gazes.append(observation.gaze)
+        return observation.viewpoint
+
+
+def test_in_flight_planners_are_told_where_cameras_look_now_and_cannot_write_it() -> None:
+    setting = load_setting(Conditions(data="solo-stream", sensor="estimator", track="px4-auto"))
+    parts = windows(setting.recordings, part_of(setting.recordings, "test")[:2], FRAMES, FRAMES)
+    begins = np.array([[7.0, 1.0, 1.3], [12.0, 3.0, 0.9]])
+    batch = setting.runner.batch(parts, np.arange(2), begins, np.random.default_rng(0))
+    planner = Beholds()
+    setting.runner.roll(planner, batch, np.random.default_rng(0))
+    assert batch.gaze is not None
+    np.testing.assert_array_equal(np.stack(planner.gazes, axis=1), batch.gaze[:, :-1])

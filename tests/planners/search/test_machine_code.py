@@ -125,18 +125,18 @@ def test_code_in_a_folder_that_others_may_write_into_is_not_run(cache: Path) -> 
 
 @needs_compiler
 def test_code_that_nobody_has_used_for_long_is_removed(cache: Path) -> None:
-    assert TrajectorySolver(horizon=NODES, flown=True).compile()
-    before = list(cache.iterdir())
-    (used,) = cache.glob("*.so")
-    for path in before:
-        os.utime(path, (0, 0))
-    assert TrajectorySolver(horizon=NODES, flown=True).compile()  # which uses it
     import casadi as ca
 
     x = ca.SX.sym("x")
-    MachineCode([ca.Function("other", [x], [x**2])]).make(wait=True)
-    assert used.is_file() and len(list(cache.glob("*.so"))) == 2
-    assert {path for path in before if path.exists()} == {used}
+    codes = [MachineCode([ca.Function("power", [x], [x**exponent])]) for exponent in (2, 3, 4)]
+    for code in codes[:2]:
+        code.make(wait=True)
+    for path in cache.iterdir():
+        os.utime(path, (0, 0))
+    assert codes[0].load() is not None  # which uses it
+    codes[2].make(wait=True)
+    assert [code.load() is not None for code in codes] == [True, False, True]
+    assert len(list(cache.glob("*.lock"))) == 2
 
 
 def test_an_ipopt_of_its_own_is_not_compiled() -> None:
