@@ -45,7 +45,7 @@ docs: setup
 # LAUNCH comes before every command, for a cluster: make -j 20 results LAUNCH="srun --ntasks=1". ENGINE is where the jobs
 # of each benchmark run: make results ENGINE="--engine ray --address auto". `make left` says what is left of the results.
 # A model set is NAME, NAME-SEED or NAME-indoor: models/duo-1 is the second training on duo, models/sbu-indoor the world of
-# a robot indoors. DATA is a folder with hdm05, bandai2, sbu, nwucla and utkinect.npz. SEEDS are
+# a robot indoors. DATA is a folder with hdm05, bandai2, sbu, nwucla, utkinect and kindergator.npz. SEEDS are
 # the agents' seeds, by name: another machine may train others into the same folder, SEEDS="5 6".
 LAUNCH ?=
 ENGINE ?=
