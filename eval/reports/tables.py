@@ -164,8 +164,8 @@ def _table_notes(data: ReportData) -> Iterable[str]:
         )
     yield (
         f"Mean acc: accuracy over all frames{' of activities' if data.of_streams else ''}. IQM: its interquartile mean "
-        "over sequences. Gap closed: 0 is no-act, 100 the oracle. NLL and ECE: how much probabilities can be trusted. "
-        "ms/step: planning time of one frame."
+        "over sequences. Gap closed: 0 is no-act, 100 the oracle. NLL and ECE: how much probabilities can be trusted; "
+        "late: from half of an activity on. ms/step: planning time of one frame."
     )
 
 

@@ -13,6 +13,7 @@ from eval.records.episodes import EpisodeRecords
 ACC_AT = (10, 30, 50, 70, 90, 100)  # Sec. 5.1: the observation ratios that the paper reports [%]
 PROBABILITY_FLOOR = 1e-6  # the resolution of records; a smaller probability of the true class counts as this
 ROUNDING = 1e-9  # accuracies that differ by less are equal; one frame of an episode makes a far larger difference
+CALIBRATED_FROM = 50  # [%]: from half of an activity on, one may expect to know how sure to be
 CALIBRATION_BINS = 15  # as in Guo et al., On Calibration of Modern Neural Networks, ICML 2017
 
 
@@ -110,6 +111,12 @@ def ece(top_probability: FloatArray, correct: BoolArray) -> float:
     bins = _calibration_bins(confidence)
     excess = np.bincount(bins, weights=correct.ravel() - confidence, minlength=CALIBRATION_BINS)
     return float(np.abs(excess).sum() / len(confidence))
+
+
+def late_ece(top_probability: FloatArray, correct: BoolArray) -> float:
+    """Return the calibration error of the frames from `CALIBRATED_FROM` on; the arguments are those of `ece`."""
+    late = slice(frame_at(CALIBRATED_FROM, correct.shape[1]), None)
+    return ece(top_probability[:, late], correct[:, late])
 
 
 def reliability(top_probability: FloatArray, correct: BoolArray) -> Reliability:

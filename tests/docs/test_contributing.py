@@ -21,7 +21,7 @@ PAGE = (ROOT / "docs" / "contributing.md").read_text(encoding="utf-8")
 REGISTERED = {  # what is added: where it is registered, behind which line, and what has to be imported there
     "metric": (
         "eval/scores/planner_metrics.py",
-        "METRICS: tuple[Metric, ...] = (NLL, ECE, PATH_LENGTH)\n",
+        "METRICS: tuple[Metric, ...] = (NLL, ECE, LATE_ECE, PATH_LENGTH)\n",
         "from eval.scores.earliness import SETTLED\n",
     ),
     "sensor": (

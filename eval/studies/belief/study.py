@@ -21,7 +21,7 @@ from eval.running.choice import ModelPlace
 from eval.running.episodes import cut_scenarios, random_starts
 from eval.running.jobs import Workload
 from eval.running.progress import ConsoleReporter, Reporter
-from eval.scores.metrics import ece, frame_at, nll
+from eval.scores.metrics import CALIBRATED_FROM, frame_at, late_ece, nll
 from eval.studies.belief.stream_report import StreamBeliefReport
 from eval.studies.belief.streams import stream_belief_report
 from planners.heuristic import NoAct, Random
@@ -30,7 +30,6 @@ from planners.value.belief.recorded import read_belief
 from recognition.setting import load_setting
 
 NLL_AT = tuple(range(10, 101, 10))  # observation ratios [%]
-CALIBRATED_FROM = 50  # [%]: only frames from here on count in the calibration error
 
 
 @dataclass(frozen=True)
@@ -179,14 +178,13 @@ def belief_row(rollouts: str, reader: str, log_probs: FloatArray, labels: IntArr
     probabilities = np.exp(log_probs.astype(np.float64))
     true = np.take_along_axis(probabilities, labels[:, None, None], axis=-1)[..., 0]
     length = true.shape[1]
-    frames = {percent: frame_at(percent, length) for percent in (*NLL_AT, CALIBRATED_FROM)}
-    late = slice(frames[CALIBRATED_FROM], None)
+    frames = {percent: frame_at(percent, length) for percent in NLL_AT}
     return BeliefRow(
         rollouts=rollouts,
         reader=reader,
         nll_at={str(percent): nll(true[:, frames[percent]]) for percent in NLL_AT},
         nll=nll(true),
-        ece_late=ece(probabilities.max(axis=-1)[:, late], (probabilities.argmax(axis=-1) == labels[:, None])[:, late]),
+        ece_late=late_ece(probabilities.max(axis=-1), probabilities.argmax(axis=-1) == labels[:, None]),
     )
 
 

@@ -7,13 +7,11 @@ import numpy as np
 from scipy.special import log_softmax, logsumexp
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
-from eval.scores.metrics import acc_at, ece, frame_at, mean_acc, nll
+from eval.scores.metrics import acc_at, late_ece, mean_acc, nll
 from eval.scores.resampling.resamples import Basis, resample_episodes
 from eval.scores.resampling.statistics import Interval, pair, why_no_intervals
 from recognition.calibration import fit_temperature
 from recognition.trials.changes import ROWS, USUAL, Row
-
-CALIBRATED_FROM = 50  # [%]: only frames from here on count in the calibration error
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,5 +162,4 @@ def _sure(log_probs: FloatArray, labels: IntArray, right: BoolArray) -> tuple[fl
     """Return the NLL, and the calibration error of late frames."""
     probabilities = np.exp(log_probs)
     true = np.take_along_axis(probabilities, labels[:, None, None], axis=-1)[..., 0]
-    late = slice(frame_at(CALIBRATED_FROM, true.shape[1]), None)
-    return nll(true), ece(probabilities.max(axis=-1)[:, late], right[:, late])
+    return nll(true), late_ece(probabilities.max(axis=-1), right)

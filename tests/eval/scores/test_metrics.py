@@ -9,11 +9,14 @@ from eval.scores.metrics import (
     acc_at,
     ece,
     gap_closed,
+    late_ece,
     mean_acc,
     nll,
     path_length,
     reliability,
 )
+from eval.scores.planner_metrics import ece_of_late_frames
+from tests.helpers.made_records import make_stream_records
 
 CORRECT = np.array([[0, 0, 1, 1, 1], [0, 1, 1, 0, 1]], dtype=bool)
 
@@ -68,6 +71,23 @@ def test_ece_by_hand() -> None:
     top = np.array([[0.62, 0.62], [0.95, 1.0]])
     correct = np.array([[True, False], [True, True]])
     assert ece(top, correct) == pytest.approx(0.5 * 0.12 + 0.5 * 0.025)
+
+
+def test_late_ece_is_that_of_the_second_half() -> None:
+    top = np.array([[1.0, 1.0, 0.75, 0.75, 0.75], [1.0, 1.0, 0.75, 0.5, 0.5]])
+    correct = np.array([[False, False, True, True, True], [False, False, False, True, False]])
+    assert late_ece(top, correct) == pytest.approx(0)
+    assert ece(top, correct) > 0.3
+
+
+def test_late_ece_of_a_stream_is_that_of_the_second_half_of_each_activity() -> None:
+    labels = np.array([[-1, -1, 0, 0, 0, 0, -1, 1, 1, -1]])
+    answers = np.array([[0, 0, 1, 1, 0, 0, 0, 1, 1, 0]])
+    top = np.array([[0.9, 0.9, 0.9, 0.9, 0.8, 0.8, 0.9, 0.6, 0.6, 0.9]])
+    records = make_stream_records(labels, answers, top_probability=top)
+    # Half of the first activity is over in its second frame, in which it is not recognised yet, at 50 %.
+    wrong, right, other = 0.9 * 1, 0.2 * 10, 0.4 * 11
+    assert ece_of_late_frames(records) == pytest.approx((wrong + right + other) / 22)
 
 
 def test_ece_of_calibrated_confidence_vanishes_and_of_misplaced_certainty_is_one() -> None:

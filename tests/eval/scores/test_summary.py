@@ -68,6 +68,7 @@ def test_summary_json_has_the_fields_of_the_schema(tmp_path: Path) -> None:
         "gap_closed_ci95",
         "nll",
         "ece",
+        "ece_late",
         "path_length_m",
         "step_ms",
         "accuracy_kept",
@@ -82,7 +83,7 @@ def test_summary_json_has_the_fields_of_the_schema(tmp_path: Path) -> None:
         "solves",
         "fallback_share",
     ]
-    assert all(written["planners"][0][name] is None for name in list(written["planners"][0])[15:])
+    assert all(written["planners"][0][name] is None for name in list(written["planners"][0])[16:])
     assert list(written["planners"][0]["acc"]) == ["10", "30", "50", "70", "90", "100"]
     assert written["episodes"] == 9
     assert [planner["privileged"] for planner in written["planners"]] == [False, False, True]
