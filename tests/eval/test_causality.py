@@ -16,8 +16,9 @@ from ehar.arrays import FloatArray
 from ehar.batch import Batch, noise_of
 from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
-from ehar.data.scenario import Scenarios, windows
+from ehar.data.scenario import Scenarios, part_of, windows
 from ehar.data.source import load_data
+from ehar.data.streams.data import StreamData
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.errors import ModelError
 from ehar.flight.vehicle import VEHICLES
@@ -187,6 +188,33 @@ def test_in_a_stream_nobody_is_told_where_the_centre_will_be(track: str) -> None
         for name in array_names(here):
             np.testing.assert_array_equal(getattr(here, name), getattr(there, name), f"{name} in frame {here.frame}")
     assert (one[-1].centre != other[-1].centre).any(), "the futures differ"
+
+
+@pytest.mark.parametrize("track", [IDEAL, "px4-auto"])
+def test_in_a_stream_in_a_room_no_planner_acts_on_the_future(track: str) -> None:
+    frames, last, rows = 40, 25, np.arange(EPISODES)
+    setting = load_setting(Conditions(data="solo-stream", sensor="estimator", world="room", track=track))
+    place, data, runner = ModelPlace.of(setting), setting.recordings, setting.runner
+    assert isinstance(data, StreamData)
+    streams = part_of(data, "test")[:EPISODES]
+    later = data.positions.copy()
+    for stream in streams:
+        now, end = data.offsets[stream] + 100 + last, data.offsets[stream + 1]
+        here = data.positions[now].mean(axis=(0, 1))
+        later[now + 1 : end] = (data.positions[now + 1 : end] - here)[..., [1, 0, 2]] * [-1, 1, 1] + here  # they turn
+    batches = []
+    for motion in (data.positions, later):
+        windows_of = StreamScenarios(replace(data, positions=motion), frames, streams, np.full(EPISODES, 100))
+        starts = ROOM.sample_starts(np.random.default_rng(1), EPISODES)
+        batches.append(runner.batch(windows_of, rows, starts, np.random.default_rng(2)))
+    for name in sorted(RULES | PLANNING):
+        planner = choose_planners([name], place, readout="recogniser", note=lambda _: None).planners[0]
+        (one, first), (other, second) = (rolled(planner, runner, batch) for batch in batches)
+        for frame in range(last + 1):
+            np.testing.assert_array_equal(one.targets[frame], other.targets[frame], f"{name}: targets in frame {frame}")
+        np.testing.assert_array_equal(first.viewpoints[:, : last + 2], second.viewpoints[:, : last + 2])
+        np.testing.assert_array_equal(first.log_probs[:, : last + 1], second.log_probs[:, : last + 1])
+        assert (first.log_probs[:, last + 1 :] != second.log_probs[:, last + 1 :]).any(), "the futures differ"
 
 
 def test_an_origin_that_knows_the_whole_window_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import BPoly
 
 from ehar.arrays import FloatArray
 from ehar.flight.centre import centre_limits
@@ -17,6 +18,8 @@ from ehar.viewpoint import AZIMUTH, Workspace, cartesian
 FLIGHTS = 50  # with one vehicle
 FRAMES = 40  # of each flight
 SAMPLE_RATE = 1000  # [Hz]
+REPLAN = 8  # frames between new paths
+PATH_FRAMES = 60  # of a path
 
 
 @dataclass(frozen=True)
@@ -54,14 +57,39 @@ def random_viewpoints(rng: np.random.Generator, count: int, workspace: Workspace
     return np.where(rng.random((count, 1)) < 0.2, bound, drawn)
 
 
+def random_paths(rng: np.random.Generator, motion: FlightMotion, target: FloatArray, frame_time: float) -> FloatArray:
+    """Return quintics from the present states to rest at targets (B, 3), slow and far too fast ones, (B, F, 3, 3).
+
+    A third begins a little off.
+    """
+    state, rows = motion.sample(np.array([frame_time])), np.arange(len(target))
+    place, velocity, acceleration = (part[:, 0] for part in state[:3])
+    place = place + rng.normal(0, 0.02, target.shape) * (rng.random((len(target), 1)) < 1 / 3)
+    duration = rng.uniform(0.3, 6.0, (len(target), 1))
+    rest = np.zeros(target.shape)
+    ends = [[place, velocity * duration, acceleration * duration**2], [target, rest, rest]]
+    quintic = BPoly.from_derivatives([0, 1], np.array(ends))
+    share = np.minimum(np.arange(1, PATH_FRAMES + 1) * frame_time / duration, 1)
+    rates = [quintic(share, order)[rows, :, rows] / duration[..., None] ** order for order in range(3)]
+    return np.stack(rates, axis=2)
+
+
 def worst_stream_excess(
-    rng: np.random.Generator, streams: int, frames: int, obstacles: Obstacles | None = None, flights: int = FLIGHTS
+    rng: np.random.Generator,
+    streams: int,
+    frames: int,
+    obstacles: Obstacles | None = None,
+    flights: int = FLIGHTS,
+    *,
+    paths: bool = False,
 ) -> Excess:
     """Fly whole streams of people who walk at random, and return the worst excess at 1 kHz in the world's frame.
 
     The camera's place in the world is differentiated, so nothing but places goes into it. Each vehicle flies
     `flights` streams around the centre that it follows. Among obstacles it takes ways around them, and evades those
-    towards which it is carried; some streams begin within one. `workspace` is 1 if a camera left the workspace, else 0.
+    towards which it is carried; some streams begin within one. With `paths`, vehicles follow random ones, most of which
+    nothing can fly, and new ones again and again, as if they planned. `workspace` is 1 if a camera left the workspace,
+    else 0.
     """
     flown, worst, out = 0, -np.inf, 0.0
     workspace, step = Workspace(), 1 / SAMPLE_RATE
@@ -79,7 +107,9 @@ def worst_stream_excess(
         for frame in range(frames - 1):
             jumps = rng.random(flights) < 0.05
             target = np.where(jumps[:, None], random_viewpoints(rng, flights, workspace), target)
-            motion.advance(target)
+            if paths and frame % REPLAN == 0:
+                path = random_paths(rng, motion, target, 1 / fps)
+            motion.follow(path[:, frame % REPLAN :]) if paths else motion.advance(target)
             state, after = motion.sample(times), times[:, None]
             p, v, a, j = (part[:, frame, None] for part in motion.centre)
             place = cartesian(state.viewpoint) + p + after * (v + after * (a / 2 + after / 6 * j))

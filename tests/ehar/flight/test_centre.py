@@ -100,6 +100,13 @@ def test_limits_hold_in_the_world_in_1000_whole_streams() -> None:
 
 
 @pytest.mark.slow
+def test_limits_hold_in_the_world_along_paths() -> None:
+    excess = worst_stream_excess(np.random.default_rng(3), 100, 60, paths=True)
+    assert excess.limits < 1e-6
+    assert excess.workspace == 0
+
+
+@pytest.mark.slow
 def test_limits_hold_in_the_world_among_obstacles() -> None:
     """Whoever evades what people carry it towards keeps its limits too."""
     excess = worst_stream_excess(np.random.default_rng(2), 12, 20, ROOM.obstacles, flights=4)
