@@ -1,8 +1,9 @@
 """The receding-horizon optimal control problem in CasADi, built once with its numbers as parameters.
 
 States are position, velocity and acceleration of (distance, azimuth, polar angle). The control is the jerk. It is
-constant between nodes, so the discretisation of the triple integrator is exact. Three more states add up the
-directions of view, so that a lack of spread has a cost at the last node. The azimuth is unwrapped, because the field is
+constant between nodes, so the discretisation of the triple integrator is exact. Three more states add up the directions
+of view, so that views that spread are worth something at the last node. Where something is in the way a view counts
+there as far as it shows people, and a fourth state adds up how far. The azimuth is unwrapped, because the field is
 periodic. All variables and constraints are in units of their limits, positions in units of half the range of distances
 and 1 rad.
 
@@ -22,7 +23,7 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray
 from ehar.errors import UsageError
 from ehar.flight.multicopter import Multicopter
-from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, cartesian
+from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR
 from planners.search.costs import FlightShares, flight_shares
 from planners.search.scene import WEIGHT, SceneSize, SceneSymbols, kept_clear
 from planners.search.shares import flown_shares, grid_shares, turning_points
@@ -30,8 +31,7 @@ from planners.search.task import Trajectory, TrajectoryTask
 from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, DistanceRange, view_basis
 
 REGULARISATION = 1e-5  # on the squared jerk: without gain and effort any trajectory would be a solution
-STATE, CONTROL = 12, 3  # position, velocity, acceleration, sum of directions; jerk
-STAGE = STATE + CONTROL
+MOTION, CONTROL = 9, 3  # position, velocity, acceleration; jerk
 INSIDE = 1e-5  # [m], [rad] from the bounds of the workspace: a flight keeps them exactly, a solver nearly
 VEHICLE_LIMITS = ("speed", "acceleration", "jerk", "climb_speed", "descent_speed")  # the yaw rate bounds a variable
 
@@ -64,49 +64,59 @@ class TrajectoryProblem:
         """
         self.horizon, self.span, self.flown, self.scene, self.body = horizon, span, flown, scene, body
         around, keep = None if scene is None else SceneSymbols(scene), kept_clear(flown=flown)
+        self.state_size = MOTION + (3 if scene is None else 4)  # directions, and how much is seen
+        self.stage_size = self.state_size + CONTROL
         self._unit = unit = np.array([span.half, 1.0, 1.0])  # of a position: [m], [rad], [rad]
-        start, gains = ca.SX.sym("start", STATE), ca.SX.sym("gains", horizon)
+        start, gains = ca.SX.sym("start", self.state_size), ca.SX.sym("gains", horizon)
         weights = ca.SX.sym("weights", BASIS_SIZE, horizon)
         effort, spread, time = ca.SX.sym("effort"), ca.SX.sym("spread"), ca.SX.sym("node_time")
         units = [ca.SX.sym(name, 3) for name in ("velocity", "acceleration", "jerk")]
         vehicle = ca.SX.sym("vehicle", len(VEHICLE_LIMITS) if flown else 0)
         prices = [ca.SX.sym(f"price_of_{name}") for name in FlightShares._fields]
 
-        states = [ca.SX.sym(f"x{node}", STATE) for node in range(horizon + 1)]
+        states = [ca.SX.sym(f"x{node}", self.state_size) for node in range(horizon + 1)]
         controls = [ca.SX.sym(f"u{node}", CONTROL) for node in range(horizon)]
-        still = ca.SX.sym("still", (horizon + 1) * STAGE - CONTROL)  # the variables, of which no derivative is taken
+        # The variables, of which no derivative is taken.
+        still = ca.SX.sym("still", (horizon + 1) * self.stage_size - CONTROL)
         variables, constraints, equality, turns = [], [], [], []
         bent: dict[int, Any] = {}  # some constraints, as their second derivatives are taken quickly
         cost: Any = 0
+        looked: Any = ca.SX.zeros(self.state_size - MOTION)  # the sums that the nodes so far lead to
+        sums = []
         for node, state in enumerate(states):
             variables.append(state)
+            sums.append(looked)
+            view, seen = _direction(state), ca.SX(1)
+            if around is not None:
+                camera = state[0] * unit[0] * view
+                seen = around.seen(camera, node * time)
+                view = seen * ca.vertcat(view, 1)
+            view *= gains[node - 1] if node else 0
+            looked += view
             shares: list[Any] = []
             control: Any = ca.SX.zeros(CONTROL)
             if node < horizon:
                 control = controls[node]
                 variables.append(control)
-                gain = gains[node - 1] if node else 0
-                constraints.append(states[node + 1] - _next_state(state, control, time, units, unit, gain))
-                equality += [True] * STATE
+                constraints.append(states[node + 1] - _next_state(state, control, time, units, unit, view))
+                equality += [True] * self.state_size
                 cost += (effort + REGULARISATION) * ca.sumsqr(control) / horizon
             if node == 0:
                 constraints.append(state - start)
-                equality += [True] * STATE
+                equality += [True] * self.state_size
             else:
                 distance, azimuth, polar = ca.vertsplit(state[:3] * unit)
                 value = ca.dot(weights[:, node - 1], ca.vertcat(*view_basis(distance, azimuth, polar, span, ca)))
                 if around is not None:
-                    camera = distance * _direction(state)
-                    value *= around.seen(camera, node * time)
                     cost += WEIGHT * around.intrusion(camera, keep, node * time)
-                cost -= gains[node - 1] * value
+                cost -= gains[node - 1] * seen * value
                 if body is not None:
                     parts = _moving(state, control, units, unit)[:3]
                     paid = flight_shares(body, span, [ca.vertsplit(part) for part in parts], ca)
                     cost += sum(price * share for price, share in zip(prices, paid, strict=True)) / horizon
             if node < horizon and flown:
                 first, moving = node == 0, _moving(state, control, units, unit)
-                on_its_way = _moving(still[STAGE * node :], control, units, unit)[:2]
+                on_its_way = _moving(still[self.stage_size * node :], control, units, unit)[:2]
                 shares = flown_shares(moving, moving, vehicle, first=first)
                 bent |= enumerate(flown_shares(moving, (*on_its_way, *moving[2:]), vehicle, first=first), len(equality))
                 if node:
@@ -116,8 +126,10 @@ class TrajectoryProblem:
                 shares = grid_shares(state)
             constraints += shares
             equality += [False] * len(shares)
-        cost += spread * ca.sumsqr(states[-1][9:] + gains[-1] * _direction(states[-1]))
-        constraints.append(states[-1][3:9])  # at rest: the camera can stay there, so the next plan exists
+        total = states[-1][MOTION:] + view
+        seen = total[3] if around is not None else ca.sum1(gains)
+        cost += spread * (ca.sumsqr(total[:3]) - seen**2)  # less w_i w_j (1 - cos) of all pairs of seen views
+        constraints.append(states[-1][3:MOTION])  # at rest: the camera can stay there, so the next plan exists
         equality += [True] * 6
         parameters = ca.vertcat(start, ca.vec(weights), gains, effort, spread, time, *units, vehicle)
         if around is not None:
@@ -129,6 +141,7 @@ class TrajectoryProblem:
         self.equality: list[bool] = equality
         self._cost = ca.Function("cost", [self.nlp["x"], self.nlp["p"]], [self.nlp["f"]])
         self._constraints = ca.Function("constraints", [self.nlp["x"], self.nlp["p"]], [self.nlp["g"]])
+        self._sums = ca.Function("sums", [self.nlp["x"], self.nlp["p"]], [ca.horzcat(*sums).T])
         is_equality: BoolArray = np.array(equality)
         self._constraint_bounds = np.where(is_equality, 0.0, -np.inf), np.where(is_equality, 0.0, 1.0)
         self._turns = np.array(turns, dtype=np.int64).reshape(-1, 2, 2)  # (nodes, axes, before and after the node)
@@ -142,7 +155,8 @@ class TrajectoryProblem:
         lower, upper = self._variable_bounds(task)
         least, most = (bounds.copy() for bounds in self._constraint_bounds)
         for place, axis in enumerate((DISTANCE, POLAR)):
-            least[self._turns[:, place]], most[self._turns[:, place]] = lower[STAGE + axis], upper[STAGE + axis]
+            first = self.stage_size + axis  # of node 1
+            least[self._turns[:, place]], most[self._turns[:, place]] = lower[first], upper[first]
             # x_1 - v_1 time / 3 = x_0 + 2 / 3 v_0 time + a_0 time^2 / 6: the present state gives it, whatever the jerk.
             given = self._turns[:1, place, 0]
             least[given], most[given] = -np.inf, np.inf
@@ -158,9 +172,10 @@ class TrajectoryProblem:
 
     def _variables(self, guess: Trajectory, task: TrajectoryTask, parameters: FloatArray) -> FloatArray:
         """Return the problem's variables for a guess, which begins at the present state."""
-        variables = self.pack(guess, task)
-        variables[:STATE] = parameters[:STATE]
-        return variables
+        stages = self._pack(guess, task)
+        stages[0, : self.state_size] = parameters[: self.state_size]
+        stages[:, MOTION : self.state_size] = self._sums(stages.ravel()[:-CONTROL], parameters).full()
+        return stages.ravel()[:-CONTROL]
 
     def _parameters(self, task: TrajectoryTask) -> FloatArray:
         """Return the numbers of a task, which begin with its state."""
@@ -181,7 +196,7 @@ class TrajectoryProblem:
                 task.position / self._unit,
                 task.velocity / limits.velocity,
                 task.acceleration / limits.acceleration,
-                np.zeros(3),
+                np.zeros(self.state_size - MOTION),
             ]
         )
         parameters: FloatArray = np.concatenate(
@@ -203,21 +218,21 @@ class TrajectoryProblem:
     @property
     def functions(self) -> list[Any]:
         """The CasADi functions that plans are judged by."""
-        return [self._cost, self._constraints]
+        return [self._cost, self._constraints, self._sums]
 
     def take(self, functions: dict[str, Any]) -> None:
         """Take the same functions, quicker ones, in place of `functions`, by their names."""
-        self._cost, self._constraints = functions["cost"], functions["constraints"]
+        self._cost, self._constraints, self._sums = (functions[name] for name in ("cost", "constraints", "sums"))
 
     def _variable_bounds(self, task: TrajectoryTask) -> tuple[FloatArray, FloatArray]:
         """Return the bounds of all variables; the present state is given, so it has none."""
         workspace = task.workspace
-        upper = np.ones((self.horizon + 1, STAGE))
+        upper = np.ones((self.horizon + 1, self.stage_size))
         lower = -upper
-        unbounded = [AZIMUTH, *range(9, STATE)]
+        unbounded = [AZIMUTH, *range(MOTION, self.state_size)]
         if self.flown:  # the vehicle's limits bound them, but a turn on the spot
             unbounded += [3 * order + axis for order in (1, 2) for axis in (DISTANCE, POLAR)]
-            unbounded += [STATE + DISTANCE, STATE + POLAR]
+            unbounded += [self.state_size + DISTANCE, self.state_size + POLAR]
         lower[:, unbounded], upper[:, unbounded] = -np.inf, np.inf
         inside = INSIDE if self.flown else 0.0
         for axis, least, most in (
@@ -226,7 +241,7 @@ class TrajectoryProblem:
         ):
             room = min(inside, (most - least) / 2)
             lower[:, axis], upper[:, axis] = (least + room) / self._unit[axis], (most - room) / self._unit[axis]
-        lower[0, :STATE], upper[0, :STATE] = -np.inf, np.inf
+        lower[0, : self.state_size], upper[0, : self.state_size] = -np.inf, np.inf
         return lower.ravel()[:-CONTROL], upper.ravel()[:-CONTROL]
 
     def violation(self, variables: FloatArray, numbers: dict[str, FloatArray]) -> float:
@@ -247,39 +262,36 @@ class TrajectoryProblem:
         costs = [float(self._cost(self._variables(guess, task, parameters), parameters)) for guess in guesses]
         return -np.array(costs) * task.stake
 
-    def pack(self, trajectory: Trajectory, task: TrajectoryTask) -> FloatArray:
-        """Return the problem's variables for a trajectory."""
+    def _pack(self, trajectory: Trajectory, task: TrajectoryTask) -> FloatArray:
+        """Return the stages (H + 1, `stage_size`) of a trajectory, without sums."""
         limits = task.limits
-        stages = np.zeros((self.horizon + 1, STAGE))
+        stages = np.zeros((self.horizon + 1, self.stage_size))
         stages[:, 0:3] = trajectory.position / self._unit
         stages[:, 3:6] = trajectory.velocity / limits.velocity
         stages[:, 6:9] = trajectory.acceleration / limits.acceleration
-        directions = cartesian(trajectory.position) / trajectory.position[:, :1]
-        gains = np.concatenate([[0.0], task.gain_weights[:-1]])
-        stages[1:, 9:STATE] = np.cumsum(gains[:, None] * directions[:-1], axis=0)
-        stages[:-1, STATE:] = trajectory.jerk / limits.jerk
-        return stages.ravel()[:-CONTROL]
+        stages[:-1, self.state_size :] = trajectory.jerk / limits.jerk
+        return stages
 
     def unpack(self, variables: FloatArray, task: TrajectoryTask) -> Trajectory:
         """Return the trajectory that the problem's variables stand for."""
         limits = task.limits
-        stages = np.append(variables, np.zeros(CONTROL)).reshape(self.horizon + 1, STAGE)
+        stages = np.append(variables, np.zeros(CONTROL)).reshape(self.horizon + 1, self.stage_size)
         return Trajectory(
             stages[:, 0:3] * self._unit,
             stages[:, 3:6] * limits.velocity,
             stages[:, 6:9] * limits.acceleration,
-            stages[:-1, STATE:] * limits.jerk,
+            stages[:-1, self.state_size :] * limits.jerk,
         )
 
 
-def _next_state(state: Any, control: Any, time: Any, units: list[Any], unit: FloatArray, gain: Any) -> Any:
-    """Return the exact state one node later, for a constant jerk; `gain` is the weight of the present node's view."""
+def _next_state(state: Any, control: Any, time: Any, units: list[Any], unit: FloatArray, view: Any) -> Any:
+    """Return the exact state one node later, for a constant jerk; `view` is what the present node adds to the sums."""
     position, velocity, acceleration, jerk = _moving(state, control, units, unit)
     return ca.vertcat(
         (position + time * velocity + time**2 / 2 * acceleration + time**3 / 6 * jerk) / unit,
         (velocity + time * acceleration + time**2 / 2 * jerk) / units[0],
         (acceleration + time * jerk) / units[1],
-        state[9:] + gain * _direction(state),
+        state[MOTION:] + view,
     )
 
 

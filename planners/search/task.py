@@ -84,7 +84,7 @@ class TrajectoryTask:
         node_time: time from one node to the next [s].
         limits: the limits of velocity, acceleration, jerk and speed.
         workspace: the bounds of distance and polar angle.
-        spread_weight: cost of looking from one direction all the time, in the unit of the objective.
+        spread_weight: worth of views that spread over the whole sphere, in the unit of the objective.
         span: the range of distances of the world that the field was trained in.
         scene: what stands and walks around people; None in an open world.
         flight_weights: costs of the power of hovering, the sound of hovering in the middle distance and a speed of
@@ -150,14 +150,15 @@ class TrajectoryTask:
         """Return the gain of trajectories in the open less their cost, () or (G,); more is better.
 
         sum_h gain_weights[h] field_h(position[h]) - effort_weight mean_h sum_axes (jerk / limit)^2
-        - spread_weight |sum_h gain_weights[h] direction(position[h])|^2
+        + spread_weight ((sum_h gain_weights[h])^2 - |sum_h gain_weights[h] direction(position[h])|^2)
         - mean_h flight_weights . flight_shares[h]
         """
         gain = field_value(self.field_weights, trajectory.position[..., 1:, :], self.span) @ self.gain_weights
         directions = cartesian(trajectory.position[..., 1:, :]) / trajectory.position[..., 1:, :1]
         mean = np.einsum("...hk,h->...k", directions, self.gain_weights)
         effort = ((trajectory.jerk / self.limits.jerk) ** 2).sum(-1).mean(-1)
-        collected: FloatArray = gain - self.effort_weight * effort - self.spread_weight * (mean**2).sum(-1)
+        spread = self.gain_weights.sum() ** 2 - (mean**2).sum(-1)
+        collected: FloatArray = gain - self.effort_weight * effort + self.spread_weight * spread
         return collected if self.body is None else collected - self._flight_cost(self.body, trajectory)
 
     def _flight_cost(self, body: Multicopter, trajectory: Trajectory) -> FloatArray:

@@ -129,11 +129,11 @@ def search_ways(value: ViewValue, observation: Observation, context: Context) ->
     frames, counts = (nodes + 1) * node_frames, gains[nodes]
     there = np.stack([ways.at(share_made(count, needed, ramp)) for count in frames.tolist()], axis=1)  # (B, N, G, 3)
     basis = basis_at(there, value.span)
-    worth = value.seen(there, frames * context.frame_time) * (basis @ weights[:, nodes, :, None])[..., 0]
-    collected = np.einsum("n,bng->bg", counts, worth)
-    # Seen or not: or else hidden views would be those that spread.
-    looking = np.einsum("n,bngi->bgi", counts, mean_direction(basis))
-    collected -= value.field.spread * (looking**2).sum(axis=-1)
+    seen = counts[:, None] * value.seen(there, frames * context.frame_time)  # (B, N, G)
+    collected = np.einsum("bng,bng->bg", seen, (basis @ weights[:, nodes, :, None])[..., 0])
+    looking = np.einsum("bng,bngi->bgi", seen, mean_direction(basis))
+    # A pair of views that differ tells more than two alike, if both show people.
+    collected += value.field.spread * (seen.sum(axis=1) ** 2 - (looking**2).sum(axis=-1))
     return ways, collected
 
 
