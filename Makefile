@@ -224,7 +224,7 @@ endef
 $(foreach world,$(IN_THE_WAY),$(eval $(call in_the_way_of_streams,$(world))))
 
 # Flown among them, with nbv's nearest rivals.
-AMONG := no-act h-rotate fixed-best nbv-search nbv --data solo-stream --sensor estimator --models models/solo-stream --starts 3
+AMONG := no-act h-rotate front fixed-best nbv-search nbv --data solo-stream --sensor estimator --models models/solo-stream --starts 3
 $(IN_THE_WAY:%=runs/among-%/table.md): runs/among-%/table.md: models/solo-stream/planners
 	$(BENCHMARK) $(AMONG) --world $* --out $(@D)
 

@@ -17,6 +17,7 @@ from ehar.data.motion_file import load_motion
 from ehar.flight.vehicle import VEHICLES
 from eval import benchmark
 from eval.cli.main import parse
+from eval.conformance.data import check_data
 from planners.registry import planner_names
 from tests.helpers.pages import DOCS, PAGES, ROOT, commands, mentioned_commands, page_name, python_blocks, unknown_flags
 
@@ -68,6 +69,7 @@ def test_the_data_that_a_page_writes_can_be_read(tmp_path: Path, monkeypatch: py
     data = load_motion(tmp_path / "mine.npz")
     assert data.class_names == ("wave", "bow")
     assert list(data.skeleton.mirror) == [0, 2, 1, 4, 3]
+    assert check_data(data).passed
 
 
 @pytest.mark.slow
