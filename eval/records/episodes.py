@@ -58,6 +58,17 @@ class EpisodeRecords:
         """The number of episodes, N."""
         return len(self.sequence)
 
+    def same_episodes(self, other: "EpisodeRecords") -> bool:
+        """Return whether other records have the same windows, people and starts, in the same order."""
+        return (
+            self.sequence == other.sequence
+            and self.predicted.shape == other.predicted.shape
+            and all(
+                np.array_equal(getattr(self, key), getattr(other, key))
+                for key in ("first", "start", "label", "subjects")
+            )
+        )
+
     @property
     def of_streams(self) -> bool:
         """Whether one activity follows another in an episode."""

@@ -248,7 +248,7 @@ def _checked(directory: Path, config: RunConfig, records: Mapping[str, EpisodeRe
         if first is None:
             first = replace(episodes_only(episodes), predicted=np.empty(episodes.predicted.shape, dtype=np.int8))
         counts[name] = len(episodes)
-        if other is None and not same_episodes(first, episodes):
+        if other is None and not first.same_episodes(episodes):
             other = name
     reason = why_incomplete(directory, config, counts)
     if reason is not None:
@@ -287,17 +287,6 @@ def why_incomplete(directory: Path, config: RunConfig, counts: Mapping[str, int]
         if count < most:
             return f"{name} has {count} of {most} episodes"
     return None if (directory / SUMMARY).is_file() else f"no {SUMMARY}"
-
-
-def same_episodes(one: EpisodeRecords, other: EpisodeRecords) -> bool:
-    """Return whether records have the same windows, people and starts, in the same order."""
-    return (
-        one.sequence == other.sequence
-        and one.predicted.shape == other.predicted.shape
-        and all(
-            np.array_equal(getattr(one, key), getattr(other, key)) for key in ("first", "start", "label", "subjects")
-        )
-    )
 
 
 def class_names(run: Run, note: Callable[[str], None], source: str | Path | None = None) -> tuple[str, ...]:

@@ -58,9 +58,5 @@ def episodes_only(records: EpisodeRecords) -> EpisodeRecords:
 
 def check_same_episodes(name: str, episodes: EpisodeRecords, reference: EpisodeRecords) -> None:
     """Raise a DataError unless a planner ran the reference's episodes, in the same order."""
-    same = episodes.sequence == reference.sequence and all(
-        np.array_equal(getattr(episodes, field), getattr(reference, field))
-        for field in ("first", "start", "label", "subjects")
-    )
-    if not same:
+    if not reference.same_episodes(episodes):
         raise DataError(f"planner {name!r}: expected the same {len(reference)} episodes as the planner before it")

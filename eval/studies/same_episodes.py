@@ -5,7 +5,7 @@ from typing import Any
 
 from ehar.errors import DataError, UsageError
 from eval.records.config import CONFIG, LATER
-from eval.running.run import Run, same_episodes
+from eval.running.run import Run
 
 SAME_EPISODES = (
     "data_sha256",
@@ -39,7 +39,7 @@ def check_same_episodes(a: Run, b: Run, *, also: Sequence[str] = ()) -> None:
     check_same_config(a, b, (*SAME_EPISODES, *also))
     where = f"{a.directory} and {b.directory}"
     of_a, of_b = (next(iter(one.records.values())) for one in (a, b))
-    if not same_episodes(of_a, of_b):
+    if not of_a.same_episodes(of_b):
         raise DataError(
             f"{where}: expected the same episodes, as their {CONFIG} say, got {len(of_a)} and {len(of_b)} that differ "
             "in sequence, first frame, start, label or people"

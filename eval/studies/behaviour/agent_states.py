@@ -17,7 +17,7 @@ from ehar.processes import Processes
 from eval.running.choice import ModelPlace
 from eval.running.progress import Reporter
 from eval.running.recorder import Recorder
-from eval.running.run import Run, same_episodes
+from eval.running.run import Run
 from planners.registry import is_learned
 from recognition.setting import load_setting
 
@@ -156,7 +156,7 @@ def agent_states(run: Run, name: str, planner: Planner, *, reporter: Reporter, e
     workload = Workload(setting.runner, episodes)
     again = run_planners(workload, [recorder], engine=Processes(), reporter=reporter)[name].records
     recorded = run.records[name]
-    if not same_episodes(recorded, again):
+    if not recorded.same_episodes(again):
         raise DataError(f"{run.directory}: expected to make its episodes once more, got others")
     elsewhere = (again.viewpoint != recorded.viewpoint).any(axis=(1, 2))
     if elsewhere.any():
