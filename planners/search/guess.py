@@ -40,6 +40,22 @@ def trajectories_to(goals: FloatArray, task: TrajectoryTask) -> Trajectory:
     return Trajectory(position, velocity / duration, acceleration, np.diff(acceleration, axis=1) / task.node_time)
 
 
+def trajectory_along(places: FloatArray, times: FloatArray, task: TrajectoryTask) -> Trajectory:
+    """Return a trajectory from the present viewpoint along a way, places (N, 3) at times (N,) [s], as a guess.
+
+    It is straight between places and stays at the last, so it may exceed limits.
+    """
+    nodes = np.arange(task.horizon + 1) * task.node_time
+    places = np.vstack([task.position, places])
+    places[:, AZIMUTH] = np.unwrap(places[:, AZIMUTH])
+    position = np.stack([np.interp(nodes, np.append(0.0, times), axis) for axis in places.T], axis=1)
+    velocity = np.gradient(position, task.node_time, axis=0)
+    velocity[-1] = 0
+    acceleration = np.gradient(velocity, task.node_time, axis=0)
+    acceleration[-1] = 0
+    return Trajectory(position, velocity, acceleration, np.diff(acceleration, axis=0) / task.node_time)
+
+
 def _duration(way: FloatArray, task: TrajectoryTask) -> FloatArray:
     """Return the durations (G,) [s] of quintics over ways (G, 3) within the limits, at least two nodes."""
     limits, far = task.limits, task.workspace.distance_max

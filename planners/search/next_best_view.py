@@ -1,23 +1,23 @@
 """The next-best-view planner: a receding-horizon optimal control problem over the gain field (nbv)."""
 
 import math
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Literal
 
 import numpy as np
 
-from ehar.arrays import FloatArray
+from ehar.arrays import FloatArray, IntArray
 from ehar.errors import UsageError
 from ehar.flight.multicopter import Multicopter
 from ehar.planner import Context, Observation, Planner
 from planners.search.costs import FlightShares
-from planners.search.guess import moved_on, states_at
+from planners.search.guess import moved_on, states_at, trajectory_along
 from planners.search.limits import camera_limits
 from planners.search.scene import Scene, SceneSize
 from planners.search.solver import Solution, SolverStatistics, SolveStatus, TrajectorySolver
 from planners.search.start import stoppable
 from planners.search.task import TrajectoryTask
-from planners.search.view_search import search_ways
+from planners.search.view_search import Search, search_ways
 from planners.value.model import FULL, GainModel
 from planners.value.situation import frames_to_come
 from planners.value.view_basis import DistanceRange
@@ -144,16 +144,14 @@ class NextBestView(Planner):
         context, elapsed = self._context, self.replan * self._context.frame_time
         node_time = self._node_frames * context.frame_time
         _, gains, weights = self._value.coming(self._nodes, self._node_frames)
-        ways, collected = search_ways(self._value, observation, context)
-        goals = ways.goals
-        order = np.argsort(-collected, axis=1)[:, :SEEDS]
-        walking = np.zeros((len(goals), 3))
+        walking = np.zeros((len(weights), 3))
         if observation.centre is not None:
             walking = walking if self._centre is None else (observation.centre - self._centre) / elapsed
             self._centre = observation.centre
         scenes = scenes_of(self._value, observation, walking)
         self._scene = scenes[0].size if scenes else None
-        solver = self._solver()
+        beside = partial(self._planned, observation) if scenes and context.vehicle is None else None
+        found = search_ways(self._value, observation, context, beside)
         targets = []
         for episode, viewpoint in enumerate(observation.viewpoint):
             task = TrajectoryTask(
@@ -171,15 +169,43 @@ class NextBestView(Planner):
                 scene=scenes[episode] if scenes else None,
                 flight_weights=self.flight_weights,
             )
-            previous = self._plans[episode]
-            off_plan = context.vehicle is not None and not _on_plan(previous, elapsed, task)
+            off_plan = context.vehicle is not None and not _on_plan(self._plans[episode], elapsed, task)
             start = stoppable(task, surely=False) if off_plan else task
-            plan = solver.solve_best(start, goals[episode, order[episode]], previous, elapsed)
+            plan = self._solved(start, found, episode, elapsed)
             if off_plan and plan.status is SolveStatus.INFEASIBLE:
-                plan = solver.solve_best(stoppable(task), goals[episode, order[episode]], previous, elapsed)
+                plan = self._solved(stoppable(task), found, episode, elapsed)
             self._plans[episode] = plan
             targets.append(self._targets(plan, int(np.flatnonzero(gains)[-1]) + 1))
         return np.stack(targets)
+
+    def _solved(self, task: TrajectoryTask, found: Search, episode: int, elapsed: float) -> Solution:
+        """Return the plan for the task of an episode.
+
+        Where something is in the way, it is solved near the best way that was found, or near the previous plan if that
+        collects more: a way straight through things would be a poor guess. In flight ways are faster than plans.
+        """
+        solver, previous = self._solver(), self._plans[episode]
+        best = np.argsort(-found.collected[episode])[:SEEDS]
+        if found.planned is None:
+            return solver.solve_best(task, found.ways.goals[episode, best], previous, elapsed)
+        way = None
+        if found.collected[episode, best[0]] > found.planned[episode]:
+            times = found.frames * self._context.frame_time
+            way = trajectory_along(found.places[episode, :, best[0]], times, task)
+        return solver.solve_along(task, way, previous, elapsed)
+
+    def _planned(self, observation: Observation, frames: IntArray) -> FloatArray:
+        """Return where the previous plans lead, (B, N, 3), after frames (N,) from now; without one they stay."""
+        node_time = self._node_frames * self._context.frame_time
+        times = (self.replan + frames) * self._context.frame_time
+        return np.stack(
+            [
+                np.broadcast_to(viewpoint, (len(frames), 3))
+                if plan is None or plan.held
+                else states_at(plan.trajectory, times, node_time)[0]
+                for plan, viewpoint in zip(self._plans, observation.viewpoint, strict=True)
+            ]
+        )
 
     def _targets(self, plan: Solution, last: int) -> FloatArray:
         """Return the path of a plan, (F, 3, 3), or what the camera heads for in the next frames, (replan, 3).

@@ -140,12 +140,15 @@ class TrajectorySolver:
 
     def solve(self, task: TrajectoryTask, guess: Trajectory) -> Solution:
         """Return the best trajectory near a guess."""
-        return self._solve_from(task, lambda: [guess])
+        return self._solve_from(task, guess, lambda: [guess])
 
     def solve_best(
         self, task: TrajectoryTask, goals: FloatArray, previous: Solution | None = None, elapsed: float = 0.0
     ) -> Solution:
         """Return the best of the trajectories from several guesses, as the problem has many local optima.
+
+        The previous solution is always a guess, and others are if they collect more than has been found. In flight and
+        where something is in the way a solve takes longer: only the best guess is one.
 
         Args:
             task: the planning task.
@@ -154,16 +157,32 @@ class TrajectorySolver:
                 stay.
             elapsed: time since the previous solution [s].
         """
-        proceed = previous is not None and not previous.held
+        first = _proceeding(task, previous, elapsed)
 
         def guesses() -> list[Trajectory]:
-            first = moved_on(previous.trajectory, elapsed, task) if previous and proceed else task.hold()
-            return [first, *best_guesses(goals, task, self._seeds, lambda tried: self._objective(task, tried))]
+            found = [first, *best_guesses(goals, task, self._seeds, lambda tried: self._objective(task, tried))]
+            one = task.scene is not None or task.limits.vehicle is not None
+            return sorted(found, key=lambda guess: -self._objective(task, guess)) if one else found
 
-        return self._solve_from(task, guesses, every=not proceed)
+        afresh = task.scene is None and task.limits.vehicle is None and (previous is None or previous.held)
+        return self._solve_from(task, first, guesses, every=afresh)
+
+    def solve_along(
+        self, task: TrajectoryTask, way: Trajectory | None, previous: Solution | None = None, elapsed: float = 0.0
+    ) -> Solution:
+        """Return the best trajectory near a way that somebody has found to be the best one.
+
+        Args:
+            task: the planning task.
+            way: the guess; None is the previous solution, or to stay.
+            previous: the previous solution, of the same horizon and node time.
+            elapsed: time since the previous solution [s].
+        """
+        first = _proceeding(task, previous, elapsed)
+        return self._solve_from(task, first, lambda: [first if way is None else way])
 
     def _solve_from(
-        self, task: TrajectoryTask, guesses: Callable[[], list[Trajectory]], *, every: bool = True
+        self, task: TrajectoryTask, first: Trajectory, guesses: Callable[[], list[Trajectory]], *, every: bool = False
     ) -> Solution:
         """Return the best solution from several guesses, and count it; a task without a solution needs no guesses."""
         self._asked += 1
@@ -175,7 +194,7 @@ class TrajectorySolver:
         else:
             status = SolveStatus.INFEASIBLE
             if _can_start(task):
-                best = self._best_attempt(task, guesses(), every)
+                best = self._best_attempt(task, first, guesses(), every)
         if best is not None:
             trajectory, objective, violation, status = best
         else:
@@ -185,20 +204,18 @@ class TrajectorySolver:
         self.statistics.add(solution)
         return solution
 
-    def _best_attempt(self, task: TrajectoryTask, guesses: list[Trajectory], every: bool) -> "_Attempt | None":
+    def _best_attempt(
+        self, task: TrajectoryTask, first: Trajectory, guesses: list[Trajectory], every: bool
+    ) -> "_Attempt | None":
         """Return the best attempt of those that keep the limits; ipopt is called if all seeds failed.
 
-        The first guess is always tried, or the best one in flight and where something is in the way; unless `every` one
-        is, others only if they collect more than has been found.
+        The first guess is always tried; unless `every` one is, others only if they collect more than has been found.
 
-        The first guess is kept if no attempt beats it by more than the solver's tolerance. So if there is nothing to
-        gain, the camera stays, or follows its previous plan.
+        What the camera does already, `first`, is kept if no attempt beats it by more than the solver's tolerance. So if
+        there is nothing to gain, the camera stays, or follows its previous plan.
         """
-        first = at_rest_at_the_end(guesses[0], task) if self._capped else guesses[0]
+        first = at_rest_at_the_end(first, task) if self._capped else first
         attempts: list[_Attempt] = []
-        if task.scene is not None or task.limits.vehicle is not None:  # a solve takes longer there: from the best guess
-            guesses = sorted(guesses, key=lambda guess: -self._objective(task, guess))
-            every = False
         for guess in guesses:
             if every or not attempts or self._objective(task, guess) > max(attempt.worth for attempt in attempts):
                 attempts.append(self._attempt(self._solvers, task, guess, first))
@@ -294,6 +311,11 @@ class _Attempt(NamedTuple):
     def worth(self) -> float:
         """What it collects; nothing if it breaks a limit."""
         return self.objective if self.violation <= TOLERANCE else -np.inf
+
+
+def _proceeding(task: TrajectoryTask, previous: Solution | None, elapsed: float) -> Trajectory:
+    """Return the previous solution moved on in time [s]; without one, the trajectory that stays."""
+    return task.hold() if previous is None or previous.held else moved_on(previous.trajectory, elapsed, task)
 
 
 def _can_start(task: TrajectoryTask) -> bool:

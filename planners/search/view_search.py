@@ -1,8 +1,11 @@
 """Planners that search the gain field without optimal control: one step ahead, or along straight ways to goals."""
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
-from ehar.arrays import FloatArray
+from ehar.arrays import FloatArray, IntArray
 from ehar.errors import EpisodeError, UsageError
 from ehar.obstacles.free_space import needed_clearance
 from ehar.planner import Context, Observation, Planner
@@ -86,9 +89,9 @@ class NextBestViewSearch(Planner):
         """
         self._value.update(observation)
         if observation.frame % self.replan == 0:
-            ways, collected = search_ways(self._value, observation, self._context)
-            _check_finite(collected, self.name, observation.frame)
-            best = np.argmax(collected, axis=1)
+            found = search_ways(self._value, observation, self._context)
+            _check_finite(found.collected, self.name, observation.frame)
+            best, ways = np.argmax(found.collected, axis=1), found.ways
             # Where the centre stays, the motion knows the free cells, and takes the shortest way through them.
             self._goal = ways.goals[np.arange(len(best)), best] if observation.centre is None else ways.heads(best)
         return self._goal
@@ -104,8 +107,31 @@ def _check_finite(values: FloatArray, name: str, frame: int) -> None:
         )
 
 
-def search_ways(value: ViewValue, observation: Observation, context: Context) -> tuple[Ways, FloatArray]:
-    """Return ways to a grid of goals, and their gain; the first goal is to stay.
+class Search(NamedTuple):
+    """Ways to G goals, the first of which is to stay, and what they collect in B episodes.
+
+    Attributes:
+        ways: the ways.
+        frames: (N,) frames from now, at which cameras are looked at along the ways.
+        places: (B, N, G, 3) where they are then.
+        collected: (B, G) the gain along each way, in the field's unit.
+        planned: (B,) that of the plans; None without plans.
+    """
+
+    ways: Ways
+    frames: IntArray
+    places: FloatArray
+    collected: FloatArray
+    planned: FloatArray | None = None
+
+
+def search_ways(
+    value: ViewValue,
+    observation: Observation,
+    context: Context,
+    plans: Callable[[IntArray], FloatArray] | None = None,
+) -> Search:
+    """Return ways to a grid of goals, and their gain.
 
     The ways are straight in the three coordinates, or lead around obstacles. They go from rest to rest, at the pace of
     the grid or the vehicle. A view counts as far as it shows people.
@@ -114,9 +140,7 @@ def search_ways(value: ViewValue, observation: Observation, context: Context) ->
         value: the value of views after the present frame.
         observation: the observation of the present frame.
         context: the context of the episodes.
-
-    Returns:
-        ways to G goals each, and the gain along the way to each, (B, G), in the field's unit.
+        plans: gives where plans lead, (B, N, 3), after frames (N,) from now.
     """
     here = observation.viewpoint
     grid = coarse_grid(context.workspace)
@@ -128,13 +152,17 @@ def search_ways(value: ViewValue, observation: Observation, context: Context) ->
     nodes = np.flatnonzero(gains)
     frames, counts = (nodes + 1) * node_frames, gains[nodes]
     there = np.stack([ways.at(share_made(count, needed, ramp)) for count in frames.tolist()], axis=1)  # (B, N, G, 3)
+    if plans is not None:
+        there = np.concatenate([there, plans(frames)[:, :, None]], axis=2)
     basis = basis_at(there, value.span)
     seen = counts[:, None] * value.seen(there, frames * context.frame_time)  # (B, N, G)
     collected = np.einsum("bng,bng->bg", seen, (basis @ weights[:, nodes, :, None])[..., 0])
     looking = np.einsum("bng,bngi->bgi", seen, mean_direction(basis))
     # A pair of views that differ tells more than two alike, if both show people.
     collected += value.field.spread * (seen.sum(axis=1) ** 2 - (looking**2).sum(axis=-1))
-    return ways, collected
+    if plans is None:
+        return Search(ways, frames, there, collected)
+    return Search(ways, frames, there[:, :, :-1], collected[:, :-1], collected[:, -1])
 
 
 def _frames_needed(way: FloatArray, here: FloatArray, context: Context) -> tuple[FloatArray, float]:

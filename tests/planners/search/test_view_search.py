@@ -40,8 +40,8 @@ class Searcher(Planner):
     def act(self, observation: Observation) -> FloatArray:
         self.value.update(observation)
         if observation.frame == self.at:
-            ways, self.collected = search_ways(self.value, observation, self.context)
-            self.goals = ways.goals
+            found = search_ways(self.value, observation, self.context)
+            self.goals, self.collected = found.ways.goals, found.collected
         return observation.viewpoint
 
 
