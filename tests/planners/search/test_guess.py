@@ -1,12 +1,14 @@
 """Guesses: smooth ways to goals, and a plan moved on in time."""
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ehar.viewpoint import wrap_difference
 from ehar.world import PAPER
-from planners.search.guess import at_rest_at_the_end, best_guesses, moved_on, trajectories_to
+from planners.search.guess import at_rest_at_the_end, best_guesses, moved_on, trajectories_to, trajectory_along
 from planners.search.task import TrajectoryLimits
 from tests.helpers.trajectory_tasks import FLIGHT, GRID, random_task
 
@@ -38,6 +40,18 @@ def test_from_rest_a_way_keeps_the_limits_and_is_the_short_way_round(seed: int, 
     assert (np.abs(guess.velocity) <= limits.velocity + 1e-9).all()
     assert (np.abs(guess.acceleration) <= limits.acceleration + 1e-9).all()
     assert (np.abs(guess.jerk) <= limits.jerk + 1e-9).all()
+
+
+def test_a_trajectory_along_a_way_is_where_the_way_is_and_rests_at_its_end() -> None:
+    task = random_task(np.random.default_rng(0), limits=GRID, node_time=0.2)
+    task = replace(task, position=np.array([8.0, 6.2, 1.1]))
+    places = np.array([[7.0, 0.0, 1.2], [6.0, 0.3, 1.2]])  # at 1 s and at 2 s; the short way leads across 2 pi
+    along = trajectory_along(places, np.array([1.0, 2.0]), task)
+    np.testing.assert_array_equal(along.position[0], task.position)
+    np.testing.assert_allclose(along.position[5], [7.0, 2 * np.pi, 1.2])
+    np.testing.assert_allclose(along.position[10:], np.tile([6.0, 2 * np.pi + 0.3, 1.2], (6, 1)))
+    np.testing.assert_allclose(along.velocity[7], [-1.0, 0.3, 0.0], atol=1e-9)
+    assert not along.velocity[-1].any() and not along.acceleration[-1].any()
 
 
 @given(seeds)

@@ -125,6 +125,24 @@ def test_views_spread_as_far_as_they_see_people() -> None:
         assert problem.objective(task, [tried])[0] == pytest.approx(0.2 * pairs.sum(), abs=1e-4)
 
 
+def test_a_plan_along_a_way_is_no_worse_than_the_way_or_the_plan_before() -> None:
+    rng = np.random.default_rng(1)
+    scene = Scene.of(PEOPLE, ROOM.obstacles, None)
+    solver = TrajectorySolver(scene=scene.size)
+    better = 0
+    for _ in range(10):
+        task = random_task(rng, limits=GRID, node_time=0.16, spread_weight=0.2, scene=scene)
+        task = replace(task, position=ROOM.sample_starts(rng, 1)[0])
+        before, *ways = (solver.solve_best(task, ROOM.sample_starts(rng, 1)) for _ in range(3))
+        for way in ways:
+            plan = solver.solve_along(task, way.trajectory, before)
+            assert plan.objective >= max(way.objective, before.objective) - 1e-3 * task.stake
+            better += plan.objective > before.objective + 1e-2 * task.stake
+        same = solver.solve_along(task, None, before)
+        assert same.objective >= before.objective - 1e-3 * task.stake
+    assert better > 0
+
+
 def test_a_task_among_other_things_is_refused() -> None:
     task = random_task(np.random.default_rng(0), limits=GRID, scene=Scene.of(PEOPLE, ROOM.obstacles, None))
     with pytest.raises(UsageError, match=r"expected a scene with None, got SceneSize\(people=2, walls=1, boxes=1"):

@@ -42,7 +42,14 @@ class Searcher(Planner):
         if observation.frame == self.at:
             found = search_ways(self.value, observation, self.context)
             self.goals, self.collected = found.ways.goals, found.collected
+            self.again = [
+                search_ways(self.value, observation, self.context, plans=lambda _, goal=goal: found.places[:, :, goal])
+                for goal in PLANNED
+            ]
         return observation.viewpoint
+
+
+PLANNED = (0, 7, 200)  # goals
 
 
 def searched(
@@ -101,6 +108,18 @@ def test_views_that_are_hidden_do_not_count_as_views_that_spread() -> None:
     free = searched(np.zeros(BASIS_SIZE), start, at=1, length=20, spread=1.0, world=pillar)
     far = searched(np.zeros(BASIS_SIZE), start, at=1, length=20, spread=1.0)
     assert free.collected.max() == pytest.approx(far.collected.max(), rel=0.05), "there is enough to see elsewhere"
+
+
+def test_a_plan_is_worth_what_the_same_way_is() -> None:
+    pillar = replace(
+        PAPER, name="own", obstacles=Obstacles(cylinders=(Cylinder(centre=(1.5, 0, 0), radius=0.9, height=6),))
+    )
+    weights = np.random.default_rng(3).normal(size=BASIS_SIZE)
+    searcher = searched(weights, np.array([8.0, 0.3, 1.2]), at=1, length=20, spread=1.0, world=pillar)
+    for goal, again in zip(PLANNED, searcher.again, strict=True):
+        assert again.planned is not None
+        assert again.planned[0] == pytest.approx(searcher.collected[0, goal], abs=1e-12)
+        np.testing.assert_allclose(again.collected, searcher.collected, atol=1e-12)
 
 
 def test_to_stay_collects_the_field_where_one_is() -> None:
