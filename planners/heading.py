@@ -43,7 +43,7 @@ def moved(context: Context, viewpoint: FloatArray, moves: IntArray) -> FloatArra
     return apply_moves(viewpoint, moves, context.workspace) if space is None else space.after(viewpoint, moves)
 
 
-def heading(context: Context, viewpoint: FloatArray, moves: IntArray) -> FloatArray:
+def move_target(context: Context, viewpoint: FloatArray, moves: IntArray) -> FloatArray:
     """Return targets (..., 3) in the direction of moves (...,): the next cell, or for a vehicle a second's way.
 
     Args:

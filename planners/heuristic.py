@@ -5,7 +5,7 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import MOVE_NAMES, MOVES
-from planners.heading import heading
+from planners.heading import move_target
 
 
 class NoAct(Planner):
@@ -33,7 +33,7 @@ class Random(Planner):
     def act(self, observation: Observation) -> FloatArray:
         """Return the targets of the drawn moves."""
         moves = self._context.rng.integers(0, len(MOVES), size=len(observation.viewpoint))
-        return heading(self._context, observation.viewpoint, moves)
+        return move_target(self._context, observation.viewpoint, moves)
 
 
 class Towards(Planner):
@@ -81,4 +81,4 @@ class VRotate(Planner):
 def _repeat(move_name: str, observation: Observation, context: Context) -> FloatArray:
     """Return the targets (B, 3) of the same move in every episode."""
     moves = np.full(len(observation.viewpoint), MOVE_NAMES.index(move_name))
-    return heading(context, observation.viewpoint, moves)
+    return move_target(context, observation.viewpoint, moves)

@@ -16,7 +16,7 @@ from ehar.flight.vehicle import Vehicle
 from ehar.motion import Motion
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.viewpoint import HOVER, MOVES
-from planners.heading import axis_speeds, heading, moved
+from planners.heading import axis_speeds, move_target, moved
 
 FLOWN_HORIZON = 2.0  # [s] that flights are imagined; a vehicle takes seconds to get anywhere
 REACHES = (0.25, 1.0)  # [s] at full speed, how far off the ends of flights are
@@ -37,7 +37,7 @@ class Oracle(Planner):
         truth = truth_of(self, observation)
         frame = observation.frame + 1
         _, _, best, _ = try_moves(truth, truth.state, frame, observation.viewpoint, self._context)
-        return heading(self._context, observation.viewpoint, best)
+        return move_target(self._context, observation.viewpoint, best)
 
 
 class OracleLookahead(Planner):

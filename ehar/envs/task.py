@@ -43,7 +43,7 @@ def reward(
     return total
 
 
-def activity_frames(labels: IntArray) -> tuple[IntArray, BoolArray]:
+def activity_lengths(labels: IntArray) -> tuple[IntArray, BoolArray]:
     """Return how many frames the activity of each frame has, and whether it begins there, both (B, L).
 
     Args:
@@ -172,7 +172,7 @@ class EpisodeTask:
             noise=SensorNoise(*(draws.repeat(self.copies, axis=0) for draws in noise)),
             surroundings=self._surroundings(scenarios, rng),
         )
-        self._frames_of_activity, self._onset = activity_frames(self._batch.frame_labels)
+        self._frames_of_activity, self._onset = activity_lengths(self._batch.frame_labels)
         self.frame = 0
         self.viewpoint = read_only(self._batch.starts)
         keep_clear(self.controls.motion, self._batch.surroundings)

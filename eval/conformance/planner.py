@@ -12,7 +12,7 @@ from ehar.conditions import Conditions
 from ehar.planner import Planner
 from ehar.sensors.sensor import Sensed
 from eval.conformance.checks import Conformance, ContractCheck, attempt, first_difference
-from eval.conformance.runs import PlannerRun, PlannerWorld, joined, replay, run_planner
+from eval.conformance.runs import CheckedRun, PlannerWorld, joined, replay, run_planner
 from eval.conformance.world import BATCH, ReplayedSensor, other_future, small_batch
 from eval.running.choice import ModelPlace, choose_planners, listed
 from recognition.setting import load_setting
@@ -62,7 +62,7 @@ def _checks(planner: Planner, world: PlannerWorld) -> list[ContractCheck]:
             )
         ]
     finite = "finite target viewpoints of shape (B, 3): distance [m], azimuth [rad], polar angle [rad]"
-    runs: list[PlannerRun] = []
+    runs: list[CheckedRun] = []
 
     def runs_seven() -> None:
         runs.append(run_planner(copy_of(), world, batch))
@@ -148,7 +148,7 @@ def _second_time(planner: Planner, world: PlannerWorld, batch: Batch, expected: 
     return None
 
 
-def _rows_alone(copy_of: Callable[[], Planner], world: PlannerWorld, run: PlannerRun) -> list[ContractCheck]:
+def _rows_alone(copy_of: Callable[[], Planner], world: PlannerWorld, run: CheckedRun) -> list[ContractCheck]:
     """Check that the targets of a row depend on that row only.
 
     The planner sees the same observations again, so that only the planner can make a difference. A planner that draws
@@ -191,7 +191,7 @@ def _rows_alone(copy_of: Callable[[], Planner], world: PlannerWorld, run: Planne
     return [*checks, attempt(name, alone, expected=expected, mend=_ROWS)]
 
 
-def _hidden_truth(planner: Planner, world: PlannerWorld, batch: Batch, run: PlannerRun) -> ContractCheck:
+def _hidden_truth(planner: Planner, world: PlannerWorld, batch: Batch, run: CheckedRun) -> ContractCheck:
     """Check that other labels and other 3D joints change nothing, as long as the observations are the same."""
     name = "the hidden truth changes nothing"
     if planner.privileged:
@@ -215,7 +215,7 @@ def _hidden_truth(planner: Planner, world: PlannerWorld, batch: Batch, run: Plan
     )
 
 
-def _other_future(planner: Planner, world: PlannerWorld, batch: Batch, run: PlannerRun) -> ContractCheck:
+def _other_future(planner: Planner, world: PlannerWorld, batch: Batch, run: CheckedRun) -> ContractCheck:
     """Check that targets depend on the frames so far: the recogniser sees other frames after the middle."""
     if planner.privileged:
         return ContractCheck(FUTURE, None, "it declares privileged = True: it is handed the future")
@@ -235,7 +235,7 @@ def _other_future(planner: Planner, world: PlannerWorld, batch: Batch, run: Plan
     )
 
 
-def _time(run: PlannerRun) -> ContractCheck:
+def _time(run: CheckedRun) -> ContractCheck:
     steps = max(run.targets.shape[0] * run.targets.shape[1], 1)
     return ContractCheck(
         f"takes {1000 * run.recorder.seconds / steps:.3g} ms for one frame of one episode, {BATCH} at a time", True

@@ -33,7 +33,7 @@ class PlannerWorld:
         return self.runner.context(episodes, length, np.random.default_rng(SEED))
 
 
-class PlannerRun(NamedTuple):
+class CheckedRun(NamedTuple):
     """The results of one run of a planner."""
 
     recorder: Recorder
@@ -42,7 +42,7 @@ class PlannerRun(NamedTuple):
     drew: bool  # whether it drew from its generator
 
 
-def run_planner(planner: Planner, world: PlannerWorld, batch: Batch, *, sensor: Sensor | None = None) -> PlannerRun:
+def run_planner(planner: Planner, world: PlannerWorld, batch: Batch, *, sensor: Sensor | None = None) -> CheckedRun:
     """Run a planner as the benchmark does."""
     changed: dict[str, int] = {}
 
@@ -58,7 +58,7 @@ def run_planner(planner: Planner, world: PlannerWorld, batch: Batch, *, sensor: 
     before = rng.bit_generator.state
     runner.roll(recorder, batch, rng)
     targets = np.stack(recorder.targets) if recorder.targets else np.empty((0, len(batch.labels), 3))
-    return PlannerRun(recorder, targets, changed, rng.bit_generator.state != before)
+    return CheckedRun(recorder, targets, changed, rng.bit_generator.state != before)
 
 
 def replay(planner: Planner, world: PlannerWorld, shown: list[Observation], batch: Batch, rows: IntArray) -> FloatArray:

@@ -16,7 +16,7 @@ from eval.render.figures import shortened
 from eval.render.palette import PAIR, SOFT, STRONG, TEXT, Look
 from eval.replays.episode import CameraReplay, EpisodeReplay
 from eval.replays.panels import Beliefs, Course, DirectionMap, Image
-from eval.replays.scene import Scene
+from eval.replays.scene import DrawnScene
 
 WIDTH, HEIGHT = 1280, 720  # [px]
 DPI = 100
@@ -103,7 +103,7 @@ class ReplayFigure:
 
     def _draw_left(self, width: float) -> None:
         """Draw the scene, its legend, and below it the course of recognition."""
-        scene = Scene(self._axes(MARGIN, 84, width - MARGIN, 416), self._replay)
+        scene = DrawnScene(self._axes(MARGIN, 84, width - MARGIN, 416), self._replay)
         self._panels.append(scene)
         key = [
             Line2D([], [], color=SOFT, linewidth=STRONG, label=scene.path_shown),

@@ -28,7 +28,7 @@ WIRE_POLARS = np.radians([30.0, 60.0, 90.0])
 WIRE_AZIMUTHS = np.radians(np.arange(0.0, 180.0, 45.0))
 
 
-class Scene:
+class DrawnScene:
     """The panel.
 
     Args:

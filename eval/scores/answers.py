@@ -35,7 +35,7 @@ def answers_only(name: str, records: EpisodeRecords, reference: EpisodeRecords |
     """
     records = activities(records) if records.of_streams else records
     reference = records if reference is None else reference
-    check_same_episodes(name, records, reference)
+    _check_same(name, records, reference)
     least = np.min_scalar_type(-max(int(records.predicted.max(initial=0)) + 1, 1))
     return replace(episodes_only(reference), predicted=records.predicted.astype(least))
 
@@ -56,7 +56,7 @@ def episodes_only(records: EpisodeRecords) -> EpisodeRecords:
     )
 
 
-def check_same_episodes(name: str, episodes: EpisodeRecords, reference: EpisodeRecords) -> None:
+def _check_same(name: str, episodes: EpisodeRecords, reference: EpisodeRecords) -> None:
     """Raise a DataError unless a planner ran the reference's episodes, in the same order."""
     if not reference.same_episodes(episodes):
         raise DataError(f"planner {name!r}: expected the same {len(reference)} episodes as the planner before it")

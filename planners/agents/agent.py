@@ -9,7 +9,7 @@ from ehar.localisation import Localisation
 from ehar.planner import Context, Observation, Planner
 from planners.agents.inputs import AgentInputs, Inputs, seen_by_agent
 from planners.agents.network import AgentNetwork
-from planners.heading import heading
+from planners.heading import move_target
 
 
 class Agent(Planner):
@@ -63,7 +63,7 @@ class Agent(Planner):
         shown = seen_by_agent(observation, self._context, flown=sizes.flown, distances=sizes.distances)
         inputs = self._inputs.see(shown)
         moves, self.state = decide(self.network, inputs)
-        return heading(self._context, observation.viewpoint, moves)
+        return move_target(self._context, observation.viewpoint, moves)
 
 
 def decide(network: AgentNetwork, inputs: Inputs) -> tuple[IntArray, FloatArray]:

@@ -23,7 +23,7 @@ from planners.agents.agent import decide
 from planners.agents.config import Teacher
 from planners.agents.inputs import POSITION, RECOGNITION, VISION, AgentInputs, Inputs, seen_by_agent
 from planners.agents.network import AgentNetwork
-from planners.heading import HEADING_TIME, axis_speeds, heading, moved
+from planners.heading import HEADING_TIME, axis_speeds, move_target, moved
 from planners.oracle import frame_worth, true_log_probs, truth_of, try_moves
 from planners.value.collection import random_viewpoints
 from recognition.torch_threads import one_torch_thread
@@ -79,7 +79,7 @@ class Demonstrator(Planner):
     def reset(self, context: Context) -> None:
         """Forget everything, and draw who wanders."""
         self._context = context
-        self._every = max(EVERY * frames_ahead(context) // HORIZON, 1)
+        self._every = max(EVERY * repeated_frames(context) // HORIZON, 1)
         self._inputs = AgentInputs.of(context)
         self._wanders = context.rng.random(context.episodes) < WANDER
         self._goal = random_viewpoints(context.rng, (context.episodes,), context.workspace)
@@ -95,7 +95,7 @@ class Demonstrator(Planner):
             best, _ = decide(self.agent, inputs)
         elif self.teacher == "oracle-lookahead":
             return self._wander(observation)
-        return heading(self._context, observation.viewpoint, best)
+        return move_target(self._context, observation.viewpoint, best)
 
     def _ask(self, observation: Observation, inputs: Inputs) -> IntArray:
         """Return the teacher's best moves (B,), and keep its answer; on frames without one, return hover."""
@@ -122,7 +122,7 @@ class Demonstrator(Planner):
 
 
 def look_ahead(truth: Truth, observation: Observation, context: Context) -> FloatArray:
-    """Return the worth (B, 7) of repeating each move for `frames_ahead` or to the end, a sum over frames.
+    """Return the worth (B, 7) of repeating each move for `repeated_frames` or to the end, a sum over frames.
 
     In a stream, frames that show no activity are worth 0, as no benchmark asks for them.
     """
@@ -132,7 +132,7 @@ def look_ahead(truth: Truth, observation: Observation, context: Context) -> Floa
     viewpoint = np.repeat(observation.viewpoint[:, None], len(MOVES), axis=1)
     state = truth.state.fork(len(MOVES))
     values = np.zeros((episodes, len(MOVES)))
-    for step in range(min(frames_ahead(context), truth.length - 1 - observation.frame)):
+    for step in range(min(repeated_frames(context), truth.length - 1 - observation.frame)):
         viewpoint = _tried(context, viewpoint, moves)
         frame = observation.frame + 1 + step
         recognition, state = truth.imagine(state, frame, viewpoint)
@@ -142,7 +142,7 @@ def look_ahead(truth: Truth, observation: Observation, context: Context) -> Floa
     return values
 
 
-def frames_ahead(context: Context) -> int:
+def repeated_frames(context: Context) -> int:
     """Return for how many frames the look-ahead teacher repeats a move: a vehicle is slower than the grid."""
     return HORIZON if context.vehicle is None else round(HEADING_TIME / context.frame_time)
 

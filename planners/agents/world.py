@@ -23,7 +23,7 @@ from planners.agents.config import PAPER_VIEWS, AgentTrainingConfig
 from planners.agents.inputs import InputSizes
 from planners.agents.network import AgentNetwork, AgentSpec
 from planners.agents.validation import Validation
-from planners.heading import heading
+from planners.heading import move_target
 from planners.value.situation import STREAM_WINDOW
 from recognition.setting import Setting, load_setting, with_length
 from recognition.storage import recogniser_path
@@ -148,7 +148,7 @@ class HeadingControls:
 
     def targets(self, actions: npt.NDArray[Any], viewpoint: FloatArray, where: str) -> FloatArray:
         """Return where moves (B,) lead from viewpoints (B, 3) in a second, (B, 3)."""
-        return heading(self._context, viewpoint, actions)
+        return move_target(self._context, viewpoint, actions)
 
     def observations(self) -> dict[str, FloatArray]:
         """Return the velocities (B, 3)."""

@@ -10,7 +10,7 @@ from ehar.errors import EpisodeError, UsageError
 from ehar.obstacles.free_space import needed_clearance
 from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import MOVES, cartesian
-from planners.heading import axis_speeds, heading
+from planners.heading import axis_speeds, move_target
 from planners.search.ways import Ways, free_spaces
 from planners.value.model import GainModel
 from planners.value.view_basis import basis_at, mean_direction
@@ -46,7 +46,7 @@ class NextBestViewGreedy(Planner):
         """
         self._value.update(observation)
         here = np.repeat(observation.viewpoint[:, None], len(MOVES), axis=1)
-        there = heading(self._context, here, np.broadcast_to(np.arange(len(MOVES)), here.shape[:2]))
+        there = move_target(self._context, here, np.broadcast_to(np.arange(len(MOVES)), here.shape[:2]))
         if observation.centre is not None and self._context.vehicle is None:
             places = cartesian(there) + observation.centre[:, None]
             clear = self._value.obstacles.clearance(places) >= needed_clearance(there, self._context.workspace)

@@ -7,7 +7,7 @@ from ehar.arrays import FloatArray
 from ehar.flight.vehicle import VEHICLES
 from ehar.viewpoint import AZIMUTH, HOVER, MOVES, Workspace, neighbours, wrap_difference
 from ehar.world import PAPER
-from planners.heading import HEADING_TIME, axis_speeds, heading
+from planners.heading import HEADING_TIME, axis_speeds, move_target
 from tests.helpers.fakes import tiny_context
 
 VEHICLE = VEHICLES["tracking-drone"]
@@ -18,7 +18,7 @@ FLIGHT = replace(tiny_context(), track=VEHICLE.name, vehicle=VEHICLE)
 
 
 def way() -> FloatArray:
-    there = heading(FLIGHT, HERE, np.arange(len(MOVES))) - HERE
+    there = move_target(FLIGHT, HERE, np.arange(len(MOVES))) - HERE
     there[:, AZIMUTH] = wrap_difference(there[:, AZIMUTH])
     return there
 
@@ -32,7 +32,7 @@ def test_a_vehicle_heads_the_way_of_the_move_as_far_as_it_gets_or_the_workspace_
 
 def test_on_the_grid_a_move_is_a_cell() -> None:
     here = PAPER.workspace.from_cells(PAPER.workspace.to_cells(HERE))
-    there = heading(tiny_context(), here, np.arange(len(MOVES)))
+    there = move_target(tiny_context(), here, np.arange(len(MOVES)))
     np.testing.assert_array_equal(there, neighbours(here[0], Workspace()))
 
 

@@ -29,7 +29,7 @@ from planners.value.view_basis import DistanceRange
 from recognition.setting import Setting
 
 
-class Rollouts(NamedTuple):
+class StreamRollouts(NamedTuple):
     """What the recogniser said in N episodes."""
 
     episodes: Episodes
@@ -104,7 +104,7 @@ def strangers(data: StreamData, parts: Parts, length: int) -> IntArray:
 
 
 def _fitted(
-    chain: StreamBeliefModel, rolled: list[Rollouts], fps: float, span: DistanceRange
+    chain: StreamBeliefModel, rolled: list[StreamRollouts], fps: float, span: DistanceRange
 ) -> dict[str, StreamBeliefModel]:
     """Return the belief and what it is without each part, by name, each after it has learned what a frame tells."""
     log_probs, viewpoints, labels = (
@@ -129,7 +129,7 @@ def _episodes(setting: Setting, streams: IntArray, reporter: Reporter) -> Episod
     return random_starts(scenarios, told.starts, told.seed, setting.world)
 
 
-def _rolled(setting: Setting, episodes: Episodes, planner: Planner, reporter: Reporter) -> Rollouts:
+def _rolled(setting: Setting, episodes: Episodes, planner: Planner, reporter: Reporter) -> StreamRollouts:
     """Run a planner over all episodes, and keep the probabilities of all classes."""
     workload, records = Workload(setting.runner, episodes), []
     for chunk in range(episodes.chunks):
@@ -139,10 +139,10 @@ def _rolled(setting: Setting, episodes: Episodes, planner: Planner, reporter: Re
     log_probs, viewpoints = (
         np.concatenate([getattr(record, name) for record in records]) for name in ("log_probs", "viewpoints")
     )
-    return Rollouts(episodes, log_probs, viewpoints)
+    return StreamRollouts(episodes, log_probs, viewpoints)
 
 
-def _said(rolled: Rollouts, beliefs: Mapping[str, StreamBeliefModel], fps: float) -> dict[str, EpisodeRecords]:
+def _said(rolled: StreamRollouts, beliefs: Mapping[str, StreamBeliefModel], fps: float) -> dict[str, EpisodeRecords]:
     """Return what the recogniser and each belief say of the same episodes, by name."""
     said = {RECOGNISER: rolled.log_probs.astype(np.float64)}
     for name, belief in beliefs.items():
@@ -150,7 +150,7 @@ def _said(rolled: Rollouts, beliefs: Mapping[str, StreamBeliefModel], fps: float
     return {name: _records(rolled, log_probs) for name, log_probs in said.items()}
 
 
-def _records(rolled: Rollouts, log_probs: FloatArray) -> EpisodeRecords:
+def _records(rolled: StreamRollouts, log_probs: FloatArray) -> EpisodeRecords:
     """Return records in which a reader's words stand for the recogniser's."""
     episodes = rolled.episodes
     return record_episodes(

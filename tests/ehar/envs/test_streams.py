@@ -11,7 +11,7 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 from ehar.data.scenario import windows
 from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeEnv, EpisodeVectorEnv
-from ehar.envs.task import EpisodeTask, activity_frames
+from ehar.envs.task import EpisodeTask, activity_lengths
 from ehar.sensors.registry import make_sensor
 from ehar.viewpoint import HOVER
 from tests.helpers.streams import StreamRecogniser, raising_streams
@@ -30,7 +30,7 @@ def task() -> EpisodeTask:
 
 
 def test_the_frames_of_each_activity_by_hand() -> None:
-    frames, onset = activity_frames(np.array([[3, 3, 0, 0, 0, 1], [2, 2, 2, 2, 2, 2]]))
+    frames, onset = activity_lengths(np.array([[3, 3, 0, 0, 0, 1], [2, 2, 2, 2, 2, 2]]))
     assert frames.tolist() == [[2, 2, 3, 3, 3, 1], [6] * 6]
     assert onset.tolist() == [[True, False, True, False, False, True], [True, *[False] * 5]]
 

@@ -14,7 +14,7 @@ from eval.render.outlines import outlines
 from eval.render.palette import PAIR
 from eval.replays.figure import HEIGHT, WIDTH, ReplayFigure
 from eval.replays.panels import Beliefs, Course, DirectionMap, Image, unbroken
-from eval.replays.scene import CLEAR, TILT, Scene, view_from_aside
+from eval.replays.scene import CLEAR, TILT, DrawnScene, view_from_aside
 from tests.helpers.fakes import SKELETON
 from tests.helpers.replays import FRAMES, PERSONS, camera_replay, known_replay
 
@@ -71,7 +71,7 @@ def test_of_clear_views_that_with_the_longest_way_is_taken() -> None:
 
 def test_the_scene_shows_where_all_are() -> None:
     replay = known_replay()
-    scene = Scene(axes(), replay)
+    scene = DrawnScene(axes(), replay)
     trail, way = scene._cameras[0]._trail, scene._cameras[0]._way
     for frame in (0, FRAMES - 1):
         scene.show(frame)
@@ -166,7 +166,7 @@ def test_the_map_shows_the_field_of_the_frame() -> None:
 def test_passers_by_are_drawn_where_they_are_as_large_as_people() -> None:
     replay = known_replay()
     passers = replay.positions[:, :1] + [3.0, -1.0, 0.0]
-    scene = Scene(axes(), replace(replay, passers=passers))
+    scene = DrawnScene(axes(), replace(replay, passers=passers))
     scene.show(2)
     drawn = np.array([line.tolist() for line in scene._passing.get_segments()])
     plane, bones = scene._to_plane, np.array(SKELETON.bones)
@@ -180,7 +180,7 @@ def test_passers_by_are_drawn_where_they_are_as_large_as_people() -> None:
 def test_what_stands_stays_where_it_is_when_the_centre_of_a_stream_moves() -> None:
     centres = np.linspace([0, 0, 0], [1.0, 2.0, 0.0], FRAMES)
     box = Obstacles(boxes=(Box(centre=(2.0, 0.0, 0.0), size=(1.0, 1.0, 1.0)),))
-    scene = Scene(axes(), known_replay(centres=centres, obstacles=box))
+    scene = DrawnScene(axes(), known_replay(centres=centres, obstacles=box))
     for frame in (0, FRAMES - 1):
         scene.show(frame)
         for drawn, line in zip(scene._obstacles.get_segments(), outlines(box), strict=True):

@@ -30,7 +30,7 @@ from ehar.viewpoint import AZIMUTH, Workspace, apply_moves, wrap_difference
 from ehar.world import PAPER, ROOM
 from planners.agents.agent import Agent
 from planners.agents.config import AgentTrainingConfig, PPOSetting
-from planners.agents.demonstrations import HORIZON, Demonstrator, frames_ahead
+from planners.agents.demonstrations import HORIZON, Demonstrator, repeated_frames
 from planners.agents.inputs import MEMORY, POSITION, RECOGNITION, AgentInputs, InputSizes, seen_by_agent
 from planners.agents.network import AgentNetwork, AgentSpec
 from planners.agents.ppo import PPOProgress, train_ppo
@@ -175,7 +175,7 @@ def test_a_move_is_worth_what_it_leads_to_in_frames_that_show_an_activity() -> N
 def test_in_flight_a_move_is_tried_for_a_second_at_the_vehicles_speed() -> None:
     drone = VEHICLES["px4-auto"]
     flying = replace(tiny_context(), frame_time=1 / 60, vehicle=drone)
-    assert (frames_ahead(tiny_context()), frames_ahead(flying)) == (HORIZON, 60)
+    assert (repeated_frames(tiny_context()), repeated_frames(flying)) == (HORIZON, 60)
     demonstrator = Demonstrator(teacher="oracle-lookahead", agent=None)
     heard: list[FloatArray] = []
 
