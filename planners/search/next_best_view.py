@@ -19,7 +19,7 @@ from planners.search.start import stoppable
 from planners.search.task import TrajectoryTask
 from planners.search.view_search import Search, search_ways
 from planners.value.model import FULL, GainModel
-from planners.value.situation import frames_to_come
+from planners.value.situation import FLIGHT_LOOKAHEAD, frames_to_come
 from planners.value.view_basis import DistanceRange
 from planners.value.view_value import ViewValue
 
@@ -29,7 +29,7 @@ FEWEST_NODES = 4  # a plan ends at rest; with a constant jerk between fewer node
 LEAST_NODE_FRAMES = 4  # least frames between nodes; more if the default horizon is too short for the episode otherwise
 DEFAULT_HORIZON = 15
 SAME_STATE = 1e-6  # [m], [rad] and their derivatives
-FLIGHT_HORIZON = (4.0, 6.0)  # [s]; a vehicle that has to stop sooner hardly gets anywhere, and later is guessed at best
+CLIP_HORIZON = (4.0, 6.0)  # [s] in flight; a vehicle that has to stop sooner hardly gets anywhere
 
 
 class NextBestView(Planner):
@@ -113,7 +113,8 @@ class NextBestView(Planner):
         self._nodes = max(self.horizon, FEWEST_NODES)
         frames = max(LEAST_NODE_FRAMES, math.ceil(frames_to_come(context) / DEFAULT_HORIZON))
         if context.vehicle is not None:
-            least, most = (round(time / context.frame_time / DEFAULT_HORIZON) for time in FLIGHT_HORIZON)
+            horizon = (FLIGHT_LOOKAHEAD, FLIGHT_LOOKAHEAD) if context.length is None else CLIP_HORIZON
+            least, most = (round(time / context.frame_time / DEFAULT_HORIZON) for time in horizon)
             frames = min(max(frames, least), max(most, 1))
         self._node_frames = math.ceil(frames * self.horizon / self._nodes)
         self._statistics = SolverStatistics()
