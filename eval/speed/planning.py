@@ -25,7 +25,7 @@ from planners.agents.inputs import InputSizes
 from planners.agents.network import AgentNetwork, AgentSpec
 from planners.agents.ppo import PPOProgress, train_ppo
 from planners.search.limits import camera_limits
-from planners.search.next_best_view import DEFAULT_HORIZON, FLIGHT_HORIZON
+from planners.search.next_best_view import CLIP_HORIZON, DEFAULT_HORIZON
 from planners.search.scene import Scene
 from planners.search.solver import SolverStatistics, TrajectorySolver
 from planners.search.task import TrajectoryLimits, TrajectoryTask
@@ -64,7 +64,7 @@ def _solvers_in(world: World, data: MotionData, effort: Effort) -> list[Trajecto
     grid_node = math.ceil((effort.length - 1) / DEFAULT_HORIZON) / data.fps
     scene = None if world.is_open else Scene.of(np.zeros((1, 3)), world.obstacles, None)
     found = []
-    for vehicle, node_time in ((None, grid_node), (VEHICLE, FLIGHT_HORIZON[1] / DEFAULT_HORIZON)):
+    for vehicle, node_time in ((None, grid_node), (VEHICLE, CLIP_HORIZON[1] / DEFAULT_HORIZON)):
         rng = np.random.default_rng(0)
         context = Context(
             episodes=1,

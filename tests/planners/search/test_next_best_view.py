@@ -9,6 +9,10 @@ import numpy as np
 import pytest
 
 from ehar.batch import Batch
+from ehar.conditions import Conditions
+from ehar.data.scenario import part_of
+from ehar.data.streams.data import StreamData
+from ehar.data.streams.scenario import StreamScenarios
 from ehar.errors import EpisodeError, UsageError
 from ehar.flight.costs import FlightCosts
 from ehar.flight.motion import FlightMotion
@@ -27,8 +31,9 @@ from planners.search.solver import SolveStatus
 from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch
 from planners.value.belief.clips import BeliefModel
 from planners.value.field import GainField
-from planners.value.model import FULL, GainModel
+from planners.value.model import FULL, GainModel, load_gain_model
 from planners.value.view_basis import BASIS_SIZE
+from recognition.setting import load_setting
 from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context
 from tests.helpers.gain_models import PAIRS, model_of, peak_weights, random_field
 
@@ -338,6 +343,20 @@ def test_what_is_planned_is_what_is_flown(name: str) -> None:
     assert planner.statistics.fallbacks == 0
     assert (cells_off(viewpoints[:2, -1], PEAK) < 3).all()
     assert (motion.telemetry.peak_jerk <= vehicle.jerk).all()
+
+
+def test_in_streams_flights_are_planned_for_three_seconds() -> None:
+    setting = load_setting(Conditions(data="solo-stream", sensor="estimator", track="px4-auto"))
+    data = setting.recordings
+    assert isinstance(data, StreamData)
+    model = load_gain_model(setting.conditions, data, setting.recogniser_sha256)
+    watched, nobody = Watched(NextBestView(model=model)), np.zeros(1, dtype=np.int64)
+    windows = StreamScenarios(data, 3, part_of(data, "test")[:1], nobody)
+    batch = setting.runner.batch(
+        windows, nobody, PAPER.sample_starts(np.random.default_rng(0), 1), np.random.default_rng(1)
+    )
+    setting.runner.roll(watched, batch, np.random.default_rng(2))
+    assert watched.targets[0].shape == (1, 3 * 60, 3, 3)  # at 60 frames/s
 
 
 def costs_of_flights(**weights: float) -> FlightCosts:
