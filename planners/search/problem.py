@@ -31,7 +31,7 @@ from planners.search.task import Trajectory, TrajectoryTask
 from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, DistanceRange, view_basis
 
 REGULARISATION = 1e-5  # on the squared jerk: without gain and effort any trajectory would be a solution
-MOTION, CONTROL = 9, 3  # position, velocity, acceleration; jerk
+MOTION, CONTROL = 9, 3  # position, velocity, acceleration, behind which stand the sums; jerk
 INSIDE = 1e-5  # [m], [rad] from the bounds of the workspace: a flight keeps them exactly, a solver nearly
 VEHICLE_LIMITS = ("speed", "acceleration", "jerk", "climb_speed", "descent_speed")  # the yaw rate bounds a variable
 
@@ -41,7 +41,8 @@ class TrajectoryProblem:
 
     `nlp` is the argument of `casadi.nlpsol`, in the order that fatrop asks for. The variables are x_0, u_0, x_1, ...
     x_H. The constraints of a stage begin with the gap to the next node. `equality` marks the constraints that are
-    equations. `quick_hessian` is the Lagrangian's on the grid, and about it in flight, as fatrop takes it.
+    equations. A state has `state_size` numbers, and a stage, a state and its control, `stage_size`. `quick_hessian` is
+    the Lagrangian's on the grid, and about it in flight, as fatrop takes it.
     """
 
     def __init__(
