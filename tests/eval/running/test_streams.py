@@ -267,10 +267,10 @@ def test_a_field_that_is_learned_in_flight_expects_as_far_as_its_paths_go(folder
         )
     held = json.loads((tmp_path / "gain-field-perfect-moving-px4-auto.json").read_text())
     of_grid = json.loads((folder / "models" / "gain-field-perfect-moving.json").read_text())
-    assert (held["lookahead"], of_grid["lookahead"]) == (6.0, 2.0)
+    assert (held["lookahead"], of_grid["lookahead"]) == (3.0, 2.0)
     sha256 = load_setting(told).recogniser_sha256
     model = load_gain_model(replace(told, models=tmp_path), raising_streams(), sha256)
-    assert model.lookahead == 6.0
+    assert model.lookahead == 3.0
 
 
 def test_the_kit_checks_planners_on_streams(folder: Path) -> None:

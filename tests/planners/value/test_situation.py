@@ -209,4 +209,4 @@ def test_a_vehicle_looks_farther_ahead_in_a_stream_and_to_the_end_of_a_clip() ->
     clip = tiny_context(length=30)
     stream, flown = replace(clip, length=None), replace(clip, length=None, vehicle=load_vehicle("px4-auto"))
     assert frames_to_come(clip) == frames_to_come(replace(clip, vehicle=flown.vehicle)) == 29
-    assert frames_to_come(flown) == 3 * frames_to_come(stream) == round(6 / clip.frame_time)
+    assert frames_to_come(flown) == 1.5 * frames_to_come(stream) == round(3 / clip.frame_time)
