@@ -4,9 +4,11 @@ A policy that trains on few sequences learns who performed them. With variations
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.motion_data import MotionData
@@ -18,6 +20,7 @@ from ehar.data.streams.data import StreamData
 PACES = (0.85, 1.18)  # times as fast
 SIZES = (0.93, 1.07)  # times as large
 LIMBS = 0.1  # a bone is up to this share longer or shorter
+TURN = np.radians(15)  # people are turned at the waist by up to this angle
 DRIFT = 0.05  # a moment comes earlier or later by up to this share of the whole
 _SIDES = re.compile(r"left|right", re.IGNORECASE)
 
@@ -57,12 +60,42 @@ def with_variations(
                 varied, times = _with_other_limbs(varied, data.skeleton, rng), _drifting(times, rng)
             motions.append(interpolated(varied, times) * np.float32(size))
             labels.append(class_of_mirrored[label] if mirrored else label)
+    return _beside(data, sequences, each, motions, labels)
+
+
+def with_turned_trunks(data: MotionData, sequences: IntArray, each: int, *, seed: int = 0) -> MotionData:
+    """Return some sequences of a data set, each followed by variations of it in which people are turned at the waist.
+
+    All above the legs is turned about a vertical axis through where the legs meet, by an angle that each person keeps.
+
+    Args:
+        data: all sequences.
+        sequences: (N,) indices of the sequences to vary.
+        each: number of variations of each sequence.
+        seed: seed of the angles, which are drawn uniformly.
+
+    Returns:
+        N (1 + each) sequences, without a split; bodies without two legs are not turned.
+    """
+    rng = np.random.default_rng(seed)
+    motions: list[FloatArray] = []
+    for index in sequences:
+        motion = data.sequence(index)
+        motions.append(motion)
+        motions.extend(_with_turned_trunk(motion, data.skeleton, rng) for _ in range(each))
+    return _beside(data, sequences, each, motions, np.repeat(data.labels[sequences], 1 + each))
+
+
+def _beside(
+    data: MotionData, sequences: IntArray, each: int, motions: Sequence[FloatArray], labels: ArrayLike
+) -> MotionData:
+    """Return data of some sequences, each followed by its variations; motions and labels are of all of them."""
     copies = np.repeat(sequences, 1 + each)
     return replace(
         data,
         positions=np.concatenate(motions),
         offsets=np.concatenate([[0], np.cumsum([len(motion) for motion in motions])]).astype(np.int64),
-        labels=np.array(labels, dtype=data.labels.dtype),
+        labels=np.asarray(labels, dtype=data.labels.dtype),
         sequence_names=tuple(
             _numbered(data.sequence_names[index], number)
             for index, number in zip(copies, np.tile(np.arange(1 + each), len(sequences)), strict=True)
@@ -152,6 +185,38 @@ def _with_other_limbs(motion: FloatArray, skeleton: Skeleton, rng: np.random.Gen
     factor = (drawn + drawn[:, skeleton.mirror]) / 2
     bones = (motion - motion[:, :, toward]) * factor.astype(np.float32)
     return np.asarray(motion[:, :, roots(toward)] + paths(toward) @ bones)
+
+
+def _with_turned_trunk(motion: FloatArray, skeleton: Skeleton, rng: np.random.Generator) -> FloatArray:
+    """Return motion (T, P, J, 3) of people who are turned at the waist, each by an angle of their own."""
+    legs, waist = _legs(motion, skeleton)
+    angle = rng.uniform(-TURN, TURN, size=motion.shape[1])
+    turned = motion.copy()
+    if waist is None:
+        return turned
+    trunk = np.setdiff1d(np.arange(motion.shape[2]), legs)
+    x, y, _ = np.moveaxis(motion[:, :, trunk] - motion[:, :, [waist]], -1, 0)
+    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    turned[:, :, trunk, 0] = motion[:, :, [waist], 0] + cos * x - sin * y
+    turned[:, :, trunk, 1] = motion[:, :, [waist], 1] + sin * x + cos * y
+    return turned
+
+
+def _legs(motion: FloatArray, skeleton: Skeleton) -> tuple[IntArray, int | None]:
+    """Return the joints of the legs, and the joint of the body's middle where they meet; no legs and None without.
+
+    A leg is the part of the body that hangs on its middle, and to which the lowest joint with a counterpart belongs.
+    """
+    toward = parents(skeleton)
+    sided = np.flatnonzero(skeleton.mirror != np.arange(len(toward)))
+    if len(sided) == 0:
+        return np.zeros(0, dtype=np.int64), None
+    joint = int(sided[np.argmin(motion[..., sided, 2].mean(axis=(0, 1)))])
+    hip = joint
+    while skeleton.mirror[joint] != joint and toward[joint] != joint:
+        joint, hip = int(toward[joint]), joint
+    leg = np.flatnonzero(paths(toward)[:, hip])
+    return np.union1d(leg, skeleton.mirror[leg]), joint
 
 
 def _drifting(times: FloatArray, rng: np.random.Generator) -> FloatArray:

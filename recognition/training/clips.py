@@ -32,6 +32,7 @@ class Clips(NamedTuple):
     features: Tensor  # (B, L, P, J, C)
     labels: Tensor  # (B,); of streams (B, L), for each frame its own
     sequences: IntArray  # (B,) the sequence that each is cut from
+    viewpoints: FloatArray  # (B, L, 3) of the cameras
 
     @property
     def frame_labels(self) -> Tensor:
@@ -111,7 +112,7 @@ class ClipSource:
         around = surroundings_of(scenarios, every, self._world, rng)
         hidden = None if around is None else around.hide(viewpoints, positions, slice(None))
         seen = self._see(positions, viewpoints, rng, hidden)
-        return Clips(seen, torch.from_numpy(scenarios.labels.astype(np.int64)), scenarios.sequence)
+        return Clips(seen, torch.from_numpy(scenarios.labels.astype(np.int64)), scenarios.sequence, viewpoints)
 
     def _see(
         self, positions: FloatArray, viewpoints: FloatArray, rng: np.random.Generator, hidden: BoolArray | None

@@ -15,7 +15,9 @@ class Change:
     Args:
         weighs: whether the network weighs frames by what they show.
         view: whether it is told where the camera is.
+        turning: whether it is also told how the camera turns around people, from frame to frame.
         varied: whether it learns from variations of the motion too.
+        trunks: whether it learns from people who are turned at the waist too.
         smoothing: share of the probability that the loss spreads over all classes.
         next_pose: weight of a second loss: how far off the next frame's joints are foretold [1 / m^2].
         stream: the only part of the input that is left; None leaves all of it. "motion" is the way of joints and bones
@@ -26,7 +28,9 @@ class Change:
 
     weighs: bool = True
     view: bool = True
+    turning: bool = False
     varied: bool = False
+    trunks: bool = False
     smoothing: float = 0.0
     next_pose: float = 0.0
     stream: Stream | None = None
@@ -44,7 +48,9 @@ CHANGES: dict[str, Change] = {
     "seed 2": Change(seed=2),
     "frames alike": Change(weighs=False),
     "view unknown": Change(view=False),
+    "turning told": Change(turning=True),
     "varied motion": Change(varied=True),
+    "turned trunks": Change(trunks=True),
     "smoothed labels": Change(smoothing=SMOOTHING),
     "next pose": Change(next_pose=NEXT_POSE),
     "joint": Change(stream="joint"),
@@ -73,8 +79,10 @@ ROWS: tuple[Row, ...] = (
     Row(USUAL, (USUAL,), "frames weighed, the view told, weights averaged over steps, joints and bones together"),
     Row("frames alike", ("frames alike",), "all frames count as much"),
     Row("view unknown", ("view unknown",), "polar angle and distance are not told"),
+    Row("turning told", ("turning told",), "how the camera turns around people is told too"),
     Row("last weights", (LAST,), "no average over steps"),
     Row("varied motion", ("varied motion",), "half of the clips mirrored, of another pace and size, with other limbs"),
+    Row("turned trunks", ("turned trunks",), "most clips of people who are turned at the waist by up to 15 degrees"),
     Row("smoothed labels", ("smoothed labels",), f"{SMOOTHING:g} of the label is spread over all classes"),
     Row("next pose", ("next pose",), "a second head foretells the next frame's joints"),
     Row("pre-trained", ("pre-trained",), "begins with what the other sets taught"),

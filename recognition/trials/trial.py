@@ -10,17 +10,17 @@ from torch import Tensor, nn
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.data.motion_data import MotionData
-from ehar.data.variations import with_variations
+from ehar.data.variations import with_turned_trunks, with_variations
 from ehar.errors import ModelError
 from ehar.sensors.registry import load_sensor
 from ehar.world import PAPER
 from recognition.left_out import Fold
 from recognition.networks.causal import CausalCTRGCN
-from recognition.networks.spec import NetworkSpec
+from recognition.networks.spec import DROPOUT, build_network
 from recognition.training.clips import Clips, ClipSource
 from recognition.training.learner import Learner
 from recognition.trials.changes import Change
-from recognition.trials.inputs import changed_input
+from recognition.trials.inputs import changed_input, channels_of
 from recognition.trials.next_pose import NextPoseLearner
 
 VARIATIONS = 8  # of each sequence, where motion is varied
@@ -92,13 +92,22 @@ def run_trial(
     Raises:
         ModelError: the loss is not finite.
     """
-    if change.varied:
-        varied = with_variations(data, fold.learned, VARIATIONS, seed=change.seed, bodies=True)
-        source = clip_source(varied, np.arange(len(varied.labels)), lesson, augment=True)
-    else:
-        source = clip_source(data, fold.learned, lesson, augment=True)
-    spec = NetworkSpec.of(data, form="causal", size="small", length=lesson.length)
-    network = spec.build(change.seed)
+    shown, learned = data, fold.learned
+    if change.varied or change.trunks:
+        vary = partial(with_variations, bodies=True) if change.varied else with_turned_trunks
+        shown = vary(data, fold.learned, VARIATIONS, seed=change.seed)
+        learned = np.arange(len(shown.labels))
+    source = clip_source(shown, learned, lesson, augment=True)
+    network = build_network(
+        "causal",
+        "small",
+        classes=len(data.recognised_names),
+        channels=channels_of(data.persons, change),
+        skeleton=data.skeleton,
+        persons=data.persons,
+        dropout=DROPOUT,
+        seed=change.seed,
+    )
     assert isinstance(network, CausalCTRGCN)
     if begin is not None:
         own = network.state_dict()
@@ -107,7 +116,7 @@ def run_trial(
         _weigh_alike(network)
     learner = make_learner(network.to(lesson.device), change)
     learn(learner, lesson, change.seed, lambda rng, step: source.draw(rng, BATCH), change)
-    features = changed_input(held.features, change)
+    features = changed_input(held, change)
     return learner.logits(learner.averaged, features), learner.logits(learner.network, features)
 
 
@@ -152,7 +161,7 @@ def learn(
     for step in range(steps):
         rng = np.random.default_rng((seed, step))
         clips = draw(rng, step)
-        clips = clips._replace(features=changed_input(clips.features, change))
+        clips = clips._replace(features=changed_input(clips, change))
         loss = learner.learn(clips, rng, step=step, steps=steps)
         if not np.isfinite(loss):
             raise ModelError(f"the loss is {loss} at step {step}: expected a finite one")

@@ -270,6 +270,13 @@ STUDY = CommandGroup(
                     metavar="FOLD ...",
                     hint="all",
                 ),
+                "changes": Flag(
+                    'what to change now, such as "varied motion".',
+                    kind=tuple[str, ...],
+                    default=(),
+                    metavar="NAME ...",
+                    hint="everything",
+                ),
                 "clips": Flag("training clips of each trial."),
                 "device": Flag("torch device."),
                 "threads": Flag("CPU threads of torch.", hint="torch decides"),

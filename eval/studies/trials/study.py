@@ -50,11 +50,13 @@ class TrialsReport:
         for row in ROWS[1:]:
             gains = [next((score.gain for score in held.rows if score.row == row.name), None) for held in self.sets]
             known = [gain for gain in gains if gain is not None]
+            if not known:
+                continue
             rows.append(
                 (
                     row.name,
                     *("-" if gain is None else f"{gain:+.1f}" for gain in gains),
-                    f"{np.mean(known):+.1f}" if known else "-",
+                    f"{np.mean(known):+.1f}",
                     f"{sum(gain > 0 for gain in known)} of {len(known)}",
                     "yes" if _would_keep(known) else "no",
                     row.told,
@@ -124,6 +126,7 @@ def trials(
     sensor: str = "estimator",
     folds: int = 3,
     only: Sequence[int] = (),
+    changes: Sequence[str] = (),
     clips: int = 12_000,
     device: str = "cpu",
     threads: int = 0,
@@ -139,6 +142,7 @@ def trials(
         sensor: name of the sensor.
         folds: number of groups that people are left out in.
         only: numbers of the folds to train now; none means all. Two processes may train different ones.
+        changes: what to change now, beside the usual training; none means everything. More can be tried later.
         clips: training clips of each trial.
         device: torch device.
         threads: CPU threads of torch; with 0, torch decides.
@@ -155,6 +159,9 @@ def trials(
     outside = [number for number in only if not 0 <= number < folds]
     if outside:
         raise UsageError(f"--only: got {outside[0]}, expected numbers from 0 to {folds - 1}")
+    unknown = [name for name in changes if name not in CHANGES]
+    if unknown:
+        raise UsageError(f"--changes: got {unknown[0]!r}, expected names of: {', '.join(CHANGES)}")
     check_device(device)
     if threads:
         torch.set_num_threads(threads)
@@ -176,7 +183,7 @@ def trials(
     try:
         for number in only or range(folds):
             for run in runs:
-                run.train(number)
+                run.train(number, [USUAL, *changes] if changes else list(CHANGES))
     finally:  # who stops it has the table of what is done
         report = TrialsReport(clips, folds, tuple(scores for run in runs if (scores := run.scores()) is not None))
         if report.sets:
@@ -209,13 +216,13 @@ class _SetTrials:
         load_sensor(sensor, data, PAPER)  # to refuse one that is unknown before anything is written
         self._lesson = Lesson(sensor, clips, advised_length(data, USUAL_LENGTH), device)
 
-    def train(self, number: int) -> None:
-        """Make the trainings of a fold that are not there yet, and print a line after each."""
+    def train(self, number: int, changes: Sequence[str]) -> None:
+        """Make those trainings of a fold that are not there yet, and print a line after each."""
         from recognition.trials.pretraining import pretrain
         from recognition.trials.trial import held_clips, run_trial
 
         fold = self._folds[number]
-        wanted = {name: change for name, change in CHANGES.items() if self._others or not change.pretrained}
+        wanted = {name: CHANGES[name] for name in changes if self._others or not CHANGES[name].pretrained}
         held = held_clips(self._data, fold, self._lesson)
         for name, change in wanted.items():
             if self._path(number, name).is_file():

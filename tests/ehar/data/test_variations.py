@@ -6,11 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ehar.data.skeleton import counterparts
+from ehar.data.skeleton import Skeleton, counterparts
+from ehar.data.source import load_data
 from ehar.data.streams.data import NO_ACTIVITY
-from ehar.data.variations import PACES, SIZES, with_stream_variations, with_variations
+from ehar.data.variations import PACES, SIZES, TURN, with_stream_variations, with_turned_trunks, with_variations
 from tests.helpers.fakes import CLASS_NAMES, SKELETON, tiny_data
 from tests.helpers.streams import raising_streams
+
+LEG = ("hip", "knee", "ankle", "foot", "toe")
 
 
 def test_each_sequence_is_followed_by_its_variations() -> None:
@@ -132,3 +135,42 @@ def test_other_bodies_have_other_limbs_on_both_sides_alike() -> None:
     legs = [np.flatnonzero((SKELETON.bone_indices == [3, foot]).all(axis=1))[0] for foot in (left, right)]
     assert ratio[legs[0]] == pytest.approx(ratio[legs[1]], abs=0.02)
     assert len(varied.sequence(1)) == len(plain.sequence(1))
+
+
+@pytest.mark.parametrize("name", ["solo", "duo"])
+def test_people_are_turned_at_the_waist(name: str) -> None:
+    """Legs stay, bones keep their lengths, and shoulders turn by one angle; each person has its own."""
+    data = load_data(name)
+    legs = [index for index, joint in enumerate(data.skeleton.joint_names) if joint.split("_")[-1] in LEG]
+    pelvis = data.skeleton.joint_names.index("pelvis")
+    turned = with_turned_trunks(data, np.array([3, 8]), 3)
+    assert turned.sequence_names[:4] == (
+        data.sequence_names[3],
+        *(f"{data.sequence_names[3]} ({i})" for i in (1, 2, 3)),
+    )
+    np.testing.assert_array_equal(turned.labels, np.repeat(data.labels[[3, 8]], 4))
+    np.testing.assert_array_equal(turned.sequence(0), data.sequence(3))
+    before, start, end = data.sequence(3), *data.skeleton.bone_indices.T
+    angles = []
+    for row in (1, 2, 3):
+        after = turned.sequence(row)
+        np.testing.assert_array_equal(after[:, :, [*legs, pelvis]], before[:, :, [*legs, pelvis]])
+        np.testing.assert_array_equal(after[..., 2], before[..., 2])
+        upper = [bone for bone in range(len(start)) if start[bone] not in legs and end[bone] not in legs]
+        lengths = [np.linalg.norm(m[:, :, start[upper]] - m[:, :, end[upper]], axis=-1) for m in (before, after)]
+        np.testing.assert_allclose(*lengths, atol=1e-5)
+        chest = [data.skeleton.joint_names.index(f"{side}_shoulder") for side in ("left", "right")]
+        across = [m[:, :, chest[0], :2] - m[:, :, chest[1], :2] for m in (before, after)]
+        turn = np.angle(np.exp(1j * (np.arctan2(*across[1].T[::-1]) - np.arctan2(*across[0].T[::-1]))))
+        np.testing.assert_allclose(turn, np.broadcast_to(turn[:, :1], turn.shape), atol=1e-4)
+        angles.extend(turn[:, 0])
+    assert len(np.unique(np.round(angles, 6))) == 3 * data.persons
+    assert max(np.abs(angles)) <= TURN
+
+
+def test_bodies_without_sides_are_not_turned() -> None:
+    data = tiny_data(sequences=3)
+    stick = replace(data, skeleton=Skeleton(tuple(f"joint-{i}" for i in range(6)), SKELETON.bones))
+    turned = with_turned_trunks(stick, np.array([0]), 2)
+    for row in range(3):
+        np.testing.assert_array_equal(turned.sequence(row), data.sequence(0))

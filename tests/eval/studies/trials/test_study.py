@@ -38,11 +38,11 @@ def test_folds_are_trained_one_after_another_and_kept(
     told = ["study", "trials", str(motion), "--sensor", "perfect", "--folds", "2", "--clips", "64", "--out", str(out)]
     main([*told, "--only", "1"])
     first = capsys.readouterr()
-    assert first.err.count("tiny, fold 1, ") == 11  # nothing to learn from first, with one set
-    assert "1 of 2 folds" in first.out and "pre-trained" in first.out
+    assert first.err.count("tiny, fold 1, ") == len(CHANGES) - 1  # nothing to learn from first, with one set
+    assert "1 of 2 folds" in first.out and "pre-trained" not in first.out
     main(told)
     second = capsys.readouterr()
-    assert "fold 1" not in second.err and second.err.count("tiny, fold 0, ") == 11
+    assert "fold 1" not in second.err and second.err.count("tiny, fold 0, ") == len(CHANGES) - 1
     held = json.loads((out / "summary.json").read_text())
     assert held["sets"][0]["folds"] == 2
     rows = {row["row"]: row for row in held["sets"][0]["rows"]}
@@ -58,9 +58,9 @@ def test_sets_of_which_nothing_is_done_are_left_out_of_the_tables(
 ) -> None:
     train = study._SetTrials.train
 
-    def but_duo(self: study._SetTrials, number: int) -> None:
+    def but_duo(self: study._SetTrials, number: int, changes: list[str]) -> None:
         if self._data.name != "duo":
-            train(self, number)
+            train(self, number, changes)
 
     monkeypatch.setattr(study._SetTrials, "train", but_duo)
     monkeypatch.setattr(study, "CHANGES", {USUAL: Change()})
@@ -84,7 +84,7 @@ def test_who_stops_it_has_the_table_of_what_is_done(
         trials([str(motion)], out=tmp_path / "out", sensor="perfect", folds=2, clips=32)
     table = (tmp_path / "out" / "table.md").read_text()
     assert "| frames alike |" in table and "| varied motion |" in table
-    assert table.count("smoothed labels") == 1  # in the table over all sets, where nothing is known of it
+    assert "smoothed labels" not in table
 
 
 def test_other_sets_that_are_of_no_use_leave_out_what_learns_from_them(
@@ -98,11 +98,29 @@ def test_other_sets_that_are_of_no_use_leave_out_what_learns_from_them(
     assert "pre-trained" in rows["tiny (synthetic)"] and "pre-trained" not in rows["solo (synthetic)"]
 
 
+def test_some_changes_are_tried_now_and_others_later(
+    motion: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = ["study", "trials", str(motion), "--sensor", "perfect", "--folds", "2", "--only", "0", "--clips", "32"]
+    main([*told, "--changes", "turning told", "turned trunks", "--out", str(tmp_path)])
+    first = capsys.readouterr()
+    assert [name for name in CHANGES if f"fold 0, {name}:" in first.err] == [USUAL, "turning told", "turned trunks"]
+    assert "last weights" in first.out and "varied motion" not in first.out
+    main([*told, "--changes", "frames alike", "--out", str(tmp_path)])
+    second = capsys.readouterr()
+    assert [name for name in CHANGES if f"fold 0, {name}:" in second.err] == ["frames alike"]
+    assert "turning told" in second.out and "frames alike" in second.out
+
+
 def test_bad_options_are_refused(motion: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="--clips: got 0"):
         trials([str(motion)], out=tmp_path, clips=0)
     with pytest.raises(UsageError, match="--only: got 3, expected numbers from 0 to 2"):
         trials([str(motion)], out=tmp_path, only=[3])
+    with pytest.raises(
+        UsageError, match=r"--changes: got 'no view', expected names of: as it is, seed 1, .*turned trunks"
+    ):
+        trials([str(motion)], out=tmp_path, changes=["no view"])
     with pytest.raises(UsageError, match="expected different sets, got tiny more than once"):
         trials([str(motion), str(motion)], out=tmp_path)
     with pytest.raises(UsageError, match="expected different sets, got none"):
