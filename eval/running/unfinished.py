@@ -18,6 +18,9 @@ from eval.records.job_times import JOB_TIMES, JobTime, write_job_times
 from eval.records.solves import Solves
 from eval.running.jobs import Done, Job
 from eval.running.run import Run
+from eval.running.source_code import source_sha256
+
+SOURCE = "source"  # the hash of the code that ran the jobs
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,7 @@ class _Told:
 
 @dataclass(frozen=True)
 class UnfinishedRun:
-    """A folder `unfinished` in that of a run: its config.json, and two files for each finished job.
+    """A folder `unfinished` in that of a run: its config.json, the hash of the code, and two files for each done job.
 
     `3-12.jsonl` has the episodes of planner 3 in chunk 12, counted from 0, as episodes.jsonl has them. `3-12.json` has
     the rest, and the hash of the episodes. It is written last, so a job that has both is whole. A job whose files are
@@ -66,18 +69,24 @@ class UnfinishedRun:
 
         Args:
             jobs: all jobs of the run.
-            anew: whether to forget the jobs that are done.
-            note: is told how many jobs are done.
+            anew: whether to forget the jobs that are done; those of other code are forgotten as well.
+            note: is told how many jobs are done, or forgotten.
 
         Raises:
             UsageError: the folder cannot be written to, or another process holds it.
             KeyboardInterrupt: Ctrl-C; it says what is kept.
         """
         with self._locked():
-            if anew or not (self.folder / CONFIG).exists():  # nobody knows whose jobs those without one are
+            source, done = self.folder / SOURCE, sum(job in self for job in jobs)
+            other = source.exists() and source.read_text(encoding="utf-8") != source_sha256()
+            if other and done and not anew:
+                note(f"{self.out}: begins anew; {done} of {len(jobs)} jobs were done by other code")
+            # Nobody knows whose jobs those without a configuration are.
+            if anew or other or not source.exists() or not (self.folder / CONFIG).exists():
                 for path in self.folder.glob("*-*.json*"):
                     path.unlink()
             write_text(self.folder / CONFIG, [json_text(self.config.to_json())])
+            write_text(source, [source_sha256()])
             done = sum(job in self for job in jobs)
             if done:
                 note(f"{self.out}: goes on; {done} of {len(jobs)} jobs are done")
