@@ -78,14 +78,14 @@ def _shared_out(
     how fast a camera may go along it, and each axis gets its share of that. A part of the jerk is reserved: the present
     velocity and acceleration already cause it.
     """
-    lever = _lever(places)
-    length = np.linalg.norm(lever * heading[:, None], axis=-1, keepdims=True)
+    arms = lever(places)
+    length = np.linalg.norm(arms * heading[:, None], axis=-1, keepdims=True)
     path = heading[:, None] / np.where(length > 0, length, 1)
-    alone = np.eye(3) / lever[..., None, :]
+    alone = np.eye(3) / arms[..., None, :]
     directions = np.concatenate([path[..., None, :], alone], axis=-2)  # (B, P, 4, 3), all of unit speed
     safe = _along(vehicle, places[..., None, :], directions)
     together = [(limit[..., :1] * np.abs(path)).min(axis=1) for limit in safe]
-    single = [(limit[..., 1:] / lever).min(axis=1) for limit in safe]
+    single = [(limit[..., 1:] / arms).min(axis=1) for limit in safe]
     coasting = local_motion(state._replace(jerk=np.zeros_like(state.velocity))).jerk
     used = (coasting**2).sum(axis=-1, keepdims=True) / vehicle.jerk**2
     left = np.sqrt(np.maximum(1 - used, 0.1))
@@ -119,15 +119,15 @@ def _along(vehicle: Vehicle, viewpoint: FloatArray, direction: FloatArray) -> tu
 
 def braking_way(vehicle: Vehicle, state: SphericalState) -> FloatArray:
     """Return about how much farther each axis gets if it brakes now, alone, (B, 3)."""
-    lever = _lever(state.viewpoint)
-    acceleration = lever * state.acceleration
-    speed = lever * state.velocity + acceleration * np.abs(acceleration) / (2 * vehicle.jerk)
+    arms = lever(state.viewpoint)
+    acceleration = arms * state.acceleration
+    speed = arms * state.velocity + acceleration * np.abs(acceleration) / (2 * vehicle.jerk)
     build_up = vehicle.acceleration / vehicle.jerk
-    farther: FloatArray = speed * (np.abs(speed) / vehicle.acceleration + build_up) / (2 * lever)
+    farther: FloatArray = speed * (np.abs(speed) / vehicle.acceleration + build_up) / (2 * arms)
     return farther
 
 
-def _lever(viewpoint: FloatArray) -> FloatArray:
+def lever(viewpoint: FloatArray) -> FloatArray:
     """Return how far a camera moves as each coordinate changes by one unit, (..., 3): [m/m], [m/rad], [m/rad]."""
     distance = np.maximum(viewpoint[..., DISTANCE], 1e-3)
     radius = distance * np.maximum(np.sin(viewpoint[..., POLAR]), 1e-3)  # on the vertical axis any turn is free

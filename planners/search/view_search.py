@@ -10,14 +10,14 @@ from ehar.errors import EpisodeError, UsageError
 from ehar.obstacles.free_space import needed_clearance
 from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import MOVES, cartesian
-from planners.heading import axis_speeds, move_target
+from planners.heading import move_target
+from planners.search.pace import pace_of
 from planners.search.ways import Ways, free_spaces
 from planners.value.model import GainModel
 from planners.value.view_basis import basis_at, mean_direction
 from planners.value.view_value import ViewValue, coarse_grid
 
 WAY_POINTS = 15  # nodes along a straight way, over the rest of the episode
-LEAST_FRAMES = 1e-9  # takes the place of 0, because we divide by it
 
 
 class NextBestViewGreedy(Planner):
@@ -133,8 +133,8 @@ def search_ways(
 ) -> Search:
     """Return ways to a grid of goals, and their gain.
 
-    The ways are straight in the three coordinates, or lead around obstacles. They go from rest to rest, at the pace of
-    the grid or the vehicle. A view counts as far as it shows people.
+    The ways are straight in the three coordinates, or lead around obstacles. They end at rest, and go at the pace of
+    the grid, or at that of the vehicle from its present motion. A view counts as far as it shows people.
 
     Args:
         value: the value of views after the present frame.
@@ -147,11 +147,10 @@ def search_ways(
     goals = np.concatenate([here[:, None], np.broadcast_to(grid, (len(here), *grid.shape))], axis=1)
     ways = Ways.to(goals, here, free_spaces(context, observation))
     node_frames, gains, weights = value.coming(WAY_POINTS)
-    needed, ramp = _frames_needed(ways.straight, here, context)
-    needed = needed * ways.longer
+    pace = pace_of(ways, observation, context)
     nodes = np.flatnonzero(gains)
     frames, counts = (nodes + 1) * node_frames, gains[nodes]
-    there = np.stack([ways.at(share_made(count, needed, ramp)) for count in frames.tolist()], axis=1)  # (B, N, G, 3)
+    there = np.stack([pace.places(ways, count, context.workspace) for count in frames.tolist()], axis=1)  # (B, N, G, 3)
     if plans is not None:
         there = np.concatenate([there, plans(frames)[:, :, None]], axis=2)
     basis = basis_at(there, value.span)
@@ -163,34 +162,3 @@ def search_ways(
     if plans is None:
         return Search(ways, frames, there, collected)
     return Search(ways, frames, there[:, :, :-1], collected[:, :-1], collected[:, -1])
-
-
-def _frames_needed(way: FloatArray, here: FloatArray, context: Context) -> tuple[FloatArray, float]:
-    """Return the frames (B, G) that ways (B, G, 3) take at full speed, and the frames to get up to full speed."""
-    if context.vehicle is None:
-        frames: FloatArray = np.abs(way / context.workspace.step).sum(axis=-1)
-        return frames, 0.0
-    velocity = axis_speeds(context.vehicle, here)
-    up_to_speed = context.vehicle.speed / context.vehicle.acceleration  # [s]
-    return np.linalg.norm(way / velocity[:, None], axis=-1) / context.frame_time, up_to_speed / context.frame_time
-
-
-def share_made(frames: float, needed: FloatArray, ramp: float) -> FloatArray:
-    """Return the share of ways that is covered after some frames, from rest to rest, in the shape of `needed`.
-
-    A camera speeds up in the same way for every goal. At a constant mean pace, the goals behind a good view would seem
-    best, because the camera would pass that view sooner.
-
-    Args:
-        frames: number of frames since the start.
-        needed: number of frames for the ways at full speed.
-        ramp: number of frames to get up to full speed, or to brake from it.
-    """
-    needed, ramp = np.maximum(needed, LEAST_FRAMES), max(ramp, LEAST_FRAMES)
-    top = np.minimum(np.sqrt(needed / ramp), 1.0)  # the share of the full speed that is reached
-    duration = needed / top + ramp * top
-    # Up to the middle of the way, this is the way covered; after it, by symmetry, the way that is left.
-    time = np.maximum(np.minimum(frames, duration - frames), 0.0)
-    made = np.where(time < ramp * top, time**2 / (2 * ramp), top * (time - ramp * top / 2))
-    share: FloatArray = np.where(frames < duration / 2, made, needed - made) / needed
-    return share

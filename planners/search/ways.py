@@ -58,7 +58,7 @@ class Ways:
             if detour is None:
                 continue
             _, goals, cells, steps = detour
-            reached = np.rint(share[episode, goals] * steps).astype(np.int64)
+            reached = np.rint(share[episode, goals].clip(0, 1) * steps).astype(np.int64)
             places[episode, goals] = cells[np.arange(len(goals)), reached]
         return places
 

@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError
@@ -17,7 +15,7 @@ from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import MOVES, Workspace, wrap_difference
 from ehar.world import PAPER, World
-from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch, search_ways, share_made
+from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch, search_ways
 from planners.value.situation import frame_gains
 from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, field_value, mean_direction, view_basis
 from planners.value.view_value import GRID, ViewValue, coarse_grid
@@ -127,33 +125,6 @@ def test_to_stay_collects_the_field_where_one_is() -> None:
     for length in (2, 10, 60):
         searcher = searched(weights, start, at=0, length=length)
         np.testing.assert_allclose(searcher.collected[0, 0], field_value(weights, start, PAPER_RANGE), atol=1e-9)
-
-
-@given(st.floats(0, 200), st.floats(0, 60))
-def test_ways_are_made_from_rest_to_rest_within_the_limits(needed: float, ramp: float) -> None:
-    frames = np.linspace(0, 2 * (needed + ramp) + 1, 400)
-    share = np.array([share_made(frame, np.array(needed), ramp) for frame in frames])
-    assert share[0] == (1.0 if needed == 0 else pytest.approx(0, abs=1e-9)) or needed < 1e-6
-    assert share[-1] == pytest.approx(1)
-    made = share * needed
-    speed = np.diff(made) / np.diff(frames)
-    assert (speed >= -1e-9).all()
-    assert (speed <= 1 + 1e-9).all()
-    if ramp > 1e-3:
-        assert (np.abs(np.diff(speed) / np.diff(frames)[0]) <= 1 / ramp + 1e-6).all()
-
-
-def test_without_a_ramp_the_pace_is_steady_until_the_goal() -> None:
-    shares = [share_made(frame, np.array(8.0), 0.0) for frame in (0, 2, 4, 8, 20)]
-    np.testing.assert_allclose(shares, [0, 0.25, 0.5, 1, 1])
-
-
-@given(st.floats(1, 100), st.floats(1, 100), st.floats(0, 150))
-def test_until_one_brakes_it_does_not_matter_how_far_the_goal_is(near: float, more: float, frames: float) -> None:
-    ways = np.array([near, near + more])
-    made = share_made(frames, ways, 20.0) * ways
-    if made[0] < near / 2 - 1e-9:
-        assert made[1] == pytest.approx(made[0])
 
 
 @pytest.mark.parametrize("vehicle", [None, VEHICLES["px4-auto"]])
