@@ -15,7 +15,7 @@ from ehar.recogniser import Recogniser
 from eval.conformance.checks import Conformance, ContractCheck, attempt
 from eval.conformance.streams import (
     TOLERANCE,
-    Frame,
+    GivenFrame,
     Stream,
     Streamer,
     cut,
@@ -54,7 +54,7 @@ def check_recogniser(recogniser: str | Recogniser, conditions: Conditions | None
         return Conformance(f"recogniser {setting.form}", tuple(_checks(setting.runner.recogniser, frames)))
 
 
-def _checks(recogniser: Recogniser, frames: Sequence[Frame]) -> list[ContractCheck]:
+def _checks(recogniser: Recogniser, frames: Sequence[GivenFrame]) -> list[ContractCheck]:
     """Return all checks; all others need the first one."""
     streamer, seven = Streamer(recogniser), episodes_of(frames, ALL)
     streams: list[Stream] = []
@@ -149,14 +149,14 @@ def _not_normalised(log_probs: FloatArray) -> str | None:
     return f"probabilities that sum to {total[worst]:.4g} in row {worst[1]} after frame {worst[0]}"
 
 
-def _rows_alone(streamer: Streamer, frames: Sequence[Frame], stream: Stream) -> str | None:
+def _rows_alone(streamer: Streamer, frames: Sequence[GivenFrame], stream: Stream) -> str | None:
     backwards = streamer.stream(episodes_of(frames, ALL[::-1]))[0]
     difference = difference_of(stream, cut(backwards, ALL[::-1]), (f"in a batch of {BATCH}", "in another order"))
     alone = streamer.stream(episodes_of(frames, ALL[:1]))[0]
     return difference or difference_of(cut(stream, ALL[:1]), alone, (f"in a batch of {BATCH}", "alone"))
 
 
-def _interleaved(streamer: Streamer, frames: Sequence[Frame], stream: Stream) -> str | None:
+def _interleaved(streamer: Streamer, frames: Sequence[GivenFrame], stream: Stream) -> str | None:
     half = len(frames) // 2
     early, state = streamer.stream(episodes_of(frames[:half], ALL))
     streamer.stream(episodes_of(frames, OTHERS))
@@ -165,7 +165,7 @@ def _interleaved(streamer: Streamer, frames: Sequence[Frame], stream: Stream) ->
     return difference_of(stream, whole, ("by itself", "with another stream in between"))
 
 
-def _twice_from_one_state(streamer: Streamer, frames: Sequence[Frame], stream: Stream) -> str | None:
+def _twice_from_one_state(streamer: Streamer, frames: Sequence[GivenFrame], stream: Stream) -> str | None:
     half = len(frames) // 2
     _, state = streamer.stream(frames[:half])
     streamer.stream(frames[half:][::-1], state)
@@ -173,7 +173,7 @@ def _twice_from_one_state(streamer: Streamer, frames: Sequence[Frame], stream: S
     return difference_of(cut(stream, ALL, slice(half, None)), late, ("at first", "from that state again"))
 
 
-def _forks(streamer: Streamer, frames: Sequence[Frame], stream: Stream) -> list[ContractCheck]:
+def _forks(streamer: Streamer, frames: Sequence[GivenFrame], stream: Stream) -> list[ContractCheck]:
     """Check fork and select: each alternative of two frames is compared with the same frames without a fork."""
     half, rows = len(frames) // 2, episodes_of(frames, ALL)
     _, state = streamer.stream(rows[:half])
@@ -225,7 +225,7 @@ def _forks(streamer: Streamer, frames: Sequence[Frame], stream: Stream) -> list[
     return [*checks, attempt(name, select, expected=expected, mend=mend)]
 
 
-def _reset(streamer: Streamer, frames: Sequence[Frame], stream: Stream) -> str | None:
+def _reset(streamer: Streamer, frames: Sequence[GivenFrame], stream: Stream) -> str | None:
     half, rows = len(frames) // 2, episodes_of(frames, ALL)
     _, state = streamer.stream(rows[:half])
     mask = ALL % 2 == 0
@@ -242,7 +242,7 @@ def _reset(streamer: Streamer, frames: Sequence[Frame], stream: Stream) -> str |
     )
 
 
-def _whole_clip(recogniser: Any, frames: Sequence[Frame], stream: Stream) -> ContractCheck:
+def _whole_clip(recogniser: Any, frames: Sequence[GivenFrame], stream: Stream) -> ContractCheck:
     name = "frame by frame is the same as the whole clip at once"
     if not hasattr(recogniser, "recognise_clip"):
         return ContractCheck(name, None, "it has no method recognise_clip(sensed, viewpoint), (B, T, ...) in and out")
@@ -254,7 +254,7 @@ def _whole_clip(recogniser: Any, frames: Sequence[Frame], stream: Stream) -> Con
     return attempt(name, whole, expected=f"the same within {TOLERANCE}", mend=mend)
 
 
-def _other_future(streamer: Streamer, frames: Sequence[Frame], stream: Stream) -> str | None:
+def _other_future(streamer: Streamer, frames: Sequence[GivenFrame], stream: Stream) -> str | None:
     """Stream the same frames as before up to the middle, and then those of other episodes."""
     half = len(frames) // 2
     mixed = [*episodes_of(frames[:half], ALL), *episodes_of(frames[half:], OTHERS)]
@@ -267,7 +267,7 @@ def _other_future(streamer: Streamer, frames: Sequence[Frame], stream: Stream) -
     return difference_of(cut(clips[0], ALL, early), cut(clips[1], ALL, early), names)
 
 
-def _at_once(recogniser: Any, frames: Sequence[Frame]) -> Stream:
+def _at_once(recogniser: Any, frames: Sequence[GivenFrame]) -> Stream:
     """Return what `recognise_clip` says of all frames, (T, B, ...)."""
     clip = side_by_side(frames)  # (B, T, ...)
     with blamed(recogniser, "recognise_clip"):
@@ -275,7 +275,7 @@ def _at_once(recogniser: Any, frames: Sequence[Frame]) -> Stream:
     return Stream(*(np.asarray(array, dtype=np.float64).swapaxes(0, 1) for array in recognition[:2]))
 
 
-def _pickled(recogniser: Recogniser, frames: Sequence[Frame], stream: Stream) -> str | None:
+def _pickled(recogniser: Recogniser, frames: Sequence[GivenFrame], stream: Stream) -> str | None:
     try:
         copy = cloudpickle.loads(cloudpickle.dumps(recogniser))
     except Exception as error:
@@ -283,7 +283,7 @@ def _pickled(recogniser: Recogniser, frames: Sequence[Frame], stream: Stream) ->
     return difference_of(stream, Streamer(copy).stream(frames)[0], ("here", "from the copy"))
 
 
-def _time(streamer: Streamer, frames: Sequence[Frame]) -> ContractCheck:
+def _time(streamer: Streamer, frames: Sequence[GivenFrame]) -> ContractCheck:
     state, milliseconds = streamer.start(BATCH), []
     for frame in frames:
         begin = time.perf_counter()

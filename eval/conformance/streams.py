@@ -18,15 +18,15 @@ from eval.conformance.world import small_batch
 TOLERANCE = 1e-4  # for log-probabilities and embeddings: batches of another size may differ by rounding
 
 
-class Frame(NamedTuple):
+class GivenFrame(NamedTuple):
     """One frame of B episodes, or of F alternatives of each episode."""
 
     sensed: Sensed
     viewpoint: FloatArray  # (B, 3) or (B, F, 3)
 
-    def rows(self, rows: IntArray) -> "Frame":
+    def rows(self, rows: IntArray) -> "GivenFrame":
         """Return copies of some of the episodes."""
-        return Frame(Sensed(*(array[rows] for array in self.sensed)), self.viewpoint[rows])
+        return GivenFrame(Sensed(*(array[rows] for array in self.sensed)), self.viewpoint[rows])
 
 
 class Stream(NamedTuple):
@@ -36,7 +36,7 @@ class Stream(NamedTuple):
     embedding: FloatArray  # (T, B, D)
 
 
-def small_frames(data: MotionData, world: World = PAPER) -> list[Frame]:
+def small_frames(data: MotionData, world: World = PAPER) -> list[GivenFrame]:
     """Return the frames of 14 episodes, seen by a perfect sensor from cameras that move at random."""
     from ehar.sensors.registry import make_sensor
     from recognition.training.views import training_viewpoints
@@ -46,7 +46,7 @@ def small_frames(data: MotionData, world: World = PAPER) -> list[Frame]:
     viewpoints = training_viewpoints("moving", world, np.random.default_rng(0), episodes, length)
     sensor = make_sensor("perfect", data, world)
     return [
-        Frame(
+        GivenFrame(
             sensor.sense(batch.positions[:, frame], viewpoints[:, frame], batch.noise.frame(frame)),
             viewpoints[:, frame],
         )
@@ -54,15 +54,15 @@ def small_frames(data: MotionData, world: World = PAPER) -> list[Frame]:
     ]
 
 
-def episodes_of(frames: Sequence[Frame], rows: IntArray) -> list[Frame]:
+def episodes_of(frames: Sequence[GivenFrame], rows: IntArray) -> list[GivenFrame]:
     """Return some of the episodes of several frames."""
     return [frame.rows(rows) for frame in frames]
 
 
-def side_by_side(frames: Sequence[Frame]) -> Frame:
+def side_by_side(frames: Sequence[GivenFrame]) -> GivenFrame:
     """Return F frames (B, ...) as one frame with F alternatives (B, F, ...)."""
     sensed = Sensed(*(np.stack(arrays, axis=1) for arrays in zip(*(frame.sensed for frame in frames), strict=True)))
-    return Frame(sensed, np.stack([frame.viewpoint for frame in frames], axis=1))
+    return GivenFrame(sensed, np.stack([frame.viewpoint for frame in frames], axis=1))
 
 
 class Streamer:
@@ -83,10 +83,10 @@ class Streamer:
         with blamed(self.recogniser, "start"):
             return self.recogniser.start(episodes)
 
-    def step(self, state: Any, frame: Frame) -> tuple[Stream, Any]:
+    def step(self, state: Any, frame: GivenFrame) -> tuple[Stream, Any]:
         """See one frame; the arrays are checked against the contract, and become float64."""
         leading = frame.viewpoint.shape[:-1]
-        shown = Frame(Sensed(*(array.copy() for array in frame.sensed)), frame.viewpoint.copy())
+        shown = GivenFrame(Sensed(*(array.copy() for array in frame.sensed)), frame.viewpoint.copy())
         with blamed(self.recogniser, "step"):
             recognition, after = self.recogniser.step(state, shown.sensed, shown.viewpoint)
         self._note_changes(shown, frame)
@@ -100,7 +100,7 @@ class Streamer:
             arrays.append(np.array(array, dtype=np.float64))
         return Stream(*arrays), after
 
-    def stream(self, frames: Sequence[Frame], state: Any = None) -> tuple[Stream, Any]:
+    def stream(self, frames: Sequence[GivenFrame], state: Any = None) -> tuple[Stream, Any]:
         """See several frames, from a new state or a given one."""
         state = self.start(len(frames[0].viewpoint)) if state is None else state
         seen = []
@@ -109,7 +109,7 @@ class Streamer:
             seen.append(recognised)
         return Stream(*(np.stack(arrays) for arrays in zip(*seen, strict=True))), state
 
-    def _note_changes(self, shown: Frame, frame: Frame) -> None:
+    def _note_changes(self, shown: GivenFrame, frame: GivenFrame) -> None:
         pairs = zip(
             (*Sensed._fields, "viewpoint"),
             (*shown.sensed, shown.viewpoint),

@@ -20,7 +20,7 @@ RULE_ALONE = "chosen after the fact: those in which the accuracies of planners s
 OF_CLIPS = ", of different classes as far as there are enough"  # follows a rule
 
 
-class Chosen(NamedTuple):
+class ChosenEpisode(NamedTuple):
     """An episode to replay, and why."""
 
     episode: int
@@ -40,7 +40,7 @@ def choose_planners(names: Sequence[str], lead: str | None) -> tuple[str, ...]:
 
 def choose_episodes(
     records: Mapping[str, EpisodeRecords], planner: str | None, other: str | None, *, most: int = MOST
-) -> tuple[Chosen, ...]:
+) -> tuple[ChosenEpisode, ...]:
     """Return the most telling episodes, none twice, and of different classes until every class has one.
 
     A stream shows many classes, so those of streams are not told apart by them.
@@ -55,13 +55,13 @@ def choose_episodes(
     label = next(iter(records.values())).label
     label = label if label.ndim == 1 else np.zeros(len(label), dtype=np.int64)
     free = np.ones(len(label), dtype=bool)
-    chosen: list[Chosen] = []
+    chosen: list[ChosenEpisode] = []
 
     def take(preference: FloatArray, why: str, numbers: FloatArray) -> None:
         """Take the free episode that is preferred most, the first of equal ones, and bar its class."""
         if free.any() and len(chosen) < most:
             best = int(np.where(free, preference, -np.inf).argmax())
-            chosen.append(Chosen(best, why.format(numbers[best])))
+            chosen.append(ChosenEpisode(best, why.format(numbers[best])))
             free[:] = _free(label, [one.episode for one in chosen])
 
     if planner is not None and other is not None:

@@ -14,7 +14,7 @@ from ehar.viewpoint import Workspace, wrap_azimuth
 from eval.records.episodes import EpisodeRecords
 from eval.render.field_map import gain_over_directions
 from eval.render.outlines import outlines
-from eval.replays.choice import Chosen
+from eval.replays.choice import ChosenEpisode
 from eval.replays.episode import lowest_polar, map_polars
 from eval.replays.rerun import PlannerReplay, Replays, replay_run
 from eval.running.run import Run
@@ -31,7 +31,7 @@ MAP_STEP = 10.0  # [deg], from one azimuth or polar angle of a field map to the 
 
 def replay_data(
     run: Run,
-    chosen: Sequence[Chosen],
+    chosen: Sequence[ChosenEpisode],
     planners: Mapping[str, str],
     *,
     data: str | Path | None,
@@ -105,7 +105,7 @@ def _down(workspace: Workspace) -> FloatArray:
 
 
 def _episode(
-    run: Run, reference: EpisodeRecords, replays: Replays, row: int, one: Chosen, planners: Mapping[str, str]
+    run: Run, reference: EpisodeRecords, replays: Replays, row: int, one: ChosenEpisode, planners: Mapping[str, str]
 ) -> dict[str, Any]:
     """Return one episode with all planners; the reference says which it is."""
     return {

@@ -15,7 +15,7 @@ from ehar.viewpoint import wrap_azimuth
 from eval.render.figures import shortened
 from eval.render.palette import PAIR, SOFT, STRONG, TEXT, Look
 from eval.replays.episode import CameraReplay, EpisodeReplay
-from eval.replays.panels import Beliefs, Course, DirectionMap, Image
+from eval.replays.panels import Beliefs, CoursePanel, DirectionMap, Image
 from eval.replays.scene import DrawnScene
 
 WIDTH, HEIGHT = 1280, 720  # [px]
@@ -122,7 +122,7 @@ class ReplayFigure:
             frameon=False,
         )
         self._text(MARGIN, 558, "probability of the true class [%], frame by frame", fontsize=9.5, color=SOFT)
-        self._panels.append(Course(self._axes(MARGIN + 34, 570, width - MARGIN - 34, 114), self._replay))
+        self._panels.append(CoursePanel(self._axes(MARGIN + 34, 570, width - MARGIN - 34, 114), self._replay))
 
     def _draw_column(self, left: float, camera: CameraReplay, look: Look) -> Text:
         """Draw the column of one camera, and return the text for its position."""

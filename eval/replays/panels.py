@@ -163,7 +163,7 @@ class DirectionMap:
             self._goal.set_data(np.degrees(wanted[None, [AZIMUTH, POLAR]]).T)
 
 
-class Course:
+class CoursePanel:
     """The probability of the true class so far, one line per planner, and below it when each was right."""
 
     def __init__(self, axes: Axes, replay: EpisodeReplay) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ehar.errors import UsageError
-from eval.replays.choice import Chosen, choose_episodes, choose_planners
+from eval.replays.choice import ChosenEpisode, choose_episodes, choose_planners
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.running.run import Run, read_run
 from eval.scores.resampling.training_seeds import first_trainings
@@ -134,7 +134,7 @@ def _records(run: Run, planners: Sequence[str]) -> tuple[tuple[str, ...], str]:
     return tuple(run.record_name(name) for name in shown), reason
 
 
-def _choose(run: Run, episode: int | str, records: Sequence[str]) -> Chosen:
+def _choose(run: Run, episode: int | str, records: Sequence[str]) -> ChosenEpisode:
     """Return the chosen episode, and the reason if the user did not give its number."""
     count = len(run.records[records[0]])
     expected = f"episode: expected 0 to {count - 1}, or {', '.join(TELLING)}"
@@ -152,7 +152,7 @@ def _choose(run: Run, episode: int | str, records: Sequence[str]) -> Chosen:
         raise UsageError(f"{expected}, got {episode!r}") from error
     if not 0 <= index < count:
         raise UsageError(f"{expected}, got {index}")
-    return Chosen(index, "")
+    return ChosenEpisode(index, "")
 
 
 def _replay(

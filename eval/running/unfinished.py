@@ -16,9 +16,9 @@ from eval.records.config import CONFIG, UNFINISHED, RunConfig
 from eval.records.episode_lines import episode_lines, read_episodes
 from eval.records.job_times import JOB_TIMES, JobTime, write_job_times
 from eval.records.solves import Solves
+from eval.running.code import code_sha256
 from eval.running.jobs import Done, Job
 from eval.running.run import Run
-from eval.running.source_code import source_sha256
 
 SOURCE = "source"  # the hash of the code that ran the jobs
 
@@ -78,7 +78,7 @@ class UnfinishedRun:
         """
         with self._locked():
             source, done = self.folder / SOURCE, sum(job in self for job in jobs)
-            other = source.exists() and source.read_text(encoding="utf-8") != source_sha256()
+            other = source.exists() and source.read_text(encoding="utf-8") != code_sha256()
             if other and done and not anew:
                 note(f"{self.out}: begins anew; {done} of {len(jobs)} jobs were done by other code")
             # Nobody knows whose jobs those without a configuration are.
@@ -86,7 +86,7 @@ class UnfinishedRun:
                 for path in self.folder.glob("*-*.json*"):
                     path.unlink()
             write_text(self.folder / CONFIG, [json_text(self.config.to_json())])
-            write_text(source, [source_sha256()])
+            write_text(source, [code_sha256()])
             done = sum(job in self for job in jobs)
             if done:
                 note(f"{self.out}: goes on; {done} of {len(jobs)} jobs are done")

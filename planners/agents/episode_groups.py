@@ -28,7 +28,7 @@ class GroupSetting(NamedTuple):
     hold: int  # number of frames for which a move is repeated
 
 
-class Seen(NamedTuple):
+class GroupStep(NamedTuple):
     """The result of one step of a group."""
 
     inputs: Inputs
@@ -61,7 +61,7 @@ class Group:
         observations, info = self._env.reset(seed=int(entropy))
         return self._see(observations, info)
 
-    def step(self, moves: IntArray) -> Seen:
+    def step(self, moves: IntArray) -> GroupStep:
         """Carry out moves (B,); if the episodes are over, begin the next ones at once."""
         rewards: FloatArray = np.zeros(len(moves))
         over = False
@@ -74,8 +74,8 @@ class Group:
                 break
         relative = relative_rewards(rewards, self._env.episodes.copies)
         if over:
-            return Seen(self.reset(), rewards, relative, over, inputs, bool(truncated[0]))
-        return Seen(inputs, rewards, relative, over, None)
+            return GroupStep(self.reset(), rewards, relative, over, inputs, bool(truncated[0]))
+        return GroupStep(inputs, rewards, relative, over, None)
 
     def _see(self, observations: Observations, info: dict[str, Any]) -> Inputs:
         return self._inputs.see(observations) | {HINDSIGHT: hindsight(observations["probabilities"], info)}

@@ -33,7 +33,7 @@ class GroupsHere:
             self._answer = [group.step(piece) for group, piece in zip(self._groups, pieces, strict=True)]
 
     def receive(self) -> list[Any]:
-        """Return the result of each group: `Seen`, or the first inputs if episodes have begun."""
+        """Return the result of each group: `GroupStep`, or the first inputs if episodes have begun."""
         return self._answer
 
     def close(self) -> None:
@@ -65,7 +65,7 @@ class GroupsThere:
             raise self._ended() from error
 
     def receive(self) -> list[Any]:
-        """Wait, and return the result of each group: `Seen`, or the first inputs if episodes have begun."""
+        """Wait, and return the result of each group: `GroupStep`, or the first inputs if episodes have begun."""
         try:
             answer = self._pipe.recv()
         except (EOFError, OSError) as error:

@@ -12,7 +12,7 @@ from ehar.arrays import BoolArray, IntArray
 from ehar.envs.environment import EpisodeVectorEnv
 from ehar.errors import UsageError
 from ehar.processes import thread_share
-from planners.agents.episode_groups import GROUP, HINDSIGHT, GroupSetting, MakeEnv, Seen
+from planners.agents.episode_groups import GROUP, HINDSIGHT, GroupSetting, GroupStep, MakeEnv
 from planners.agents.group_workers import GroupsHere, GroupsThere
 from planners.agents.inputs import Inputs, InputSizes
 
@@ -72,7 +72,7 @@ class AgentVecEnv(VecEnv):
 
     def step_wait(self) -> VecEnvStepReturn:
         """Wait for the next frame of all environments."""
-        seen: list[Seen] = [one for share in self._shares for one in share.receive()]
+        seen: list[GroupStep] = [one for share in self._shares for one in share.receive()]
         rewards = np.concatenate([one.relative for one in seen])
         self._returns += np.concatenate([one.rewards for one in seen])
         self._frames += 1

@@ -85,7 +85,7 @@ def prepare_bvh(
 
 
 @dataclass(frozen=True, eq=False)
-class Clip:
+class BvhFile:
     """One BVH file.
 
     Args:
@@ -109,7 +109,7 @@ class _Joint:
     channels: tuple[str, ...] = ()
 
 
-def read_bvh(file: Path) -> Clip:
+def read_bvh(file: Path) -> BvhFile:
     """Return the joint positions of one file by forward kinematics.
 
     Raises:
@@ -127,7 +127,7 @@ def read_bvh(file: Path) -> Clip:
         raise DataError(f"{file}: got {len(values)} frames, expected the {frames:g} that it announces")
     if not frame_time > 0:
         raise DataError(f"{file}: line {motion_line + 3}: got frame time {frame_time:g}, expected seconds above 0")
-    return Clip(
+    return BvhFile(
         joint_names=tuple(joint.name for joint in joints),
         parents=tuple(joint.parent for joint in joints),
         positions=_forward_kinematics(joints, values),
@@ -253,7 +253,7 @@ def _parse_frames(file: Path, lines: list[str], first: int, channels: int) -> Fl
     return np.array(rows).reshape(len(rows), channels)
 
 
-def _check_alike(first_file: Path, first: Clip, file: Path, clip: Clip) -> None:
+def _check_alike(first_file: Path, first: BvhFile, file: Path, clip: BvhFile) -> None:
     if not len(clip.positions):
         raise DataError(f"{file}: got no frames, expected at least 1")
     if clip.joint_names != first.joint_names or clip.parents != first.parents:

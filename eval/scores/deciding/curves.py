@@ -58,7 +58,7 @@ class Curve:
     points: tuple[Point, ...]
 
 
-class Course(NamedTuple):
+class AnswerCourse(NamedTuple):
     """The words of a planner frame by frame, if every activity is answered after the same one.
 
     Args:
@@ -103,7 +103,7 @@ class DecidingOnce:
     """
 
     curves: tuple[Curve, ...]
-    courses: Mapping[str, Course]
+    courses: Mapping[str, AnswerCourse]
     rules: Mapping[str, tuple[WorthDifference, ...]]
     planners: Mapping[str, tuple[WorthDifference, ...]]
     basis: Basis
@@ -202,12 +202,12 @@ class _Statistic(NamedTuple):
     resampled: FloatArray  # (prices, rows), the same in every row of the resamples
 
 
-def _course(trainings: Sequence[Seen]) -> Course:
+def _course(trainings: Sequence[Seen]) -> AnswerCourse:
     """Return the mean course over the activities of all trainings, which are the same."""
     words = trainings[0].words
     frame = np.minimum(np.arange(words.shown.shape[1]), words.last[:, None])
     right = [np.take_along_axis(seen.right, frame, axis=1).mean(axis=0) for seen in trainings]
-    return Course((frame + 1).mean(axis=0) * trainings[0].seconds, np.mean(right, axis=0))
+    return AnswerCourse((frame + 1).mean(axis=0) * trainings[0].seconds, np.mean(right, axis=0))
 
 
 def _answers(trainings: Sequence[Seen], rules: Sequence[Rule]) -> _Answers:

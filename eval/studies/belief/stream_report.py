@@ -33,7 +33,7 @@ OF = ": "  # between a planner and a reader, in names of records
 
 
 @dataclass(frozen=True)
-class Reader:
+class ScoredReader:
     """Whose probabilities are scored, for cameras that one planner moves.
 
     Args:
@@ -80,7 +80,7 @@ class StreamBeliefReport:
 
     config: RunConfig
     records: Mapping[str, EpisodeRecords]
-    readers: tuple[Reader, ...]
+    readers: tuple[ScoredReader, ...]
     model: "StreamBeliefModel | None"
     basis: Basis
     no_intervals: str | None
@@ -194,7 +194,7 @@ def _scored(
     records: Mapping[str, EpisodeRecords],
     fps: float,
     resamples: Resamples,
-) -> list[Reader]:
+) -> list[ScoredReader]:
     """Return how good the words of each reader are, for cameras that one planner moved.
 
     Args:
@@ -220,7 +220,7 @@ def _scored(
     for name, trained in held.items():
         better, sooner = losses[RECOGNISER] - losses[name], waits[RECOGNISER] - waits[name]
         readers.append(
-            Reader(
+            ScoredReader(
                 rollouts=planner,
                 name=name,
                 records=join_records(trained),

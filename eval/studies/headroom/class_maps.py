@@ -43,7 +43,7 @@ class Watched:
         return np.unique(np.sort(self.subjects, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
 
 
-class Chosen(NamedTuple):
+class ChosenPlaces(NamedTuple):
     """The places that others choose for N episodes."""
 
     one: IntArray  # (N,), the best place for all classes
@@ -207,7 +207,7 @@ def best_per_class(acc: FloatArray, labels: IntArray, classes: int) -> IntArray:
     )
 
 
-def chosen_by_others(watched: Watched) -> Chosen:
+def chosen_by_others(watched: Watched) -> ChosenPlaces:
     """Return the places that the episodes of other people choose, scored or not.
 
     For a set of people, others are those with whom they share nobody. If there are none, others are the episodes of
@@ -230,7 +230,7 @@ def chosen_by_others(watched: Watched) -> Chosen:
             acc, labels = watched.acc[judges], watched.labels[judges]
             one[some] = acc.mean(axis=0).argmax()
             own[some] = best_per_class(acc, labels, classes)[watched.labels[some]]
-    return Chosen(one, own, by_strangers)
+    return ChosenPlaces(one, own, by_strangers)
 
 
 def how_far_apart(watched: Watched, places: FloatArray) -> Apart:

@@ -40,7 +40,7 @@ class Named:
 
 
 @dataclass(frozen=True)
-class Choice:
+class ViewChoice:
     """How well simulation from one camera's joints predicts the accuracy at another camera, at the same moments.
 
     Args:
@@ -92,7 +92,7 @@ def predict_cameras(
     recogniser: Recogniser,
     world: World,
     length: int,
-) -> Choice:
+) -> ViewChoice:
     """Predict the accuracy at each camera from the joints of each other one, in frames that all cameras recorded.
 
     Recordings of one execution begin up to a second apart, and two of them may be cut to different things. So what all
@@ -155,7 +155,7 @@ def _accuracy(
     return accuracy
 
 
-def _score(guesses: Mapping[_View, float], truth: Mapping[tuple[str, int], float]) -> Choice:
+def _score(guesses: Mapping[_View, float], truth: Mapping[tuple[str, int], float]) -> ViewChoice:
     """Compare the predicted accuracies with the real ones, by (execution, camera)."""
     cells: dict[tuple[int, int, int], list[tuple[float, float]]] = {}
     of_execution: dict[Execution, dict[tuple[int, int], float]] = {}
@@ -178,7 +178,7 @@ def _score(guesses: Mapping[_View, float], truth: Mapping[tuple[str, int], float
                 named += [(execution, _names(guessed[third, one] - guessed[third, other], really)) for third in thirds]
     names = np.array([execution.name for execution in of_execution])
     people = np.array([[execution.person] for execution in of_execution])
-    return Choice(
+    return ViewChoice(
         executions=len(of_execution),
         frames=float(np.mean([view.frames for view in guesses])),
         correlation=_correlation(means),

@@ -12,7 +12,7 @@ from ehar.sensors.estimator import NOISE_FLOOR, OCCLUDED_NOISE, RELATIVE_NOISE
 from ehar.world import INDOOR
 from eval.render.tables import Table, html, markdown, text
 from eval.scores.metrics import ACC_AT
-from eval.studies.real_views.choice import Choice, Named, predict_cameras
+from eval.studies.real_views.choice import Named, ViewChoice, predict_cameras
 from eval.studies.real_views.errors import JointErrors, real_errors, simulated_errors
 from eval.studies.real_views.executions import agreed, find_executions, find_poses
 from eval.studies.real_views.transfer import ESTIMATED, TRAININGS, Transfer, test, train
@@ -38,7 +38,7 @@ class RealViewsReport:
     data: str
     length: int
     transfer: tuple[Transfer, ...]
-    choice: Choice
+    choice: ViewChoice
     real: JointErrors
     real_alone: JointErrors
     simulated: JointErrors

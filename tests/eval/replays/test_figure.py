@@ -13,7 +13,7 @@ from eval.render.figures import shortened
 from eval.render.outlines import outlines
 from eval.render.palette import PAIR
 from eval.replays.figure import HEIGHT, WIDTH, ReplayFigure
-from eval.replays.panels import Beliefs, Course, DirectionMap, Image, unbroken
+from eval.replays.panels import Beliefs, CoursePanel, DirectionMap, Image, unbroken
 from eval.replays.scene import CLEAR, TILT, DrawnScene, view_from_aside
 from tests.helpers.fakes import SKELETON
 from tests.helpers.replays import FRAMES, PERSONS, camera_replay, known_replay
@@ -128,7 +128,7 @@ def test_the_true_class_comes_first_and_the_most_believed_follow() -> None:
 
 def test_a_course_ends_at_the_frame_and_shows_where_it_was_right() -> None:
     replay = known_replay()
-    course = Course(axes(), replay)
+    course = CoursePanel(axes(), replay)
     course.show(3)
     for camera, line, (strip, _), look in zip(replay.cameras, course._lines, course._rights, PAIR, strict=True):
         np.testing.assert_allclose(line.get_ydata(), 100 * camera.probabilities[:4, 1])

@@ -10,7 +10,7 @@ import pytest
 
 from ehar.data.streams.data import NO_ACTIVITY
 from eval.records.episodes import EpisodeRecords
-from eval.replays.choice import Chosen
+from eval.replays.choice import ChosenEpisode
 from eval.replays.data import MOST_BYTES as REPLAY_BYTES
 from eval.replays.data import replay_data
 from eval.reports.data import report_data
@@ -162,7 +162,7 @@ def test_a_stream_that_is_too_large_is_thinned(watched: tuple[Run, str], monkeyp
 
     def made(most: int) -> dict[str, Any]:
         monkeypatch.setattr("eval.replays.data.MOST_BYTES", most)
-        chosen = [Chosen(index, "") for index in (whole["episode"], 0)]
+        chosen = [ChosenEpisode(index, "") for index in (whole["episode"], 0)]
         names = {"oracle": "oracle"}
         return replay_data(run, chosen, names, data=None, models=None, advance=lambda _: None)
 

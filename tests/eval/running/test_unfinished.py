@@ -24,7 +24,7 @@ from eval.cli.main import main
 from eval.records.config import CONFIG, SCHEMA, UNFINISHED
 from eval.records.job_times import JOB_TIMES, read_job_times
 from eval.records.run_files import EPISODES, SUMMARY
-from eval.running import source_code, unfinished
+from eval.running import code, unfinished
 from eval.running.episodes import CHUNK
 from eval.running.jobs import Job
 from eval.running.run import read_run
@@ -162,7 +162,7 @@ def test_what_other_code_did_is_run_again(
 ) -> None:
     out, log = tmp_path / "run", Log()
     with monkeypatch.context() as before:
-        before.setattr(unfinished, "source_sha256", lambda: "what the code was")
+        before.setattr(unfinished, "code_sha256", lambda: "what the code was")
         stop(out, after=12)
     run(PLANNERS, out=out, reporter=log)
     assert log.notes == [f"{out}: begins anew; 12 of {JOBS} jobs were done by other code"]
@@ -173,11 +173,11 @@ def test_what_other_code_did_is_run_again(
 def test_any_module_makes_other_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "package" / "inner").mkdir(parents=True)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(source_code, "PACKAGES", ("package",))
+    monkeypatch.setattr(code, "PACKAGES", ("package",))
     found = set()
     for name, text in (("__init__", ""), ("inner/module", "x = 1"), ("inner/module", "x = 2"), ("other", "")):
         (tmp_path / "package" / f"{name}.py").write_text(text)
-        found.add(source_code.source_sha256.__wrapped__())
+        found.add(code.code_sha256.__wrapped__())
     assert len(found) == 4
 
 

@@ -10,7 +10,7 @@ from ehar.recogniser import Recognition
 from ehar.sensors.sensor import Sensed
 from ehar.viewpoint import wrap_difference
 from ehar.world import INDOOR
-from eval.studies.real_views.choice import Choice, _score, _View, predict_cameras
+from eval.studies.real_views.choice import ViewChoice, _score, _View, predict_cameras
 from eval.studies.real_views.executions import Execution, agreed, find_executions, find_poses
 from eval.studies.real_views.moments import shared_moments
 from tests.helpers.recordings import TURNS, recorded_solo
@@ -22,7 +22,7 @@ def view(execution: Execution, source: int, camera: int) -> _View:
     return _View(execution, source, camera, begin=0, frames=10)
 
 
-def scored(offset: float, sign: float = 1.0) -> Choice:
+def scored(offset: float, sign: float = 1.0) -> ViewChoice:
     """Score predictions that are the real accuracies times a sign, and an offset."""
     rng = np.random.default_rng(0)
     executions = [Execution(f"e{i}", i % 2, i // 2, {LEFT: 0, RIGHT: 1, THIRD: 2}) for i in range(8)]

@@ -9,7 +9,7 @@ PACKAGES = ("ehar", "recognition", "planners", "eval")
 
 
 @cache
-def source_sha256() -> str:
+def code_sha256() -> str:
     """Return the hash of all modules of this project, with their names, as they are when it is first asked for."""
     digest = hashlib.sha256()
     for package in PACKAGES:
