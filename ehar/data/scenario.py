@@ -197,6 +197,16 @@ def split_parts(data: MotionData | StreamData) -> Parts:
     )
 
 
+def strangers(data: MotionData | StreamData, sequences: IntArray) -> IntArray:
+    """Return those of some sequences that show nobody whom the recogniser knows, each once, in order.
+
+    All of them, if none are left, or if the data do not say who performs.
+    """
+    sequences = np.unique(sequences)
+    known = np.isin(data.subjects[sequences], data.subjects[split_parts(data).recogniser]).any(axis=1)
+    return sequences if known.all() else sequences[~known]
+
+
 def people_together(subjects: IntArray) -> IntArray:
     """Return the group of each stream's people, (S,), from who performs, (S, P).
 

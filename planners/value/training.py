@@ -13,7 +13,7 @@ from safetensors.numpy import load_file, save
 from ehar.arrays import IntArray
 from ehar.data.motion_data import MotionData
 from ehar.data.recordings import UNKNOWN_SUBJECT, Recordings
-from ehar.data.scenario import split_parts
+from ehar.data.scenario import split_parts, strangers
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.errors import DataError, UsageError
 from ehar.files import check_folder, write_bytes
@@ -54,7 +54,7 @@ from recognition.setting import load_setting, refuse_loss, with_length
 LEAST_LENGTH = 3  # frames of an episode: views along a path spread only if there are two to come
 ROLLOUTS = 2  # counts what decides rollouts beside their key, so that none of before a change are read
 FIRST_BATCHES = 12  # of rollouts; then twice as many, and so on
-UNSEEN_BATCHES = 6  # on the validation part: they fit the belief, and tell when more rollouts gain nothing
+UNSEEN_BATCHES = 6  # on the validation part: they tell when more rollouts gain nothing, and fit the belief with as many
 WORTH = 0.001  # rollouts go on while twice as many gain at least this probability on the validation part
 
 
@@ -162,7 +162,8 @@ def train_gain_field(
     rollouts = _Rollouts(config, path, key, report, engine or Processes(config.workers))
     unseen_task = replace(task, sequences=_unseen_sequences(task, sequences))
     unseen = rollouts.run(unseen_task, rollouts.few, "validation rollouts", "unseen")
-    belief = _fitted_belief(data, policy, unseen, DistanceRange.of(world.workspace))
+    heard = join([rollouts.run(task, rollouts.few, "rollouts", ""), unseen])
+    belief = _fitted_belief(data, policy, heard, DistanceRange.of(world.workspace))
     variants = VARIANTS if isinstance(belief, BeliefModel) else STREAM_VARIANTS
 
     def situated(collection: Collection) -> Situation:
@@ -236,14 +237,21 @@ def _unseen_sequences(task: CollectionTask, policy: IntArray) -> IntArray:
 
 
 def _fitted_belief(
-    data: MotionData | StreamData, policy: IntArray, unseen: Collection, span: DistanceRange
+    data: MotionData | StreamData, policy: IntArray, heard: Collection, span: DistanceRange
 ) -> BeliefModel | StreamBeliefModel:
-    """Return the belief that explains rollouts best; in streams durations and order are those of the policy part."""
+    """Return the belief that explains rollouts best; in streams durations and order are those of the policy part.
+
+    It learns from rollouts on people whom the recogniser does not know: the recogniser is surer of those it knows.
+    """
+    rows = np.isin(heard.sequences, strangers(data, heard.sequences))
+    log_probs, viewpoints, labels, sequences = (
+        getattr(heard, name)[rows] for name in ("log_probs", "viewpoints", "labels", "sequences")
+    )
     if isinstance(data, MotionData):
-        return fit_belief(unseen.log_probs, unseen.viewpoints, unseen.labels, unseen.sequences, span=span)
-    labels = np.where(unseen.labels == len(data.class_names), NO_ACTIVITY, unseen.labels)
+        return fit_belief(log_probs, viewpoints, labels, sequences, span=span)
+    labels = np.where(labels == len(data.class_names), NO_ACTIVITY, labels)
     chain = learn_chain(data, policy, split_parts(data).recogniser)
-    return fit_evidence(chain, unseen.log_probs, unseen.viewpoints, labels, fps=data.fps, span=span)
+    return fit_evidence(chain, log_probs, viewpoints, labels, fps=data.fps, span=span)
 
 
 def _performers(data: Recordings, sequences: IntArray) -> IntArray:

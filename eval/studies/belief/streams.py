@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
-from ehar.data.scenario import Parts, split_parts
+from ehar.data.scenario import split_parts, strangers
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.errors import UsageError
 from ehar.files import json_text, write_text
@@ -70,7 +70,9 @@ def stream_belief_report(setting: Setting, *, out: str | Path | None, reporter: 
         check_out(Path(out), config.to_json())
     parts = split_parts(streams)
     chain = learn_chain(streams, parts.policy, parts.recogniser)
-    unknown = strangers(streams, parts, setting.conditions.frames)
+    heard = np.concatenate([parts.policy, parts.validation])
+    heard = heard[streams.lengths[heard] >= setting.conditions.frames]
+    unknown = strangers(streams, heard if len(heard) else parts.policy)
     learned, tested = (_episodes(setting, some, reporter) for some in (unknown, parts.test))
     reporter.begin(len(planners) * (learned.chunks + tested.chunks))
     try:
@@ -90,17 +92,6 @@ def stream_belief_report(setting: Setting, *, out: str | Path | None, reporter: 
         write_report(Path(out), report)
         write_text(Path(out) / BELIEF_JSON, [json_text(asdict(beliefs[BELIEF]))])
     return report
-
-
-def strangers(data: StreamData, parts: Parts, length: int) -> IntArray:
-    """Return the streams of the policy and validation parts of people whom the recogniser does not know.
-
-    Where there are none of `length` frames, or the data do not say who performs, it is the policy part.
-    """
-    others = np.concatenate([parts.policy, parts.validation])
-    known = np.isin(data.subjects[others], data.subjects[parts.recogniser]).any(axis=1)
-    others = np.sort(others[~known & (data.lengths[others] >= length)])
-    return others if len(others) else parts.policy
 
 
 def _fitted(

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from ehar.data.motion_data import MotionData
-from ehar.data.scenario import part_of, split_parts, windows
+from ehar.data.scenario import part_of, split_parts, strangers, windows
 from ehar.data.synthetic.sets import solo
 from ehar.errors import DataError, UsageError
 from tests.helpers.fakes import CLASS_NAMES, POSE, SKELETON, tiny_data
+from tests.helpers.streams import raising_streams
 
 
 def data_of(lengths: list[int], labels: list[int]) -> MotionData:
@@ -204,3 +205,17 @@ def test_who_performs_is_in_the_hash_of_the_data_as_it_decides_the_parts() -> No
     others = replace(data, subjects=np.roll(data.subjects, 1, axis=0))
     assert not np.array_equal(split_parts(others).recogniser, split_parts(data).recogniser)
     assert others.sha256 != data.sha256
+
+
+def test_strangers_are_people_whom_the_recogniser_does_not_know() -> None:
+    person = np.repeat(np.arange(8), 2)
+    data = replace(raising_streams(people=16), subjects=person[:, None], is_test=person > 5)
+    parts = split_parts(data)  # the policy part shares four people with the recogniser's
+    others = np.concatenate([parts.policy, parts.validation, parts.policy])
+    chosen = strangers(data, others)
+    assert set(parts.validation) < set(chosen) < {*parts.validation, *parts.policy}
+    assert len(chosen) == len(set(chosen))
+    assert not set(data.subjects[chosen, 0]) & set(data.subjects[parts.recogniser, 0])
+    np.testing.assert_array_equal(strangers(data, parts.recogniser), parts.recogniser)
+    unnamed = replace(data, subjects=np.full((16, 1), -1))
+    np.testing.assert_array_equal(strangers(unnamed, others), np.unique(others))

@@ -7,19 +7,16 @@ import numpy as np
 import pytest
 
 from ehar.conditions import Conditions
-from ehar.data.scenario import split_parts
 from ehar.errors import UsageError
 from eval import Watcher
 from eval.records.episodes import EpisodeRecords
 from eval.scores.planner_metrics import NLL
 from eval.scores.streams.alarms import alarms_per_minute
 from eval.studies.belief.stream_report import StreamBeliefReport, read_report, write_report
-from eval.studies.belief.streams import strangers
 from eval.studies.belief.study import belief_report
 from eval.studies.folds import take_together
 from eval.studies.trainings import trainings
 from tests.helpers.stream_worlds import save_stream_world
-from tests.helpers.streams import raising_streams
 from tests.helpers.tiny_benchmarks import Log
 
 
@@ -112,20 +109,3 @@ def test_trainings_are_one_report_whose_figures_are_their_means(folder: Path, tm
         assert reader.delay_s == pytest.approx((first.delay_s + 2 * second.delay_s) / 3)
         assert reader.alarms == pytest.approx((first.alarms + 2 * second.alarms) / 3)
     assert "3 trainings" in (tmp_path / "all" / "table.md").read_text()
-
-
-def test_what_a_frame_tells_is_learned_on_people_whom_the_recogniser_does_not_know() -> None:
-    person = np.repeat(np.arange(8), 2)
-    data = replace(raising_streams(people=16), subjects=person[:, None], is_test=person > 5)
-    parts = split_parts(data)  # the policy part shares four people with the recogniser's
-    chosen = strangers(data, parts, 50)
-    assert set(parts.validation) < set(chosen) < {*parts.validation, *parts.policy}
-    assert not set(data.subjects[chosen, 0]) & set(data.subjects[parts.recogniser, 0])
-    apart = split_parts(raising_streams(people=12))
-    np.testing.assert_array_equal(
-        strangers(raising_streams(people=12), apart, 50), np.sort([*apart.policy, *apart.validation])
-    )
-    for told, length in ((np.full((16, 1), -1), 50), (person[:, None], 500)):  # nobody is named; nothing is so long
-        unclear = replace(data, subjects=told)
-        parts = split_parts(unclear)
-        np.testing.assert_array_equal(strangers(unclear, parts, length), parts.policy)
