@@ -24,7 +24,7 @@ from recognition.torch_threads import one_torch_thread
 
 def live(
     *,
-    models: str | Path,
+    models: str | Path | None = None,
     vehicle: str = "px4-auto",
     planner: str | Planner = "h-rotate",
     source: str = "-",
@@ -43,7 +43,7 @@ def live(
     """Watch people through a pose estimator, and say where the camera should fly, until there are no more frames.
 
     Args:
-        models: folder of weights that were trained on streams.
+        models: folder of weights that were trained on streams; only a rehearsal of a built-in set does without.
         vehicle: px4-auto, px4-max, tracking-drone, ground-robot, or a vehicle file (.json).
         planner: name of the planner, or your own: file.py:Class.
         source: - for standard input, a file, or udp:HOST:PORT.
@@ -62,6 +62,8 @@ def live(
     Raises:
         EharError: something is missing or malformed, or does not fit.
     """
+    if models is None and rehearse is None:
+        raise UsageError("--models: expected a folder of weights, got none; only --rehearse solo-stream does without")
     if not np.isfinite(origin).all():
         raise UsageError(f"origin: expected three finite numbers, got {' '.join(map(str, origin))}")
     with ExitStack() as stack:

@@ -1,6 +1,6 @@
 """`ehar live`."""
 
-from eval.cli.command import REQUIRED, Command, Flag
+from eval.cli.command import Command, Flag
 from eval.cli.show import show_live
 
 LIVE = Command(
@@ -12,10 +12,10 @@ LIVE = Command(
 
     For example:
         ehar live --models models/mine --source udp:127.0.0.1:5005
-        ehar live --models models/mine --rehearse mine.npz --page 8000
+        ehar live --rehearse solo-stream --page 8000
     """,
     flags={
-        "models": Flag(default=REQUIRED, metavar="PATH"),
+        "models": Flag(metavar="PATH", hint="none"),
         "belief": Flag(hint="believe the recogniser"),
         "mavlink": Flag(metavar="ADDRESS", hint="none"),
         "origin": Flag(metavar="EAST NORTH UP"),

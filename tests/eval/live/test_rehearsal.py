@@ -59,6 +59,8 @@ def test_how_long_is_a_number_above_0(minutes: float) -> None:
 def test_where_people_are_is_a_number() -> None:
     with pytest.raises(UsageError, match=r"origin: expected three finite numbers, got nan 0\.0 0\.0"):
         live(models="", origin=(float("nan"), 0.0, 0.0))
+    with pytest.raises(UsageError, match=r"^--models: expected a folder of weights, got none; only --rehearse"):
+        live(source="frames.jsonl")
 
 
 def test_only_streams_are_rehearsed(tmp_path: Path) -> None:
