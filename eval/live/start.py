@@ -62,8 +62,6 @@ def live(
     Raises:
         EharError: something is missing or malformed, or does not fit.
     """
-    if models is None and rehearse is None:
-        raise UsageError("--models: expected a folder of weights, got none; only --rehearse solo-stream does without")
     if not np.isfinite(origin).all():
         raise UsageError(f"origin: expected three finite numbers, got {' '.join(map(str, origin))}")
     with ExitStack() as stack:
@@ -96,6 +94,8 @@ def live(
                 outputs=lambda watcher: [lambda said: _discard(said.line()), *outputs(watcher)],
                 note=_note,
             )
+        if models is None:
+            raise UsageError("--models: expected a folder of weights, got none; a built-in set is rehearsed without")
         watcher = Watcher(
             models=models,
             vehicle=vehicle,

@@ -59,7 +59,7 @@ def test_how_long_is_a_number_above_0(minutes: float) -> None:
 def test_where_people_are_is_a_number() -> None:
     with pytest.raises(UsageError, match=r"origin: expected three finite numbers, got nan 0\.0 0\.0"):
         live(models="", origin=(float("nan"), 0.0, 0.0))
-    with pytest.raises(UsageError, match=r"^--models: expected a folder of weights, got none; only --rehearse"):
+    with pytest.raises(UsageError, match="--models: expected a folder of weights, got none; a built-in set"):
         live(source="frames.jsonl")
 
 
