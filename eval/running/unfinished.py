@@ -78,11 +78,10 @@ class UnfinishedRun:
         """
         with self._locked():
             source, done = self.folder / SOURCE, sum(job in self for job in jobs)
-            other = source.exists() and source.read_text(encoding="utf-8") != code_sha256()
-            if other and done and not anew:
+            ours = source.exists() and source.read_text(encoding="utf-8") == code_sha256()
+            if done and not ours and not anew:
                 note(f"{self.out}: begins anew; {done} of {len(jobs)} jobs were done by other code")
-            # Nobody knows whose jobs those without a configuration are.
-            if anew or other or not source.exists() or not (self.folder / CONFIG).exists():
+            if anew or not ours or not (self.folder / CONFIG).exists():  # nobody knows whose jobs those without one are
                 for path in self.folder.glob("*-*.json*"):
                     path.unlink()
             write_text(self.folder / CONFIG, [json_text(self.config.to_json())])
