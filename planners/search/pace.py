@@ -66,8 +66,8 @@ def _flown(ways: Ways, observation: Observation, vehicle: Vehicle, frame_time: f
     """Return the pace of a vehicle.
 
     A way that takes one second at a steady rate uses some shares of the limits: k times that of the speed if it takes
-    1 / k of the time, k^2 times that of the acceleration. The way in space is taken for as long as it is to the lever
-    of its middle. An acceleration has to end: it adds a^2 / 2 J to the velocity.
+    1 / k of the time, k^2 times that of the acceleration. What of the present velocity leads along the way is told in
+    metres, by the lever of the present viewpoint. An acceleration has to end: it adds a^2 / 2 J to the velocity.
     """
     here, way = observation.viewpoint[:, None], ways.straight
     places = here[:, :, None] + PASSED[:, None] * way[:, :, None]  # (B, G, P, 3)
