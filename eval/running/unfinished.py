@@ -12,11 +12,11 @@ from pathlib import Path
 
 from ehar.errors import DataError, EharError, EpisodeError, UsageError
 from ehar.files import json_text, read_json, write_text
+from eval.records.code import code_sha256
 from eval.records.config import CONFIG, UNFINISHED, RunConfig
 from eval.records.episode_lines import episode_lines, read_episodes
 from eval.records.job_times import JOB_TIMES, JobTime, write_job_times
 from eval.records.solves import Solves
-from eval.running.code import code_sha256
 from eval.running.jobs import Done, Job
 from eval.running.run import Run
 

@@ -21,10 +21,11 @@ from ehar.data.motion_file import save_motion
 from ehar.errors import ModelError, UsageError
 from ehar.files import write_text
 from eval.cli.main import main
+from eval.records import code
 from eval.records.config import CONFIG, SCHEMA, UNFINISHED
 from eval.records.job_times import JOB_TIMES, read_job_times
 from eval.records.run_files import EPISODES, SUMMARY
-from eval.running import code, unfinished
+from eval.running import unfinished
 from eval.running.episodes import CHUNK
 from eval.running.jobs import Job
 from eval.running.run import read_run
