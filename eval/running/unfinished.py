@@ -20,7 +20,7 @@ from eval.records.solves import Solves
 from eval.running.jobs import Done, Job
 from eval.running.run import Run
 
-SOURCE = "source"  # the hash of the code that ran the jobs
+CODE = "code"  # holds the hash of the code that ran the jobs
 
 
 @dataclass(frozen=True)
@@ -77,15 +77,15 @@ class UnfinishedRun:
             KeyboardInterrupt: Ctrl-C; it says what is kept.
         """
         with self._locked():
-            source, done = self.folder / SOURCE, sum(job in self for job in jobs)
-            ours = source.exists() and source.read_text(encoding="utf-8") == code_sha256()
+            code, done = self.folder / CODE, sum(job in self for job in jobs)
+            ours = code.exists() and code.read_text(encoding="utf-8") == code_sha256()
             if done and not ours and not anew:
                 note(f"{self.out}: begins anew; {done} of {len(jobs)} jobs were done by other code")
             if anew or not ours or not (self.folder / CONFIG).exists():  # nobody knows whose jobs those without one are
                 for path in self.folder.glob("*-*.json*"):
                     path.unlink()
             write_text(self.folder / CONFIG, [json_text(self.config.to_json())])
-            write_text(source, [code_sha256()])
+            write_text(code, [code_sha256()])
             done = sum(job in self for job in jobs)
             if done:
                 note(f"{self.out}: goes on; {done} of {len(jobs)} jobs are done")

@@ -183,7 +183,7 @@ class NextBestView(Planner):
         """Return the plan for the task of an episode.
 
         Where something is in the way, it is solved near the best way that was found, or near the previous plan if that
-        collects more: a way straight through things would be a poor guess. In flight ways are faster than plans.
+        collects more: a way straight through things would be a poor guess. In flight nothing was gained by that.
         """
         solver, previous = self._solver(), self._plans[episode]
         best = np.argsort(-found.collected[episode])[:SEEDS]

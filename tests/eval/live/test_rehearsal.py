@@ -50,6 +50,14 @@ def test_of_an_agent_with_several_trainings_the_first_is_rehearsed(tmp_path: Pat
     assert 0 < found.figures.counts["frames"] <= 6 and "planner failed" not in found.figures.counts
 
 
+def test_a_built_in_set_is_rehearsed_with_the_weights_that_ship() -> None:
+    told = Conditions(data="solo-stream", track="px4-auto", length=6)
+    options = {"belief": None, "sure": 0.9, "minutes": 6 / 60 / 60, "loss": 0.0}
+    found = rehearse(told, planner="h-rotate", **options, outputs=lambda _: [], note=lambda _: None)
+    assert found.title == "solo-stream: h-rotate on px4-auto, sensor estimator"
+    assert 0 < found.figures.counts["frames"] <= 6
+
+
 @pytest.mark.parametrize("minutes", [0.0, -1.0, float("nan"), float("inf")])
 def test_how_long_is_a_number_above_0(minutes: float) -> None:
     with pytest.raises(UsageError, match="minutes: expected a number above 0"):
