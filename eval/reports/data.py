@@ -26,7 +26,7 @@ from eval.scores.metrics import Reliability, reliability
 from eval.scores.planner_accuracy import accuracy_bands, draw_resamples
 from eval.scores.planner_summary import NO_ACT
 from eval.scores.predictability import Predictability, predictability
-from eval.scores.resampling.training_seeds import curves, shared_trainings
+from eval.scores.resampling.training_seeds import curves, group_planners
 from eval.scores.seed_accuracy import pool_seeds, seeds_of
 from eval.scores.summary import Summary
 
@@ -124,7 +124,7 @@ def report_data(run: Run, class_names: tuple[str, ...]) -> ReportData:
         class_names: K class names.
     """
     scored = answers_of(run.records)
-    resamples = draw_resamples(list(scored.values()), shared_trainings(scored))
+    resamples = draw_resamples(list(scored.values()), group_planners(scored))
     pooled = pool_seeds(run.records)
     return ReportData(
         run=run,

@@ -1,6 +1,6 @@
 """The accuracy of planners in the forms that comparisons need: by sequence, by episode and in shared resamples."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,14 @@ from eval.records.episodes import EpisodeRecords
 from eval.scores.metrics import mean_acc
 from eval.scores.resampling.resamples import Resamples, resample_episodes
 from eval.scores.resampling.statistics import why_no_intervals
-from eval.scores.resampling.training_seeds import PlannerGroup, curves, group_planners, resample_seeds, seed_counts
+from eval.scores.resampling.training_seeds import (
+    PlannerGroup,
+    curves,
+    families,
+    group_planners,
+    resample_seeds,
+    seed_counts,
+)
 from eval.scores.sequence_scores import accuracy_by_sequence
 
 
@@ -33,24 +40,24 @@ class PlannerAccuracy:
     draws: IntArray
 
 
-def draw_resamples(records: Sequence[EpisodeRecords], trainings: int = 0) -> Resamples:
+def draw_resamples(records: Sequence[EpisodeRecords], groups: Iterable[PlannerGroup]) -> Resamples:
     """Draw the resamples for the records of planners that ran the same episodes.
 
     Args:
         records: records of every planner and training.
-        trainings: number of trainings that all planners share; see `shared_trainings`.
+        groups: the planners whose trainings are drawn.
     """
     reference = records[0]
     classes = np.unique(np.concatenate([reference.label, *(episodes.predicted.ravel() for episodes in records)]))
     why_none = why_no_intervals(len(set(reference.sequence)), len(classes))
     resamples = resample_episodes(np.array(reference.sequence), reference.subjects, why_none=why_none)
-    return resamples.with_trainings(trainings) if trainings else resamples
+    return resamples.with_trainings(families(groups))
 
 
 def planner_accuracy(
     group: PlannerGroup, records: Mapping[str, EpisodeRecords], resamples: Resamples
 ) -> PlannerAccuracy:
-    """Return the accuracy of one planner; its name seeds the draws of its trainings."""
+    """Return the accuracy of one planner, whose trainings the resamples draw."""
     correct = [records[name].correct for name in group.records]
     accuracy = np.stack([mean_acc(right) for right in correct])
     alone = replace(group, rows=tuple(range(len(correct))))

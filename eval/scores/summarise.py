@@ -25,7 +25,6 @@ from eval.scores.resampling.training_seeds import (
     group_planners,
     mean_over_seeds,
     resample_seeds,
-    shared_trainings,
 )
 from eval.scores.sequence_scores import interquartile_mean, resampled_interquartile_means
 from eval.scores.streams.scores import stream_scores
@@ -69,7 +68,7 @@ def summarise(
         on_ideal = {name: answers_only(f"{name} on the ideal track", on_ideal[name], reference) for name in on_ideal}
     groups = group_planners(records)
     trainings = [[records[name] for name in group.records] for group in groups]
-    resamples = draw_resamples(list(records.values()), shared_trainings(records))
+    resamples = draw_resamples(list(records.values()), groups)
     compared = [planner_accuracy(group, records, resamples) for group in groups]
     accuracy = np.stack([mean_acc(episodes.correct) for episodes in records.values()])
     acc_of_record = accuracy.mean(axis=1)

@@ -11,9 +11,8 @@ from eval.records.config import CONFIG, PlannerConfig
 from eval.render.tables import markdown
 from eval.running.run import Run, read_run
 from eval.scores.differences import compare_pairs
-from eval.scores.planner_accuracy import PlannerAccuracy, draw_resamples, planner_accuracy
-from eval.scores.resampling.resamples import Resamples
-from eval.scores.resampling.training_seeds import PlannerGroup, group_planners, shared_trainings
+from eval.scores.planner_accuracy import draw_resamples, planner_accuracy
+from eval.scores.resampling.training_seeds import SHARED, PlannerGroup, group_planners
 from eval.studies.compare_table import ComparedPlanners
 from eval.studies.compare_table import Comparison as Comparison
 from eval.studies.same_episodes import check_same_episodes, label, shown
@@ -43,11 +42,12 @@ def compare(
         raise UsageError(f"planners: expected one of A and one of B, got {len(planners)}: {', '.join(planners)}")
     a, b = _read(run_a), _read(run_b)
     check_same_episodes(a, b)
-    groups = _choose(a, b, planners)
-    resamples = draw_resamples(
-        [*a.scored.values(), *b.scored.values()], max(shared_trainings(run.records) for run in (a, b))
-    )
-    pairs = [_accuracies(of_a, of_b, a, b, resamples) for of_a, of_b in groups]
+    groups = [(of_a, _drawn(of_b, of_a, a, b)) for of_a, of_b in _choose(a, b, planners)]
+    resamples = draw_resamples([*a.scored.values(), *b.scored.values()], [group for both in groups for group in both])
+    pairs = [
+        (planner_accuracy(of_a, a.scored, resamples), planner_accuracy(of_b, b.scored, resamples))
+        for of_a, of_b in groups
+    ]
     conditions = a.conditions
     found = Comparison(
         folders=(a.folder, b.folder),
@@ -157,15 +157,13 @@ def _is_privileged(group: PlannerGroup, run: Run) -> bool:
     return any(_config(name, run).privileged for name in group.records)
 
 
-def _accuracies(
-    of_a: PlannerGroup, of_b: PlannerGroup, a: Run, b: Run, resamples: Resamples
-) -> tuple[PlannerAccuracy, PlannerAccuracy]:
-    """Return the accuracies of two planners; their trainings are drawn together only if both have the same weights."""
-    if of_a.shared and of_b.shared:
+def _drawn(of_b: PlannerGroup, of_a: PlannerGroup, a: Run, b: Run) -> PlannerGroup:
+    """Return a planner of B so that its trainings are drawn with those of a planner of A only if they are the same."""
+    if of_b.family is None:
+        return of_b
+    if of_a.family == of_b.family == SHARED:
         same = a.config.recogniser_sha256 == b.config.recogniser_sha256
     else:
         weights = [_weights(name, a) for name in of_a.records]
         same = None not in weights and weights == [_weights(name, b) for name in of_b.records]
-    drawn = replace(of_b, name=of_a.name if same else f"{of_b.name} of another run", shared=of_b.shared and same)
-    found = planner_accuracy(drawn, b.scored, resamples)
-    return planner_accuracy(of_a, a.scored, resamples), replace(found, name=of_b.name)
+    return replace(of_b, family=of_a.family if same else f"{of_b.family} of another run")

@@ -13,7 +13,7 @@ from eval.scores.metrics import ACC_AT, frame_at
 from eval.scores.planner_accuracy import accuracy_bands, draw_resamples, planner_accuracy
 from eval.scores.predictability import predictability
 from eval.scores.resampling.statistics import pair
-from eval.scores.resampling.training_seeds import group_planners, shared_trainings
+from eval.scores.resampling.training_seeds import group_planners
 from eval.scores.seed_accuracy import TABLE_3, accuracy_over_seeds, pool_seeds, seeds_of
 from eval.studies.behaviour.analyse import FOLDER
 from eval.studies.behaviour.analysis import (
@@ -68,7 +68,7 @@ def paper_tables(run: Run, names: tuple[str, ...]) -> list[Table]:
 
 def accuracy_table(run: Run) -> Table:
     """Return Table 1 or 2: the accuracy of every planner at each observation ratio, and the mean over frames."""
-    resamples = draw_resamples(list(run.records.values()), shared_trainings(run.records))
+    resamples = draw_resamples(list(run.records.values()), group_planners(run.records))
     bands = accuracy_bands(run.records, resamples)
     seeds = seeds_of(run.records)
     privileged = {planner.name for planner in run.config.planners if planner.privileged}

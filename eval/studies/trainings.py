@@ -1,10 +1,13 @@
 """Runs of several trainings taken together as one run: the same episodes and conditions, other weights."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ehar.arrays import FloatArray
 from ehar.errors import UsageError
 from ehar.files import write_text
 from eval.records.config import RunConfig, hashed_together, read_config
@@ -13,11 +16,13 @@ from eval.records.episodes import EpisodeRecords
 from eval.records.run_files import BELIEF_JSON, EPISODES, check_out
 from eval.render.tables import NONE, PRIVILEGED, Table, html, interval_text, markdown, p_text, text
 from eval.running.run import Run, class_names, read_run
-from eval.scores.differences import NBV
-from eval.scores.resampling.training_seeds import shared_record_name, split_record_name
+from eval.scores.differences import NBV, Difference, compare_pairs
+from eval.scores.metrics import gap_closed
+from eval.scores.planner_accuracy import draw_resamples, planner_accuracy
+from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
+from eval.scores.resampling.training_seeds import group_planners, shared_record_name, split_record_name
 from eval.scores.summarise import summarise
 from eval.scores.summary_table import TOGETHER, basis_lines
-from eval.scores.trainings import TrainedDifference, TrainedPlanner, TrainingsSummary, summarise_trainings
 from eval.studies.same_episodes import SAME_CONDITIONS, check_same_episodes
 
 if TYPE_CHECKING:
@@ -33,12 +38,19 @@ class Trainings:
     Args:
         run: the run that they make together: planners of each training are `nbv@0`, `nbv@1`, ...
         planner: the planner that is compared with the others.
-        summary: the results.
+        differences: how much more accurate it is than each other one without the truth, corrected together.
+        acc: the accuracy of each planner in each training, (T,) [%].
     """
 
     run: Run
     planner: str
-    summary: TrainingsSummary
+    differences: tuple[Difference, ...]
+    acc: Mapping[str, FloatArray]
+
+    @property
+    def count(self) -> int:
+        """T, the number of trainings."""
+        return len(self.run.config.trainings)
 
     def tables(self) -> list[Table]:
         """Return the table of the trainings; of streams, also how soon activities are recognised."""
@@ -47,7 +59,7 @@ class Trainings:
 
     def __repr__(self) -> str:
         """Return one line: the runs, and the number of planners."""
-        return f"Trainings({', '.join(self.run.config.trainings)}: {len(self.summary.planners)} planners)"
+        return f"Trainings({', '.join(self.run.config.trainings)}: {len(self.run.summary.planners)} planners)"
 
     def __str__(self) -> str:
         """Return the table."""
@@ -81,10 +93,14 @@ def trainings(
         return _beliefs([Path(folder) for folder in runs], out)
     read = [read_run(folder) for folder in runs]
     _check(read)
-    privileged = {planner.name: planner.privileged for run in read for planner in run.summary.planners}
-    summary = summarise_trainings([run.scored for run in read], privileged, planner)
+    _check_planner(read, planner)
     names = [name for name in read[0].records if all(name in run.records for run in read)]
-    found = Trainings(_together(read, names), planner, summary)
+    together = _together(read, names)
+    acc = {
+        group.name: np.array([100 * together.scored[record].correct.mean() for record in group.records])
+        for group in group_planners(together.scored)
+    }
+    found = Trainings(together, planner, _differences(together, planner), acc)
     if out is not None:
         folder = found.run.save(out)
         write_text(folder / "table.md", [markdown(*found.tables())])
@@ -117,6 +133,16 @@ def _check(runs: Sequence[Run]) -> None:
                 raise UsageError(
                     f"{before.directory} and {run.directory}: expected other trainings of the recogniser, got the same"
                 )
+
+
+def _check_planner(runs: Sequence[Run], planner: str) -> None:
+    """Raise a UsageError unless a planner without the truth ran in all runs."""
+    in_all = [one for one in runs[0].config.planners if all(one.name in run.records for run in runs)]
+    able = [one.name for one in in_all if not one.privileged]
+    if planner not in able:
+        raise UsageError(
+            f"no planner {planner!r} without the truth in all {len(runs)} runs; expected one of: {', '.join(able)}"
+        )
 
 
 def _records(runs: Sequence[Run], names: Sequence[str]) -> dict[str, EpisodeRecords]:
@@ -163,51 +189,64 @@ def _together(runs: Sequence[Run], names: Sequence[str]) -> Run:
     return Run(config, records, class_names(runs[0], lambda _: None), made=summary)
 
 
+def _differences(run: Run, planner: str) -> tuple[Difference, ...]:
+    """Return how much more accurate a planner is than each other one without the truth, over all trainings."""
+    able = [one.name for one in run.summary.planners if not one.privileged]
+    groups = {group.name: group for group in group_planners(run.scored)}
+    resamples = draw_resamples(list(run.scored.values()), groups.values())
+    held = {name: planner_accuracy(groups[name], run.scored, resamples) for name in able}
+    return compare_pairs([(held[planner], held[name]) for name in able if name != planner], resamples)
+
+
 def trainings_table(found: Trainings) -> Table:
     """Return a row for each planner: accuracy, gap closed and the difference to the compared planner."""
-    summary, planner = found.summary, found.planner
-    differences = {of.difference.other: of for of in summary.differences}
+    summary, planner = found.run.summary, found.planner
+    differences = {of.other: of for of in found.differences}
     basis = basis_lines(summary.basis, summary.no_intervals)
-    few = f"Only {summary.trainings} trainings: a claim takes at least {LEAST}." if summary.trainings < LEAST else ""
+    few = f"Only {found.count} trainings: a claim takes at least {LEAST}." if found.count < LEAST else ""
     column = 3
     return Table(
-        title=found.run.summary.title,
+        title=summary.title,
         header=("planner", "mean acc [95 %]", "gap closed % [95 %]", f"{planner} minus it [95 %]", "p"),
-        rows=tuple(_row(one, differences.get(one.name)) for one in summary.planners),
-        footnotes=(*basis.footnotes, *_footnotes(summary)),
+        rows=tuple(_row(found, one, differences.get(one.name)) for one in summary.planners),
+        footnotes=(*basis.footnotes, *_footnotes(found)),
         bold=frozenset(
             (row, column)
             for row, one in enumerate(summary.planners)
-            if one.name in differences and differences[one.name].difference.is_clear
+            if one.name in differences and differences[one.name].is_clear
         ),
         notice=" ".join(filter(None, (basis.notice, few))),
     )
 
 
-def _row(planner: TrainedPlanner, of: TrainedDifference | None) -> tuple[str, ...]:
-    """Return the cells of a planner."""
-    gap = NONE
-    if planner.gap_closed is not None and planner.gap_closed_sd is not None:
+def _row(found: Trainings, planner: PlannerSummary, of: Difference | None) -> tuple[str, ...]:
+    """Return the cells of a planner; behind ± stands the deviation over what each training gives by itself."""
+    alone, gap = found.acc[planner.name], NONE
+    gaps = gap_closed(alone, found.acc[NO_ACT], found.acc[ORACLE]) if {NO_ACT, ORACLE} <= found.acc.keys() else None
+    if planner.gap_closed is not None and gaps is not None and np.isfinite(gaps).all():
         ends = planner.gap_closed_ci95
         scaled = None if ends is None else (100 * ends[0], 100 * ends[1])
-        gap = f"{100 * planner.gap_closed:.1f} ± {100 * planner.gap_closed_sd:.1f} {interval_text(scaled)}"
+        gap = f"{100 * planner.gap_closed:.1f} ± {_spread(100 * gaps):.1f} {interval_text(scaled)}"
+    to_it = found.acc[found.planner] - alone
     return (
         planner.name + PRIVILEGED * planner.privileged,
-        f"{planner.acc_mean:.1f} ± {planner.acc_mean_sd:.1f} {interval_text(planner.acc_mean_ci95)}",
+        f"{planner.acc_mean:.1f} ± {_spread(alone):.1f} {interval_text(planner.acc_mean_ci95)}",
         gap,
-        ""
-        if of is None
-        else f"{of.difference.acc_mean:+.1f} ± {of.sd:.1f} {interval_text(of.difference.ci95_corrected)}",
-        "" if of is None else p_text(of.difference.p_corrected),
+        "" if of is None else f"{of.acc_mean:+.1f} ± {_spread(to_it):.1f} {interval_text(of.ci95_corrected)}",
+        "" if of is None else p_text(of.p_corrected),
     )
 
 
-def _footnotes(summary: TrainingsSummary) -> Iterator[str]:
+def _spread(values: FloatArray) -> float:
+    return float(np.std(values, ddof=1))
+
+
+def _footnotes(found: Trainings) -> Iterator[str]:
     """Yield what the numbers are."""
     yield (
-        f"Numbers are means over {summary.trainings} trainings, behind ± stands the standard deviation over them. "
-        "Intervals draw people, sequences and trainings."
+        f"Numbers are means over {found.count} trainings, gap closed is that of mean accuracies, and behind ± stands "
+        "the standard deviation over trainings. Intervals draw people, sequences and trainings."
     )
     yield f"Bold: the interval excludes zero. {TOGETHER} So is p, the chance of such a difference if there is none."
-    if any(planner.privileged for planner in summary.planners):
+    if any(planner.privileged for planner in found.run.summary.planners):
         yield f"{PRIVILEGED} privileged: is handed the label and the future."

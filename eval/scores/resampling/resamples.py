@@ -1,6 +1,7 @@
 """The resamples that all planners of a run share, and the people that its intervals rest on."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from ehar.data.recordings import UNKNOWN_SUBJECT
 from eval.scores.resampling.statistics import (
     BOOTSTRAP_SEED,
     RESAMPLES,
+    ROUNDING,
     Simultaneous,
     Variance,
     Widening,
@@ -107,7 +109,7 @@ class Resamples:
         alone: the further rows.
         basis: the people and sequences that are drawn.
         why_none: why R is 0, or None.
-        trainings: (rows, T), how often each training that all planners share is drawn; None where they share none.
+        trainings: (rows, T) of each family of trainings, how often each of its T trainings is drawn.
     """
 
     clusters: IntArray
@@ -115,17 +117,12 @@ class Resamples:
     alone: tuple[Alone, ...]
     basis: Basis
     why_none: str | None
-    trainings: IntArray | None = None
+    trainings: Mapping[str, IntArray] = field(default_factory=dict)
 
     @property
     def full(self) -> int:
         """R, the number of full resamples."""
-        return len(self.counts) - self.steady
-
-    @property
-    def steady(self) -> int:
-        """The number of further rows."""
-        return sum(part.rows.stop - part.rows.start for part in self.alone)
+        return self.alone[0].rows.start if self.alone else len(self.counts)
 
     def means(self, values: FloatArray) -> FloatArray:
         """Return the mean over episodes in every row, (..., rows) from (..., N)."""
@@ -162,8 +159,8 @@ class Resamples:
     def together(self, estimates: FloatArray, resampled: FloatArray) -> Simultaneous:
         """Return intervals and p-values of m differences that one table shows.
 
-        The share of their variance that lies between few units is taken as the mean over the m differences: two or
-        three people are too few to measure it for each.
+        The share of their variance that lies between few units is taken as the mean over the differences that these
+        units are a part of: two or three people are too few to measure it for each.
 
         Args:
             estimates: (m,) differences.
@@ -172,23 +169,33 @@ class Resamples:
         full = resampled[:, : self.full]
         total = full.var(axis=1)
         varies = total > 0
-        parts = [
-            Variance((resampled[varies, part.rows].var(axis=1) / total[varies]).mean() * total, part.units)
-            for part in self.alone
-            if varies.any()
-        ]
+        parts = []
+        for part in self.alone:
+            share = resampled[:, part.rows].var(axis=1) / np.where(varies, total, 1)
+            concerned = varies & (share > ROUNDING)
+            if concerned.any():
+                parts.append(Variance(np.where(concerned, share[concerned].mean(), 0) * total, part.units))
         return simultaneous(estimates, full, widening(total, parts))
 
-    def with_trainings(self, trainings: int) -> "Resamples":
-        """Return these resamples with draws of trainings that all planners share, and rows that draw only these."""
+    def with_trainings(self, families: Mapping[str, int]) -> "Resamples":
+        """Return these resamples with draws of the trainings of some families, and for each rows that draw only these.
+
+        The draws of two families are independent, and do not depend on which others there are.
+
+        Args:
+            families: how many trainings each has, at least 2.
+        """
         extra = ALONE if self.full else 0
-        counts = np.concatenate([self.counts, np.ones((extra, self.counts.shape[1]), dtype=np.int64)])
-        draws = resample_counts(np.random.default_rng([BOOTSTRAP_SEED, *b"trainings"]), trainings, len(counts))
-        for part in self.alone:
-            draws[part.rows] = 1
-        rows = slice(len(self.counts), len(counts))
-        alone = (*self.alone, Alone(rows, trainings)) if extra else self.alone
-        return replace(self, counts=counts, alone=alone, trainings=draws)
+        counts = np.concatenate([self.counts, np.ones((extra * len(families), self.counts.shape[1]), dtype=np.int64)])
+        trainings, alone = {}, list(self.alone)
+        for number, (family, units) in enumerate(families.items()):
+            begin = len(self.counts) + extra * number
+            rows = slice(begin, begin + extra)
+            drawn = resample_counts(np.random.default_rng([BOOTSTRAP_SEED, *family.encode()]), units, self.full + extra)
+            trainings[family] = np.ones((len(counts), units), dtype=np.int64)
+            trainings[family][: self.full], trainings[family][rows] = np.split(drawn, [self.full])
+            alone += [Alone(rows, units)] if extra else []
+        return replace(self, counts=counts, alone=tuple(alone), trainings=trainings)
 
 
 def resample_episodes(

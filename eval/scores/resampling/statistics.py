@@ -20,7 +20,7 @@ BOOTSTRAP_SEED = 0  # intervals are properties of the records, not of a run
 _UPPER = 0.5 + LEVEL / 200  # 0.975
 _NORMAL = NormalDist().inv_cdf(_UPPER)  # 1.96
 _POWER = NormalDist().inv_cdf(POWER / 100)  # 0.84
-_ROUNDING = 1e-12  # values that differ by less are equal
+ROUNDING = 1e-12  # values that differ by less are equal
 _TIE = 1e-9  # distances in standard errors that differ by less are equal: another machine may round differently
 
 Interval = tuple[float, float]
@@ -136,7 +136,7 @@ def widening(total: FloatArray, few: Sequence[Variance]) -> Widening:
     whole = sum(corrected, np.maximum(total - between, 0))
     squares = sum((part**2 / (of.units - 1) for part, of in zip(corrected, few, strict=True)), np.zeros_like(total))
     # A variance that is a rounding error has no parts.
-    varies, has_few = total > _ROUNDING**2, squares > _ROUNDING**2 * whole**2
+    varies, has_few = total > ROUNDING**2, squares > ROUNDING**2 * whole**2
     factor = np.sqrt(np.where(varies, whole, 1) / np.where(varies, total, 1))
     freedom = np.where(varies & has_few, whole**2 / np.where(has_few, squares, 1), np.inf)
     return Widening(factor, freedom)
@@ -160,12 +160,12 @@ def simultaneous(estimates: FloatArray, resampled: FloatArray, wider: Widening) 
     from scipy.special import ndtr, ndtri, stdtr, stdtrit  # imported here: too slow for `ehar --help`
 
     error = resampled.std(axis=1, ddof=1)
-    varies: BoolArray = np.ptp(resampled, axis=1) > _ROUNDING
+    varies: BoolArray = np.ptp(resampled, axis=1) > ROUNDING
     safe = np.where(varies, error, 1.0)
     distance = np.where(varies[:, None], np.abs(resampled - estimates[:, None]) / safe[:, None], 0.0)
     largest = np.sort(distance.max(axis=0))
     # The interval excludes zero if at most 5 % of the resamples, the data among them, have as large a maximum.
-    beyond = int((1 - LEVEL / 100) * (len(largest) + 1) + _ROUNDING) - 1
+    beyond = int((1 - LEVEL / 100) * (len(largest) + 1) + ROUNDING) - 1
     alone = (1 - LEVEL / 100) / 2
     level = min(float(ndtr(-largest[min(len(largest) - beyond, len(largest)) - 1])), alone)  # one-sided, of each pair
     scale = np.where(varies, wider.factor * error, 0.0)
@@ -174,7 +174,7 @@ def simultaneous(estimates: FloatArray, resampled: FloatArray, wider: Widening) 
     reached = len(largest) - np.searchsorted(largest, -ndtri(tail) - _TIE)
     one = np.minimum(2 * tail, 1)
     # A difference that never varies is certain, or certainly none.
-    known = np.where(np.abs(estimates) > _ROUNDING, 0.0, 1.0)
+    known = np.where(np.abs(estimates) > ROUNDING, 0.0, 1.0)
     return Simultaneous(
         ends=np.stack([estimates - half, estimates + half], axis=-1),
         p=np.where(varies, np.maximum((1 + reached) / (1 + len(largest)), one), known),

@@ -5,7 +5,7 @@ same episodes. A report shows the mean over trainings. Its interval says what ot
 give: each resample draws both.
 
 Trainings of what all planners share, the recogniser and the gain field, are `nbv@0`, `nbv@1`, ... in a run that was
-made of theirs. A resample draws the same ones for all planners.
+made of theirs. A resample draws the same ones for all planners. Trainings that are drawn together are a family.
 """
 
 import re
@@ -18,7 +18,6 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.errors import DataError
 from eval.records.episodes import EpisodeRecords
 from eval.scores.resampling.resamples import Resamples
-from eval.scores.resampling.statistics import BOOTSTRAP_SEED, resample_counts
 
 OWN, SHARED = "/", "@"  # before the number of a training in record names: the planner's own, or that of all planners
 _RECORD_NAME = re.compile(rf"(.+)([{OWN}{SHARED}])(0|[1-9][0-9]*)")
@@ -33,14 +32,15 @@ class PlannerGroup:
         seeds: G training seeds in ascending order; empty for a planner whose name has none.
         records: its record names, in the order of the seeds.
         rows: indices of its record names among all M.
-        shared: whether they are several trainings of what all planners share.
+        family: whose trainings a resample draws together: `SHARED` of what all planners share, else the planner's
+            name; None if there is only one training, which is not drawn.
     """
 
     name: str
     seeds: tuple[int, ...]
     records: tuple[str, ...]
     rows: tuple[int, ...]
-    shared: bool = False
+    family: str | None = None
 
 
 def record_name(name: str, seed: int) -> str:
@@ -65,9 +65,9 @@ def is_shared(name: str) -> bool:
     return match is not None and match[2] == SHARED
 
 
-def shared_trainings(names: Iterable[str]) -> int:
-    """Return the number of trainings that all planners share in a run with these record names; 0 if they share none."""
-    return max((len(group.records) for group in group_planners(names) if group.shared), default=0)
+def families(groups: Iterable[PlannerGroup]) -> dict[str, int]:
+    """Return how many trainings each family has, for `Resamples.with_trainings`."""
+    return {group.family: len(group.records) for group in groups if group.family is not None}
 
 
 def group_planners(names: Iterable[str]) -> tuple[PlannerGroup, ...]:
@@ -93,7 +93,7 @@ def group_planners(names: Iterable[str]) -> tuple[PlannerGroup, ...]:
                 seeds=tuple(sorted(seeds)),
                 records=tuple(record for _, record, _ in ordered),
                 rows=tuple(row for _, _, row in ordered),
-                shared=len(ordered) > 1 and is_shared(ordered[0][1]),
+                family=None if len(ordered) == 1 else SHARED if is_shared(ordered[0][1]) else name,
             )
         )
     return tuple(groups)
@@ -113,21 +113,18 @@ def mean_over_seeds(values: FloatArray, groups: Sequence[PlannerGroup]) -> Float
 def seed_counts(group: PlannerGroup, resamples: Resamples) -> IntArray:
     """Return how often each of a planner's G trainings is drawn in each row of the resamples, (rows, G).
 
-    The draws of two planners are independent, and do not depend on who else is in the run. Trainings that all planners
-    share are drawn together. In rows that draw something else alone, each training is there once.
+    In rows that draw something else alone, each training is there once.
     """
-    if group.shared:
-        assert resamples.trainings is not None
-        return resamples.trainings
-    rng = np.random.default_rng([BOOTSTRAP_SEED, *group.name.encode()])
-    drawn = resample_counts(rng, len(group.records), resamples.full)
-    return np.concatenate([drawn, np.ones((resamples.steady, len(group.records)), dtype=np.int64)])
+    if group.family is None:
+        return np.ones((len(resamples.counts), 1), dtype=np.int64)
+    return resamples.trainings[group.family]
 
 
 def resample_seeds(resampled: FloatArray, groups: Sequence[PlannerGroup], resamples: Resamples) -> FloatArray:
     """Return the mean over drawn trainings in every row, (P, rows); a single training is not drawn.
 
     Like every bootstrap, one over G seeds sees (G - 1) / G of the variance between them: half of it with two seeds.
+    `Resamples.interval` makes up for that.
 
     Args:
         resampled: (M, rows), a statistic of each training in resamples of episodes, which all of them share.

@@ -18,7 +18,7 @@ from eval.scores.metrics import PROBABILITY_FLOOR
 from eval.scores.planner_metrics import ECE, NLL
 from eval.scores.resampling.resamples import Basis, Resamples, resample_episodes
 from eval.scores.resampling.statistics import Interval, pair, why_no_intervals
-from eval.scores.resampling.training_seeds import PlannerGroup, group_planners, resample_seeds, shared_trainings
+from eval.scores.resampling.training_seeds import PlannerGroup, families, group_planners, resample_seeds
 from eval.scores.streams.activities import activities
 from eval.scores.streams.alarms import alarms_per_minute
 from eval.scores.streams.equal_alarms import restrained
@@ -184,8 +184,7 @@ def write_report(out: Path, report: StreamBeliefReport) -> None:
 def _resamples(records: EpisodeRecords, why_none: str | None, names: Iterable[str]) -> Resamples:
     """Return the resamples of some episodes, with trainings if record names have some."""
     resamples = resample_episodes(np.array(records.sequence), records.subjects, why_none=why_none)
-    trainings = shared_trainings(names)
-    return resamples.with_trainings(trainings) if trainings else resamples
+    return resamples.with_trainings(families(group_planners(names)))
 
 
 def _scored(

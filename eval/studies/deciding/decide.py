@@ -18,7 +18,7 @@ from eval.scores.deciding.fit import seen_in
 from eval.scores.differences import NBV
 from eval.scores.planner_accuracy import draw_resamples
 from eval.scores.planner_summary import NO_ACT, ORACLE
-from eval.scores.resampling.training_seeds import group_planners, shared_trainings
+from eval.scores.resampling.training_seeds import group_planners
 from eval.scores.streams.activities import activity_frames
 from eval.studies.deciding.deciding import Deciding
 from eval.studies.same_episodes import label, shown
@@ -85,7 +85,7 @@ def decide(
         found=deciding_once(
             {name: seen_in(held, seconds, second=second) for name, held in records.items()},
             rules,
-            draw_resamples([scored.scored[name] for name in names], shared_trainings(names)),
+            draw_resamples([scored.scored[name] for name in names], group_planners(names)),
             against=NO_ACT,
             tested=tested,
         ),

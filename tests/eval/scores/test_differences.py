@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 from scipy.stats import mannwhitneyu, norm, trim_mean
+from scipy.stats import t as student
 
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from eval.records.episodes import EpisodeRecords
@@ -62,23 +63,49 @@ def test_a_difference_from_the_records_alone() -> None:
 
     counts = resample_counts(np.random.default_rng(BOOTSTRAP_SEED), len(sequences))[:, clusters]
     (il_ppo,) = group_planners(name for name in records if name.startswith("il-ppo"))
-    draws = seed_counts(il_ppo, draw_resamples(list(records.values())))
+    resamples = draw_resamples(list(records.values()), [il_ppo])
+    draws = seed_counts(il_ppo, resamples)[: resamples.full]
     totals = counts.sum(axis=1)
     drawn = sum(draws[:, row] * (counts @ correct.mean(axis=1)) for row, correct in enumerate(trainings)) / 2
     differ = 100 * (drawn - counts @ nbv.mean(axis=1)) / totals
-    assert of.ci95 == pytest.approx(np.percentile(differ, [2.5, 97.5]))
+    # Of the variance between two trainings their draws see the half. The rest is that between sequences.
+    between = (100 * np.diff([correct.mean() for correct in trainings]).item()) ** 2 / 4
+    seen = differ.var()
+    variance = seen - between / 2 + between
+    freedom = variance**2 / between**2  # of Satterthwaite: two trainings leave one
+    wider = np.sqrt(variance / seen) * student.ppf(0.975, freedom) / norm.ppf(0.975)
+    ends = of.acc_mean + wider * (np.percentile(differ, [2.5, 97.5]) - of.acc_mean)
+    assert of.ci95 == pytest.approx(ends, rel=0.02)
     # Corrected: the largest distance in standard errors over all three pairs, in each resample.
     no_act = counts @ records["no-act"].correct.mean(axis=1)
     others = [100 * (pair - no_act) / totals for pair in (drawn, counts @ nbv.mean(axis=1))]
     estimates = [found[pair].acc_mean for pair in (("il-ppo", "nbv"), ("il-ppo", "no-act"), ("nbv", "no-act"))]
     largest = np.max([np.abs(r - e) / r.std(ddof=1) for r, e in zip([differ, *others], estimates, strict=True)], axis=0)
-    half = np.quantile(largest, 0.95) * differ.std(ddof=1)
+    alone, of = others[1], found["nbv", "no-act"]  # of one training each
+    error = alone.std(ddof=1)
+    half = np.quantile(largest, 0.95) * error
     assert of.ci95_corrected == pytest.approx((of.acc_mean - half, of.acc_mean + half), rel=1e-3)
-    assert of.smallest == pytest.approx(half + 0.841621 * differ.std(ddof=1), rel=1e-3)
-    assert of.p == pytest.approx(2 * norm.sf(abs(of.acc_mean) / differ.std(ddof=1)))
-    reached = (largest >= abs(of.acc_mean) / differ.std(ddof=1) - 1e-9).sum()
+    assert of.smallest == pytest.approx(half + 0.841621 * error, rel=1e-3)
+    assert of.p == pytest.approx(2 * norm.sf(abs(of.acc_mean) / error))
+    reached = (largest >= abs(of.acc_mean) / error - 1e-9).sum()
     assert of.p_corrected == pytest.approx((1 + reached) / (1 + len(largest)))
     assert of.is_clear == (of.p_corrected <= 0.05)
+
+
+def test_a_planner_s_own_trainings_widen_intervals_as_student_s_t_of_their_number_does() -> None:
+    # Every episode is alike, so only trainings vary: il gains 25, 50 and 75 points.
+    base = make_records(0, episodes=60, people=6)
+
+    def right(frames: int) -> EpisodeRecords:
+        return replace(base, predicted=np.tile(base.label[:, None], 4) + (np.arange(4) >= frames))
+
+    (of,) = summary_of({"no-act": right(1), **{f"il/{seed}": right(2 + seed) for seed in range(3)}}).differences
+    assert (of.planner, of.acc_mean) == ("il", pytest.approx(50))
+    half = student.ppf(0.975, 2) * 25 / np.sqrt(3)
+    assert of.ci95_corrected is not None
+    # Three trainings have seven different means, so a bootstrap of them is coarse, on the safe side.
+    assert half <= of.ci95_corrected[1] - 50 <= 1.3 * half
+    assert not of.is_clear
 
 
 def test_people_are_resampled_where_the_records_name_them() -> None:

@@ -197,6 +197,10 @@ def test_trainings_are_drawn_together_only_where_they_are_the_same(tmp_path: Pat
     assert other.difference.ci95[0] < -1 and other.difference.ci95[1] > 1
     fewer = compared(a, trained(tmp_path, "fewer", "12"))
     assert fewer.trainings == (3, 2) and not fewer.retrained
+    assert compared(tmp_path / "fewer", a).trainings == (2, 3)
+    # A - B is as sure as B - A.
+    back = compared(tmp_path / "other", a)
+    assert width(back.difference.ci95_corrected) == pytest.approx(width(other.difference.ci95_corrected), rel=0.05)
     unknown = written(tmp_path / "unknown", {f"il-ppo/{seed}": make_records(seed, episodes=24) for seed in (0, 1)})
     assert compared(unknown, unknown).difference.ci95[0] < 0  # weights that are not known may be others
 

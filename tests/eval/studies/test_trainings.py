@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from ehar.errors import DataError, UsageError
 from eval.cli.main import main
@@ -55,14 +56,21 @@ def test_the_trainings_are_one_run_that_other_commands_take(tmp_path: Path, caps
     together, each = read_run(out), [read_run(folder) for folder in runs]
     assert together.config.trainings == tuple(runs)
     assert together.config.recogniser_sha256 not in {one.config.recogniser_sha256 for one in each}
-    for planner, shown in zip(together.summary.planners, found.summary.planners, strict=True):
-        assert planner.training_seeds == (0, 1, 2)
-        assert planner.acc_mean == pytest.approx(shown.acc_mean)
-        assert planner.acc_mean_ci95 == pytest.approx(shown.acc_mean_ci95)
-        assert planner.acc_mean_seed_sd == pytest.approx(shown.acc_mean_sd)
-    (difference,) = [of.difference for of in found.summary.differences]
-    (of_run,) = together.summary.differences
-    assert of_run.acc_mean == pytest.approx(difference.acc_mean) and of_run.ci95 == pytest.approx(difference.ci95)
+    assert together.summary.to_json() == found.run.summary.to_json()
+    (difference,), (of_run,) = found.differences, together.summary.differences
+    assert difference == of_run
+    for name, row in zip(SKILLS, found.tables()[0].rows, strict=True):
+        alone = [one.summary.planner(name) for one in each]
+        own, acc = together.summary.planner(name), [one.acc_mean for one in alone]
+        assert own.training_seeds == (0, 1, 2)
+        assert own.acc_mean == pytest.approx(np.mean(acc))
+        low, high = (np.mean([one.summary.planner(end).acc_mean for one in each]) for end in ("no-act", "oracle"))
+        assert own.gap_closed == pytest.approx((np.mean(acc) - low) / (high - low))
+        assert row[1].startswith(f"{np.mean(acc):.1f} ± {np.std(acc, ddof=1):.1f} [")
+        gaps = [100 * float(one.gap_closed or 0) for one in alone]
+        assert row[2].startswith(f"{100 * float(own.gap_closed or 0):.1f} ± {np.std(gaps, ddof=1):.1f} [")
+    to_no_act = [one.summary.planner("nbv").acc_mean - one.summary.planner("no-act").acc_mean for one in each]
+    assert found.tables()[0].rows[0][3].startswith(f"{np.mean(to_no_act):+.1f} ± {np.std(to_no_act, ddof=1):.1f} [")
     main(["study", "overview", out, "--planner", "nbv"])
     assert f"{difference.acc_mean:+.1f}" in capsys.readouterr().out
     assert f"this one is 3 trainings: verify {runs[0]}" in fails_with(["verify", out], capsys)
@@ -71,19 +79,73 @@ def test_the_trainings_are_one_run_that_other_commands_take(tmp_path: Path, caps
     )
 
 
+def alike(frames: int) -> EpisodeRecords:
+    """Return records in which every episode is right in so many of its four frames."""
+    base = make_records(0, episodes=60, people=6)
+    return replace(base, predicted=np.tile(base.label[:, None], 4) + (np.arange(4) >= frames))
+
+
+def of_alike(tmp_path: Path, *right: dict[str, int]) -> Trainings:
+    each = [
+        write_finished(
+            tmp_path / str(training),
+            {name: alike(frames) for name, frames in planners.items()},
+            recogniser_sha256=str(training),
+            planners=tuple(
+                PlannerConfig(name, privileged=name == "oracle", implementation="none") for name in planners
+            ),
+        )
+        for training, planners in enumerate(right)
+    ]
+    found = trainings(each)
+    assert isinstance(found, Trainings)
+    return found
+
+
+def test_trainings_that_differ_widen_intervals_as_student_s_t_of_their_number_does(tmp_path: Path) -> None:
+    # Every episode is alike, so only trainings vary: nbv gains 25, 50 and 75 points.
+    found = of_alike(tmp_path, *({"no-act": 1, "nbv": 1 + gain} for gain in (1, 2, 3)))
+    (of,) = found.differences
+    assert of.acc_mean == pytest.approx(50) and found.tables()[0].rows[0][3].startswith("+50.0 ± 25.0 [")
+    half = student.ppf(0.975, 2) * 25 / np.sqrt(3)
+    assert of.ci95_corrected is not None
+    # Three trainings have seven different means, so a bootstrap of them is coarse, on the safe side.
+    assert half <= of.ci95_corrected[1] - 50 <= 1.3 * half
+    assert not of.is_clear
+
+
+def test_planners_of_one_training_are_drawn_together(tmp_path: Path) -> None:
+    # Trainings differ by far, but nbv is 25 points above no-act in each of them.
+    found = of_alike(tmp_path, *({"no-act": frames, "nbv": frames + 1} for frames in (0, 1, 3)))
+    assert found.differences[0].ci95_corrected == pytest.approx((25, 25))
+
+
+def test_a_planner_s_own_trainings_have_a_row_each(tmp_path: Path) -> None:
+    found = of_alike(tmp_path, {"nbv": 2, "il/0": 1, "il/1": 4}, {"nbv": 2, "il/0": 2, "il/1": 4})
+    assert [row[0] for row in found.tables()[0].rows] == ["nbv", "il/0", "il/1"]
+    assert found.tables()[0].rows[1][1].startswith("37.5 ± 17.7 [")
+
+
+def test_a_planner_that_is_not_in_all_runs_is_named(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"no planner 'nbv' without the truth in all 2 runs; expected one of: no-act$"):
+        of_alike(tmp_path, {"no-act": 1, "nbv": 2}, {"no-act": 1})
+    with pytest.raises(UsageError, match=r"no planner 'nbv' without the truth in all 2 runs; expected one of: $"):
+        of_alike(tmp_path / "none", {"nbv": 2}, {"no-act": 1})
+
+
+def test_no_gap_is_shown_where_a_training_has_none(tmp_path: Path) -> None:
+    found = of_alike(tmp_path, {"no-act": 1, "nbv": 2, "oracle": 4}, {"no-act": 2, "nbv": 2, "oracle": 2})
+    assert [row[2] for row in found.tables()[0].rows] == ["-"] * 3
+
+
 def test_a_change_of_conditions_is_paired_by_training(tmp_path: Path) -> None:
     # Trainings differ by far, but each has a quarter less right if onsets are unknown.
-    base = make_records(0, episodes=60, people=6)
-
-    def right(frames: int) -> EpisodeRecords:
-        return replace(base, predicted=np.tile(base.label[:, None], 4) + (np.arange(4) >= frames))
-
     told = PlannerConfig("no-act", privileged=False, implementation="none")
     for onset, less in (("known", 0), ("unknown", 1)):
         each = [
             write_finished(
                 tmp_path / f"{onset}-{training}",
-                {"no-act": right(frames - less)},
+                {"no-act": alike(frames - less)},
                 recogniser_sha256=str(training),
                 onset=onset,
                 planners=(told,),

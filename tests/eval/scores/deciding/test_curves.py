@@ -10,6 +10,7 @@ from eval.scores.deciding.curves import RULES, SPRT, DecidingOnce, deciding_once
 from eval.scores.deciding.fit import seen_in
 from eval.scores.deciding.rules import FixedTime, Rule, decide, waited, words_of_records
 from eval.scores.planner_accuracy import draw_resamples
+from eval.scores.resampling.training_seeds import group_planners
 from tests.helpers.made_records import make_records
 
 TWO_PRICES = (1.0, 50.0)
@@ -31,7 +32,7 @@ def found_in(
     records: dict[str, EpisodeRecords], rules: dict[str, tuple[Rule, ...]], *, tested: tuple[str, ...] = ()
 ) -> DecidingOnce:
     seen = {name: seen_in(held, SECONDS) for name, held in records.items()}
-    resamples = draw_resamples(list(records.values()))
+    resamples = draw_resamples(list(records.values()), group_planners(records))
     return deciding_once(seen, rules, resamples, TWO_PRICES, against="no-act", tested=tested)
 
 

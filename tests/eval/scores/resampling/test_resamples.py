@@ -60,7 +60,7 @@ def test_a_table_is_told_who_its_intervals_rest_on(subjects: list[list[int]], te
 
 def test_without_intervals_nothing_is_drawn() -> None:
     found = resample_episodes(np.array(["a", "b"]), np.array([[1], [2]]), why_none="one class")
-    assert (found.full, found.steady, len(found.counts)) == (0, 0, 0)
+    assert (found.full, len(found.counts)) == (0, 0)
     assert np.isnan(found.interval(0.5, found.means(np.ones(2)))).all()
 
 

@@ -1,4 +1,5 @@
 import io
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,16 +18,17 @@ from eval.scores.differences import SUBJECTS, Difference
 from eval.scores.metrics import ece, gap_closed, mean_acc, nll, path_length
 from eval.scores.planner_accuracy import draw_resamples
 from eval.scores.resampling.resamples import Basis, Resamples
-from eval.scores.resampling.statistics import BOOTSTRAP_SEED, RESAMPLES, interval, resample_counts, resampled_means
+from eval.scores.resampling.statistics import resample_counts, resampled_means
 from eval.scores.resampling.training_seeds import (
+    PlannerGroup,
     curves,
+    families,
     group_planners,
     mean_over_seeds,
     record_name,
     resample_seeds,
     seed_counts,
     shared_record_name,
-    shared_trainings,
     split_record_name,
 )
 from eval.scores.summarise import summarise
@@ -47,8 +49,8 @@ def trained(*seeds: int, name: str = "il-ppo", skill: float = 1.0) -> dict[str, 
     return {record_name(name, seed): make_records(10 + seed, skill=skill + 0.3 * seed) for seed in seeds}
 
 
-def drawn(counts: np.ndarray, clusters: np.ndarray) -> Resamples:
-    return Resamples(clusters, counts, (), Basis(counts.shape[1]), None)
+def drawn(counts: np.ndarray, clusters: np.ndarray, groups: Sequence[PlannerGroup]) -> Resamples:
+    return Resamples(clusters, counts, (), Basis(counts.shape[1]), None).with_trainings(families(groups))
 
 
 def ends() -> dict[str, EpisodeRecords]:
@@ -97,9 +99,7 @@ def test_two_seeds_and_three_sequences_by_hand() -> None:
     assert agent.acc["10"] == pytest.approx(50)  # first frame: 1 and 2 of 3
     assert agent.acc["100"] == pytest.approx(100 * 5 / 6)
     assert agent.gap_closed == pytest.approx((4 / 6 - 1 / 6) / (1 - 1 / 6))
-    # Of 27 x 4 equally likely draws, 1 gives 0 (seed 0 twice and the last sequence three times) and 3 give 1 / 6 (the
-    # same with the middle one once), so 2.5 % lies at 1 / 6; 4 and more give 1 (the first three times, any seeds).
-    assert agent.acc_mean_ci95 == pytest.approx((100 / 6, 100))
+    assert agent.acc_mean_ci95 is not None and agent.acc_mean_ci95[0] < 100 / 6 and agent.acc_mean_ci95[1] == 100
     assert (summary.planner("no-act").training_seeds, summary.planner("no-act").acc_mean_seed_sd) == ((), None)
     assert summary.to_json()["planners"][1]["training_seeds"] == (0, 1)
 
@@ -111,14 +111,15 @@ def test_the_nested_bootstrap_equals_a_slow_loop_over_the_same_draws() -> None:
     values = rng.random((len(names), len(clusters)))
     counts = resample_counts(rng, 4, 60)
     groups = group_planners(names)
-    fast = resample_seeds(resampled_means(values, clusters, counts), groups, drawn(counts, clusters))
+    resamples = drawn(counts, clusters, groups)
+    fast = resample_seeds(resampled_means(values, clusters, resamples.counts), groups, resamples)
     assert [group.name for group in groups] == ["il", "no-act", "il-ppo"]
     rows = {"il": [5, 0], "no-act": [1], "il-ppo": [2, 3, 4]}  # in ascending order of seeds
     for index, trainings in enumerate(rows.values()):
-        draws = seed_counts(groups[index], drawn(counts, clusters))
+        draws = seed_counts(groups[index], resamples)
         for resample in range(60):
             pooled = []
-            for training, times in zip(trainings, draws[resample] if len(trainings) > 1 else [1], strict=True):
+            for training, times in zip(trainings, draws[resample], strict=True):
                 for _ in range(times):
                     for sequence in range(4):
                         for _ in range(counts[resample, sequence]):
@@ -129,49 +130,53 @@ def test_the_nested_bootstrap_equals_a_slow_loop_over_the_same_draws() -> None:
 def test_the_interval_of_the_summary_is_that_of_the_slow_loop() -> None:
     records = {**ends(), **trained(0, 1, 2)}
     agent = summary_of(records).planner("il-ppo")
-    sequences, clusters = np.unique(records["no-act"].sequence, return_inverse=True)
-    counts = resample_counts(np.random.default_rng(BOOTSTRAP_SEED), len(sequences))
-    draws = seed_counts(group_planners(records)[-1], draw_resamples(list(records.values())))
+    groups = group_planners(records)
+    resamples = draw_resamples(list(records.values()), groups)
+    draws = seed_counts(groups[-1], resamples)
     accuracy = {name: mean_acc(episodes.correct) for name, episodes in records.items()}
-    acc, closed = np.empty(RESAMPLES), np.empty(RESAMPLES)
-    for resample in range(RESAMPLES):
-        weights = counts[resample][clusters]
+    rows = len(resamples.counts)
+    acc, closed, linear = np.empty((3, rows))
+    assert agent.gap_closed is not None and agent.gap_closed_ci95 is not None
+    for row in range(rows):
+        weights = resamples.counts[row][resamples.clusters]
         low, high, *seeds = (
             np.average(accuracy[name], weights=weights)
             for name in ("no-act", "oracle", "il-ppo/0", "il-ppo/1", "il-ppo/2")
         )
-        acc[resample] = np.average(seeds, weights=draws[resample])
-        closed[resample] = gap_closed(acc[resample], low, high)
-    np.testing.assert_allclose(agent.acc_mean_ci95, 100 * interval(acc))
-    assert agent.gap_closed_ci95 is not None
-    np.testing.assert_allclose(agent.gap_closed_ci95, interval(closed))
+        acc[row] = np.average(seeds, weights=draws[row])
+        closed[row] = gap_closed(acc[row], low, high)
+        linear[row] = acc[row] - low - agent.gap_closed * (high - low)
+    np.testing.assert_allclose(agent.acc_mean_ci95, 100 * resamples.interval(agent.acc_mean / 100, acc))
+    np.testing.assert_allclose(agent.gap_closed_ci95, resamples.interval(agent.gap_closed, closed, linear=linear))
 
 
 def test_draws_of_seeds_are_fair_and_independent_between_planners() -> None:
-    resamples = drawn(np.ones((4000, 2), dtype=np.int64), np.arange(2))
     il, ppo = group_planners([record_name(name, seed) for name in ("il", "ppo") for seed in range(5)])
-    one, other = seed_counts(il, resamples), seed_counts(ppo, resamples)
+    resamples = drawn(np.ones((4000, 2), dtype=np.int64), np.arange(2), (il, ppo))
+    one, other = (seed_counts(group, resamples)[: resamples.full] for group in (il, ppo))
     assert (one.sum(axis=1) == 5).all()
     np.testing.assert_allclose(one.mean(axis=0), 1, atol=0.05)
     np.testing.assert_allclose(one.var(axis=0), 0.8, atol=0.1)  # of a binomial, 5 draws of chance 1 / 5
     assert abs(np.corrcoef(one[:, 0], other[:, 0])[0, 1]) < 0.05
-    np.testing.assert_array_equal(one, seed_counts(il, resamples))
+    alone = drawn(np.ones((4000, 2), dtype=np.int64), np.arange(2), (il,))
+    np.testing.assert_array_equal(one, seed_counts(il, alone)[: alone.full])  # whoever else is in the run
 
 
 def test_trainings_that_planners_share_are_drawn_together() -> None:
     names = [shared_record_name(name, training) for name in ("no-act", "nbv") for training in range(3)]
-    assert (shared_trainings(names), shared_trainings(["no-act", "il/0", "il/1"])) == (3, 0)
-    resamples = drawn(np.ones((4000, 2), dtype=np.int64), np.arange(2)).with_trainings(3)
-    no_act, nbv = group_planners(names)
-    assert (no_act.shared, nbv.name, nbv.seeds) == (True, "nbv", (0, 1, 2))
+    no_act, nbv, il = group_planners([*names, "il/0", "il/1", "il/2"])
+    resamples = drawn(np.ones((4000, 2), dtype=np.int64), np.arange(2), (no_act, nbv, il))
+    assert (no_act.family, nbv.name, nbv.seeds, il.family) == ("@", "nbv", (0, 1, 2), "il")
+    assert families((no_act, nbv, il)) == {"@": 3, "il": 3}
+    assert families(group_planners(["nbv@0", "no-act"])) == {}  # a single one is not drawn
     np.testing.assert_array_equal(seed_counts(no_act, resamples), seed_counts(nbv, resamples))
     np.testing.assert_allclose(seed_counts(nbv, resamples)[:4000].var(axis=0), 2 / 3, atol=0.05)
-    assert shared_trainings(["nbv@0", "no-act"]) == 0  # a single one is not drawn
-    # A planner's own seeds are drawn by themselves, and not where trainings are drawn alone.
-    (il,) = group_planners(["il/0", "il/1", "il/2"])
-    own = seed_counts(il, resamples)
-    assert abs(np.corrcoef(own[:4000, 0], seed_counts(nbv, resamples)[:4000, 0])[0, 1]) < 0.05
-    assert (own[4000:] == 1).all() and (seed_counts(nbv, resamples)[4000:] != 1).any()
+    # A planner's own trainings are drawn by themselves, and each family has rows in which only it is drawn.
+    own, shared = seed_counts(il, resamples), seed_counts(nbv, resamples)
+    assert abs(np.corrcoef(own[:4000, 0], shared[:4000, 0])[0, 1]) < 0.05
+    of_shared, of_own = resamples.alone
+    assert (own[of_shared.rows] == 1).all() and (shared[of_shared.rows] != 1).any()
+    assert (shared[of_own.rows] == 1).all() and (own[of_own.rows] != 1).any()
 
 
 def test_the_gap_of_shared_trainings_reaches_up_to_the_oracle_of_each() -> None:
@@ -203,11 +208,11 @@ def test_seeds_widen_the_interval() -> None:
 @given(copies=st.integers(2, 6))
 def test_seeds_that_are_identical_give_what_one_gives(copies: int) -> None:
     resampled = np.random.default_rng(0).random((1, 200))
-    resamples = drawn(np.ones((200, 2), dtype=np.int64), np.arange(2))
     groups = group_planners([record_name("il", seed) for seed in range(copies)])
-    np.testing.assert_allclose(
-        resample_seeds(np.repeat(resampled, copies, axis=0), groups, resamples), resampled, rtol=1e-12
-    )
+    resamples = drawn(np.ones((200, 2), dtype=np.int64), np.arange(2), groups)
+    several = np.repeat(resampled, copies, axis=0)
+    rows = np.pad(several, ((0, 0), (0, len(resamples.counts) - 200)), mode="edge")
+    np.testing.assert_allclose(resample_seeds(rows, groups, resamples)[:, :200], resampled, rtol=1e-12)
 
 
 def test_a_summary_of_identical_seeds_is_that_of_one() -> None:
