@@ -9,6 +9,7 @@ from typing import Literal, get_args
 from ehar.conditions import Conditions, Form
 from ehar.errors import UsageError
 from ehar.processes import cores
+from ehar.track import IDEAL
 from recognition.devices import check_device
 
 Stage = Literal["il", "ppo", "il-ppo", "dagger"]
@@ -86,6 +87,7 @@ class PPOSetting:
         hindsight: whether the critic sees the label in training; the actor never does.
         hold: number of frames for which a drawn move is repeated. The move of a single frame changes too little for a
             reward to tell which move was good.
+        hold_s: how long a drawn move is repeated instead [s]; None counts frames.
         copies: number of episodes that differ only in the moves, and are rewarded relative to each other.
     """
 
@@ -103,11 +105,18 @@ class PPOSetting:
     critic_rollouts: int = 0
     hindsight: bool = True
     hold: int = 5
+    hold_s: float | None = None
     copies: int = 8
+
+    def at(self, fps: float) -> "PPOSetting":
+        """Return the setting with all holds in frames, at so many frames per second."""
+        return self if self.hold_s is None else replace(self, hold=max(1, round(self.hold_s * fps)), hold_s=None)
 
 
 # In streams an episode is several times as long as a clip, and shows several activities.
 STREAM_PPO = PPOSetting(frames=2_400_000, evaluate_every=120_000, num_envs=128)
+# A vehicle takes a second to get anywhere. So there are fewer decisions, and each update has to learn more of them.
+FLOWN_PPO = replace(STREAM_PPO, evaluate_every=60_000, learning_rate=2e-3, hold_s=1.0)
 PAPER_PPO = PPOSetting(
     frames=10_000_000,  # a guess: the most
     evaluate_every=250_000,  # a guess
@@ -260,6 +269,7 @@ class AgentTrainingConfig:
     @property
     def ppo(self) -> PPOSetting:
         """The setting of policy optimisation, with the number of frames asked for."""
-        quick = STREAM_PPO if self.conditions.in_streams else PPOSetting()
+        flown = self.conditions.track != IDEAL
+        quick = (FLOWN_PPO if flown else STREAM_PPO) if self.conditions.in_streams else PPOSetting()
         chosen = quick if self.setting == "quick" else PAPER_PPO
         return chosen if self.frames is None else replace(chosen, frames=self.frames)

@@ -155,7 +155,7 @@ class StageRun:
         progress = PPOProgress(network)
         self._resume(progress)
         logs = self.config.tensorboard
-        setting, moves = self.config.ppo, world.scenarios.length - 1
+        setting, moves = self.config.ppo.at(world.scenarios.data.fps), world.scenarios.length - 1
         total = rollouts_of(setting, moves)
 
         def keep(reached: PPOProgress) -> None:
@@ -290,7 +290,7 @@ def _identity(config: AgentTrainingConfig, world: TrainingWorld, stage: Stage, s
     if stage != "ppo":
         decisive["imitation"] = asdict(config.imitation(stage))
     if stage in ("ppo", "il-ppo"):
-        decisive["ppo"] = asdict(config.ppo)
+        decisive["ppo"] = {name: value for name, value in asdict(config.ppo).items() if value is not None}
     if stage == "il-ppo":  # what it starts from
         start = _path(config, "il", seed)
         decisive["start_sha256"] = hashlib.sha256(start.read_bytes()).hexdigest() if start.is_file() else None

@@ -303,6 +303,15 @@ def test_windows_of_streams_are_longer_than_clips_so_there_are_fewer() -> None:
     assert streaming(episodes=5, frames=6).imitation("il").episodes == 5
 
 
+def test_in_flight_a_drawn_move_is_flown_for_a_second() -> None:
+    flown = replace(streaming(), conditions=Conditions(data="solo-stream", track="px4-auto")).ppo
+    assert [flown.at(fps).hold for fps in (60, 15, 0.1)] == [60, 15, 1]
+    assert flown.at(60).hold_s is None and flown.learning_rate > streaming().ppo.learning_rate
+    assert streaming().ppo.at(60).hold == 5
+    clips = replace(streaming(), conditions=Conditions(data="solo", track="px4-auto")).ppo
+    assert clips.hold_s is None
+
+
 @pytest.mark.parametrize(
     ("config", "option"),
     [
