@@ -19,6 +19,9 @@ from recognition.devices import check_device
 from recognition.own_recogniser import resolve_recogniser
 
 EPISODE = 30.0  # [s], the usual length of an episode of a stream
+ELSEWHERE = (
+    "the recogniser was trained on other data, so people who are watched may be among those that it learned from"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +38,7 @@ class Setting:
         device: torch device of our recogniser.
         trained_open: whether our recogniser was trained in the world without its obstacles and passers-by.
         trained_localisation: the localisation that our recogniser was trained with; None for your own, and in clips.
+        trained_elsewhere: whether our recogniser was trained on other data, or on another version or fold of them.
     """
 
     conditions: Conditions
@@ -46,6 +50,7 @@ class Setting:
     device: str = "cpu"
     trained_open: bool = False
     trained_localisation: Localisation | None = None
+    trained_elsewhere: bool = False
 
     @property
     def world(self) -> World:
@@ -61,7 +66,7 @@ class Setting:
     def notes(self) -> tuple[str, ...]:
         """The lines that say how the recogniser was trained otherwise."""
         localised = localisation_note(self.world.localisation, {"recogniser": self.trained_localisation})
-        return tuple(filter(None, (self.length_note, localised)))
+        return (*filter(None, (self.length_note, localised)), *((ELSEWHERE,) * self.trained_elsewhere))
 
     @property
     def track_sha256(self) -> str | None:
@@ -204,7 +209,18 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     length = None if trained.spec.fading else trained.spec.length  # what fades is not meant for one length
     opened = not world.is_open and trained.spec.world.is_open
     localisation = trained.spec.world.localisation if isinstance(data, StreamData) else None
-    return Setting(named, runner, trained.sha256, conditions.form, loaded.sha256, length, device, opened, localisation)
+    return Setting(
+        conditions=named,
+        runner=runner,
+        recogniser_sha256=trained.sha256,
+        form=conditions.form,
+        sensor_sha256=loaded.sha256,
+        trained_length=length,
+        device=device,
+        trained_open=opened,
+        trained_localisation=localisation,
+        trained_elsewhere=trained.data_sha256 not in (None, data.sha256),
+    )
 
 
 def refuse_loss(path: Path, setting: Setting, load: Callable[[Conditions, Recordings, str], object]) -> None:

@@ -50,6 +50,13 @@ class RecogniserDescription:
         _ = self.temperature
 
     @property
+    def data_sha256(self) -> str | None:
+        """The hash of the data that it was trained on; None if that is not recorded."""
+        run = self.training.get("run")
+        told = run.get("data_sha256") if isinstance(run, dict) else None
+        return told if isinstance(told, str) else None
+
+    @property
     def temperature(self) -> Temperature:
         """The fitted temperature."""
         return Temperature(self.log_temperatures)
@@ -116,8 +123,8 @@ def open_recogniser(
         ModelError: the files are missing or malformed, or of another form.
     """
     folder = "DIR" if conditions.directory is None else quote(str(conditions.directory))
-    made = f"ehar train recogniser {conditions.options} --out {folder}"
-    check_files(path, f"a recogniser, as made by `{made}`" + ("" if conditions.directory else ", and --models DIR"))
+    command = f"ehar train recogniser {conditions.options} --out {folder}"
+    check_files(path, f"a recogniser, as made by `{command}`" + ("" if conditions.directory else ", and --models DIR"))
     file, what = description_path(path), "a recogniser, as `ehar train recogniser` writes it"
     description = read_json(file, RecogniserDescription, what, wrong=ModelError, optional=LATER)
     spec, temperature = description.spec, description.temperature
@@ -126,9 +133,13 @@ def open_recogniser(
     network = spec.build()
     load_weights(path, network)
     digest = recogniser_sha256(path, temperature)
+    made: StreamingRecogniser | PrefixRecogniser
     if isinstance(network, CausalCTRGCN):
-        return StreamingRecogniser(network=network, spec=spec, temperature=temperature, sha256=digest, device=device)
-    return PrefixRecogniser(network=network, spec=spec, temperature=temperature, sha256=digest, device=device)
+        made = StreamingRecogniser(network=network, spec=spec, temperature=temperature, sha256=digest, device=device)
+    else:
+        made = PrefixRecogniser(network=network, spec=spec, temperature=temperature, sha256=digest, device=device)
+    made.data_sha256 = description.data_sha256
+    return made
 
 
 def recogniser_sha256(path: Path, temperature: Temperature) -> str:

@@ -26,6 +26,8 @@ FRAMES_AT_ONCE = 256  # frames that the published network takes in one call on a
 class _Recogniser:
     """The part that both forms share: features from arrays, and calibrated log-probabilities."""
 
+    data_sha256: str | None = None  # hash of the data that it was trained on; None if its files do not say
+
     def __init__(self, network: Module, spec: NetworkSpec, temperature: Temperature, sha256: str, device: str) -> None:
         self.spec = spec
         self.class_names = spec.class_names

@@ -12,6 +12,7 @@ from ehar.data.skeleton import Skeleton
 from ehar.errors import UsageError
 
 UNKNOWN_SUBJECT = -1
+SYNTHETIC = "(synthetic)"  # behind the name of motion that was generated, in titles
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -70,7 +71,7 @@ class Recordings:
     @property
     def title(self) -> str:
         """The name for people to read; it marks synthetic motion."""
-        return f"{self.name} (synthetic)" if self.synthetic else self.name
+        return f"{self.name} {SYNTHETIC}" if self.synthetic else self.name
 
     def sequence(self, index: int) -> FloatArray:
         """Return the positions (T, P, J, 3) of one sequence."""

@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, make_dataclass
+from dataclasses import asdict, dataclass, field, fields, make_dataclass, replace
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -18,7 +18,7 @@ from ehar.plugins.class_spec import json_arguments
 from ehar.version import package_version
 from ehar.world import PAPER, World, by_name, load_world
 from planners.own_planner import Origin, planner_source_sha256
-from recognition.setting import Setting, length_note, localisation_note
+from recognition.setting import ELSEWHERE, Setting, length_note, localisation_note
 
 CONFIG = "config.json"
 UNFINISHED = "unfinished"  # folder in that of a run: what is done while the run is not finished
@@ -73,6 +73,7 @@ class RunConfig:
         trained_open: whether the recogniser was trained in the world without its obstacles and passers-by.
         trained_localisations: in streams, the localisation in the training of the recogniser, the gain field, each
             agent and a fixed place, of those that were trained with another than the world's; None if none was.
+        trained_elsewhere: whether the recogniser was trained on other data, or on another version or fold of them.
         folds: the runs that this one was made of, whose hashes are then hashed together; empty for a run of its own.
         trainings: folders of the runs of several trainings that this one was made of, likewise.
     """
@@ -95,6 +96,7 @@ class RunConfig:
     device: str = "cpu"
     trained_open: bool = False
     trained_localisations: dict[str, Localisation] | None = None
+    trained_elsewhere: bool = False
     folds: tuple[FoldConfig, ...] = ()
     trainings: tuple[str, ...] = ()
 
@@ -123,7 +125,8 @@ class RunConfig:
         """The lines that a reader of results must not miss."""
         opened = f"the recogniser was trained where nothing is in the way; in the world {self.world.name} something is"
         localised = localisation_note(self.world.localisation, self.trained_localisations or {})
-        return (*filter(None, (self.length_note, localised)), *((opened,) * self.trained_open))
+        told = {opened: self.trained_open, ELSEWHERE: self.trained_elsewhere}
+        return (*filter(None, (self.length_note, localised)), *(line for line, holds in told.items() if holds))
 
     @property
     def in_world(self) -> str:
@@ -159,7 +162,7 @@ KEYS = (  # of config.json, in the order of the file
     *("schema", "source", "data", "data_sha256", "models", "recogniser_sha256", "sensor", "views", "form", "track"),
     *("vehicle", "readout", "part", "gain_model_sha256", "starts", "seed", "length", "fps", "ideal", "planners"),
     *("versions", "recogniser", "sensor_sha256", "track_sha256", "world", "trained_lengths", "device", "onset"),
-    *("trained_open", "trained_localisations", "folds", "trainings"),
+    *("trained_open", "trained_localisations", "trained_elsewhere", "folds", "trainings"),
 )
 LATER: dict[str, Any] = {  # a file without one of these means its default
     "schema": SCHEMA,
@@ -173,6 +176,7 @@ LATER: dict[str, Any] = {  # a file without one of these means its default
     "onset": "unknown",
     "trained_open": False,
     "trained_localisations": None,
+    "trained_elsewhere": False,
     "folds": (),
     "trainings": (),
 }
@@ -180,6 +184,7 @@ NEW = (
     "onset",
     "trained_open",
     "trained_localisations",
+    "trained_elsewhere",
     "folds",
     "trainings",
 )  # keys that a file has only where they say something else
@@ -189,6 +194,29 @@ def hashed_together(hashes: Sequence[str | None]) -> str | None:
     """Return one hash of what several runs have; None if some have none."""
     held = [one for one in hashes if one is not None]
     return sha256("".join(held).encode()).hexdigest() if len(held) == len(hashes) else None
+
+
+def joined_config(configs: Sequence[RunConfig], **changes: Any) -> RunConfig:
+    """Return the configuration of runs that are made one: the first one's, with the hashes and warnings of all.
+
+    Args:
+        configs: configurations of the runs, which have the same conditions.
+        changes: what else the run that they make has of its own.
+    """
+    first = configs[0]
+    lengths = [config.trained_lengths for config in configs]
+    known = all(held is not None for held in lengths)
+    localised = {name: told for config in configs for name, told in (config.trained_localisations or {}).items()}
+    return replace(
+        first,
+        recogniser_sha256=hashed_together([config.recogniser_sha256 for config in configs]) or "",
+        gain_model_sha256=hashed_together([config.gain_model_sha256 for config in configs]),
+        trained_lengths={key: value for held in lengths for key, value in (held or {}).items()} if known else None,
+        trained_open=any(config.trained_open for config in configs),
+        trained_localisations=localised or None,
+        trained_elsewhere=any(config.trained_elsewhere for config in configs),
+        **changes,
+    )
 
 
 def run_config(
@@ -227,6 +255,7 @@ def run_config(
         device=setting.device,
         trained_open=setting.trained_open,
         trained_localisations=others or None,
+        trained_elsewhere=setting.trained_elsewhere,
     )
 
 

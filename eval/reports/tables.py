@@ -5,6 +5,7 @@ from html import escape
 from typing import Any
 
 from ehar.conditions import Conditions
+from ehar.data.recordings import SYNTHETIC
 from eval.render.tables import Cell, Table, html, interval_text
 from eval.reports.data import ReportData
 from eval.running.run import Run
@@ -12,7 +13,7 @@ from eval.scores.metrics import ACC_AT
 from eval.scores.planner_metrics import METRICS
 from eval.scores.planner_summary import NO_ACT, ORACLE, known_costs
 from eval.scores.predictability import LEVELS
-from eval.scores.summary_table import basis_lines
+from eval.scores.summary_table import CONTACTS, CONTACTS_NOTE, basis_lines
 
 LOWER_IS_BETTER = ("delay", "false alarms")  # how columns of streams begin, of which less is better
 _NONE = "\N{EN DASH}"
@@ -73,7 +74,7 @@ def _track(run: Run) -> str:
 
 def is_synthetic(data: ReportData) -> bool:
     """Return whether the title of the data says that it was generated."""
-    return data.run.config.data.endswith("(synthetic)")
+    return SYNTHETIC in data.run.config.data
 
 
 def planner_table(data: ReportData) -> str:
@@ -82,6 +83,7 @@ def planner_table(data: ReportData) -> str:
     notice, _ = basis_lines(data.summary.basis, data.summary.no_intervals)
     flown, costs = data.run.flown, known_costs(planners)
     kept = any(planner.accuracy_kept is not None for planner in planners)
+    beside = any(planner.contacts is not None for planner in planners)
     header = [
         "planner",
         "mean acc %",
@@ -90,6 +92,7 @@ def planner_table(data: ReportData) -> str:
         *(f"acc@{percent}" for percent in ACC_AT),
         "IQM %",
         *(metric.header for metric in METRICS),
+        *CONTACTS * beside,
         *["peak m/s", "effort m²/s³", "at limit %"] * flown,
         *(cost.header for cost in costs),
         "ms/step",
@@ -104,6 +107,8 @@ def planner_table(data: ReportData) -> str:
         cells += [_cell(planner.acc.get(str(percent)), 1) for percent in ACC_AT]
         cells += [_cell(planner.acc_iqm, 1, planner.acc_iqm_ci95)]
         cells += [_cell(planner.metrics.get(metric.key), metric.digits) for metric in METRICS]
+        if planner.contacts is not None:
+            cells += [_cell(planner.contacts.near_frames, 0), _cell(planner.contacts.hit_frames, 0)]
         if planner.flight is not None:
             cells += [
                 _cell(planner.flight.peak_speed, 2),
@@ -157,6 +162,8 @@ def _table_notes(data: ReportData) -> Iterable[str]:
         yield f"Gap closed needs both {NO_ACT} and {ORACLE} among the planners."
     elif any(planner.gap_closed is None for planner in planners):
         yield "No gap to close: the oracle is no better than no-act here."
+    if any(planner.contacts is not None for planner in planners):
+        yield CONTACTS_NOTE
     if any(len(planner.training_seeds) > 1 for planner in planners):
         yield (
             "Figures of planners with several training seeds are means over them, ± the standard deviation over seeds; "

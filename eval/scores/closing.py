@@ -115,10 +115,14 @@ def _sure(summary: Summary) -> str:
     """Return how sure the finding is."""
     if summary.no_intervals is not None:
         return f"How sure that is cannot be said: {summary.no_intervals}."
-    basis = summary.basis
-    movers = "other people or another training" if basis.few else "another training"
+    basis, config = summary.basis, summary.config
     only = "only " if basis.few and basis.of_people else ""
+    if config.trainings:
+        more = ": other people may move them by more" if basis.few else ""
+        return f"The intervals rest on {only}{basis.text} and on {config.parts} of the recogniser{more}."
+    movers = "other people or another training" if basis.few else "another training"
+    of_each = ", another one in each fold" if config.folds else ""
     return (
-        f"The intervals rest on {only}{basis.text} and on one training of the recogniser: {movers} may move them by "
-        "more."
+        f"The intervals rest on {only}{basis.text} and on one training of the recogniser{of_each}: {movers} may move "
+        "them by more."
     )

@@ -21,7 +21,8 @@ from eval.scores.resampling.resamples import Basis
 TOGETHER = "Intervals are corrected together: all of them cover in 95 of 100 such tables."
 _SPREAD = "±"
 _KEPT = ("kept % [95 %]",)
-_CONTACTS = ("frames near", "hit")
+CONTACTS = ("frames near", "hit")
+CONTACTS_NOTE = f"Frames near: all those in which a camera was less than {MARGIN:g} m from an obstacle; hit: in it."
 _FLIGHT = ("peak [m/s]", "[m/s^2]", "[m/s^3]", "effort [m^2/s^3]", "at limit %")
 
 
@@ -80,7 +81,7 @@ def benchmark_table(title: str, planners: Sequence[PlannerSummary], basis: Basis
     compared = any(planner.accuracy_kept is not None for planner in planners)
     beside = any(planner.contacts is not None for planner in planners)
     costs = known_costs(planners)
-    own = (*(_CONTACTS * beside), *(_FLIGHT * flown), *(cost.header for cost in costs), "ms/step")
+    own = (*(CONTACTS * beside), *(_FLIGHT * flown), *(cost.header for cost in costs), "ms/step")
     return Table(
         title=title,
         header=(*header, *(_KEPT * compared), *(metric.header for metric in METRICS), *own),
@@ -117,7 +118,7 @@ def _footnotes(planners: Sequence[PlannerSummary], *, flown: bool, compared: boo
             "the vehicle's rotors takes; and the equivalent sound level at the centre of the people."
         )
     if any(planner.contacts is not None for planner in planners):
-        yield f"Frames near: all those in which a camera was less than {MARGIN:g} m from an obstacle; hit: in it."
+        yield CONTACTS_NOTE
     if compared:
         yield "Kept: (accuracy in flight - that of no-act) / (accuracy on the ideal track - that of no-act)."
     for planner in planners:

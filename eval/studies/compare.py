@@ -18,8 +18,8 @@ from eval.studies.compare_table import Comparison as Comparison
 from eval.studies.same_episodes import check_same_episodes, label, shown
 
 MAY_DIFFER = (  # a footnote says what differs
-    *("recogniser_sha256", "views", "form", "readout", "track", "track_sha256", "gain_model_sha256", "onset"),
-    "versions",
+    *("recogniser_sha256", "views", "form", "readout", "track", "track_sha256", "vehicle", "gain_model_sha256"),
+    *("onset", "versions"),
 )
 
 
@@ -90,7 +90,7 @@ def _read(directory: str | Path) -> Run:
 def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str, tuple[str, str]]]:
     """Yield what else differs between two runs, with both values.
 
-    A gain field that only one run needed is left out. The hash of a motion is left out if the tracks differ.
+    A gain field that only one run needed is left out. The hash of a motion and the vehicle are if the tracks differ.
     """
     for name in MAY_DIFFER:
         if name == "versions":
@@ -98,7 +98,7 @@ def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str
             for package in sorted(versions[0].keys() & versions[1].keys()):
                 if versions[0][package] != versions[1][package]:
                     yield package, (str(versions[0][package]), str(versions[1][package]))
-        elif name == "track_sha256" and a.get("track") != b.get("track"):
+        elif name in ("track_sha256", "vehicle") and a.get("track") != b.get("track"):
             continue
         elif a.get(name) != b.get(name) and not (name == "gain_model_sha256" and None in (a.get(name), b.get(name))):
             yield label(name).replace("_", " "), (shown(name, a), shown(name, b))

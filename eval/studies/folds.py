@@ -2,15 +2,16 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ehar.data.recordings import SYNTHETIC
 from ehar.data.scenario import TEST
 from ehar.errors import UsageError
 from ehar.files import write_text
-from eval.records.config import FoldConfig, PlannerConfig, RunConfig, hashed_together, read_config
+from eval.records.config import FoldConfig, PlannerConfig, RunConfig, hashed_together, joined_config, read_config
 from eval.records.episode_lines import read_episodes
 from eval.records.episodes import EpisodeRecords, join_records
 from eval.records.run_files import BELIEF_JSON, EPISODES, check_out
@@ -143,17 +144,11 @@ def _class_names(runs: Sequence[Run]) -> tuple[str, ...]:
 def _config(runs: Sequence[Run], names: Sequence[str], ideal: str | Path | None) -> RunConfig:
     """Return the configuration of all folds: the first one's, but for what each fold has of its own."""
     configs = [run.config for run in runs]
-
-    def joined(of: Callable[[RunConfig], str | None]) -> str | None:
-        return hashed_together([of(config) for config in configs])
-
     planners = [{planner.name: planner for planner in config.planners} for config in configs]
-    return replace(
-        configs[0],
+    return joined_config(
+        configs,
         data=_title([config.data for config in configs]),
-        data_sha256=joined(lambda config: config.data_sha256) or "",
-        recogniser_sha256=joined(lambda config: config.recogniser_sha256) or "",
-        gain_model_sha256=joined(lambda config: config.gain_model_sha256),
+        data_sha256=hashed_together([config.data_sha256 for config in configs]) or "",
         planners=tuple(_planner([of_fold[name] for of_fold in planners]) for name in names),
         ideal=None if ideal is None else str(ideal),
         folds=tuple(_fold_config(run) for run in runs),
@@ -171,7 +166,7 @@ def _planner(of_folds: Sequence[PlannerConfig]) -> PlannerConfig:
 
 def _title(titles: Sequence[str]) -> str:
     """Return the title of the data of all folds: their name without the fold's number, and how many they are."""
-    shared = {re.sub(r"-(fold)?\d+$", "", title) for title in titles}
+    shared = {re.sub(rf"-(fold)?\d+( {re.escape(SYNTHETIC)})?$", r"\2", title) for title in titles}
     return f"{shared.pop()}, {len(titles)} folds" if len(shared) == 1 else " + ".join(titles)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ehar.errors import DataError, UsageError
+from ehar.flight.vehicle import LIMITS
 from eval.records.config import CONFIG, LATER
 from eval.running.run import Run
 
@@ -19,8 +20,9 @@ SAME_EPISODES = (
     "world",
 )  # they decide the episodes; of the world all but its name and its localisation
 LOCALISATION = "localisation"  # of the world
+VEHICLE = "vehicle"  # of one name, with other limits
 # For studies of runs that differ in their weights alone.
-SAME_CONDITIONS = ("views", "form", "readout", "track", "track_sha256", LOCALISATION)
+SAME_CONDITIONS = ("views", "form", "readout", "track", "track_sha256", VEHICLE, LOCALISATION)
 _SHOWN = 12  # digits of a hash
 
 
@@ -72,9 +74,17 @@ def _decisive(name: str, config: Mapping[str, Any]) -> Any:
     """
     if name == LOCALISATION:
         return config["world"].get(name)
+    if name == VEHICLE:
+        return _limits(config)
     if name != "world":
         return config[name]
     return {key: value for key, value in config["world"].items() if key not in ("name", LOCALISATION)}
+
+
+def _limits(config: Mapping[str, Any]) -> dict[str, float] | None:
+    """Return the limits of a run's vehicle; None on the ideal track."""
+    vehicle = config.get(VEHICLE)
+    return None if vehicle is None else {limit: vehicle[limit] for limit in LIMITS}
 
 
 def label(name: str) -> str:
@@ -89,6 +99,9 @@ def shown(name: str, config: Mapping[str, Any]) -> str:
     if name == LOCALISATION:
         held = config["world"].get(name)
         return "usual" if held is None else ", ".join(f"{key} {value:g}" for key, value in held.items())
+    if name == VEHICLE:
+        held = _limits(config)
+        return "none" if held is None else ", ".join(f"{key} {value:g}" for key, value in held.items())
     value = config.get(name, LATER.get(name))
     text = str(value)[:_SHOWN] if name.endswith("_sha256") else str(value)
     return f"{config.get('data')} {text}" if name == "data_sha256" else text

@@ -10,7 +10,7 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError
 from ehar.files import write_text
-from eval.records.config import RunConfig, hashed_together, read_config
+from eval.records.config import RunConfig, joined_config, read_config
 from eval.records.episode_lines import read_episodes
 from eval.records.episodes import EpisodeRecords
 from eval.records.run_files import BELIEF_JSON, EPISODES, check_out
@@ -153,14 +153,12 @@ def _records(runs: Sequence[Run], names: Sequence[str]) -> dict[str, EpisodeReco
 
 
 def _config(runs: Sequence[Run], names: Sequence[str]) -> RunConfig:
-    """Return the configuration of all trainings: the first one's, but for what each training has of its own."""
+    """Return the configuration of all trainings."""
     configs = [run.config for run in runs]
     planners = [{planner.name: planner for planner in config.planners} for config in configs]
-    return replace(
-        configs[0],
+    return joined_config(
+        configs,
         data=f"{configs[0].data}, {len(runs)} trainings",
-        recogniser_sha256=hashed_together([config.recogniser_sha256 for config in configs]) or "",
-        gain_model_sha256=hashed_together([config.gain_model_sha256 for config in configs]),
         planners=tuple(
             replace(trained[name], name=shared_record_name(name, training))
             for name in names

@@ -1,5 +1,7 @@
 """Conditions, loaded: by name or as objects they give the same, and what is wrong ends in one line."""
 
+import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,8 +18,9 @@ from ehar.motion import GridMotion
 from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.perfect import PerfectSensor
 from ehar.world import PAPER
+from eval.records.config import run_config
 from recognition.own_recogniser import resolve_recogniser
-from recognition.setting import Setting, load_motion_of, load_setting
+from recognition.setting import ELSEWHERE, Setting, load_motion_of, load_setting
 from recognition.streaming import StreamingRecogniser
 from tests.helpers.fakes import CLASS_NAMES, SKELETON, FakeRecogniser, tiny_data
 from tests.helpers.own_recogniser import OWN
@@ -56,6 +59,23 @@ def test_what_names_mean(folder: Path) -> None:
     assert setting.form == "causal"
     assert setting.recogniser_sha256 == runner.recogniser.sha256
     assert setting.conditions == tiny_conditions(folder, length=LENGTH, track="px4-auto", part="policy")
+
+
+def test_a_recogniser_of_other_data_is_told_of(folder: Path, tmp_path: Path) -> None:
+    # The people of another fold's test part are among those that this recogniser learned from.
+    copied = tmp_path / "models"
+    shutil.copytree(folder / "models", copied)
+    sha256 = load_motion(folder / "tiny.npz").sha256
+    for written, elsewhere in ((sha256, False), ("f" * 64, True)):
+        for file in copied.glob("*.json"):
+            held = json.loads(file.read_text())
+            held["training"]["run"]["data_sha256"] = written
+            file.write_text(json.dumps(held))
+        setting = load(folder, models=copied)
+        assert setting.trained_elsewhere == elsewhere
+        assert (ELSEWHERE in setting.notes) == (ELSEWHERE in run_config(setting).warnings) == elsewhere
+        assert run_config(setting).to_json().get("trained_elsewhere", False) == elsewhere
+    assert not load(folder).trained_elsewhere  # its files do not say what it learned from
 
 
 def test_objects_give_what_their_names_do_and_are_recorded_by_name(folder: Path) -> None:

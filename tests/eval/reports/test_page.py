@@ -18,11 +18,13 @@ from ehar.data.motion_file import save_motion
 from ehar.viewpoint import Workspace
 from ehar.world import CROWD
 from eval.cli.main import main
+from eval.records.contacts import ContactRecords
 from eval.records.episodes import EpisodeRecords
 from eval.records.one_by_one import OneByOne
 from eval.records.run_files import SUMMARY
 from eval.reports.page import for_script
 from eval.running.run import read_run
+from eval.scores.summary_table import CONTACTS_NOTE
 from planners.heuristic import HRotate
 from planners.value.model import gain_model_path, save_gain_model
 from tests.helpers.commands import fails_with
@@ -204,6 +206,10 @@ def test_json_in_a_script_cannot_end_it() -> None:
     assert json.loads(text) == {"name": HOSTILE}
 
 
+def hover(records: dict[str, EpisodeRecords]) -> dict[str, EpisodeRecords]:
+    return {name: replace(of, viewpoint=np.tile([6.0, 0.0, 0.0], (9, 4, 1))) for name, of in records.items()}
+
+
 def lonely(records: dict[str, EpisodeRecords]) -> dict[str, EpisodeRecords]:
     return {name: replace(of, sequence=("only",) * len(of)) for name, of in records.items()}
 
@@ -230,7 +236,7 @@ def one_class(records: dict[str, EpisodeRecords]) -> dict[str, EpisodeRecords]:
     ],
 )
 def test_runs_of_every_kind_have_a_report(tmp_path: Path, records: dict[str, EpisodeRecords], told: str) -> None:
-    hovering = {name: replace(of, viewpoint=np.tile([6.0, 0.0, 0.0], (9, 4, 1))) for name, of in records.items()}
+    hovering = hover(records)
     track = "px4-max" if any(of.flight is not None for of in records.values()) else "ideal"
     page = report_of(written_run(tmp_path / "run", hovering, track=track))
     assert told in page
@@ -238,6 +244,23 @@ def test_runs_of_every_kind_have_a_report(tmp_path: Path, records: dict[str, Epi
     assert ("energy" in embedded(page, "report")["figures"]) == ('data-figure="energy"' in page) == flew
     for _, figure in figures_of(embedded(page, "report")):
         plotly.graph_objects.Figure(coloured(figure))
+
+
+def test_a_camera_that_hit_something_is_told_of(tmp_path: Path) -> None:
+    touching = {
+        name: replace(of, contacts=ContactRecords(np.full(len(of), 7), np.full(len(of), row)))
+        for row, (name, of) in enumerate(hover(three_planners()).items())
+    }
+    page = report_of(written_run(tmp_path / "run", touching))
+    table = page[page.index("Planners and their figures") :]
+    assert "frames near" in table and CONTACTS_NOTE in table
+    assert all(f'<td data-value="{row * 9}"' in table or f">{row * 9}<" in table for row in (1, 2))
+
+
+@pytest.mark.parametrize("title", ["tiny (synthetic)", "tiny (synthetic), 3 trainings", "tiny (synthetic), 2 folds"])
+def test_motion_that_was_generated_is_never_called_real(tmp_path: Path, title: str) -> None:
+    page = report_of(written_run(tmp_path / "run", hover(three_planners()), data=title))
+    assert "<strong>synthetic</strong>" in page and "<strong>real</strong>" not in page
 
 
 @pytest.mark.parametrize("streams", [False, True])

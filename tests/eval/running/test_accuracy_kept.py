@@ -52,13 +52,13 @@ def of(**hashes: str | None) -> tuple[PlannerConfig, ...]:
         (of(il_0="a"), of(il_0="a"), None),
         (of(il_0="a", il_1="b"), of(il_1="b", il_2="c", mine=None), None),  # only planners in both are compared
         (of(mine=None), of(mine=None), None),
-        (of(il_0="a", il_1="b"), of(il_0="a", il_1="c"), "il/1 differ: expected sha256 c, got b"),
+        (of(il_0="a", il_1="b"), of(il_0="a", il_1="c"), "il/1 differ: expected sha256 c, got sha256 b"),
         (
             of(il_0="a"),
             of(il_0=None),
-            "il/0 differ: expected sha256 None, got a",
+            "il/0 differ: expected sha256 None, got sha256 a",
         ),  # the user's own planner is called il/0
-        (of(il_0=None), of(il_0="a"), "il/0 differ: expected sha256 a, got None"),
+        (of(il_0=None), of(il_0="a"), "il/0 differ: expected sha256 a, got sha256 None"),
     ],
 )
 def test_other_weights_of_a_learned_planner_are_refused(
@@ -71,6 +71,21 @@ def test_other_weights_of_a_learned_planner_are_refused(
         return
     with pytest.raises(UsageError, match=f"the weights of {differs}"):
         read_ideal_run(tmp_path, replace(FLIGHT, planners=flight))
+
+
+def test_a_planner_of_ones_own_with_another_file_or_argument_is_refused(tmp_path: Path) -> None:
+    mine = replace(PlannerConfig("mine", False, "mine.py:Mine"), arguments={"radius": 5}, source_sha256="1")
+    write_finished(tmp_path, {"no-act": make_records(1), "mine": make_records(2)}, planners=(mine,))
+    assert "mine" in read_ideal_run(tmp_path, replace(FLIGHT, planners=(mine,)))
+    for changed, differs in (
+        (replace(mine, source_sha256="2"), "file of mine differ: expected sha256 2, got sha256 1"),
+        (
+            replace(mine, arguments={"radius": 6}),
+            r"arguments of mine differ: expected {'radius': 6}, got {'radius': 5}",
+        ),
+    ):
+        with pytest.raises(UsageError, match=differs):
+            read_ideal_run(tmp_path, replace(FLIGHT, planners=(changed,)))
 
 
 def test_only_a_flight_is_compared_and_only_with_the_ideal_track(tmp_path: Path) -> None:

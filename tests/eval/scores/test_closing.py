@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from eval.records.config import FoldConfig
 from eval.records.episodes import EpisodeRecords
 from eval.running.run import Run
 from eval.scores.closing import closing_sentences
@@ -124,6 +125,18 @@ def test_no_intervals() -> None:
 def test_few_and_unknown_people_are_told(basis: Basis, expected: str) -> None:
     said = closing_sentences(replace(of(no_act=LOW, nbv=MIDDLE, oracle=HIGH), basis=basis))
     assert said.endswith(f". {expected}")
+
+
+def test_several_trainings_and_folds_are_told() -> None:
+    found = replace(of(no_act=LOW, nbv=MIDDLE, oracle=HIGH), basis=MANY)
+    trained = replace(found, config=replace(found.config, trainings=("a", "b", "c")))
+    assert closing_sentences(trained).endswith("The intervals rest on 9 people and on 3 trainings of the recogniser.")
+    fold = FoldConfig("a", "tiny.npz", "1", 3)
+    folds = replace(found, config=replace(found.config, folds=(fold, fold)))
+    assert closing_sentences(folds).endswith(
+        "The intervals rest on 9 people and on one training of the recogniser, another one in each fold: another "
+        "training may move them by more."
+    )
 
 
 def test_one_planner_alone() -> None:

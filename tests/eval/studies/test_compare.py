@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from ehar.errors import DataError, UsageError
+from ehar.flight.vehicle import VEHICLES
 from eval.cli.main import main
 from eval.records.config import CONFIG, PlannerConfig
 from eval.records.episodes import EpisodeRecords
@@ -163,7 +164,7 @@ def test_what_else_differs_is_said_aloud(tmp_path: Path) -> None:
         "onset": "known",
         "versions": {"torch": "2", "numpy": "2"},
     }
-    assert {*changes, "gain_model_sha256"} == {*MAY_DIFFER} <= {*CONFIG_OF_RUN.to_json(), "onset"}
+    assert {*changes, "gain_model_sha256", "vehicle"} == {*MAY_DIFFER} <= {*CONFIG_OF_RUN.to_json(), "onset"}
     a = written(tmp_path / "a", records(nbv=1.0), versions={"torch": "1", "numpy": "2"})
     b = written(tmp_path / "b", records(nbv=1.0), gain_model_sha256="3", **changes)
     note = compare_table(compare(a, b)).footnotes[1]
@@ -173,6 +174,10 @@ def test_what_else_differs_is_said_aloud(tmp_path: Path) -> None:
     )
     own = [written(tmp_path / sha256, records(nbv=1.0), track="lag", track_sha256=sha256) for sha256 in "78"]
     assert compare(*own).differing == {"track": ("7", "8")}
+    quick, slow = (replace(VEHICLES["px4-auto"], speed=speed) for speed in (5.0, 2.0))
+    flown = [written(tmp_path / f"{one.speed}", records(nbv=1.0), track="mine", vehicle=one) for one in (quick, slow)]
+    (differing,) = compare(*flown).differing.items()
+    assert differing[0] == "vehicle" and [of.split(",")[0] for of in differing[1]] == ["speed 5", "speed 2"]
     c = written(tmp_path / "c", records(nbv=1.0), gain_model_sha256="4")
     assert compare(b, c).differing["gain model"] == ("3", "4")
 

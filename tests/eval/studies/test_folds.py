@@ -14,7 +14,8 @@ from eval.cli.main import main
 from eval.records.config import PlannerConfig
 from eval.running.run import read_run
 from eval.scores.metrics import mean_acc
-from eval.studies.folds import take_together
+from eval.studies.folds import Folds, take_together
+from recognition.setting import ELSEWHERE
 from tests.helpers.commands import fails_with
 from tests.helpers.fakes import tiny_data
 from tests.helpers.made_records import flown, make_records, write_finished
@@ -54,6 +55,17 @@ def test_the_folds_are_one_run_that_other_commands_take(tmp_path: Path, capsys: 
     main(["study", "overview", str(out), "--planner", "nbv"])
     main(["compare", str(out), str(out)])
     assert "mine, 3 folds" in capsys.readouterr().out
+
+
+def test_folds_of_generated_motion_stay_marked(tmp_path: Path) -> None:
+    runs = [run(tmp_path, fold, data=f"mine-{fold} (synthetic)") for fold in range(2)]
+    assert take_together(runs).run.config.data == "mine (synthetic), 2 folds"  # type: ignore[union-attr]
+
+
+def test_what_a_later_fold_warns_of_is_kept(tmp_path: Path) -> None:
+    found = take_together([run(tmp_path, 0), run(tmp_path, 1, trained_elsewhere=True)])
+    assert isinstance(found, Folds) and found.run.config.warnings == (ELSEWHERE,)
+    assert any(ELSEWHERE in line for line in found.tables()[0].footnotes)
 
 
 def test_the_table_has_the_accuracy_of_each_fold(tmp_path: Path) -> None:
