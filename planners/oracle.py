@@ -148,7 +148,8 @@ class OracleLookahead(Planner):
         worth = np.zeros(len(episodes))
         for step in range(horizon):
             frame = observation.frame + 1 + step
-            candidates, log_probs, best, forked = try_moves(truth, state, frame, viewpoint, self._context)
+            shown = replace(truth, labels=truth.frame_labels[:, frame])  # in a stream another activity may have begun
+            candidates, log_probs, best, forked = try_moves(shown, state, frame, viewpoint, self._context)
             viewpoint, state = candidates[episodes, best], forked.select(best)
             path[:, step] = viewpoint
             worth += self._worth(log_probs, truth, frame)[episodes, best]

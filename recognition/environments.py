@@ -74,7 +74,7 @@ def _task(setting: Setting, scenarios: Scenarios | StreamScenarios) -> EpisodeTa
         )
     vehicle, world = setting.runner.track.vehicle, setting.runner.world
     space, streams = world.workspace, isinstance(scenarios, StreamScenarios)
-    controls: Controls = GridControls(workspace=space)
+    controls: Controls = GridControls(workspace=space, obstacles=None if streams else world.obstacles)
     if vehicle is not None:
         controls = FlightControls(vehicle=vehicle, workspace=space, moving_centre=streams)
     return EpisodeTask(
@@ -83,4 +83,5 @@ def _task(setting: Setting, scenarios: Scenarios | StreamScenarios) -> EpisodeTa
         sensor=setting.runner.sensor,
         controls=controls,
         world=world,
+        onset=setting.runner.onset,
     )

@@ -12,6 +12,8 @@ from ehar.errors import EpisodeError
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import Vehicle
 from ehar.motion import GridMotion, Motion
+from ehar.obstacles.free_space import FreeSpace
+from ehar.obstacles.shapes import Obstacles
 from ehar.viewpoint import AZIMUTH, DISTANCE, MOVES, POLAR, Workspace, apply_moves
 
 
@@ -47,14 +49,16 @@ class Controls(Protocol):
 
 
 class GridControls:
-    """The paper's 7 moves, numbered as in `ehar.viewpoint.MOVES`; a move out of the workspace has no effect.
+    """The paper's 7 moves, numbered as in `ehar.viewpoint.MOVES`; a move to where no camera may be has no effect.
 
     Args:
         workspace: where the camera may be; the paper's by default.
+        obstacles: what stands in the way of all episodes. In streams it moves past, and the motion keeps clear of it.
     """
 
-    def __init__(self, *, workspace: Workspace | None = None) -> None:
+    def __init__(self, *, workspace: Workspace | None = None, obstacles: Obstacles | None = None) -> None:
         """Create the controls."""
+        self._obstacles = obstacles
         self.motion = GridMotion(workspace=workspace)
         self.action_space = spaces.Discrete(len(MOVES))
         self.observation_spaces: dict[str, spaces.Space[Any]] = {}
@@ -65,7 +69,10 @@ class GridControls:
             raise EpisodeError(
                 f"{where}: expected {len(viewpoint)} moves from 0 to {len(MOVES) - 1}, got {actions.tolist()}"
             )
-        return apply_moves(viewpoint, actions, self.motion.workspace)
+        space = self.motion.workspace
+        if self._obstacles:
+            return FreeSpace.of(space, self._obstacles).after(viewpoint, actions)
+        return apply_moves(viewpoint, actions, space)
 
     def observations(self) -> dict[str, FloatArray]:
         """Return nothing: the viewpoint says everything about a camera on the grid."""

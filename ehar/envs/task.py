@@ -19,6 +19,7 @@ from ehar.errors import EpisodeError, UsageError
 from ehar.motion import CarriedMotion, keep_clear
 from ehar.obstacles.free_ways import WAYS
 from ehar.obstacles.surroundings import Surroundings
+from ehar.onsets import Onset, ToldOnsets, begins
 from ehar.plugins.blame import blamed
 from ehar.recogniser import Recogniser
 from ehar.rollout import check_recognition
@@ -88,6 +89,7 @@ class EpisodeTask:
         world: the world whose starts are drawn, and in which people are localised; its workspace should be that of
             the controls.
         copies: number of successive episodes with the same scenario, start and noise; only the agent's actions differ.
+        onset: whether the recogniser is told when an activity of a stream begins.
 
     Raises:
         UsageError: there is no scenario, episodes have no step, or the recogniser knows other classes.
@@ -102,6 +104,7 @@ class EpisodeTask:
         controls: Controls,
         world: World = PAPER,
         copies: int = 1,
+        onset: Onset = "unknown",
     ) -> None:
         """Create the task; nothing is drawn before `begin`."""
         data = scenarios.data
@@ -113,6 +116,7 @@ class EpisodeTask:
             raise UsageError(f"{data.name}: expected a recogniser of its {len(data.recognised_names)} classes")
         self.scenarios = localised(scenarios, world)
         self.recogniser = recogniser
+        self.onset = onset
         self.sensor = sensor
         self.controls = controls
         self.world = world
@@ -180,7 +184,11 @@ class EpisodeTask:
             self.controls.motion.centre = self._batch.centre
         self.controls.motion.reset(self.viewpoint, 1 / data.fps)
         with blamed(self.recogniser, f"recogniser {type(self.recogniser).__name__}, start"):
-            self._state = self.recogniser.start(episodes)
+            self._watching: Recogniser = self.recogniser
+            if self.onset == "known":
+                none = len(data.class_names)
+                self._watching = ToldOnsets(self.recogniser, begins(self._batch.frame_labels, none))
+            self._state = self._watching.start(episodes)
         return self._see()
 
     def step(self, actions: npt.NDArray[Any]) -> tuple[Observations, FloatArray]:
@@ -230,7 +238,7 @@ class EpisodeTask:
         where = f"frame {self.frame}"
         sensed = self._batch.sense(self.sensor, self.frame, self.viewpoint, where)
         with blamed(self.recogniser, f"recogniser {type(self.recogniser).__name__}, {where}"):
-            recognition, self._state = self.recogniser.step(
+            recognition, self._state = self._watching.step(
                 self._state, sensed, self._batch.seen_from(self.frame, self.viewpoint)
             )
         check_recognition(recognition, self.recogniser, len(self._batch.labels), where)

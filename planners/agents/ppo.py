@@ -94,7 +94,7 @@ def train_ppo(
         moves: number of moves in an episode, L - 1.
         setting: the settings of policy optimisation.
         seed: seed of episodes, moves and minibatches.
-        fine_tune: whether the policy has been cloned before. The critic has not, so it then learns first.
+        fine_tune: whether the policy has been cloned before. The critic has not, so the setting may let it learn first.
         keep: called with the progress after every rollout; the next rollout changes its tensors.
         validate: returns the accuracy on held-out episodes [%]; None trains for all frames.
         workers: number of processes that environments run in; 0 runs them here.

@@ -87,7 +87,10 @@ class TrainingWorld:
     def make_env(self, episodes: int, *, copies: int = 1) -> EpisodeVectorEnv:
         """Return a natively batched environment, on the grid or in flight."""
         runner = self.setting.runner
-        controls: Controls = GridControls(workspace=runner.world.workspace)
+        streams = isinstance(self.scenarios, StreamScenarios)
+        controls: Controls = GridControls(
+            workspace=runner.world.workspace, obstacles=None if streams else runner.world.obstacles
+        )
         if self.flown is not None:
             controls = HeadingControls(runner)
         task = EpisodeTask(
@@ -97,6 +100,7 @@ class TrainingWorld:
             controls=controls,
             world=self.setting.world,
             copies=copies,
+            onset=runner.onset,
         )
         return EpisodeVectorEnv(episodes, task)
 

@@ -40,6 +40,7 @@ class SolveStatus(StrEnum):
     OPTIMAL = "optimal"
     CAPPED = "capped"  # the iterations ended early; the trajectory is repaired and keeps the limits
     IPOPT_FALLBACK = "ipopt-fallback"  # fatrop failed, ipopt did not
+    UNCONVERGED = "unconverged"  # neither did; what was found by then keeps the limits
     INFEASIBLE = "infeasible"  # no trajectory within the limits was found: the viewpoint is held
     NAN_FIELD = "nan-field"  # the field is not finite: the viewpoint is held
 
@@ -241,10 +242,12 @@ class TrajectorySolver:
             if solver.stats()["success"]:
                 break
         violation = self._problem.violation(variables, numbers)
-        status = SolveStatus.OPTIMAL if solver.stats()["success"] else SolveStatus.CAPPED
+        unfinished = SolveStatus.CAPPED if self._capped else SolveStatus.UNCONVERGED
+        converged = bool(solver.stats()["success"])
+        status = SolveStatus.OPTIMAL if converged else unfinished
         if self._capped and violation > TOLERANCE:
             variables, violation = self._repaired(variables, task, first)
-        if solver is self._fallback:
+        if solver is self._fallback and converged:
             status = SolveStatus.IPOPT_FALLBACK
         self.statistics.solve_seconds.append(time.perf_counter() - begin)
         trajectory = self._problem.unpack(variables, task)

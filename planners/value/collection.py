@@ -249,8 +249,9 @@ def run_batches(
 
 @one_torch_thread()
 def collect_batch(task: CollectionTask, index: int) -> Collection:
-    """Run one batch of episodes; its random numbers depend only on the seed and its index."""
-    rng = np.random.default_rng([task.seed, index])
+    """Run one batch of episodes; its random numbers depend only on the seed, its index, and whether it is led."""
+    led = () if task.lead is None else (1,)  # else led cameras would watch what was watched before
+    rng = np.random.default_rng([task.seed, *led, index])
     data = task.runner.data
     assert isinstance(data, MotionData | StreamData)
     scenarios = draw_scenarios(data, task.sequences, task.length, rng, EPISODES)

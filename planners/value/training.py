@@ -104,7 +104,7 @@ def train_gain_field(
     second round is kept if its field does better there, on the validation part.
 
     In streams episodes are windows of 8 s, or as long as the conditions say, and paths are as long as planners look
-    ahead. With a vehicle, it flies the paths, windows have 12 s, and the second round is flown too.
+    ahead. With a vehicle, it flies the paths, windows have 9 s, and the second round is flown too.
 
     Args:
         config: the settings of the training.

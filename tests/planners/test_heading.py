@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from ehar.arrays import FloatArray
+from ehar.envs.controls import GridControls
 from ehar.flight.vehicle import VEHICLES
 from ehar.viewpoint import AZIMUTH, HOVER, MOVES, Workspace, neighbours, wrap_difference
-from ehar.world import PAPER
+from ehar.world import PAPER, load_world
 from planners.heading import HEADING_TIME, axis_speeds, move_target
 from tests.helpers.fakes import tiny_context
 
@@ -34,6 +35,22 @@ def test_on_the_grid_a_move_is_a_cell() -> None:
     here = PAPER.workspace.from_cells(PAPER.workspace.to_cells(HERE))
     there = move_target(tiny_context(), here, np.arange(len(MOVES)))
     np.testing.assert_array_equal(there, neighbours(here[0], Workspace()))
+
+
+@pytest.mark.parametrize("streams", [False, True])
+def test_in_a_room_a_move_leads_an_environment_where_it_leads_a_planner(streams: bool) -> None:
+    # In a stream what stands in the way moves with every frame, so both ask for the next cell.
+    room = load_world("room")
+    controls = GridControls(workspace=room.workspace, obstacles=None if streams else room.obstacles)
+    context = replace(tiny_context(length=None if streams else 60), workspace=room.workspace, world=room)
+    viewpoints = room.sample_starts(np.random.default_rng(0), 200)
+    for move in range(len(MOVES)):
+        moves = np.full(len(viewpoints), move)
+        there = move_target(context, viewpoints, moves)
+        np.testing.assert_array_equal(controls.targets(moves, viewpoints, ""), there)
+        if not streams:
+            controls.motion.reset(viewpoints, 0.1)
+            np.testing.assert_array_equal(controls.motion.advance(there), there)
 
 
 def test_the_azimuth_turns_no_faster_than_the_vehicle_does() -> None:

@@ -1,6 +1,7 @@
 """The oracles: greedy is the argmin of the next cross-entropy, and the lookahead crosses hills."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,13 +13,14 @@ from ehar.errors import EpisodeError
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
-from ehar.planner import Observation, Planner, Truth
+from ehar.planner import Context, Observation, Planner, Truth
 from ehar.rollout import Record, rollout
 from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import Sensor
 from ehar.viewpoint import AZIMUTH, POLAR, apply_moves, wrap_difference
 from ehar.world import PAPER
+from planners import oracle
 from planners.heuristic import NoAct
 from planners.oracle import Oracle, OracleLookahead
 from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context
@@ -188,6 +190,27 @@ def test_in_a_stream_a_path_is_worth_what_each_of_its_frames_shows() -> None:
     np.testing.assert_allclose(worth, [1.6, 0.3])
     nothing = replace(truths[0], frame_labels=np.full((EPISODES, LENGTH), 2))  # the last class is no activity
     assert not planner._worth(log_probs, nothing, 4).any()
+
+
+def test_in_a_stream_the_greedy_path_goes_by_the_label_of_each_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    labels = np.where(np.arange(LENGTH) < 5, 0, 1) * np.ones((EPISODES, 1), dtype=np.int64)
+    asked: dict[int, set[int]] = {}
+
+    def try_moves(truth: Truth, state: Any, frame: int, viewpoint: FloatArray, context: Context) -> Any:
+        asked.setdefault(frame, set()).update(truth.labels.tolist())
+        return made(truth, state, frame, viewpoint, context)
+
+    made = oracle.try_moves
+    monkeypatch.setattr(oracle, "try_moves", try_moves)
+    rollout(
+        OracleLookahead(horizon=8, commit=4),
+        replace(episodes(), labels=labels),
+        FakeRecogniser(),
+        PerfectSensor(),
+        GridMotion(),
+        tiny_context(episodes=EPISODES, length=LENGTH),
+    )
+    assert asked == {frame: {int(frame >= 5)} for frame in range(1, LENGTH)}
 
 
 @pytest.mark.parametrize("planner", [Oracle(), OracleLookahead()])

@@ -12,6 +12,7 @@ from ehar.data.scenario import windows
 from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeEnv, EpisodeVectorEnv
 from ehar.envs.task import EpisodeTask, activity_lengths
+from ehar.onsets import Onset
 from ehar.sensors.registry import make_sensor
 from ehar.viewpoint import HOVER
 from tests.helpers.streams import StreamRecogniser, raising_streams
@@ -19,13 +20,14 @@ from tests.helpers.streams import StreamRecogniser, raising_streams
 LENGTH = 35  # frames: three activities of a second, and what is between them
 
 
-def task() -> EpisodeTask:
+def task(onset: Onset = "unknown") -> EpisodeTask:
     data = raising_streams()
     return EpisodeTask(
         scenarios=windows(data, np.arange(3), LENGTH, 1),
         recogniser=StreamRecogniser(),
         sensor=make_sensor("estimator", data),
         controls=GridControls(),
+        onset=onset,
     )
 
 
@@ -66,6 +68,24 @@ def test_gymnasium_s_and_stable_baselines_checkers(checked: Any) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of embeddings without bounds, and joints that are no image
         checked(EpisodeEnv(task()))
+
+
+def test_a_recogniser_that_is_told_of_onsets_forgets_what_was_before() -> None:
+    said = {}
+    for onset in ("unknown", "known"):
+        env = EpisodeEnv(task(onset))
+        observation, info = env.reset(seed=1)
+        told = [(info["label"], observation["probabilities"])]
+        for _ in range(LENGTH - 1):
+            observation, _, _, _, info = env.step(HOVER)
+            told.append((info["label"], observation["probabilities"]))
+        said[onset] = told
+    labels = [int(label) for label, _ in said["known"]]
+    differs = [
+        not np.array_equal(one, other) for (_, one), (_, other) in zip(said["unknown"], said["known"], strict=True)
+    ]
+    begun = [frame for frame in range(1, LENGTH) if labels[frame] != labels[frame - 1] and labels[frame] < 3]
+    assert begun and not any(differs[: begun[0]]) and all(differs[begun[0] : begun[0] + 3])
 
 
 def test_an_episode_is_truncated_and_time_goes_on() -> None:

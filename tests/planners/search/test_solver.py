@@ -230,6 +230,19 @@ def test_after_a_held_viewpoint_planning_goes_on() -> None:
     assert FLOWN.solve_best(task, goals, held, task.node_time).status is SolveStatus.OPTIMAL
 
 
+def test_what_no_solver_finished_is_a_fallback_if_it_keeps_the_limits() -> None:
+    solver = TrajectorySolver(flown=True)
+    task = random_task(np.random.default_rng(0))
+    solver._solvers, solver._fallback = [solver._build("fatrop", 1)], None
+    found = {solver.solve(task, task.hold()).status}
+    for iterations in range(2, 8):
+        solver._solvers = [solver._build("fatrop", iterations)]
+        found.add(solver.solve(task, task.hold()).status)
+    assert "unconverged" in found and "capped" not in found
+    counts = solver.statistics.counts
+    assert solver.statistics.fallbacks == counts["unconverged"] + counts["infeasible"]
+
+
 def test_ipopt_takes_over_where_fatrop_fails() -> None:
     solver = TrajectorySolver(flown=True)
     task = random_task(np.random.default_rng(0))

@@ -223,6 +223,12 @@ def test_the_seed_and_the_batch_decide_everything() -> None:
         assert not np.array_equal(first.viewpoints, other.viewpoints)
 
 
+def test_led_cameras_watch_what_was_not_watched_before() -> None:
+    led = collect_batch(task(lead=Leader()), 1)
+    first = collect_batch(task(), 1)
+    assert not np.array_equal(led.viewpoints[:, 0], first.viewpoints[:, 0])
+
+
 def test_two_workers_give_the_same_numbers_as_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gain_collection, "EPISODES", 32)  # as in the workers, which import the module anew
     alone = dict(run_batches(task(), [0, 3]))
@@ -276,16 +282,14 @@ class Leader(Planner):
 
 def test_a_led_camera_follows_and_its_leader_is_not_told_the_truth() -> None:
     leader = Leader()
-    led, alone = collect_batch(task(lead=leader), 0), collect_batch(task(), 0)
+    led = collect_batch(task(lead=leader), 0)
     assert len(leader.shown) == LENGTH - 1
     assert all(observation.truth is None for observation in leader.shown)
     moved = (led.viewpoints != led.viewpoints[:, :1]).any(axis=(1, 2))
-    np.testing.assert_array_equal(moved, (alone.viewpoints != alone.viewpoints[:, :1]).any(axis=(1, 2)))  # some stay
-    assert moved.any()
+    assert moved.any() and not moved.all()  # some stay
     away = np.abs(led.viewpoints[moved][:, [0, -1]] - [5.0, 1.0, 1.0])
     away[..., 1] = np.abs(wrap_difference(led.viewpoints[moved][:, [0, -1], 1] - 1.0))
     assert (away[:, 1] <= away[:, 0] + 1e-9).all()
-    np.testing.assert_array_equal(led.labels, alone.labels)
 
 
 def test_paths_in_a_stream_are_as_long_as_planners_look_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
