@@ -10,7 +10,7 @@ CONTRACT = Contract("recogniser", Recogniser, ("start", "step"), ("class_names",
 
 
 def resolve_recogniser(brought: str | Recogniser, data: Recordings, world: World) -> Own:
-    """Return your own recogniser, checked against the classes of the data.
+    """Return your own recogniser, checked against the classes of the data; in streams no activity is one more.
 
     A constructor with arguments called `class_names`, `skeleton`, `persons` or `fps` is handed those of the data, one
     with an argument called `camera` the world's.
@@ -24,14 +24,16 @@ def resolve_recogniser(brought: str | Recogniser, data: Recordings, world: World
         UsageError: the recogniser cannot be loaded or made, or the object is not a recogniser.
         ModelError: the recogniser has other classes than the data.
     """
-    own = bring(brought, CONTRACT, {name: getattr(data, name) for name in HANDED} | {"camera": world.camera})
+    names = data.recognised_names  # in streams, no activity is one of them
+    handed = {name: getattr(data, name) for name in HANDED} | {"class_names": names, "camera": world.camera}
+    own = bring(brought, CONTRACT, handed)
     known, size = own.made.class_names, own.made.embedding_size
     try:
-        fits = tuple(known) == data.class_names
+        fits = tuple(known) == names
     except TypeError:
         fits = False
     if not fits:
-        raise ModelError(f"{own.what}: class_names: expected those of {data.name}, {data.class_names}, got {known}")
+        raise ModelError(f"{own.what}: class_names: expected those of {data.name}, {names}, got {known}")
     if not isinstance(size, int) or size < 1:
         raise UsageError(f"{own.what}: embedding_size: expected a number of at least 1, got {size!r}")
     return own

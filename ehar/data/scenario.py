@@ -268,6 +268,10 @@ def _stream_parts_drawn(data: StreamData, rng: np.random.Generator) -> Parts:
     unit = people if named else streams
     is_test = data.is_test
     if is_test is None:
+        if len(np.unique(unit)) < 2:
+            unit = streams  # all are of the same people
+        if len(streams) < 2:
+            raise DataError(f"{data.name}: expected at least 2 streams, of which one is the test, got {len(streams)}")
         is_test = np.isin(unit, _drawn(rng, data, unit, streams, TEST_SHARE))
     rest = np.flatnonzero(~is_test)
     if len(np.unique(unit[rest])) < LEAST_KNOWN:

@@ -103,6 +103,8 @@ def _beside(
         subjects=data.subjects[copies],
         is_test=None,
         missing=None,
+        views=None,
+        recorded_ms=None,
     )
 
 

@@ -13,7 +13,15 @@ from ehar.flight.costs import flight_costs
 from ehar.flight.evasion import CLEARER, clearance_ahead, clearest
 from ehar.flight.kinematics import CartesianMotion, SphericalState
 from ehar.flight.limits import keeps_limits, motion_shares, world_motion
-from ehar.flight.profile import JerkProfile, Phases, coasted, phases_along, phases_between, phases_to_rest
+from ehar.flight.profile import (
+    JerkProfile,
+    Phases,
+    coasted,
+    phases_along,
+    phases_between,
+    phases_to_rest,
+    rates_after,
+)
 from ehar.flight.proposals import BRAKING, PROPOSALS, limits_to_rest, limits_to_target, stopping_time
 from ehar.flight.telemetry import FlightTelemetry
 from ehar.flight.time_optimal import PHASES, AxisLimits, TimeOptimal
@@ -30,6 +38,7 @@ JOINS = ((1, None), (1, 12), (4, None), (12, None), (36, None))
 STOPS = (0.7, 1.0, 1.4, 2.0, 2.8)  # times the usual time of a stop, in which a camera tries to stop
 NEW_TURN = 5  # [frames]; a new target always costs a check, so another proposal is tried only this often
 SAME_PLACE = 1e-9  # [m], [rad]
+SAME_RATE = 1e-6  # [m/s], [rad/s] and per second: what a path claims to end in, and where its accelerations lead
 
 
 class FlightMotion:
@@ -156,7 +165,8 @@ class FlightMotion:
     def _join(self, rows: IntArray, path: FloatArray, lead: int) -> BoolArray:
         """Plan flights that are on paths (R, F, 3, 3) after `lead` frames; return in which of the rows that is valid.
 
-        A path that is shorter goes on at constant acceleration.
+        A path that is shorter goes on at constant acceleration. One whose accelerations do not lead to the rates in
+        which it claims to end is refused: nobody can fly it.
         """
         start, time = self._state.select(rows), self._frame_time
         joined = min(lead, path.shape[1]) - 1
@@ -164,9 +174,11 @@ class FlightMotion:
         along = phases_along(path[:, joined:, 2], time)
         usual = stopping_time(self.vehicle, end)
         at_rest = not path[:, -1, 1:].any()
+        off = np.stack(rates_after(ahead, along)) - np.stack([end.velocity, end.acceleration])
+        flyable = np.abs(off).max(axis=(0, 2)) < SAME_RATE
         kept = np.zeros(len(rows), dtype=bool)
         for factor in STOPS[:1] if at_rest else STOPS:
-            left = np.flatnonzero(~kept)
+            left = np.flatnonzero(flyable & ~kept)
             parts = [phases_between(start.select(left), ahead.select(left), lead * time), along.select(left)]
             if not at_rest:
                 parts.append(phases_to_rest(end.select(left), factor * usual[left]))

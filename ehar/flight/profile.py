@@ -71,6 +71,14 @@ def phases_along(acceleration: FloatArray, time: float) -> Phases:
     return Phases(np.broadcast_to((frames * time)[:, None], jerks.shape), jerks)
 
 
+def rates_after(start: SphericalState, phases: Phases) -> tuple[FloatArray, FloatArray]:
+    """Return the velocity and the acceleration of states (B, 3) at the end of phases, both (B, 3)."""
+    step, jerk = phases
+    acceleration = _running(start.acceleration, step * jerk)
+    velocity = start.velocity + (step * (acceleration[:, :-1] + step * jerk / 2)).sum(axis=1)
+    return velocity, acceleration[:, -1]
+
+
 def coasted(state: SphericalState, time: float) -> SphericalState:
     """Return states (..., 3) after some time [s] at constant acceleration."""
     viewpoint, velocity, acceleration, _ = state

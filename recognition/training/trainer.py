@@ -167,8 +167,9 @@ class _Run:
         elif (people == UNKNOWN_SUBJECT).any():
             self.validated_on = "other sequences, of people whom the data do not name"
         else:
-            known = np.isin(people, data.subjects[parts.recogniser]).all()
-            self.validated_on = "other sequences of people it knows" if known else "people it does not know"
+            known = np.isin(people, data.subjects[parts.recogniser])
+            who = "people it knows" if known.all() else "people it knows and people it does not"
+            self.validated_on = f"other sequences of {who}" if known.any() else "people it does not know"
         self.validation = held_out.draw(np.random.default_rng(VALIDATION_SEED), VALIDATION_CLIPS)
         self.weights = frame_weights(data, learned) if isinstance(data, StreamData) else None
         self.spec = NetworkSpec.of(

@@ -26,6 +26,7 @@ from tests.helpers.fakes import CLASS_NAMES, SKELETON, FakeRecogniser, tiny_data
 from tests.helpers.own_recogniser import OWN
 from tests.helpers.random_networks import save_random_world
 from tests.helpers.settings import tiny_conditions
+from tests.helpers.streams import raising_streams
 
 LENGTH = 8
 
@@ -115,6 +116,16 @@ def test_motion_is_resampled_whether_named_or_given(folder: Path, given: str) ->
     for wrong in (0.0, -1.0, float("nan")):
         with pytest.raises(UsageError, match="fps: "):
             load_motion_of(Conditions(data=data, fps=wrong))
+
+
+def test_a_recogniser_of_a_user_s_own_knows_no_activity_in_streams(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(OWN)
+    streams = raising_streams()
+    made = resolve_recogniser(f"{path}:Mine(gain=2)", streams, PAPER).made
+    assert tuple(made.class_names) == streams.recognised_names
+    with pytest.raises(ModelError, match="class_names: expected those of"):
+        resolve_recogniser(FakeRecogniser(), streams, PAPER)
 
 
 def test_a_recogniser_of_a_user_s_own(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Trains on simulated views or on real ones, and tests on what a camera really saw that no training did."""
 
+import json
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,7 +22,7 @@ from eval.studies.real_views.watching import right_answers
 from recognition.storage import load_recogniser, recogniser_path
 from recognition.training.config import TrainingConfig
 from recognition.training.views import recorded_viewpoints
-from recognition.weight_files import recorded_run
+from recognition.weight_files import description_path, recorded_run
 
 RECORDED, SIMULATED, ESTIMATED = "real views", "simulated views", "simulated views, estimator"
 TRAININGS = {RECORDED: ("recorded", "perfect"), SIMULATED: ("moving", "perfect"), ESTIMATED: ("moving", "estimator")}
@@ -63,6 +64,13 @@ def train(
         held = recorded_run(path) or {}
         if (held.get("data_sha256"), held.get("length")) != (data.sha256, conditions.frames):
             raise UsageError(f"{path}: trained on other data or at another length: remove it, or choose another --out")
+        told = json.loads(description_path(path).read_text(encoding="utf-8"))["training"]
+        seen = told["evaluations"][-1]["clips"]
+        if told["cut_short"] and seen < clips:
+            raise UsageError(
+                f"{path}: cut short at {seen} clips, fewer than the {clips} of --clips: remove it, or choose another "
+                "--out"
+            )
     else:
         trained = train_recogniser(TrainingConfig(conditions=own, out=out, clips=clips, threads=threads))
         print("\n".join(trained.lines), file=sys.stderr, flush=True)

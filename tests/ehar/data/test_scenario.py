@@ -219,3 +219,12 @@ def test_strangers_are_people_whom_the_recogniser_does_not_know() -> None:
     np.testing.assert_array_equal(strangers(data, parts.recogniser), parts.recogniser)
     unnamed = replace(data, subjects=np.full((16, 1), -1))
     np.testing.assert_array_equal(strangers(unnamed, others), np.unique(others))
+
+
+def test_streams_of_one_person_are_parts_by_themselves() -> None:
+    data = replace(raising_streams(people=16), subjects=np.zeros((16, 1), dtype=np.int64), is_test=None)
+    parts = split_parts(data)
+    each = [parts.recogniser, parts.policy, parts.validation, parts.test]
+    assert min(map(len, each)) > 0 and len(np.concatenate(each)) == 16
+    with pytest.raises(DataError, match=r"expected at least 2 streams, of which one is the test, got 1$"):
+        split_parts(raising_streams(people=1))

@@ -8,6 +8,7 @@ from ehar.flight.limits import limit_shares
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion, heading, move
+from ehar.steps import StepLimits, from_rest
 from ehar.viewpoint import Workspace, cartesian
 
 TIME = 0.04
@@ -90,6 +91,16 @@ def test_the_end_of_a_path_that_is_a_little_too_fast_is_flown_to() -> None:
         assert limit_shares(PX4, motion.sample(times)).max() <= 1
     assert motion.telemetry.tracking_error.max(axis=1).min() > 0.1, "the paths should be too fast"
     np.testing.assert_allclose(cartesian(viewpoint), cartesian(START + way), atol=1e-6)
+
+
+def test_a_path_that_claims_an_end_to_which_it_does_not_lead_breaks_no_limit() -> None:
+    path = path_to(WAY)[:, : FRAMES // 2]  # at its fastest
+    path[:, -1, 1:] = 0  # and claimed to be at rest
+    motion, way, times = flying(), [START], np.linspace(0, TIME, 41)
+    for frame in range(120):
+        way.append(motion.follow(path[:, min(frame, FRAMES // 2 - 1) :]))
+        assert limit_shares(PX4, motion.sample(times)).max() <= 1
+    assert StepLimits.of(motion, TIME).first_broken(from_rest(np.stack(way, axis=1)), 1e-9) is None
 
 
 def test_rows_do_not_depend_on_each_other() -> None:

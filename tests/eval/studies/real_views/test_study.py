@@ -36,6 +36,8 @@ def test_the_command_prints_three_tables_and_trains_only_once(
     assert [row.mean for row in again.transfer] == [row["mean"] for row in held["transfer"]]
     with pytest.raises(UsageError, match="trained on other data or at another length: remove it"):
         real_views(words[0], out=tmp_path / "out", length=12, clips=32, threads=1)
+    with pytest.raises(UsageError, match=r"cut short at 32 clips, fewer than the 64 of --clips: remove it"):
+        real_views(words[0], out=tmp_path / "out", length=10, clips=64, threads=1)
     assert "From which real camera" in (tmp_path / "out" / "table.md").read_text()
 
 
