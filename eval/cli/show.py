@@ -120,7 +120,8 @@ def save_data(
     data = mended(data, fps=fps, mirror=mirror, skeleton=skeleton)
     save_motion(_npz(out), data)
     console = output_console()
-    console.print(f"{out}: {len(data.labels)} sequences of {len(data.class_names)} classes, {data.fps:g} frames/s")
+    classes = f"{len(data.class_names)} class{'es' * (len(data.class_names) != 1)}"
+    console.print(f"{out}: {len(data.labels)} sequences of {classes}, {data.fps:g} frames/s")
     for note in data.notes:
         console.print(f"note: {note}", markup=False)
     found = check_bodies(data, ReadWith(unit, up, mirror))

@@ -5,7 +5,8 @@ capture, for trackers of depth cameras with their noise, and for children.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from shlex import quote
 from typing import get_args
@@ -31,6 +32,7 @@ SEEN, MIRRORED = 0.6, 0.3  # share of the ways of toes, noses or knees that poin
 SLOWEST, FASTEST = 0.1, 15.0  # [m/s] of the fastest joint in the fastest tenth of frames; sets have 1.7 to 3.7
 RATES = (4.0, 250.0)  # [1/s]
 _FORMAT = "fits the format"
+_ARRAYS = "optional arrays have their names"
 _RIGHT_SIDE_UP = "head above feet: z is up"
 _SIDES = "left is left: toes, nose and knees point the way that people face"
 
@@ -74,12 +76,30 @@ def check_data(data: str | Path | MotionData | StreamData) -> Conformance:
         held = _loaded(data)
         if isinstance(held, StreamData):
             command = f"write {data} again, as ehar data prepare reads sequences with"
-        return check_bodies(held, ReadWith(command=command))
+        found = check_bodies(held, ReadWith(command=command))
+        return replace(found, checks=(_arrays(Path(data)), *found.checks))
     except DataError as error:
         failed = ContractCheck(
             _FORMAT, False, str(error), "arrays as docs/data.md lists them", _mend_file(error, command)
         )
         return Conformance(f"data {data}", (failed, ContractCheck("all else", None, "as it cannot be read")))
+
+
+def _arrays(path: Path) -> ContractCheck:
+    """Return whether a file has no array whose name is nearly that of one that it lacks: it would be ignored."""
+    from ehar.data.motion_file import SCHEMA
+
+    if not path.is_file():
+        return ContractCheck(_ARRAYS, True)  # a built-in set
+    with np.load(path, allow_pickle=False) as archive:
+        names = set(archive.files)
+    known = SCHEMA | {"segments"}
+    meant = {name: get_close_matches(name, known - names, n=1) for name in sorted(names - known)}
+    misspelt = {name: found[0] for name, found in meant.items() if found}
+    if not misspelt:
+        return ContractCheck(_ARRAYS, True)
+    mend = "rename what was misspelt: under such a name it is not read"
+    return ContractCheck(_ARRAYS, False, ", ".join(misspelt), ", ".join(misspelt.values()), mend)
 
 
 def check_bodies(data: Recordings, given: ReadWith) -> Conformance:

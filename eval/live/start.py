@@ -21,23 +21,25 @@ from eval.live.transports import Outbox, lines_of
 from eval.live.watcher import Watcher
 from recognition.torch_threads import one_torch_thread
 
+STANDARD_INPUT, HERE, MINUTES, LOSS = "-", (0.0, 0.0, 0.0), 1.0, 0.05  # defaults
+
 
 def live(
     *,
     models: str | Path | None = None,
     vehicle: str = "px4-auto",
     planner: str | Planner = "h-rotate",
-    source: str = "-",
+    source: str = STANDARD_INPUT,
     sensor: str = "estimator",
     views: str = "moving",
     belief: Path | None = None,
     sure: float = 0.9,
     mavlink: str | None = None,
-    origin: Vector = (0.0, 0.0, 0.0),
+    origin: Vector = HERE,
     page: int | None = None,
     rehearse: str | None = None,
-    minutes: float = 1.0,
-    loss: float = 0.05,
+    minutes: float = MINUTES,
+    loss: float = LOSS,
     world: str | Path | None = None,
 ) -> LoopFigures | rehearsal.Rehearsal:
     """Watch people through a pose estimator, and say where the camera should fly, until there are no more frames.
@@ -64,6 +66,7 @@ def live(
     """
     if not np.isfinite(origin).all():
         raise UsageError(f"origin: expected three finite numbers, got {' '.join(map(str, origin))}")
+    _check_used(rehearse, mavlink, source=source, minutes=minutes, loss=loss, origin=origin)
     with ExitStack() as stack:
         stack.enter_context(one_torch_thread())
 
@@ -122,3 +125,17 @@ def _discard(line: str) -> None:
 
 def _note(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
+
+
+def _check_used(
+    rehearse: str | None, mavlink: str | None, *, source: str, minutes: float, loss: float, origin: Vector
+) -> None:
+    """Raise a UsageError for an option that nothing would come of."""
+    for option, told, needs in (
+        ("--source", rehearse is not None and source != STANDARD_INPUT, "no --rehearse, which plays streams instead"),
+        ("--minutes", rehearse is None and minutes != MINUTES, "--rehearse"),
+        ("--loss", rehearse is None and loss != LOSS, "--rehearse"),
+        ("--origin", mavlink is None and tuple(origin) != HERE, "--mavlink, whose frame it is in"),
+    ):
+        if told:
+            raise UsageError(f"{option}: expected {needs} beside it")

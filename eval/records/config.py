@@ -260,11 +260,17 @@ def run_config(
 
 
 def planner_config(planner: Planner, origin: Origin | None = None) -> PlannerConfig:
-    """Return a planner's entry in config.json; `origin` is None for ehar's planners."""
+    """Return a planner's entry in config.json; `origin` is None for ehar's planners.
+
+    Files that arguments of your own planner name are weights, unless it has a hash of its own.
+    """
     weights = getattr(planner, "sha256", None)
     if origin is None:
         implementation = f"{type(planner).__module__}.{type(planner).__qualname__}"
         return PlannerConfig(planner.name, planner.privileged, implementation, weights)
+    files = [value for value in origin.arguments.values() if isinstance(value, Path) and value.is_file()]
+    if weights is None and files:  # what they hold decides what the planner does
+        weights = sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
     return PlannerConfig(
         planner.name,
         planner.privileged,

@@ -1,6 +1,6 @@
 """A run of the benchmark, in memory or in a folder: its configuration, records and summary."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
@@ -107,6 +107,20 @@ class Run:
         pooled = pool_seeds(self.records)
         held = {**dict.fromkeys(pooled, pooled), **dict.fromkeys(self.records, self.records)}
         return self._of(held, name)[name]
+
+    def check_planners(self, names: Iterable[str]) -> None:
+        """Check that these are planners, and not single trainings of some.
+
+        Raises:
+            UsageError: one did not run, or is a training.
+        """
+        whole = tuple(first_trainings(self.records))
+        for name in names:
+            self.episodes(name)  # names the planners of the run if this is none of them
+            if name not in whole:
+                raise UsageError(
+                    f"{self.directory}: {name} is one training; expected a planner with all its own: {', '.join(whole)}"
+                )
 
     def record_name(self, name: str) -> str:
         """Return the record name of a planner; with several trainings, that of the first.

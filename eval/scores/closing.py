@@ -51,7 +51,7 @@ def _found(summary: Summary) -> str:
         compared = [one for one in planners.values() if len(_rivals(summary, one.name)) == others]
         lead = max(compared, key=lambda one: one.acc_mean, default=lead)
         rivals = _rivals(summary, lead.name)
-    standing = _standing(rivals, others, summary)
+    standing = _standing(lead.name, rivals, others, summary)
     if lead.gap_closed is not None:
         ends = lead.gap_closed_ci95
         interval = "" if ends is None else f" [{100 * ends[0]:.0f}, {100 * ends[1]:.0f}]"
@@ -85,14 +85,17 @@ def _rivals(summary: Summary, name: str) -> list[_Rival]:
     return rivals
 
 
-def _standing(rivals: Sequence[_Rival], others: int, summary: Summary) -> str:
+def _standing(name: str, rivals: Sequence[_Rival], others: int, summary: Summary) -> str:
     """Return how a planner stands to the others without the truth, after what it reached."""
     if not others:
         return "; no other planner without the truth ran"
+    planners = {one.name: one for one in summary.planners if not one.privileged}
+    level = [one.name for one in planners.values() if one.name != name and one.acc_mean == planners[name].acc_mean]
+    most = f", as often as {_listed(level)}" if level else ", more than any other planner without the truth"
     if summary.no_intervals is not None:
-        return ", more than any other planner without the truth"
+        return most
     if not rivals:
-        return ", more than any other planner without the truth, but no pair was tested"
+        return f"{most}, but no pair was tested"
     above = [rival.name for rival in rivals if rival.clear and rival.difference > 0]
     level = [rival.name for rival in rivals if rival.name not in above]
     every = len(rivals) == others

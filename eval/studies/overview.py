@@ -1,5 +1,6 @@
 """Several runs side by side: a column for each run and a row for each planner, from their summary.json."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -77,7 +78,9 @@ def read_overview(directories: Sequence[str | Path]) -> list[RunOverview]:
     ]
     differing = [name for name in told[0] if len({held[name] for held in told}) > 1]
     return [
-        RunOverview(" ".join((run.config.data.split(" (")[0], *(held[name] for name in differing))), run.summary)
+        RunOverview(
+            " ".join((re.sub(r" \(.*?\)", "", run.config.data), *(held[name] for name in differing))), run.summary
+        )
         for run, held in zip(runs, told, strict=True)
     ]
 

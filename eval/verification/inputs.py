@@ -190,6 +190,7 @@ def _planner_weights(config: RunConfig, place: ModelPlace) -> list[Check]:
             difference = f"{CONFIG}: {planner.name}: weights_sha256: got {got}, expected {sha256}, as in {place.models}"
             return [*checks, Check("agents", FAILED, difference)]
     if trained:
-        what = f"{len(trained)} trainings" if not absent else f"{len(absent)} of {len(trained)}: {absent[0]}"
+        several = f"{len(trained)} training{'s' * (len(trained) != 1)}"
+        what = f"{len(absent)} of {len(trained)}: {absent[0]}" if absent else several
         checks.append(Check("agents", UNCHECKED if absent else OK, what))
     return checks

@@ -104,8 +104,7 @@ def choose(run: Run, planners: Sequence[str]) -> tuple[str, ...]:
     """
     ran = tuple(seeds_of(run.records))
     if planners:
-        for name in planners:
-            run.episodes(name)
+        run.check_planners(planners)
         moving = tuple(dict.fromkeys(name for name in planners if name != NO_ACT))
         if not moving:
             raise UsageError(

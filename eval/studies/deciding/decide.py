@@ -58,8 +58,7 @@ def decide(
     seconds = 1 / _frame_rate(scored, data)
     privileged = {planner.name: planner.privileged for planner in scored.summary.planners}
     chosen = tuple(planners) or tuple(name for name in DEFAULTS if name in privileged) or tuple(privileged)
-    for name in chosen:
-        scored.episodes(name)  # names the planners of the run if this is none of them
+    scored.check_planners(chosen)
     told = {planner.name for planner in fitted.summary.planners if planner.privileged}
     learners = tuple(group.name for group in group_planners(fitted.records) if group.name not in told)
     if not learners:

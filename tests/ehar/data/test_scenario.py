@@ -227,4 +227,4 @@ def test_streams_of_one_person_are_parts_by_themselves() -> None:
     each = [parts.recogniser, parts.policy, parts.validation, parts.test]
     assert min(map(len, each)) > 0 and len(np.concatenate(each)) == 16
     with pytest.raises(DataError, match=r"expected at least 2 streams, of which one is the test, got 1$"):
-        split_parts(raising_streams(people=1))
+        split_parts(replace(raising_streams(people=1), is_test=None))

@@ -242,3 +242,14 @@ def test_a_file_that_is_no_archive(tmp_path: Path) -> None:
 def test_a_file_that_is_not_there_is_no_check_that_failed(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"none\.npz: no such file; expected a built-in set, or a prepared \.npz"):
         check_data(tmp_path / "none.npz")
+
+
+def test_an_array_whose_name_is_misspelt_is_named(tmp_path: Path) -> None:
+    save_motion(tmp_path / "good.npz", replace(few(), is_test=np.arange(24) < 6))
+    with np.load(tmp_path / "good.npz") as archive:
+        arrays = dict(archive)
+    arrays["splits"], arrays["styles"] = arrays.pop("split"), np.zeros(24)  # styles are nobody's
+    np.savez(tmp_path / "bad.npz", allow_pickle=False, **arrays)
+    assert check_data(tmp_path / "good.npz").passed
+    failed = only_failure(check_data(tmp_path / "bad.npz"))
+    assert (failed.got, failed.expected) == ("splits", "split")

@@ -11,6 +11,7 @@ from eval.records.run_files import check_out
 from eval.running.run import write_records
 from planners.heuristic import NoAct
 from planners.oracle import Oracle
+from planners.own_planner import Origin
 from tests.helpers.agents import untrained_agent
 from tests.helpers.made_records import CONFIG_OF_RUN, config_of_run, three_planners
 
@@ -20,6 +21,16 @@ def test_config_says_which_weights_a_planner_had() -> None:
     assert planner_config(Oracle()) == PlannerConfig("oracle", True, "planners.oracle.Oracle", None)
     learned = planner_config(untrained_agent("il-ppo/0"))
     assert learned == PlannerConfig("il-ppo/0", False, "planners.agents.agent.Agent", "of il-ppo/0")
+
+
+def test_files_that_arguments_name_are_weights(tmp_path: Path) -> None:
+    file, planner = tmp_path / "w.txt", NoAct()
+    told = []
+    for content in ("one", "two", "one"):
+        file.write_text(content)
+        told.append(planner_config(planner, Origin("mine.py:Mine", {"weights": file, "radius": 5})).weights_sha256)
+    assert told[0] == told[2] != told[1] and None not in told
+    assert planner_config(planner, Origin("mine.py:Mine", {"radius": 5})).weights_sha256 is None
 
 
 def test_a_folder_that_holds_another_run_is_refused(tmp_path: Path) -> None:

@@ -127,6 +127,11 @@ def test_few_and_unknown_people_are_told(basis: Basis, expected: str) -> None:
     assert said.endswith(f". {expected}")
 
 
+def test_planners_that_are_equal_are_not_told_apart() -> None:
+    found = replace(of(no_act=MIDDLE, nbv=MIDDLE), no_intervals="one sequence")
+    assert ", as often as no-act. How sure" in closing_sentences(found)
+
+
 def test_several_trainings_and_folds_are_told() -> None:
     found = replace(of(no_act=LOW, nbv=MIDDLE, oracle=HIGH), basis=MANY)
     trained = replace(found, config=replace(found.config, trainings=("a", "b", "c")))

@@ -157,6 +157,14 @@ def test_older_runs_are_decided_without_the_matrix_test(tmp_path: Path) -> None:
     assert any(note.startswith("Without sprt: a run is from before") for note in answers.footnotes)
 
 
+def test_a_single_training_is_refused(tmp_path: Path) -> None:
+    each = {name: make_records(row) for row, name in enumerate(("no-act", "il/0", "il/1"))}
+    run = read_run(write_finished(tmp_path, each))
+    run.check_planners(["no-act", "il"])
+    with pytest.raises(UsageError, match=r"il/0 is one training; expected a planner with all its own: no-act, il$"):
+        run.check_planners(["il/0"])
+
+
 def test_what_cannot_be_decided_is_refused(tmp_path: Path) -> None:
     def refused(scored: Path, fitted: Path, kind: type[EharError], message: str) -> None:
         with pytest.raises(kind, match=message):
