@@ -47,4 +47,4 @@ def train(steps: int, conditions: Conditions) -> Learned:
 if __name__ == "__main__":
     duo = Conditions(data="duo")
     run = benchmark([train(5_000, duo), "no-act", "oracle"], duo)
-    print(run.summary.planner("learned"))
+    print(run.summary)

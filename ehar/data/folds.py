@@ -8,7 +8,6 @@ import numpy as np
 from ehar.arrays import IntArray
 from ehar.data.any_source import load_recordings
 from ehar.data.motion_data import MotionData
-from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.scenario import people_together, split_parts
 from ehar.data.streams.data import StreamData
 from ehar.errors import DataError, UsageError
@@ -31,8 +30,11 @@ def fold(data: str | Path | MotionData | StreamData, *, number: int, folds: int 
         DataError: the data are malformed, do not name everybody who performs, or a part of the fold lacks a class.
     """
     data = data if isinstance(data, MotionData | StreamData) else load_recordings(data)
-    if (data.subjects == UNKNOWN_SUBJECT).any():
-        raise DataError(f"{data.name}: subjects: expected all people by number, so that each is in one fold")
+    if data.unnamed:
+        raise DataError(
+            f"{data.name}: subjects: expected all people by number, so that each is in one fold, got none in "
+            f"{data.unnamed} of {len(data.subjects)} sequences"
+        )
     of_sequence = _fold_of(data, folds)
     if not 0 <= number < folds:
         raise UsageError(f"--number: got {number}, expected 0 to {folds - 1}")

@@ -64,6 +64,11 @@ class Recordings:
         return int(self.positions.shape[1])
 
     @property
+    def unnamed(self) -> int:
+        """The number of sequences in which somebody is not named."""
+        return int((self.subjects == UNKNOWN_SUBJECT).any(axis=1).sum())
+
+    @property
     def recognised_names(self) -> tuple[str, ...]:
         """Names of all that a recogniser tells apart."""
         return self.class_names

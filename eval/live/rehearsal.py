@@ -299,7 +299,7 @@ def rehearse(
     count = max(round(60 * minutes * streams.fps / scenarios.length), 1)
     player = Player(setting, episodes, watcher, count, loss)
     shares = LimitShares(vehicle)
-    note(f"{count} streams of {scenarios.length / streams.fps:.0f} s, in real time")
+    note(f"{count} stream{'s' * (count != 1)} of {scenarios.length / streams.fps:.0f} s, in real time")
     figures = Loop(watcher, (lambda said: shares.take(said.setpoint), *outputs(watcher)), hears=player.hear).run(
         player.lines()
     )

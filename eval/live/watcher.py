@@ -87,7 +87,7 @@ class Watcher:
         self.vehicle = vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
         self.planner = live_planner(planner, self.recogniser, trained)
         if not 0 < sure <= 1:
-            raise UsageError(f"sure: expected a probability above 0, got {sure}")
+            raise UsageError(f"sure: expected a probability above 0 and at most 1, got {sure}")
         self.belief_model = live_belief(belief, len(self.class_names))
         self._belief = OneStreamBelief(self.belief_model, fps=self.fps)
         self._sure, self._seed = sure, seed

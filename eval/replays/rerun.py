@@ -145,8 +145,9 @@ def replay_run(
         replayed[name], astray = _replay(run, name, planners.get(name), model, workload, batch, indices)
         if name in planners and astray:
             notes.append(
-                f"What {name} wanted is not shown in {astray} of {len(indices)} episodes: asked once more, it would "
-                "not have gone where it went."
+                f"What {name} wanted is not shown in {astray} of {len(indices)} episodes: asked once more, and with "
+                "other episodes beside them, it would not have gone where it went. Moves that are as good but for "
+                "rounding do that; `ehar verify --rerun-episodes` asks for whole batches, as the run did."
             )
         advance(name)
     passers = None if batch.surroundings is None else batch.surroundings.passers

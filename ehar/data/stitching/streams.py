@@ -7,7 +7,6 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.motion_data import MotionData
-from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.scenario import split_parts
 from ehar.data.source import load_data
 from ehar.data.stitching.joins import join, placed
@@ -67,8 +66,11 @@ def stitch(data: str | Path | MotionData, *, seconds: float = 60.0, seed: int = 
     if seed < 0:
         raise UsageError(f"--seed: got {seed}, expected at least 0")
     data = data if isinstance(data, MotionData) else load_data(data)
-    if (data.subjects == UNKNOWN_SUBJECT).any():
-        raise DataError(f"{data.name}: subjects: expected all people by number, to put each one's activities in a row")
+    if data.unnamed:
+        raise DataError(
+            f"{data.name}: subjects: expected all people by number, to put each one's activities in a row, got none in "
+            f"{data.unnamed} of {len(data.subjects)} sequences"
+        )
     if data.lengths.min() < 2:
         name = data.sequence_names[int(data.lengths.argmin())]
         raise DataError(f"{data.name}: expected sequences of at least 2 frames, {name!r} has 1")
