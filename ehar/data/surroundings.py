@@ -31,17 +31,28 @@ def surroundings_of(
     if isinstance(scenarios, StreamScenarios):
         centres = scenarios.centres(chosen)
         moved = centres - centres[:, :1]
-    passers = _passers(scenarios, chosen, world, rng.spawn(1)[0]) if world.passers_by else None
+    passers = None
+    if world.passers_by:
+        risen = np.zeros((len(chosen), scenarios.length)) if moved is None else moved[..., 2]
+        passers = _passers(scenarios, chosen, world, risen, rng.spawn(1)[0])
     return Surroundings(world.obstacles, moved, passers)
 
 
 def _passers(
-    scenarios: Scenarios | StreamScenarios, chosen: IntArray, world: World, rng: np.random.Generator
+    scenarios: Scenarios | StreamScenarios, chosen: IntArray, world: World, risen: FloatArray, rng: np.random.Generator
 ) -> Passers:
     """Draw the passers-by of B scenarios: people of other sequences of the same part, and straight ways past people.
 
     A way is a chord of the circle within which they walk. It is walked at one speed, from one end to the other and
-    back. Where it begins is drawn, so at any time a passer-by is as likely here as there.
+    back. Where it begins is drawn, so at any time a passer-by is as likely here as there. They stay on the floor on
+    which people stand in the first frame, though the centre, which places are relative to, follows people up and down.
+
+    Args:
+        scenarios: the scenarios.
+        chosen: (B,) which of them.
+        world: the world that the passers-by are in.
+        risen: (B, L) how far the centre has risen since the first frame [m].
+        rng: what is drawn with.
     """
     shape = (len(chosen), world.passers_by)
     reach, time = world.passing_reach, np.arange(scenarios.length) / scenarios.data.fps
@@ -67,7 +78,8 @@ def _passers(
     posture, lowest = _postures(scenarios, _others(scenarios, chosen, shape, rng), rng)
     facing = skeleton.heading(bodies.joints[posture[:, 0]])
     turn = np.arctan2(velocity[..., 1], velocity[..., 0]) - facing[:, None]
-    return Passers(place, posture, turn, _floor(scenarios, chosen)[:, None] - lowest, tracked, bodies)
+    lift = (_floor(scenarios, chosen)[:, None] - lowest)[:, None] - risen[..., None]
+    return Passers(place, posture, turn, lift, tracked, bodies)
 
 
 def _others(

@@ -40,7 +40,7 @@ class Passers:
         place: (B, L, W, 2) the mean of their joints, relative to the centre of those that are watched [m].
         posture: (B, L, W) the frame of `bodies` that shows their posture.
         turn: (B, L, W) how far they are turned from what was recorded, from x towards y [rad].
-        lift: (B, W) how much higher they are than what was recorded [m].
+        lift: (B, L, W) how much higher they are than what was recorded, relative to the centre in that frame [m].
         tracked: (B, L, W, 4) what planners are told in each frame: where they are thought to be [m] and how fast they
             walk [m/s], each along x and y.
         bodies: the postures.
@@ -62,9 +62,7 @@ class Passers:
 
     def select(self, rows: IntArray | slice, frames: int | None = None) -> "Passers":
         """Return those of some of the episodes, cut to their first frames; None keeps all frames."""
-        return self._with(
-            lambda name: getattr(self, name)[rows] if name == "lift" else getattr(self, name)[rows, :frames]
-        )
+        return self._with(lambda name: getattr(self, name)[rows, :frames])
 
     @staticmethod
     def joined(pieces: "Sequence[Passers]") -> "Passers":
@@ -84,11 +82,10 @@ class Passers:
         posture, turn = self.bodies.joints[self.posture[:, frames]], self.turn[:, frames, :, None]
         posture = posture - posture.mean(axis=-2, keepdims=True) * np.array([1, 1, 0], dtype=posture.dtype)
         x, y = posture[..., 0], posture[..., 1]
-        lift = self.lift if isinstance(frames, int) else self.lift[:, None]
         placed = np.empty(posture.shape, dtype=np.float32)
         placed[..., 0] = np.cos(turn) * x - np.sin(turn) * y + self.place[:, frames, :, None, 0]
         placed[..., 1] = np.sin(turn) * x + np.cos(turn) * y + self.place[:, frames, :, None, 1]
-        placed[..., 2] = posture[..., 2] + lift[..., None]
+        placed[..., 2] = posture[..., 2] + self.lift[:, frames, :, None]
         return placed
 
     def hide(self, cameras: FloatArray, joints: FloatArray, frames: Frames) -> BoolArray:

@@ -27,7 +27,7 @@ def busy_batch() -> Batch:
         np.zeros((EPISODES, LENGTH, 2), dtype=np.int64),
         Bodies(np.zeros((9, 6, 3)), SKELETON.bone_indices, SKELETON.bone_radii()),
     )
-    turn, lift = rng.normal(size=(EPISODES, LENGTH, 2)), rng.normal(size=(EPISODES, 2))
+    turn, lift = rng.normal(size=(EPISODES, LENGTH, 2)), rng.normal(size=(EPISODES, LENGTH, 2))
     passers = Passers(walking[..., :2].copy(), posture, turn, lift, walking, bodies)
     pillar = Obstacles(boxes=(Box(centre=(20.0, 0.0, 0.0), size=(1.0, 1.0, 1.0)),))
     around = Surroundings(pillar, rng.normal(size=(EPISODES, LENGTH, 3)), passers)

@@ -12,6 +12,6 @@ def standing(place: FloatArray, length: int = 1, turn: float = 0.0) -> Passers:
     shape = (1, length, len(place))
     places = np.broadcast_to(place, (*shape, 2)).astype(np.float64)
     tracked = np.concatenate([places, np.zeros_like(places)], axis=-1)
-    turned, lift = np.full(shape, turn), np.zeros((1, len(place)))
+    turned, lift = np.full(shape, turn), np.zeros(shape)
     bodies = Bodies(POSE[None], SKELETON.bone_indices, SKELETON.bone_radii())
     return Passers(places, np.zeros(shape, dtype=np.int64), turned, lift, tracked, bodies)

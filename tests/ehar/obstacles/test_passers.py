@@ -1,5 +1,7 @@
 """People who pass: they are recorded bodies, walk where no camera is, and hide what is behind their limbs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from ehar.obstacles.shapes import passes_by, passes_through
 from ehar.world import CROWD, PASSER_RADIUS
 from tests.helpers.fakes import POSE, SKELETON, tiny_data
 from tests.helpers.passers import standing
+from tests.helpers.streams import raising_streams
 
 BEHIND, ASIDE = np.array([6.0, 0.0, np.pi / 2]), np.array([6.0, np.pi / 2, np.pi / 2])
 EPISODES, LENGTH = 6, 200
@@ -71,6 +74,19 @@ def test_they_are_people_of_other_sequences_as_they_were_recorded() -> None:
     floor = scenarios().positions(np.arange(EPISODES))[:, 0, ..., 2].min(axis=(1, 2))
     above = lowest - floor[:, None]  # not every frame of a sequence is shown
     assert above.min() > -1e-5 and above.max() < 0.02 and (np.abs(above) < 1e-5).sum() > 10
+
+
+def test_in_a_stream_they_stay_on_the_floor_while_people_lie_down() -> None:
+    data = raising_streams()
+    within = np.concatenate([np.arange(length) for length in data.lengths])
+    lying = data.positions * np.where((within < 30)[:, None, None, None], 1, [1, 1, 0.2])
+    streams = windows(replace(data, positions=lying.astype(np.float32)), np.arange(3), 90, 200)
+    around = surroundings_of(streams, np.arange(2), CROWD, np.random.default_rng(0))
+    assert around is not None and around.passers is not None and around.moved is not None
+    assert around.moved[:, -1, 2].max() < -0.05
+    recorded = streams.data.positions[around.passers.posture, 0][..., 2]  # (B, L, W, J)
+    higher = around.passers.joints(slice(None))[..., 2] + around.moved[:, :, None, None, 2] - recorded
+    np.testing.assert_allclose(higher, np.broadcast_to(higher[:, :1, :, :1], higher.shape), atol=1e-5)
 
 
 def test_they_face_where_they_walk() -> None:
