@@ -17,12 +17,14 @@ from ehar.planner import Planner
 from ehar.plugins.class_spec import json_arguments
 from ehar.version import package_version
 from ehar.world import PAPER, World, by_name, load_world
+from eval.records.code import code_sha256
 from planners.own_planner import Origin, planner_source_sha256
 from recognition.setting import ELSEWHERE, Setting, length_note, localisation_note
 
 CONFIG = "config.json"
 UNFINISHED = "unfinished"  # folder in that of a run: what is done while the run is not finished
 SCHEMA = 2  # of the files of a run; raised when their form or meaning changes
+_SHOWN = 12  # digits of a hash
 PACKAGES = ("ehar", "numpy", "torch", "casadi", "filterpy", "ruckig")  # their versions decide numbers
 
 
@@ -282,8 +284,9 @@ def planner_config(planner: Planner, origin: Origin | None = None) -> PlannerCon
 
 
 def installed_versions() -> dict[str, str]:
-    """Return the versions of Python and of the packages that decide numbers."""
-    return {"python": platform.python_version(), **{name: package_version(name) for name in PACKAGES}}
+    """Return the versions of Python and of the packages that decide numbers; ehar's ends in the hash of its code."""
+    versions = {"python": platform.python_version(), **{name: package_version(name) for name in PACKAGES}}
+    return versions | {"ehar": f"{versions['ehar']}+{code_sha256()[:_SHOWN]}"}
 
 
 def read_config(directory: Path) -> RunConfig:

@@ -241,6 +241,7 @@ def test_another_run_is_refused_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=rf"versions \(versions\.numpy was '1\.0', now '{np.__version__}'\)") as error:
         run(PLANNERS, out=out)
     assert "\n" not in str(error.value)
+    assert held["versions"]["ehar"].endswith(f"+{code.code_sha256()[:12]}")
     write_text(folder / CONFIG, [json.dumps(held | {"schema": SCHEMA - 1})])
     with pytest.raises(UsageError, match=f"holds a run of schema {SCHEMA - 1}, expected {SCHEMA}; remove "):
         run(PLANNERS, out=out)
