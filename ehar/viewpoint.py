@@ -52,6 +52,14 @@ class Workspace:
     distance_step: float = 0.1  # Sec. 3: "small translation"
     angle_step: float = float(np.radians(3.6))  # Sec. 3: "small ... rotation"
 
+    def __str__(self) -> str:
+        """Return the bounds and steps in words."""
+        low, high, turn = (math.degrees(angle) for angle in (self.polar_min, self.polar_max, self.angle_step))
+        return (
+            f"{self.distance_min:g} to {self.distance_max:g} m, polar {low:g} to {high:g} deg, steps of "
+            f"{self.distance_step:g} m and {turn:g} deg"
+        )
+
     def __post_init__(self) -> None:
         """Check bounds and steps."""
         for part in fields(self):

@@ -140,16 +140,11 @@ class World:
 
     def __str__(self) -> str:
         """Return the world on one line."""
-        space = self.workspace
-        low, high, turn = (math.degrees(angle) for angle in (space.polar_min, space.polar_max, space.angle_step))
-        starts = " x ".join(map(str, self.start_cells or space.cells))
+        starts = " x ".join(map(str, self.start_cells or self.workspace.cells))
         inside = f", {self.obstacles}" if self.obstacles else ""
         inside += f", {self.passers_by} passers-by" if self.passers_by else ""
         inside += "" if self.localisation == USUAL_LOCALISATION else f", people localised with {self.localisation}"
-        return (
-            f"{self.name} ({space.distance_min:g} to {space.distance_max:g} m, polar {low:g} to {high:g} deg, "
-            f"steps of {space.distance_step:g} m and {turn:g} deg, {starts} starts, {self.camera}{inside})"
-        )
+        return f"{self.name} ({self.workspace}, {starts} starts, {self.camera}{inside})"
 
 
 def _numbers(world: World) -> list[float]:

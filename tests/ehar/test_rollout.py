@@ -143,7 +143,7 @@ def test_a_start_outside_of_the_workspace_names_the_episode(start: list[float]) 
         Answers(lambda observation: observation.viewpoint),
         tiny_context(episodes=EPISODES, length=LENGTH),
     )
-    with pytest.raises(EpisodeError, match=r"episode 'episode-2': expected a start viewpoint within Workspace.*got \["):
+    with pytest.raises(EpisodeError, match=r"episode 'episode-2': expected a start viewpoint within 5 to 15 m.*got \["):
         rollout(planner, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), context)
 
 

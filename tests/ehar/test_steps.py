@@ -46,7 +46,7 @@ def test_our_motions_keep_their_limits(name: str, fps: float) -> None:
 @pytest.mark.parametrize(
     ("name", "change", "said"),
     [
-        ("ideal", [0.1, 0, 0.0628318530717958], "expected a move of the grid within Workspace"),
+        ("ideal", [0.1, 0, 0.0628318530717958], "expected a move of the grid within 5 to 15 m"),
         ("ideal", [0.05, 0, 0], "expected a move of the grid"),
         ("px4-auto", [0.5, 0, 0], "with speed 12.5, expected at most 5 of 'px4-auto'"),
         ("px4-auto", [0.01, 0, 0], "with acceleration 6.25, expected at most 3 of 'px4-auto'"),

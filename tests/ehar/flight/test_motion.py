@@ -265,7 +265,7 @@ def test_a_long_turn_is_at_its_limit() -> None:
 @pytest.mark.parametrize("start", [(4.9, 0, 1), (15.1, 0, 1), (8, 0, -0.1), (8, 0, 1.6), (np.nan, 0, 1)])
 def test_a_start_outside_of_the_workspace(start: tuple[float, float, float]) -> None:
     starts = np.array([(8.0, 0.0, 1.0), start])
-    with pytest.raises(EpisodeError, match=r"flight of 'px4-auto', episode 1: expected a start within Workspace"):
+    with pytest.raises(EpisodeError, match=r"flight of 'px4-auto', episode 1: expected a start within 5 to 15 m"):
         flying(starts)
 
 
