@@ -135,7 +135,7 @@ STOPPED: list[tuple[Honest, dict[str, Any], str]] = [
     (MakesWriteable(), {}, "ValueError: cannot set WRITEABLE flag to True of this array ("),
     (WritesIntoTheSkeleton(), {}, "reset: ValueError: assignment destination is read-only ("),
     (WritesIntoTheSteps(), {}, "reset: ValueError: assignment destination is read-only ("),
-    (MovesTheMotion(), {}, "expected a move of the grid within 5 to 15 m("),
+    (MovesTheMotion(), {}, "expected a move of the grid within 5 to 15 m,"),
     (MovesTheMotion(), {"track": "px4-max"}, "expected at most 12 of 'px4-max'"),
     (HurriesTheVehicle(), {"track": "px4-max"}, "expected at most 12 of 'px4-max'"),
     (ChangesTheBatch("positions"), {}, "positions of the episodes changed during the rollout, expected no change"),

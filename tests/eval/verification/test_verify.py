@@ -119,7 +119,7 @@ def test_every_step_is_a_move_of_the_grid(run: Path) -> None:
     assert next(check.name for check in found.checks if check.result == FAILED) == "steps"
     assert found.difference is not None
     assert "random, episode 0 ('sequence-15' from frame 0), frame 4: viewpoint: got from [" in found.difference
-    assert "expected a move of the grid within 5 to 15 m(" in found.difference
+    assert "expected a move of the grid within 5 to 15 m," in found.difference
 
 
 @pytest.mark.parametrize(("metres", "limit"), [(0.6, "speed"), (0.05, "acceleration")])
