@@ -49,8 +49,8 @@ class Setting:
     trained_length: int | None = None
     device: str = "cpu"
     trained_open: bool = False
-    trained_localisation: Localisation | None = None
-    trained_elsewhere: bool = False
+    trained_localisation: Localisation | None = field(default=None, repr=False)
+    trained_elsewhere: bool = field(default=False, repr=False)
 
     @property
     def world(self) -> World:

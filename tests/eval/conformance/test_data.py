@@ -245,11 +245,11 @@ def test_a_file_that_is_not_there_is_no_check_that_failed(tmp_path: Path) -> Non
 
 
 def test_an_array_whose_name_is_misspelt_is_named(tmp_path: Path) -> None:
-    save_motion(tmp_path / "good.npz", replace(few(), is_test=np.arange(24) < 6))
+    save_motion(tmp_path / "good.npz", few())
     with np.load(tmp_path / "good.npz") as archive:
         arrays = dict(archive)
-    arrays["splits"], arrays["styles"] = arrays.pop("split"), np.zeros(24)  # styles are nobody's
+    arrays["subject"], arrays["styles"] = arrays.pop("subjects"), np.zeros(24)  # styles are nobody's
     np.savez(tmp_path / "bad.npz", allow_pickle=False, **arrays)
     assert check_data(tmp_path / "good.npz").passed
     failed = only_failure(check_data(tmp_path / "bad.npz"))
-    assert (failed.got, failed.expected) == ("splits", "split")
+    assert (failed.got, failed.expected) == ("subject", "subjects")
