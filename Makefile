@@ -298,18 +298,19 @@ $(foreach world,paper $(IN_THE_WAY),$(eval $(call two_folds,$(world))))
 
 # What learned in flight: a gain field, and agents that copy flights of an oracle. Flights take them where there are any, so
 # they have a folder of their own.
+COMMA := ,
 ALOFT := solo-stream $(foreach set,$(FLOWN),$(NUMBERS:%=$(set)-%))
 aloft = $(if $(filter $(1),$(FOLDS)),--data streams/$(1).npz,--data $(1)) --sensor estimator --track px4-auto --models models/$(1)-flown
 $(ALOFT:%=models/%-flown/planners): models/%-flown/planners: models/%/planners
 	mkdir -p $(@D) && cp models/$*/causal-* models/$*/fixed-best-* $(@D)
 	$(EHAR) train gain-field $(call aloft,$*)
-	$(EHAR) train agent $(call aloft,$*) --stages il --seeds 0 1 2
+	$(EHAR) train agent $(call aloft,$*) --stages il$(if $(filter solo-stream,$*),$(COMMA)ppo$(COMMA)il-ppo) --seeds 0 1 2
 	touch $@
 
 ALOFT_PLANNERS := no-act h-rotate front fixed-best il nbv-search nbv
 define learned_aloft
 $$(ALOFT:%=runs/aloft-%-$(1)/table.md): runs/aloft-%-$(1)/table.md: models/%-flown/planners
-	$$(BENCHMARK) $$(ALOFT_PLANNERS) $$(call aloft,$$*) $$(if $$(filter sbu-stream-%,$$*),--length 368) --world $(1) --starts 3 --out $$(@D)
+	$$(BENCHMARK) $$(ALOFT_PLANNERS) $$(if $$(filter solo-stream,$$*),ppo il-ppo) $$(call aloft,$$*) $$(if $$(filter sbu-stream-%,$$*),--length 368) --world $(1) --starts 3 --out $$(@D)
 
 $$(FLOWN:%=runs/aloft-%-$(1)/table.md): runs/aloft-%-$(1)/table.md: $$(NUMBERS:%=runs/aloft-\%-%-$(1)/table.md)
 	$$(EHAR) study folds $$(^:/table.md=) --out $$(@D)
