@@ -70,6 +70,8 @@ def test_columns_name_the_conditions_in_which_the_runs_differ(tmp_path: Path) ->
     assert [run.title for run in read_overview(runs)] == ["sbu ideal", "sbu px4-max"]
     within = [write(tmp_path / "c", world="room"), write(tmp_path / "d", world="crowd", onset="known")]
     assert [run.title for run in read_overview(within)] == ["sbu unknown room", "sbu known crowd"]
+    several = [write(tmp_path / "e"), write(tmp_path / "f", data="sbu (synthetic), 3 trainings")]
+    assert [run.title for run in read_overview(several)] == ["sbu", "sbu, 3 trainings"]
 
 
 def test_without_an_oracle_accuracies_stand_in_place_of_gaps(tmp_path: Path) -> None:
