@@ -67,6 +67,11 @@ def json_text(value: Any) -> str:
     return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
+def shortened(sha256: str) -> str:
+    """Return the first digits of a hash: enough to tell one from another."""
+    return sha256[:12]
+
+
 def as_json(value: Any) -> Any:
     """Return a value as a JSON file would give it back: tuples become lists, and keys become text."""
     return json.loads(json.dumps(value))

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from ehar.conditions import Conditions
 from ehar.errors import EharError, ModelError
-from ehar.files import read_json, replacing
+from ehar.files import read_json, replacing, shortened
 from ehar.world import World, load_world
 
 if TYPE_CHECKING:
@@ -68,6 +68,23 @@ def check_world(path: Path, trained: World, conditions: Conditions) -> None:
         raise ModelError(
             f"{path}: trained in the world {trained}, asked for {asked}; "
             f"expected that world, or weights that are trained with --world {conditions.world_name}"
+        )
+
+
+def check_trained_for(path: Path, what: str, trained: str, given: str, again: str) -> None:
+    """Raise a ModelError that names both hashes, unless weights belong to what they are to be used with.
+
+    Args:
+        path: the weights.
+        what: what they belong to, in words.
+        trained: the hash of what they were trained for.
+        given: the hash of what they are to be used with.
+        again: what to do about it.
+    """
+    if trained != given:
+        raise ModelError(
+            f"{path}: trained for another {what}: its sha256 was {shortened(trained)}..., "
+            f"this one's is {shortened(given)}...; {again}"
         )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ehar.data.motion_data import MotionData
-from ehar.data.source import load_data
+from ehar.data.source import BUILT_IN, check_source, load_data
 from ehar.data.stitching.streams import stitch
 from ehar.data.streams.data import StreamData
 from ehar.data.streams.file import holds_streams, load_streams
@@ -33,6 +33,7 @@ def load_recordings(source: str | Path, *, fps: float | None = None) -> MotionDa
         DataError: the file does not hold what the schema asks for.
     """
     if not is_stream_source(source):
+        check_source(source, [*BUILT_IN, *BUILT_IN_STREAMS])
         return load_data(source, fps=fps)
     built_in = BUILT_IN_STREAMS.get(str(source))
     streams = load_streams(source) if built_in is None else built_in()

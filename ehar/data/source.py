@@ -1,6 +1,6 @@
 """The sources of motion data: a built-in name, or the path of a prepared .npz."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 from ehar.data.motion_data import MotionData
@@ -36,8 +36,24 @@ def _load(source: str | Path) -> MotionData:
     path = Path(source)
     if holds_streams(path):
         raise DataError(f"{path}: expected trimmed sequences, got streams: `segments` in place of `labels`")
-    if path.is_file():
-        return load_motion(path)
+    check_source(path, BUILT_IN)
+    return load_motion(path)
+
+
+def check_source(source: str | Path, known: Collection[str]) -> None:
+    """Refuse what is neither the name of a built-in set nor a file.
+
+    Args:
+        source: what was asked for.
+        known: names of the built-in sets that would do.
+
+    Raises:
+        UsageError: it is no such name, and no path of an .npz file.
+        DataError: it is such a path, but there is no file.
+    """
+    names, path = ", ".join(known), Path(source)
+    if str(source) in known or path.is_file():
+        return
     if path.suffix == ".npz":
-        raise DataError(f"{path}: no such file; expected an .npz of motion data, or one of {', '.join(BUILT_IN)}")
-    raise UsageError(f"unknown data {str(source)!r}; expected {', '.join(BUILT_IN)}, or the path of an .npz file")
+        raise DataError(f"{path}: no such file; expected an .npz of motion data, or one of {names}")
+    raise UsageError(f"unknown data {str(source)!r}; expected {names}, or the path of an .npz file")

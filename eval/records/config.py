@@ -10,7 +10,7 @@ from typing import Any, get_type_hints
 
 from ehar.conditions import Conditions
 from ehar.errors import DataError, UsageError
-from ehar.files import read_json
+from ehar.files import read_json, shortened
 from ehar.flight.vehicle import Vehicle
 from ehar.localisation import Localisation
 from ehar.planner import Planner
@@ -24,7 +24,6 @@ from recognition.setting import ELSEWHERE, Setting, length_note, localisation_no
 CONFIG = "config.json"
 UNFINISHED = "unfinished"  # folder in that of a run: what is done while the run is not finished
 SCHEMA = 2  # of the files of a run; raised when their form or meaning changes
-_SHOWN = 12  # digits of a hash
 PACKAGES = ("ehar", "numpy", "torch", "casadi", "filterpy", "ruckig")  # their versions decide numbers
 
 
@@ -286,7 +285,7 @@ def planner_config(planner: Planner, origin: Origin | None = None) -> PlannerCon
 def installed_versions() -> dict[str, str]:
     """Return the versions of Python and of the packages that decide numbers; ehar's ends in the hash of its code."""
     versions = {"python": platform.python_version(), **{name: package_version(name) for name in PACKAGES}}
-    return versions | {"ehar": f"{versions['ehar']}+{code_sha256()[:_SHOWN]}"}
+    return versions | {"ehar": f"{versions['ehar']}+{shortened(code_sha256())}"}
 
 
 def read_config(directory: Path) -> RunConfig:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from ehar.conditions import Conditions
 from ehar.data.streams.data import StreamData
 from ehar.errors import ModelError
-from ehar.files import read_json
+from ehar.files import read_json, shortened
 from ehar.processes import cores
 from ehar.world import load_world
 from eval.running.outlook import outlook
@@ -286,8 +286,8 @@ def has_recogniser(config: TrainAllConfig) -> bool:
     sha256 = run.data_sha256
     if sha256 not in (None, data.sha256):
         raise ModelError(
-            f"{description}: trained on another data set: its sha256 was {sha256[:12]}..., that of {data.name} is "
-            f"{data.sha256[:12]}...: remove it to train again, or choose another --out"
+            f"{description}: trained on another data set: its sha256 was {shortened(sha256)}..., that of {data.name} "
+            f"is {shortened(data.sha256)}...: remove it to train again, or choose another --out"
         )
     tiny = run.interval == TINY_INTERVAL
     if run.interval is not None and tiny != (config.setting == "tiny"):

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ehar.errors import DataError, UsageError
+from ehar.files import shortened
 from ehar.flight.vehicle import LIMITS
 from eval.records.config import CONFIG, LATER
 from eval.running.run import Run
@@ -23,7 +24,6 @@ LOCALISATION = "localisation"  # of the world
 VEHICLE = "vehicle"  # of one name, with other limits
 # For studies of runs that differ in their weights alone.
 SAME_CONDITIONS = ("views", "form", "readout", "track", "track_sha256", VEHICLE, LOCALISATION)
-_SHOWN = 12  # digits of a hash
 
 
 def check_same_episodes(a: Run, b: Run, *, also: Sequence[str] = ()) -> None:
@@ -103,5 +103,5 @@ def shown(name: str, config: Mapping[str, Any]) -> str:
         held = _limits(config)
         return "none" if held is None else ", ".join(f"{key} {value:g}" for key, value in held.items())
     value = config.get(name, LATER.get(name))
-    text = str(value)[:_SHOWN] if name.endswith("_sha256") else str(value)
+    text = shortened(str(value)) if name.endswith("_sha256") else str(value)
     return f"{config.get('data')} {text}" if name == "data_sha256" else text

@@ -9,6 +9,7 @@ from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.data.streams.data import StreamData
 from ehar.errors import EharError, ModelError, UsageError
+from ehar.files import shortened
 from ehar.plugins.class_spec import parse_spec
 from ehar.track import load_track
 from ehar.world import load_world
@@ -151,7 +152,7 @@ def _unchecked(checks: tuple[Check, ...]) -> Inputs:
 
 def _compared(name: str, got: str, expected: str, where: str) -> Check:
     if got == expected:
-        return Check(name, OK, f"{where}, sha256 {expected[:12]}...")
+        return Check(name, OK, f"{where}, sha256 {shortened(expected)}...")
     return Check(name, FAILED, f"{CONFIG}: {name}: got sha256 {got}, expected {expected}, which {where} has")
 
 

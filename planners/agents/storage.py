@@ -20,6 +20,7 @@ from planners.agents.network import AgentNetwork, AgentSpec
 from planners.value.model import SHIPPED
 from recognition.weight_files import (
     check_files,
+    check_trained_for,
     check_world,
     description_path,
     files_sha256,
@@ -169,7 +170,7 @@ def open_stream_agent(
     held = _description(path, conditions)
     if not held.spec.streams:
         raise ModelError(f"{path}: trained on clips, expected an agent of streams: train it on streams")
-    _check_sha256(path, "recogniser", held.recogniser_sha256, recogniser_sha256)
+    check_trained_for(path, "recogniser", held.recogniser_sha256, recogniser_sha256, "train the agent again")
     return _agent(path, name, held)
 
 
@@ -201,16 +202,8 @@ def _check_fit(path: Path, held: AgentDescription, data: Recordings, recogniser_
     ):
         if trained != given:
             raise ModelError(f"{path}: trained for another {what}: {trained}, {data.name} has {given}")
-    _check_sha256(path, "data set", held.data_sha256, data.sha256)
-    _check_sha256(path, "recogniser", held.recogniser_sha256, recogniser_sha256)
-
-
-def _check_sha256(path: Path, what: str, trained: str, given: str) -> None:
-    if trained != given:
-        raise ModelError(
-            f"{path}: trained for another {what}: its sha256 was {trained[:12]}..., "
-            f"this one's is {given[:12]}...; train the agent again"
-        )
+    check_trained_for(path, "data set", held.data_sha256, data.sha256, "train the agent again")
+    check_trained_for(path, "recogniser", held.recogniser_sha256, recogniser_sha256, "train the agent again")
 
 
 def _load_network(path: Path, held: AgentDescription) -> AgentNetwork:

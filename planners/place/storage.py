@@ -109,7 +109,10 @@ def open_fixed_place(path: Path, conditions: Conditions, recogniser_sha256: str)
     Raises:
         ModelError: as in `load_fixed_place`.
     """
-    from recognition.weight_files import check_world  # imported here: it brings torch, which takes seconds
+    from recognition.weight_files import (  # imported here: it brings torch, which takes seconds
+        check_trained_for,
+        check_world,
+    )
 
     if not path.is_file():
         command = f"`ehar train fixed-best {conditions.options} {conditions.models_option}`"
@@ -117,11 +120,7 @@ def open_fixed_place(path: Path, conditions: Conditions, recogniser_sha256: str)
     what = "a fixed place, as `ehar train fixed-best` writes it"
     description = read_json(path, FixedPlaceDescription, what, optional=LATER, wrong=ModelError)
     check_world(path, description.world, conditions)
-    if description.recogniser_sha256 != recogniser_sha256:
-        raise ModelError(
-            f"{path}: fitted for another recogniser: its sha256 was {description.recogniser_sha256[:12]}..., "
-            f"this one's is {recogniser_sha256[:12]}...; fit it again"
-        )
+    check_trained_for(path, "recogniser", description.recogniser_sha256, recogniser_sha256, "fit it again")
     length = description.training.get("length")
     known = isinstance(length, int) and not conditions.in_streams
     return FixedPlace(

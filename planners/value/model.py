@@ -20,7 +20,14 @@ from planners.value.belief.clips import BeliefModel
 from planners.value.belief.streams import StreamBeliefModel
 from planners.value.field import GainField
 from planners.value.situation import STREAM_LOOKAHEAD, USUAL_MEMORY
-from recognition.weight_files import check_files, check_world, description_path, files_sha256, save_weights
+from recognition.weight_files import (
+    check_files,
+    check_trained_for,
+    check_world,
+    description_path,
+    files_sha256,
+    save_weights,
+)
 
 SHIPPED = Path(__file__).parents[1] / "weights"
 FULL = "full"
@@ -181,11 +188,9 @@ def open_gain_model(path: Path, conditions: Conditions, joint_count: int, recogn
         got = str(description.trunk)[:80]
         raise ModelError(f"{file}: trunk: expected pairs of joints 0 to {len(joints) - 1}, got {got}")
     check_world(path, description.world, conditions)
-    if description.recogniser_sha256 != recogniser_sha256:
-        raise ModelError(
-            f"{path}: trained for another recogniser: its sha256 was {description.recogniser_sha256[:12]}..., "
-            f"this one's is {recogniser_sha256[:12]}...; train the gain field again"
-        )
+    check_trained_for(
+        path, "recogniser", description.recogniser_sha256, recogniser_sha256, "train the gain field again"
+    )
     try:
         tensors = load_file(path)
         fields = {

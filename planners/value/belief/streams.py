@@ -135,10 +135,6 @@ class StreamBeliefModel:
         pooled = 0.0 if (moving == 0).any() else float(1 / np.mean(1 / moving))
         return replace(self, rates=(pooled,) * self.classes, phases=1, gap_phases=1)
 
-    def without_viewpoint(self) -> "StreamBeliefModel":
-        """Return the model to which a frame tells as much from everywhere."""
-        return replace(self, view_weights=(self.view_weights[0], *(0.0,) * (VIEW_TERMS - 1)))
-
 
 def _sums_to_one(shares: FloatArray) -> bool:
     return bool((shares >= 0).all() and np.allclose(shares.sum(axis=-1), 1, atol=1e-6))

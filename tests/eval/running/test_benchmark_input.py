@@ -60,7 +60,7 @@ def test_a_class_without_test_sequence() -> None:
             {"planners": [object()]},
             "planner <object.*>: expected what .*Planner has, missing: name, privileged, reset, act",
         ),
-        ({"data": "trio"}, "unknown data 'trio'.*duo, solo"),
+        ({"data": "trio"}, "unknown data 'trio'.*duo, solo, duo-stream, solo-stream"),
         ({"part": "training"}, "unknown part .training.; expected one of: recogniser, policy, validation, test"),
         ({"track": "rail"}, "unknown track 'rail'; expected ideal, px4-auto, px4-max, tracking-drone"),
         ({"readout": "tarot"}, "unknown readout 'tarot'; expected recogniser or belief"),

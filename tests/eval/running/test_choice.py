@@ -128,7 +128,7 @@ def test_what_was_trained_for_another_recogniser_is_left_out_beside_your_own(tmp
     names, model, (fixed, field, agent, others) = chosen(None, place)
     assert not [name for name in names if name.startswith(("fixed-best", "nbv", "il", "ppo", "dagger"))]
     assert model is None
-    assert "fitted for another recogniser: its sha256 was fake..., this one's is mine...; fit it again" in fixed
+    assert "trained for another recogniser: its sha256 was fake..., this one's is mine...; fit it again" in fixed
     assert "trained for another recogniser: its sha256 was fake..., this one's is mine..." in field
     assert "trained for another recogniser: its sha256 was fake..., this one's is mine..." in agent
     assert "no agent was trained for this recogniser: expected those of `ehar train agent " in others
@@ -140,7 +140,7 @@ def test_what_was_trained_for_another_recogniser_is_left_out_beside_your_own(tmp
 @pytest.mark.parametrize("planners", [None, ["fixed-best"]])
 def test_a_place_of_another_recogniser_is_never_passed_over(tmp_path: Path, planners: list[str] | None) -> None:
     save_place(tmp_path, recogniser_sha256="another")
-    with pytest.raises(ModelError, match=r"fixed-best-perfect-moving\.json: fitted for another recogniser"):
+    with pytest.raises(ModelError, match=r"fixed-best-perfect-moving\.json: trained for another recogniser"):
         chosen(planners, place_of(tmp_path))
 
 

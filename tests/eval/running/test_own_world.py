@@ -165,13 +165,13 @@ def test_gain_field_and_agents_are_trained_for_a_recogniser_of_ones_own(lab: Pat
     log = Log()
     run = benchmark(None, other, reporter=log)
     assert not {"fixed-best", "nbv", "il", "ppo"} & set(names(run.summary))
-    assert "fixed-best-perfect-moving.json: fitted for another recogniser: its sha256 was " in log.notes[0]
+    assert "fixed-best-perfect-moving.json: trained for another recogniser: its sha256 was " in log.notes[0]
     assert "gain-field-perfect-moving.safetensors: trained for another recogniser: its sha256 was " in log.notes[1]
     with pytest.raises(ModelError, match="trained for another recogniser"):
         benchmark(["nbv"], other, reporter=Log())
     with pytest.raises(UsageError, match=r"trained for another recogniser.*: remove it, or choose another --out$"):
         train_gain_field(GainTrainingConfig(conditions=other, batches=1, workers=1))
-    with pytest.raises(UsageError, match=r"fitted for another recogniser.*: remove it, or choose another --out$"):
+    with pytest.raises(UsageError, match=r"trained for another recogniser.*: remove it, or choose another --out$"):
         train_fixed_best(FixedBestConfig(conditions=other, workers=1))
 
 

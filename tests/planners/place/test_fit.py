@@ -231,7 +231,7 @@ def test_the_place_of_another_recogniser_is_not_lost_to_one_for_your_own(
     class Mine(LevelRecogniser):
         class_names = DATA.class_names
 
-    with pytest.raises(UsageError, match=r"fitted for another recogniser.*: remove it, or choose another --out$"):
+    with pytest.raises(UsageError, match=r"trained for another recogniser.*: remove it, or choose another --out$"):
         fit_fixed_best(changed(config, recogniser=Mine()), silent)
-    with pytest.raises(ModelError, match="fitted for another recogniser"):
+    with pytest.raises(ModelError, match="trained for another recogniser"):
         load_fixed_place(replace(config.conditions, models=config.out), DATA, "mine")

@@ -39,7 +39,7 @@ def test_what_is_saved_is_loaded_with_its_hash(tmp_path: Path) -> None:
 def test_a_file_that_is_not_there_or_is_for_another_recogniser_sensor_or_view(tmp_path: Path) -> None:
     path = save_place(tmp_path, recogniser_sha256="another-recogniser")
     assert refusal(path) == (
-        f"{path}: fitted for another recogniser: its sha256 was another-reco..., this one's is fake...; fit it again"
+        f"{path}: trained for another recogniser: its sha256 was another-reco..., this one's is fake...; fit it again"
     )
     for told, name in (({"sensor": "estimator"}, "estimator-moving"), ({"views": "paper"}, "perfect-paper")):
         line = refusal(path, **told)

@@ -76,11 +76,10 @@ def handwritten(model: StreamBeliefModel, seconds: float) -> np.ndarray:
         LEARNED,
         LEARNED.without_transitions(),
         LEARNED.without_durations(),
-        LEARNED.without_viewpoint(),
         StreamBeliefModel.believing(LEARNED.share),
         replace(LEARNED, kept=0.0, rates=(20.0, 1.0, 1.0)),
     ],
-    ids=["learned", "no transitions", "no durations", "no viewpoint", "believing", "shorter than a frame"],
+    ids=["learned", "no transitions", "no durations", "believing", "shorter than a frame"],
 )
 def test_the_batch_equals_filterpy_on_each_stream(model: StreamBeliefModel) -> None:
     log_probs, viewpoints = recognised()
