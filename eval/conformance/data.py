@@ -112,6 +112,7 @@ def check_bodies(data: Recordings, given: ReadWith) -> Conformance:
     bodies = _measured(data)
     checks = (
         ContractCheck(_FORMAT, True),
+        _classes(data),
         _names(data.skeleton, given),
         _presence(data, given),
         _gaps(data),
@@ -176,6 +177,16 @@ def _measured(data: Recordings) -> _Bodies:
         spreads.append(high - low)
         lengths.append(median)
     return _Bodies(np.array(sizes), np.array(spreads), np.array(lengths))
+
+
+def _classes(data: Recordings) -> ContractCheck:
+    """Check that there is something to tell apart; in streams a single activity is told from none."""
+    count = len(data.class_names)
+    if count > 1 or isinstance(data, StreamData):
+        return ContractCheck(f"there is something to tell apart: {count} class{'es' * (count != 1)}", True)
+    return ContractCheck(
+        f"all show {data.class_names[0]}: no recogniser can learn from them alone", True, doubtful=True
+    )
 
 
 def _names(skeleton: Skeleton, given: ReadWith) -> ContractCheck:

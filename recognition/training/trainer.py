@@ -14,10 +14,11 @@ from torch import Tensor
 from torch.nn import functional
 
 from ehar.arrays import FloatArray
+from ehar.data.motion_data import MotionData
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.scenario import split_parts
 from ehar.data.streams.data import StreamData
-from ehar.errors import ModelError, UsageError
+from ehar.errors import DataError, ModelError, UsageError
 from ehar.files import as_json, check_folder, parse_json
 from ehar.sensors.registry import load_sensor
 from ehar.world import PAPER, load_world
@@ -133,6 +134,10 @@ class _Run:
 
     def __init__(self, config: TrainingConfig, planned: PlannedViews | None = None, fold: int | None = None) -> None:
         data = load_recordings_of(config.conditions)
+        if isinstance(data, MotionData) and len(data.class_names) < 2:
+            raise DataError(
+                f"{data.name}: expected at least 2 classes to tell apart, got {data.class_names[0]!r} alone"
+            )
         config = replace(config, conditions=with_length(config.conditions, data, WINDOW))
         self.config = config
         parts = split_parts(data)

@@ -227,6 +227,18 @@ def test_streams_are_checked_as_sequences_are(tmp_path: Path) -> None:
     assert failed.mend == f"write {path} again, as ehar data prepare reads sequences with --up=-z"
 
 
+def test_one_class_leaves_nothing_to_tell_apart_but_in_streams() -> None:
+    data = few()
+    found = check_data(replace(data, labels=np.zeros_like(data.labels), class_names=("mambo",)))
+    assert [check.name for check in found.checks if check.doubtful] == [
+        "all show mambo: no recogniser can learn from them alone"
+    ]
+    streams = tiny_streams()
+    alone = np.array([[begin, end, 0] for begin, end, _ in streams.segments])
+    found = check_data(replace(streams, segments=alone, class_names=("mambo",)))
+    assert "there is something to tell apart: 1 class" in [check.name for check in found.checks]
+
+
 def test_a_file_that_is_not_there() -> None:
     with pytest.raises(EharError, match="nowhere"):
         check_data("nowhere")

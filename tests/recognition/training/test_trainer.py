@@ -340,6 +340,15 @@ def test_data_without_a_sequence_as_long_as_a_clip(config: TrainingConfig) -> No
     assert "expected a training sequence of at least 21 frames" in refusal(DataError, config, length=21)
 
 
+def test_data_with_nothing_to_tell_apart(config: TrainingConfig, data_path: Path, tmp_path: Path) -> None:
+    data = load_motion(data_path)
+    path = tmp_path / "one.npz"
+    save_motion(path, replace(data, labels=np.zeros_like(data.labels), class_names=("nod",)))
+    assert (
+        refusal(DataError, config, data=str(path)) == "one: expected at least 2 classes to tell apart, got 'nod' alone"
+    )
+
+
 def test_a_finished_recogniser_is_not_overwritten(config: TrainingConfig) -> None:
     train_recogniser(config)
     before = weights_path(config).read_bytes()

@@ -43,7 +43,8 @@ def test_the_real_sample(tmp_path: Path) -> None:
     file = np.load(SAMPLE / "012314.npy")
     np.testing.assert_allclose(data.positions[7, 0], file[7][:, [0, 2, 1]] * [1, -1, 1], atol=1e-6)
     found = check_data(data)
-    assert found.passed and all(check.passed and not check.doubtful for check in found.checks), str(found)
+    alone = "all show sit: no recogniser can learn from them alone"
+    assert found.passed and [check.name for check in found.checks if check.doubtful] == [alone], str(found)
 
 
 def test_classes_are_first_verbs_and_the_published_test_is_taken(tmp_path: Path) -> None:
