@@ -243,7 +243,8 @@ KINDERGATOR := $(NUMBERS:%=kindergator-stream-%)
 LOOKING := no-act h-rotate near-level front fixed-best nbv-greedy nbv-search nbv
 whole = $(or $(filter-out --data,$($(1))),streams/$(1).npz)
 rate = $(if $(filter hdm05-stream-%,$(1)),--fps 30)$(if $(filter kindergator-stream-%,$(1)),--fps 10)
-watched = --data streams/$(1).npz $(call rate,$(1)) --sensor estimator --models models/$(1) $(if $(filter sbu-stream-%,$(1)),--length 368)
+lasting = $(if $(filter sbu-stream-%,$(1)),--length 368)
+watched = --data streams/$(1).npz $(call rate,$(1)) --sensor estimator --models models/$(1) $(call lasting,$(1))
 looked = $(watched) --starts 3
 
 STITCHED := hdm05 sbu kindergator
@@ -262,7 +263,7 @@ $(FOLDS:%=$(STREAM_RECOGNISER)) $(KINDERGATOR:%=$(STREAM_RECOGNISER)): $(STREAM_
 
 $(FOLDS:%=models/%/planners): models/%/planners: $(STREAM_RECOGNISER)
 	$(EHAR) train gain-field --data streams/$*.npz $(call rate,$*) --sensor estimator --models $(@D)
-	$(EHAR) train fixed-best --data streams/$*.npz $(call rate,$*) --sensor estimator --models $(@D)
+	$(EHAR) train fixed-best --data streams/$*.npz $(call rate,$*) $(call lasting,$*) --sensor estimator --models $(@D)
 	touch $@
 
 # No vehicle keeps up with all people of hdm05: tracking-drone does with those of folds 1 and 2.
@@ -310,7 +311,7 @@ $(ALOFT:%=models/%-flown/planners): models/%-flown/planners: models/%/planners
 ALOFT_PLANNERS := no-act h-rotate front fixed-best il nbv-search nbv
 define learned_aloft
 $$(ALOFT:%=runs/aloft-%-$(1)/table.md): runs/aloft-%-$(1)/table.md: models/%-flown/planners
-	$$(BENCHMARK) $$(ALOFT_PLANNERS) $$(if $$(filter solo-stream,$$*),ppo il-ppo) $$(call aloft,$$*) $$(if $$(filter sbu-stream-%,$$*),--length 368) --world $(1) --starts 3 --out $$(@D)
+	$$(BENCHMARK) $$(ALOFT_PLANNERS) $$(if $$(filter solo-stream,$$*),ppo il-ppo) $$(call aloft,$$*) $$(call lasting,$$*) --world $(1) --starts 3 --out $$(@D)
 
 $$(FLOWN:%=runs/aloft-%-$(1)/table.md): runs/aloft-%-$(1)/table.md: $$(NUMBERS:%=runs/aloft-\%-%-$(1)/table.md)
 	$$(EHAR) study folds $$(^:/table.md=) --out $$(@D)
