@@ -6,6 +6,7 @@ vehicle can fly.
 """
 
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -13,13 +14,14 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import EpisodeError, UsageError
 from ehar.flight.vehicle import Vehicle
-from ehar.motion import Motion
 from ehar.planner import Context, Observation, Planner, Truth
-from ehar.viewpoint import HOVER, MOVES
-from planners.heading import axis_speeds, move_target, moved
+from ehar.viewpoint import MOVES
+from planners.heading import HEADING_TIME, axis_speeds, move_target, moved
 
-FLOWN_HORIZON = 2.0  # [s] that flights are imagined; a vehicle takes seconds to get anywhere
-REACHES = (0.25, 1.0)  # [s] at full speed, how far off the ends of flights are
+FLOWN_HORIZON = 3.0  # [s] that flights are imagined; a vehicle takes seconds to get anywhere
+FLOWN_COMMIT = 0.5  # [s] from one choice of a flight to the next
+DIRECTIONS = np.array([way for way in product((-1, 0, 1), repeat=3) if any(way)], dtype=np.float64)
+WAYS = DIRECTIONS / np.linalg.norm(DIRECTIONS, axis=1)[:, None]  # (26, 3), along axes and between them
 
 
 class Oracle(Planner):
@@ -48,13 +50,13 @@ class OracleLookahead(Planner):
     The greedy path is among the candidates, so the choice is never worse than greedy over the planned frames. A
     repeated move gets through viewpoints that are worse before they are better; a greedy path turns round there.
 
-    With a vehicle the paths are flights of 2 s: one stays, two go in the direction of each move, near and far. In
-    streams the frames of a path may show several activities, and those that show none count as 0.
+    With a vehicle the paths are flights of 3 s, chosen anew every half second: one stays, 26 go along the axes and
+    between them. In streams the frames of a path may show several activities, and those that show none count as 0.
 
     Args:
-        horizon: number H of frames that are imagined; fewer at the end of the episode.
-        commit: number of frames of the best path that are flown before the next plan. A step costs 14 `horizon` /
-            `commit` recognised frames.
+        horizon: number H of frames that are imagined on the grid; fewer at the end of the episode.
+        commit: number of frames of the best path there before the next plan. A step costs 14 `horizon` / `commit`
+            recognised frames.
     """
 
     name = "oracle-lookahead"
@@ -80,9 +82,9 @@ class OracleLookahead(Planner):
         done = observation.frame - self._planned_at
         vehicle = self._context.vehicle
         if truth.fork_motion is not None and vehicle is not None:
-            if done >= self.commit:
+            if done >= flown_frames(FLOWN_COMMIT, self._context):
                 ends = self._flight_ends(observation.viewpoint, vehicle)
-                worth = self._worth_of_flights(truth, truth.fork_motion(ends.shape[1]), observation.frame, ends)
+                worth = worth_of_flights(truth, observation.frame, ends, self._context)
                 self._goal, self._planned_at = ends[np.arange(len(ends)), worth.argmax(axis=1)], observation.frame
             return self._goal
         if done >= min(self.commit, self._path.shape[1]):
@@ -91,28 +93,13 @@ class OracleLookahead(Planner):
         return self._path[:, done if vehicle is None else -1]
 
     def _flight_ends(self, here: FloatArray, vehicle: Vehicle) -> FloatArray:
-        """Return where flights from viewpoints (B, 3) may end, (B, 13, 3): here, and near and far along each move."""
-        ways = np.delete(MOVES, HOVER, axis=0)[:, None] * axis_speeds(vehicle, here)
-        ends = [here, *(here + reach * way for reach in REACHES for way in ways)]
-        return self._context.workspace.clip(np.stack(ends, axis=1))
-
-    def _worth_of_flights(self, truth: Truth, motion: Motion, frame: int, ends: FloatArray) -> FloatArray:
-        """Return what flights to their ends (B, F, 3) are worth after a frame, (B, F)."""
-        state, horizon = truth.state.fork(ends.shape[1]), max(round(FLOWN_HORIZON / self._context.frame_time), 1)
-        worth = np.zeros(ends.shape[:2])
-        for later in range(frame + 1, min(frame + 1 + horizon, truth.length)):
-            viewpoint = motion.advance(ends.reshape(-1, 3)).reshape(ends.shape)
-            recognition, state = truth.imagine(state, later, viewpoint)
-            worth += self._worth(recognition.log_probs, truth, later)
-        return worth
+        """Return where flights from viewpoints (B, 3) may end, (B, 27, 3): here, and a second's way off."""
+        ways = HEADING_TIME * WAYS * axis_speeds(vehicle, here)[:, None]
+        stay = here[:, None]
+        return self._context.workspace.clip(np.concatenate([stay, stay + ways], axis=1))
 
     def _worth(self, log_probs: FloatArray, truth: Truth, frame: int) -> FloatArray:
-        """Return the worth of a frame's log-probabilities (B, F, K), (B, F); 0 where the frame shows no activity."""
-        labels = truth.frame_labels[:, frame]
-        worth = frame_worth(log_probs, replace(truth, labels=labels))
-        if self._context.length is None:
-            worth *= (labels < len(self._context.class_names) - 1)[:, None]
-        return worth
+        return shown_worth(log_probs, truth, frame, self._context)
 
     def _plan(self, truth: Truth, observation: Observation) -> FloatArray:
         """Return the best path of each episode, (B, H, 3)."""
@@ -184,14 +171,53 @@ def true_log_probs(log_probs: FloatArray, truth: Truth) -> FloatArray:
     return np.take_along_axis(log_probs, truth.labels[:, None, None], axis=2)[..., 0]
 
 
-def frame_worth(log_probs: FloatArray, truth: Truth, *, on_top: float = 1.0) -> FloatArray:
-    """Return the worth (B, F) of one frame: the true label's probability, plus `on_top` if it is the most probable.
+def worth_of_flights(
+    truth: Truth, frame: int, ends: FloatArray, context: Context, *, on_top: float = 1.0
+) -> FloatArray:
+    """Return what flights of 3 s to their ends are worth, the sum over the frames that they see.
 
     Args:
-        log_probs: (B, F, K).
-        truth: the truth, with labels (B,).
+        truth: the truth, which forks the vehicles.
+        frame: the last frame that was seen.
+        ends: (B, F, 3), where the flights of each episode go.
+        context: the episodes' context.
+        on_top: the extra worth of a correct recognition.
+
+    Returns:
+        (B, F).
+    """
+    assert truth.fork_motion is not None
+    motion, state = truth.fork_motion(ends.shape[1]), truth.state.fork(ends.shape[1])
+    worth = np.zeros(ends.shape[:2])
+    for later in range(frame + 1, min(frame + 1 + flown_frames(FLOWN_HORIZON, context), truth.length)):
+        viewpoint = motion.advance(ends.reshape(-1, 3)).reshape(ends.shape)
+        recognition, state = truth.imagine(state, later, viewpoint)
+        worth += shown_worth(recognition.log_probs, truth, later, context, on_top=on_top)
+    return worth
+
+
+def flown_frames(seconds: float, context: Context) -> int:
+    """Return how many frames a time of a flight has, at least one."""
+    return max(round(seconds / context.frame_time), 1)
+
+
+def shown_worth(
+    log_probs: FloatArray, truth: Truth, frame: int, context: Context, *, on_top: float = 1.0
+) -> FloatArray:
+    """Return the worth (B, F) of one frame: the true label's probability, plus `on_top` if it is the most probable.
+
+    A frame of a stream that shows no activity is worth 0.
+
+    Args:
+        log_probs: (B, F, K), after the frame.
+        truth: the truth.
+        frame: the frame.
+        context: the episodes' context.
         on_top: the extra worth of a correct recognition.
     """
-    correct = np.argmax(log_probs, axis=2) == truth.labels[:, None]
-    total: FloatArray = on_top * correct + np.exp(true_log_probs(log_probs, truth))
-    return total
+    shown = replace(truth, labels=truth.frame_labels[:, frame])
+    correct = np.argmax(log_probs, axis=2) == shown.labels[:, None]
+    worth: FloatArray = on_top * correct + np.exp(true_log_probs(log_probs, shown))
+    if context.length is None:
+        worth *= (shown.labels < len(context.class_names) - 1)[:, None]
+    return worth

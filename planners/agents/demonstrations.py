@@ -4,7 +4,7 @@ They are kept in a folder, batch by batch, so a training that was stopped does n
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -23,16 +23,24 @@ from planners.agents.agent import decide
 from planners.agents.config import Teacher
 from planners.agents.inputs import POSITION, RECOGNITION, VISION, AgentInputs, Inputs, seen_by_agent
 from planners.agents.network import AgentNetwork
-from planners.heading import HEADING_TIME, axis_speeds, move_target, moved
-from planners.oracle import frame_worth, true_log_probs, truth_of, try_moves
-from planners.value.collection import random_viewpoints
+from planners.heading import move_target, moved
+from planners.oracle import (
+    FLOWN_COMMIT,
+    flown_frames,
+    shown_worth,
+    true_log_probs,
+    truth_of,
+    try_moves,
+    worth_of_flights,
+)
+from planners.value.collection import random_viewpoints, wandering
 from recognition.torch_threads import one_torch_thread
 
 EPISODES = 32  # episodes that run in lockstep
-HORIZON = 15  # frames for which the look-ahead teacher repeats a move; a vehicle does so for `HEADING_TIME`
+HORIZON = 15  # frames for which the look-ahead teacher repeats a move on the grid
 EVERY = 5  # frames from one look ahead to the next: its result changes slowly, and costs 7 HORIZON recognised frames
+ON_TOP = 0.5  # the extra worth of a correct recognition, for the look-ahead teacher
 WANDER = 0.8  # the share of the wanderer's episodes whose camera moves: the agent will get everywhere
-NEW_GOAL = 0.05  # the probability in each frame that a wandering camera picks a new goal
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +52,8 @@ class Demonstrations:
         vision: (N, ...) float16, the inputs of f^V.
         position: (N, 4) float16, in flight (N, 7), the inputs of f^P.
         values: (N, 7), the worth of each move. For the oracle, it is the log-probability of the true label after the
-            move [nat]. For the look-ahead teacher, it is a sum over frames of the true label's probability, plus half a
-            point for each frame where this label is on top.
+            move [nat]. For the look-ahead teacher, it is a sum over frames of the true label's probability, plus
+            `ON_TOP` for each frame where this label is on top.
     """
 
     recognition: FloatArray
@@ -79,7 +87,7 @@ class Demonstrator(Planner):
     def reset(self, context: Context) -> None:
         """Forget everything, and draw who wanders."""
         self._context = context
-        self._every = max(EVERY * repeated_frames(context) // HORIZON, 1)
+        self._every = EVERY if context.vehicle is None else flown_frames(FLOWN_COMMIT, context)
         self._inputs = AgentInputs.of(context)
         self._wanders = context.rng.random(context.episodes) < WANDER
         self._goal = random_viewpoints(context.rng, (context.episodes,), context.workspace)
@@ -114,45 +122,27 @@ class Demonstrator(Planner):
         return best
 
     def _wander(self, observation: Observation) -> FloatArray:
-        rng = self._context.rng
-        anew = rng.random(len(self._goal)) < NEW_GOAL
-        goals = random_viewpoints(rng, anew.shape, self._context.workspace)
-        self._goal = np.where(anew[:, None], goals, self._goal)
+        self._goal = wandering(self._goal, self._context)
         return np.where(self._wanders[:, None], self._goal, observation.viewpoint)
 
 
 def look_ahead(truth: Truth, observation: Observation, context: Context) -> FloatArray:
-    """Return the worth (B, 7) of repeating each move for `repeated_frames` or to the end, a sum over frames.
+    """Return the worth (B, 7) of repeating each move for `HORIZON` frames or to the end, a sum over frames.
 
-    In a stream, frames that show no activity are worth 0, as no benchmark asks for them.
+    A vehicle heads for where the move leads in a second, as the agent's moves do, and is followed for 3 s. In a stream,
+    frames that show no activity are worth 0, as no benchmark asks for them.
     """
-    classes = len(context.class_names) - (context.length is None)  # without no activity
-    episodes = len(truth.labels)
-    moves = np.broadcast_to(np.arange(len(MOVES)), (episodes, len(MOVES)))
+    moves = np.broadcast_to(np.arange(len(MOVES)), (len(truth.labels), len(MOVES)))
     viewpoint = np.repeat(observation.viewpoint[:, None], len(MOVES), axis=1)
-    state = truth.state.fork(len(MOVES))
-    values = np.zeros((episodes, len(MOVES)))
-    for step in range(min(repeated_frames(context), truth.length - 1 - observation.frame)):
-        viewpoint = _tried(context, viewpoint, moves)
-        frame = observation.frame + 1 + step
+    if context.vehicle is not None:
+        ends = move_target(context, viewpoint, moves)
+        return worth_of_flights(truth, observation.frame, ends, context, on_top=ON_TOP)
+    state, values = truth.state.fork(len(MOVES)), np.zeros(moves.shape)
+    for frame in range(observation.frame + 1, min(observation.frame + 1 + HORIZON, truth.length)):
+        viewpoint = moved(context, viewpoint, moves)
         recognition, state = truth.imagine(state, frame, viewpoint)
-        labels = truth.frame_labels[:, frame]
-        worth = frame_worth(recognition.log_probs, replace(truth, labels=labels), on_top=0.5)
-        values += worth * (labels < classes)[:, None]
+        values += shown_worth(recognition.log_probs, truth, frame, context, on_top=ON_TOP)
     return values
-
-
-def repeated_frames(context: Context) -> int:
-    """Return for how many frames the look-ahead teacher repeats a move: a vehicle is slower than the grid."""
-    return HORIZON if context.vehicle is None else round(HEADING_TIME / context.frame_time)
-
-
-def _tried(context: Context, viewpoint: FloatArray, moves: IntArray) -> FloatArray:
-    """Return where moves (B, F) lead from viewpoints (B, F, 3) in a frame: to the next cell, or as far as one flies."""
-    if context.vehicle is None:
-        return moved(context, viewpoint, moves)
-    flown = MOVES[moves] * context.frame_time * axis_speeds(context.vehicle, viewpoint)
-    return context.workspace.clip(viewpoint + flown)
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,7 @@ from planners.agents.world import TrainingWorld
 
 Report = Callable[[str, int, int], None]  # the name of the task, the amount done, and the total
 Note = Callable[[str], None]
+DEMONSTRATIONS = 2  # counts what decides demonstrations beside their key, so that none of before a change are read
 SHARED = 0  # seed of demonstrations that all training seeds share, and of the agent that acts in them
 
 
@@ -94,7 +95,7 @@ def demonstrations_of(
         [asdict(setting), config.variations_of_each, world.scenarios.length, config.conditions.fps, acts],
         sort_keys=True,
     )
-    setting_key = f"{key} {world.setting.recordings.sha256} {world.setting.recogniser_sha256}"
+    setting_key = f"{DEMONSTRATIONS} {key} {world.setting.recordings.sha256} {world.setting.recogniser_sha256}"
     setting_key += "" if world.setting.sensor_sha256 is None else f" {world.setting.sensor_sha256}"
     setting_key += "" if world.setting.world.agrees_with(PAPER) else f" {world.setting.world.to_json()}"
     setting_key += "" if world.flown is None else f" {world.flown}"

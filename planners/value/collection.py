@@ -106,16 +106,13 @@ class Forker(Planner):
 
     def act(self, observation: Observation) -> FloatArray:
         """Track the people, fork if it is time, and wander or follow on."""
-        rng, workspace = self._context.rng, self._context.workspace
         self._body.observe(observation)
         if observation.frame in self._at:
             self.forks.append(self._fork(observation))
         if self.lead is not None:
             self._goal = self.lead.act(replace(observation, truth=None))
         else:
-            new_goal = NEW_GOAL if self._context.vehicle is None else NEW_FLOWN_GOAL
-            anew = rng.random(len(self._goal)) < new_goal
-            self._goal = np.where(anew[:, None], random_viewpoints(rng, anew.shape, workspace), self._goal)
+            self._goal = wandering(self._goal, self._context)
         return np.where(self._wanders[:, None], self._goal, observation.viewpoint)
 
     def _fork(self, observation: Observation) -> dict[str, Any]:
@@ -207,6 +204,13 @@ def random_viewpoints(rng: np.random.Generator, leading: tuple[int, ...], worksp
     low = [workspace.distance_min, 0.0, workspace.polar_min]
     high = [workspace.distance_max, 2 * np.pi, workspace.polar_max]
     return rng.uniform(low, high, size=(*leading, 3))
+
+
+def wandering(goal: FloatArray, context: Context) -> FloatArray:
+    """Return the goals (B, 3) of wandering cameras, some of them drawn anew."""
+    share = NEW_GOAL if context.vehicle is None else NEW_FLOWN_GOAL
+    anew = context.rng.random(len(goal)) < share
+    return np.where(anew[:, None], random_viewpoints(context.rng, anew.shape, context.workspace), goal)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,22 +22,23 @@ from ehar.flight.centre import around_centre
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES, Vehicle
 from ehar.motion import GridMotion, Motion
+from ehar.planner import Observation
 from ehar.rollout import Record, rollout
 from ehar.runner import Runner
 from ehar.sensors.perfect import PerfectSensor
 from ehar.track import load_track
-from ehar.viewpoint import AZIMUTH, Workspace, apply_moves, wrap_difference
+from ehar.viewpoint import DISTANCE, Workspace, apply_moves
 from ehar.world import PAPER, ROOM
 from planners.agents.agent import Agent
 from planners.agents.config import AgentTrainingConfig, PPOSetting
-from planners.agents.demonstrations import HORIZON, Demonstrator, repeated_frames
+from planners.agents.demonstrations import HORIZON, Demonstrator
 from planners.agents.inputs import MEMORY, POSITION, RECOGNITION, AgentInputs, InputSizes, seen_by_agent
 from planners.agents.network import AgentNetwork, AgentSpec
 from planners.agents.ppo import PPOProgress, train_ppo
 from planners.agents.storage import agent_path, agent_seeds, load_agent, save_agent
 from planners.agents.vector_env import AgentVecEnv
 from planners.agents.world import HeadingControls
-from planners.heading import axis_speeds
+from planners.heading import move_target
 from tests.helpers.agents import random_observation, save_untrained, untrained_network
 from tests.helpers.fakes import SKELETON, tiny_context, tiny_data
 from tests.helpers.streams import StreamRecogniser, raising_streams
@@ -172,12 +173,13 @@ def test_a_move_is_worth_what_it_leads_to_in_frames_that_show_an_activity() -> N
         np.testing.assert_allclose(demonstrator.values[number][:, move], worth, rtol=1e-4, atol=1e-6)
 
 
-def test_in_flight_a_move_is_tried_for_a_second_at_the_vehicles_speed() -> None:
+def test_in_flight_a_move_is_flown_as_the_agent_would_fly_it_and_watched_for_three_seconds() -> None:
     drone = VEHICLES["px4-auto"]
-    flying = replace(tiny_context(), frame_time=1 / 60, vehicle=drone)
-    assert (repeated_frames(tiny_context()), repeated_frames(flying)) == (HORIZON, 60)
-    demonstrator = Demonstrator(teacher="oracle-lookahead", agent=None)
     heard: list[FloatArray] = []
+
+    class Still(Demonstrator):
+        def _wander(self, observation: Observation) -> FloatArray:
+            return observation.viewpoint
 
     class Listener(StreamRecogniser):
         def step(self, state: Any, sensed: Any, viewpoint: FloatArray) -> Any:
@@ -185,10 +187,20 @@ def test_in_flight_a_move_is_tried_for_a_second_at_the_vehicles_speed() -> None:
                 heard.append(viewpoint)
             return super().step(state, sensed, viewpoint)
 
-    watched(demonstrator, recogniser=Listener(), vehicle=drone, motion=FlightMotion(vehicle=drone))
-    assert len(demonstrator.values) == 11  # in every third frame, from the second on, up to 32
-    turned = wrap_difference(heard[5] - heard[4])[:, 2, AZIMUTH]  # after the same move was tried five times
-    np.testing.assert_allclose(turned, 0.1 * axis_speeds(drone, heard[4][:, 2])[:, AZIMUTH], rtol=1e-6)
+    demonstrator = Still(teacher="oracle-lookahead", agent=None)
+    batch, record = watched(demonstrator, recogniser=Listener(), vehicle=drone, motion=FlightMotion(vehicle=drone))
+    asked = range(2, LENGTH - 2, 5)  # twice a second, at 10 frames/s
+    assert len(demonstrator.values) == len(asked)
+    assert len(heard) == sum(min(30, LENGTH - 1 - frame) for frame in asked)
+    here, flown = record.viewpoints[:, asked[0]], np.stack(heard[:30], axis=2)  # (B, 7, 30, 3)
+    context = replace(tiny_context(), length=None, frame_time=0.1, vehicle=drone)
+    for move in range(7):
+        end = move_target(context, here, np.full(EPISODES, move))
+        assert (np.abs(flown[:, move, -1] - end) <= 0.5 * np.abs(end - here) + 1e-3).all()  # more than half the way
+    speed = np.abs(np.diff(flown[:, :, :, DISTANCE], axis=2)) / 0.1
+    assert speed[..., 0].max() < 0.2 * speed.max()  # it sets off from rest
+    shown = batch.labels[:, asked[0] + 1 : asked[0] + 31] < CLASSES - 1
+    assert (demonstrator.values[0] <= 1.5 * shown.sum(axis=1)[:, None] + 1e-6).all()
 
 
 def test_an_agent_of_flights_sees_its_velocity_as_the_environment_shows_it() -> None:
