@@ -43,7 +43,8 @@ def learn_chain(streams: StreamData, part: IntArray, known: IntArray) -> StreamB
 
     A duration is smoothed by one activity of mean duration. Transitions are smoothed by how often each activity comes,
     as much as makes left-out ones likeliest: where activities come in any order, few pairs were seen, and say nothing.
-    The number of phases is the likeliest one, the same for all activities. Activities that the end of a stream cuts off
+    The number of phases is the likeliest one, the same for all activities: each is judged by what the others say of its
+    duration, or few would seem to vary less than they do. Activities that the end of a stream cuts off
     count as if they had ended there.
 
     Args:
@@ -64,7 +65,8 @@ def learn_chain(streams: StreamData, part: IntArray, known: IntArray) -> StreamB
             f"got none of {absent}"
         )
     pooled = spans.seconds.mean()
-    mean = (np.bincount(spans.classes, weights=spans.seconds, minlength=count) + pooled) / (times + 1)
+    total = np.bincount(spans.classes, weights=spans.seconds, minlength=count)
+    mean, by_others = (total + pooled) / (times + 1), (total + pooled)[spans.classes] - spans.seconds
     gap_mean = (spans.gaps.sum() + GAP_SECONDS) / (len(spans.gaps) + 1)
     pairs = np.zeros((count, count))
     np.add.at(pairs, tuple(spans.followed.T), 1)
@@ -80,7 +82,7 @@ def learn_chain(streams: StreamData, part: IntArray, known: IntArray) -> StreamB
         gap_rate=float(1 / gap_mean),
         share=tuple(_shares(spans, count, pooled).tolist()),
         learned=tuple((learned / learned.sum()).tolist()),
-        phases=likeliest_phases(spans.seconds, mean[spans.classes]),
+        phases=likeliest_phases(spans.seconds, by_others / times[spans.classes]),
         gap_phases=likeliest_phases(spans.gaps, np.full(len(spans.gaps), gap_mean)),
     )
 

@@ -113,6 +113,29 @@ def test_the_order_of_real_recordings_is_learned() -> None:
     assert learned.phases > 1  # durations are no geometric ones
 
 
+def test_durations_that_come_twice_each_do_not_seem_to_vary_less_than_they_do() -> None:
+    """Durations without a memory have one phase; beside means that they are half of, they seem to have more."""
+    classes = np.tile(np.arange(20), 2)
+    frames = np.ceil(np.random.default_rng(0).exponential(20, len(classes))).astype(int)
+    ends = np.cumsum(frames)
+    tiny = tiny_streams()
+    streams = replace(
+        tiny,
+        class_names=tuple(f"class {number}" for number in range(20)),
+        positions=np.resize(tiny.positions, (ends[-1], *tiny.positions.shape[1:])),
+        missing=np.zeros(ends[-1], dtype=bool),
+        offsets=np.array([0, ends[-1]]),
+        segments=np.column_stack([ends - frames, ends, classes]),
+        sequence_names=tiny.sequence_names[:1],
+        subjects=tiny.subjects[:1],
+        is_test=None,
+    )
+    learned = learn_chain(streams, np.array([0]), np.array([0]))
+    spans = spans_of(streams, np.array([0]))
+    assert likeliest_phases(spans.seconds, 1 / np.array(learned.rates)[spans.classes]) > 1
+    assert learned.phases == 1
+
+
 def test_a_class_that_never_comes_is_refused() -> None:
     with pytest.raises(
         DataError, match=r"tiny: expected segments of every class in the 1 streams .* got none of 'c', 'd'"
