@@ -305,13 +305,13 @@ aloft = $(if $(filter $(1),$(FOLDS)),--data streams/$(1).npz,--data $(1)) --sens
 $(ALOFT:%=models/%-flown/planners): models/%-flown/planners: models/%/planners
 	mkdir -p $(@D) && cp models/$*/causal-* models/$*/fixed-best-* $(@D)
 	$(EHAR) train gain-field $(call aloft,$*)
-	$(EHAR) train agent $(call aloft,$*) --stages il$(if $(filter solo-stream,$*),$(COMMA)ppo$(COMMA)il-ppo) --seeds 0 1 2
+	$(EHAR) train agent $(call aloft,$*) --stages il$(if $(filter solo-stream,$*),$(COMMA)ppo$(COMMA)il-ppo$(COMMA)dagger) --seeds 0 1 2
 	touch $@
 
 ALOFT_PLANNERS := no-act h-rotate front fixed-best il nbv-search nbv
 define learned_aloft
 $$(ALOFT:%=runs/aloft-%-$(1)/table.md): runs/aloft-%-$(1)/table.md: models/%-flown/planners
-	$$(BENCHMARK) $$(ALOFT_PLANNERS) $$(if $$(filter solo-stream,$$*),ppo il-ppo) $$(call aloft,$$*) $$(call lasting,$$*) --world $(1) --starts 3 --out $$(@D)
+	$$(BENCHMARK) $$(ALOFT_PLANNERS) $$(if $$(filter solo-stream,$$*),ppo il-ppo dagger oracle oracle-lookahead) $$(call aloft,$$*) $$(call lasting,$$*) --world $(1) --starts 3 --out $$(@D)
 
 $$(FLOWN:%=runs/aloft-%-$(1)/table.md): runs/aloft-%-$(1)/table.md: $$(NUMBERS:%=runs/aloft-\%-%-$(1)/table.md)
 	$$(EHAR) study folds $$(^:/table.md=) --out $$(@D)
