@@ -73,8 +73,8 @@ class OracleLookahead(Planner):
         """Forget the path."""
         self._context = context
         self._path: FloatArray = np.empty((context.episodes, 0, 3))
-        self._goal: FloatArray = np.empty((context.episodes, 3))
-        self._planned_at = -self.commit
+        self._goal: FloatArray | None = None
+        self._planned_at = 0
 
     def act(self, observation: Observation) -> FloatArray:
         """Return the next viewpoints of the best paths, in flight their ends; plan every `commit` frames."""
@@ -82,7 +82,7 @@ class OracleLookahead(Planner):
         done = observation.frame - self._planned_at
         vehicle = self._context.vehicle
         if truth.fork_motion is not None and vehicle is not None:
-            if done >= flown_frames(FLOWN_COMMIT, self._context):
+            if self._goal is None or done >= flown_frames(FLOWN_COMMIT, self._context):
                 ends = self._flight_ends(observation.viewpoint, vehicle)
                 worth = worth_of_flights(truth, observation.frame, ends, self._context)
                 self._goal, self._planned_at = ends[np.arange(len(ends)), worth.argmax(axis=1)], observation.frame

@@ -88,6 +88,7 @@ class Demonstrator(Planner):
         """Forget everything, and draw who wanders."""
         self._context = context
         self._every = EVERY if context.vehicle is None else flown_frames(FLOWN_COMMIT, context)
+        self._asked_at = min(EVERY // 2, self._every - 1)  # early, so that short episodes are asked about too
         self._inputs = AgentInputs.of(context)
         self._wanders = context.rng.random(context.episodes) < WANDER
         self._goal = random_viewpoints(context.rng, (context.episodes,), context.workspace)
@@ -112,7 +113,7 @@ class Demonstrator(Planner):
             frame = observation.frame + 1
             _, log_probs, best, _ = try_moves(truth, truth.state, frame, observation.viewpoint, self._context)
             values = true_log_probs(log_probs, truth)
-        elif observation.frame % self._every == self._every // 2 and observation.frame < truth.length - 2:
+        elif observation.frame % self._every == self._asked_at and observation.frame < truth.length - 2:
             values = look_ahead(truth, observation, self._context)
             best = values.argmax(axis=1)
         else:

@@ -28,7 +28,7 @@ from planners.agents.world import TrainingWorld
 
 Report = Callable[[str, int, int], None]  # the name of the task, the amount done, and the total
 Note = Callable[[str], None]
-DEMONSTRATIONS = 2  # counts what decides demonstrations beside their key, so that none of before a change are read
+DEMONSTRATIONS = 3  # counts what decides demonstrations beside their key, so that none of before a change are read
 SHARED = 0  # seed of demonstrations that all training seeds share, and of the agent that acts in them
 
 

@@ -170,6 +170,28 @@ def test_in_flight_the_lookahead_crosses_a_hill_that_the_vehicle_can_cross() -> 
     assert true_class_probability(ahead, batch).mean() > true_class_probability(greedy, batch).mean() + 0.05
 
 
+def test_in_flight_the_lookahead_chooses_from_the_first_frame_on_and_then_twice_a_second() -> None:
+    """At 60 frames/s, where half a second has more frames than a path on the grid is followed for."""
+    vehicle, length = VEHICLES["px4-auto"], 62
+    context = replace(
+        tiny_context(episodes=EPISODES, length=length), frame_time=1 / 60, track=vehicle.name, vehicle=vehicle
+    )
+    goals: list[FloatArray] = []
+
+    class Listening(OracleLookahead):
+        def act(self, observation: Observation) -> FloatArray:
+            goals.append(super().act(observation).copy())
+            chosen = self._flight_ends(observation.viewpoint, vehicle)
+            if observation.frame in (0, 30, 60):
+                assert (np.abs(chosen - goals[-1][:, None]).max(axis=2).min(axis=1) == 0).all()
+            return goals[-1]
+
+    batch = tiny_batch(episodes=EPISODES, length=length)
+    rollout(Listening(), batch, FakeRecogniser(), PerfectSensor(), FlightMotion(vehicle=vehicle), context)
+    changed = [frame for frame in range(1, len(goals)) if (goals[frame] != goals[frame - 1]).any()]
+    assert set(changed) <= {30, 60} and changed
+
+
 def test_in_a_stream_a_path_is_worth_what_each_of_its_frames_shows() -> None:
     """From the fifth frame on another class is shown. Whoever took the next frame's label for all would go wrong."""
     labels = np.where(np.arange(LENGTH) < 5, 0, 1) * np.ones((EPISODES, 1), dtype=np.int64)
