@@ -11,6 +11,8 @@ import pytest
 from ehar.arrays import FloatArray
 from ehar.batch import Batch
 from ehar.envs.observations import shown as shown_in_gymnasium
+from ehar.flight.motion import FlightMotion
+from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
 from ehar.planner import Planner
 from ehar.processes import Processes
@@ -21,6 +23,7 @@ from ehar.viewpoint import Workspace, apply_moves
 from ehar.world import PAPER
 from planners.agents import demonstrations
 from planners.agents.agent import Agent
+from planners.agents.config import LEAST_LOOKAHEAD
 from planners.agents.demonstrations import (
     EVERY,
     HORIZON,
@@ -83,6 +86,16 @@ def test_the_oracle_values_a_move_by_the_label_s_log_probability_after_it() -> N
             log_probs, _ = judged(batch, extended(path[: frame + 1], move, 1))
             expected = log_probs[-1][np.arange(EPISODES), batch.labels]
             np.testing.assert_allclose(demonstrator.values[frame][:, move], expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("rate", [2, 10, 60])
+def test_in_flight_the_shortest_episode_that_is_taken_is_asked_about(rate: int) -> None:
+    vehicle = VEHICLES["px4-auto"]
+    context = replace(tiny_context(episodes=EPISODES, length=LEAST_LOOKAHEAD), frame_time=1 / rate, vehicle=vehicle)
+    demonstrator = Demonstrator(teacher="oracle-lookahead", agent=None)
+    batch = tiny_batch(episodes=EPISODES, length=LEAST_LOOKAHEAD)
+    rollout(demonstrator, batch, FakeRecogniser(), PerfectSensor(), FlightMotion(vehicle=vehicle), context)
+    assert demonstrator.values and demonstrator.values[0].shape == (EPISODES, 7)
 
 
 def test_the_teacher_that_looks_ahead_values_what_repeating_a_move_leads_to() -> None:
