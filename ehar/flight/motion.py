@@ -173,14 +173,16 @@ class FlightMotion:
         ahead, end = (coasted(_state(path[:, frame]), (lead - 1 - joined) * time) for frame in (joined, -1))
         along = phases_along(path[:, joined:, 2], time)
         usual = stopping_time(self.vehicle, end)
-        at_rest = not path[:, -1, 1:].any()
+        at_rest = ~path[:, -1, 1:].any(axis=(1, 2))
         off = np.stack(rates_after(ahead, along)) - np.stack([end.velocity, end.acceleration])
         flyable = np.abs(off).max(axis=(0, 2)) < SAME_RATE
         kept = np.zeros(len(rows), dtype=bool)
-        for factor in STOPS[:1] if at_rest else STOPS:
-            left = np.flatnonzero(flyable & ~kept)
+        for factor in (None, *STOPS):
+            left = np.flatnonzero(flyable & ~kept & (at_rest if factor is None else ~at_rest))
+            if not left.size:
+                continue
             parts = [phases_between(start.select(left), ahead.select(left), lead * time), along.select(left)]
-            if not at_rest:
+            if factor is not None:
                 parts.append(phases_to_rest(end.select(left), factor * usual[left]))
             plan = JerkProfile.from_phases(start.select(left), Phases.joined(parts))
             kept[left[self._keep(rows[left], plan, np.ones(len(left), dtype=bool))]] = True
