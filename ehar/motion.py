@@ -1,5 +1,6 @@
 """The contract of a motion, which carries the camera, and `GridMotion`: the paper's 7 moves."""
 
+from copy import copy
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -64,7 +65,7 @@ class FollowingMotion(Protocol):
 
 @runtime_checkable
 class ForkedMotion(Protocol):
-    """A motion that can be tried before it is made: vehicles can."""
+    """A motion that can be tried before it is made: those of ehar can."""
 
     def forked(self, paths: int) -> Motion:
         """Return a motion of B x `paths` cameras that go on from here: those of the first one first."""
@@ -137,6 +138,20 @@ class GridMotion:
         self._frame = 0
         self._direct: BoolArray = np.zeros(len(viewpoint), dtype=bool)  # which moves to the targets of before were free
         self._target = np.full(self._viewpoint.shape, np.nan)
+        none: FloatArray = np.empty((0, 3))
+        self._ways = [none] * len(viewpoint)  # what is left of shortest ways to those targets
+
+    def forked(self, paths: int) -> "GridMotion":
+        """Return a motion of B x `paths` cameras that go on from here, each for itself.
+
+        Those of the first camera come first, then those of the second.
+        """
+        rows = np.repeat(np.arange(len(self._viewpoint)), paths)
+        fork = copy(self)
+        fork._viewpoint, fork._direct, fork._target = self._viewpoint[rows], self._direct[rows], self._target[rows]
+        fork._ways = [self._ways[row] for row in rows]
+        fork._surroundings = None if self._surroundings is None else self._surroundings.select(rows)
+        return fork
 
     def advance(self, target: FloatArray) -> FloatArray:
         """Make a move towards targets and return the viewpoints reached, (B, 3)."""
@@ -154,13 +169,16 @@ class GridMotion:
     def _by_free_cells(self, target: FloatArray, space: FreeSpace) -> FloatArray:
         """Return the next viewpoints on shortest free ways to targets (B, 3)."""
         target = space.nearest(self.workspace.clip(target))
-        asked = ~(self._direct & (target == self._target).all(axis=1))
+        held = (target == self._target).all(axis=1)
+        asked = ~(self._direct & held)
         self._direct[asked] = self._leads_there(self._viewpoint[asked], target[asked], space)
         self._target = target
+        for row in np.flatnonzero(~self._direct & ~held):
+            self._ways[row] = space.way(self._viewpoint[row], target[row], space.free.size)
         moves = move_towards(self._viewpoint, target, self.workspace)
         reached = space.after(self._viewpoint, moves)
         for row in np.flatnonzero(~self._direct):
-            way = space.way(self._viewpoint[row], target[row], 1)
+            way, self._ways[row] = self._ways[row][:1], self._ways[row][1:]
             reached[row] = way[0] if len(way) else self._viewpoint[row]
         return reached
 

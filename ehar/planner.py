@@ -44,7 +44,7 @@ class Truth:
     state: Any  # the recogniser's state after the present frame
     sense: Callable[[int, FloatArray], Sensed]  # (frame, viewpoints (B, F, 3)) -> what would be sensed, (B, F, ...)
     frame_labels: IntArray  # (B, L), those of every frame
-    fork_motion: Callable[[int], Motion] | None = None  # F -> a vehicle's B x F cameras, which go on from here
+    fork_motion: Callable[[int], Motion] | None = None  # F -> B x F cameras that go on from here; not of every motion
     # (frame, viewpoints (B, F, 3)) -> as the recogniser is told them: away from what cameras look at; None: as they are
     seen_from: Callable[[int, FloatArray], FloatArray] | None = None
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.flight.vehicle import Vehicle
+from ehar.motion import Motion
 from ehar.obstacles.free_space import FreeSpace
 from ehar.obstacles.shapes import Obstacles
 from ehar.planner import Context, Observation
@@ -41,6 +42,15 @@ def moved(context: Context, viewpoint: FloatArray, moves: IntArray) -> FloatArra
     """Return where moves (...,) lead from viewpoints (..., 3); one to where the camera cannot be has no effect."""
     space = free_space(context)
     return apply_moves(viewpoint, moves, context.workspace) if space is None else space.after(viewpoint, moves)
+
+
+def carried(motion: Motion | None, context: Context, viewpoint: FloatArray, moves: IntArray) -> FloatArray:
+    """Return where a motion of B x F cameras gets by moves (B, F) from viewpoints (B, F, 3).
+
+    Without one it is where the moves lead: through what stands in the way, in streams.
+    """
+    there = moved(context, viewpoint, moves)
+    return there if motion is None else motion.advance(there.reshape(-1, 3)).reshape(there.shape)
 
 
 def move_target(context: Context, viewpoint: FloatArray, moves: IntArray) -> FloatArray:

@@ -14,9 +14,11 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import EpisodeError, UsageError
 from ehar.flight.vehicle import Vehicle
+from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner, Truth
+from ehar.track import IDEAL
 from ehar.viewpoint import MOVES
-from planners.heading import HEADING_TIME, axis_speeds, move_target, moved
+from planners.heading import HEADING_TIME, axis_speeds, carried, move_target
 
 FLOWN_HORIZON = 3.0  # [s] that flights are imagined; a vehicle takes seconds to get anywhere
 FLOWN_COMMIT = 0.5  # [s] from one choice of a flight to the next
@@ -38,7 +40,8 @@ class Oracle(Planner):
         """Return the best of the 7 neighbouring viewpoints of each episode; a vehicle heads a second that way."""
         truth = truth_of(self, observation)
         frame = observation.frame + 1
-        _, _, best, _ = try_moves(truth, truth.state, frame, observation.viewpoint, self._context)
+        motion = grid_motion(truth, self._context, len(MOVES))
+        _, _, best, _ = try_moves(truth, truth.state, frame, observation.viewpoint, self._context, motion)
         return move_target(self._context, observation.viewpoint, best)
 
 
@@ -116,12 +119,12 @@ class OracleLookahead(Planner):
         episodes = len(truth.labels)
         moves = np.broadcast_to(np.arange(len(MOVES)), (episodes, len(MOVES)))
         viewpoint = np.repeat(observation.viewpoint[:, None], len(MOVES), axis=1)
-        state = truth.state.fork(len(MOVES))
+        motion, state = grid_motion(truth, self._context, len(MOVES)), truth.state.fork(len(MOVES))
         path = np.empty((episodes, len(MOVES), horizon, 3))
         worth = np.zeros((episodes, len(MOVES)))
         for step in range(horizon):
             frame = observation.frame + 1 + step
-            viewpoint = moved(self._context, viewpoint, moves)
+            viewpoint = carried(motion, self._context, viewpoint, moves)
             recognition, state = truth.imagine(state, frame, viewpoint)
             path[:, :, step] = viewpoint
             worth += self._worth(recognition.log_probs, truth, frame)
@@ -131,13 +134,17 @@ class OracleLookahead(Planner):
         """Return the greedy oracle's path, (B, H, 3), and its worth, (B,)."""
         episodes = np.arange(len(truth.labels))
         viewpoint, state = observation.viewpoint, truth.state
+        motion = grid_motion(truth, self._context, 1)
         path = np.empty((len(episodes), horizon, 3))
         worth = np.zeros(len(episodes))
         for step in range(horizon):
             frame = observation.frame + 1 + step
             shown = replace(truth, labels=truth.frame_labels[:, frame])  # in a stream another activity may have begun
-            candidates, log_probs, best, forked = try_moves(shown, state, frame, viewpoint, self._context)
+            tried = None if motion is None else motion.forked(len(MOVES))
+            candidates, log_probs, best, forked = try_moves(shown, state, frame, viewpoint, self._context, tried)
             viewpoint, state = candidates[episodes, best], forked.select(best)
+            if motion is not None:
+                motion.advance(viewpoint)
             path[:, step] = viewpoint
             worth += self._worth(log_probs, truth, frame)[episodes, best]
         return path, worth / horizon
@@ -150,17 +157,39 @@ def truth_of(planner: Planner, observation: Observation) -> Truth:
     return observation.truth
 
 
+def grid_motion(truth: Truth, context: Context, paths: int) -> GridMotion | None:
+    """Return B x `paths` cameras that go on from here on the grid; None with a vehicle, and if none can be forked."""
+    if truth.fork_motion is None or context.track != IDEAL:
+        return None
+    motion = truth.fork_motion(paths)
+    assert isinstance(motion, GridMotion)
+    return motion
+
+
 def try_moves(
-    truth: Truth, state: Any, frame: int, viewpoint: FloatArray, context: Context
+    truth: Truth,
+    state: Any,
+    frame: int,
+    viewpoint: FloatArray,
+    context: Context,
+    motion: GridMotion | None,
 ) -> tuple[FloatArray, FloatArray, IntArray, Any]:
     """Try all moves from viewpoints (B, 3).
+
+    Args:
+        truth: the truth.
+        state: the recogniser's state before the frame.
+        frame: the frame that the moves lead to.
+        viewpoint: (B, 3).
+        context: the episodes' context.
+        motion: the B x 7 cameras that make the moves, see `grid_motion`; None imagines that every move succeeds.
 
     Returns:
         the candidates (B, 7, 3), the log-probabilities after `frame` is seen from them (B, 7, K), the candidate with
         the lowest cross-entropy (B,), and the forked state.
     """
     here = np.repeat(viewpoint[:, None], len(MOVES), axis=1)
-    candidates = moved(context, here, np.broadcast_to(np.arange(len(MOVES)), here.shape[:2]))
+    candidates = carried(motion, context, here, np.broadcast_to(np.arange(len(MOVES)), here.shape[:2]))
     recognition, forked = truth.imagine(state.fork(len(MOVES)), frame, candidates)
     best = np.argmax(true_log_probs(recognition.log_probs, truth), axis=1)
     return candidates, recognition.log_probs, best, forked

@@ -23,10 +23,11 @@ from planners.agents.agent import decide
 from planners.agents.config import Teacher
 from planners.agents.inputs import POSITION, RECOGNITION, VISION, AgentInputs, Inputs, seen_by_agent
 from planners.agents.network import AgentNetwork
-from planners.heading import move_target, moved
+from planners.heading import carried, move_target
 from planners.oracle import (
     FLOWN_COMMIT,
     flown_frames,
+    grid_motion,
     shown_worth,
     true_log_probs,
     truth_of,
@@ -111,7 +112,8 @@ class Demonstrator(Planner):
         truth = truth_of(self, observation)
         if self.teacher == "oracle":
             frame = observation.frame + 1
-            _, log_probs, best, _ = try_moves(truth, truth.state, frame, observation.viewpoint, self._context)
+            motion = grid_motion(truth, self._context, len(MOVES))
+            _, log_probs, best, _ = try_moves(truth, truth.state, frame, observation.viewpoint, self._context, motion)
             values = true_log_probs(log_probs, truth)
         elif observation.frame % self._every == self._asked_at and observation.frame < truth.length - 2:
             values = look_ahead(truth, observation, self._context)
@@ -138,9 +140,10 @@ def look_ahead(truth: Truth, observation: Observation, context: Context) -> Floa
     if context.vehicle is not None:
         ends = move_target(context, viewpoint, moves)
         return worth_of_flights(truth, observation.frame, ends, context, on_top=ON_TOP)
-    state, values = truth.state.fork(len(MOVES)), np.zeros(moves.shape)
+    motion, state = grid_motion(truth, context, len(MOVES)), truth.state.fork(len(MOVES))
+    values = np.zeros(moves.shape)
     for frame in range(observation.frame + 1, min(observation.frame + 1 + HORIZON, truth.length)):
-        viewpoint = moved(context, viewpoint, moves)
+        viewpoint = carried(motion, context, viewpoint, moves)
         recognition, state = truth.imagine(state, frame, viewpoint)
         values += shown_worth(recognition.log_probs, truth, frame, context, on_top=ON_TOP)
     return values

@@ -1,6 +1,6 @@
 """Rollouts on training scenarios that branch to many viewpoints, to learn what other views would have given."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -11,13 +11,10 @@ from ehar.data.motion_data import MotionData
 from ehar.data.scenario import draw_scenarios
 from ehar.data.streams.data import StreamData
 from ehar.errors import DataError, EpisodeError
-from ehar.motion import move_towards
-from ehar.obstacles.free_space import FreeSpace
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.processes import Engine, Processes
 from ehar.runner import Runner
-from ehar.viewpoint import Workspace, apply_moves
-from planners.heading import free_space
+from ehar.viewpoint import Workspace
 from planners.value.body_filter import BodyFilter
 from planners.value.situation import USUAL_MEMORY, coming_gains, frames_to_come
 from planners.value.view_basis import DistanceRange, basis_at
@@ -125,10 +122,7 @@ class Forker(Planner):
         gains = coming_gains(observation, self._context, self.memory)
         gains = gains[: self.length - 1 - observation.frame]  # a short window of a stream ends before
         classes = len(self._context.class_names) - (self._context.length is None)  # without no activity
-        space = free_space(self._context)
-        worth, visited = follow_paths(
-            observation.truth, observation, goals, workspace, frames=len(gains), classes=classes, space=space
-        )
+        worth, visited = follow_paths(observation.truth, observation, goals, frames=len(gains), classes=classes)
         span = DistanceRange.of(self._context.world.workspace)
         return {
             "episode": np.arange(len(here)),
@@ -144,59 +138,32 @@ class Forker(Planner):
 
 
 def follow_paths(
-    truth: Truth,
-    observation: Observation,
-    goals: FloatArray,
-    workspace: Workspace,
-    *,
-    frames: int,
-    classes: int,
-    space: FreeSpace | None = None,
+    truth: Truth, observation: Observation, goals: FloatArray, *, frames: int, classes: int
 ) -> tuple[FloatArray, FloatArray]:
     """Go to goals (B, M, 3) by grid moves or in flight and stay there, for some frames from the present state.
 
     Args:
-        truth: the truth after the present frame; it has the vehicle, if one carries the cameras.
+        truth: the truth after the present frame, whose motion can be forked.
         observation: the observation of the present frame.
         goals: (B, M, 3).
-        workspace: where the camera may be.
         frames: number R of frames to come.
         classes: number K of activities; frames that show none count as 0, as no benchmark asks for them.
-        space: among obstacles, what is free: on the grid a camera stays before the first move that does not lead to a
-            free cell.
 
     Returns:
         the mean probability of the true class over the frames to come, (B, M), and the viewpoints (B, M, R, 3).
     """
-    paths = goals.shape[1]
-    state = truth.state.fork(paths)
-    viewpoint = np.repeat(observation.viewpoint[:, None], paths, axis=1)
-    carried = _carrier(truth, goals, workspace, space)
+    assert truth.fork_motion is not None
+    motion, state = truth.fork_motion(goals.shape[1]), truth.state.fork(goals.shape[1])
     visited = np.empty((*goals.shape[:2], frames, 3))
     worth = np.zeros(goals.shape[:2])
     for step in range(frames):
-        viewpoint = carried(viewpoint)
+        viewpoint = motion.advance(goals.reshape(-1, 3)).reshape(goals.shape)
         recognition, state = truth.imagine(state, observation.frame + 1 + step, viewpoint)
         visited[:, :, step] = viewpoint
         labels = truth.frame_labels[:, observation.frame + 1 + step]
         of_true = np.exp(np.take_along_axis(recognition.log_probs, labels[:, None, None], axis=2)[..., 0])
         worth += of_true * (labels < classes)[:, None]
     return worth / frames, visited
-
-
-def _carrier(
-    truth: Truth, goals: FloatArray, workspace: Workspace, space: FreeSpace | None
-) -> Callable[[FloatArray], FloatArray]:
-    """Return what takes cameras from viewpoints (B, M, 3) one frame on to their goals (B, M, 3)."""
-    if truth.fork_motion is not None:
-        motion = truth.fork_motion(goals.shape[1])
-        return lambda _: motion.advance(goals.reshape(-1, 3)).reshape(goals.shape)
-
-    def step(viewpoint: FloatArray) -> FloatArray:
-        moves = move_towards(viewpoint, goals, workspace)
-        return apply_moves(viewpoint, moves, workspace) if space is None else space.after(viewpoint, moves)
-
-    return step
 
 
 def random_viewpoints(rng: np.random.Generator, leading: tuple[int, ...], workspace: Workspace) -> FloatArray:

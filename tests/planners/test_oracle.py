@@ -218,9 +218,11 @@ def test_in_a_stream_the_greedy_path_goes_by_the_label_of_each_frame(monkeypatch
     labels = np.where(np.arange(LENGTH) < 5, 0, 1) * np.ones((EPISODES, 1), dtype=np.int64)
     asked: dict[int, set[int]] = {}
 
-    def try_moves(truth: Truth, state: Any, frame: int, viewpoint: FloatArray, context: Context) -> Any:
+    def try_moves(
+        truth: Truth, state: Any, frame: int, viewpoint: FloatArray, context: Context, motion: GridMotion | None
+    ) -> Any:
         asked.setdefault(frame, set()).update(truth.labels.tolist())
-        return made(truth, state, frame, viewpoint, context)
+        return made(truth, state, frame, viewpoint, context, motion)
 
     made = oracle.try_moves
     monkeypatch.setattr(oracle, "try_moves", try_moves)

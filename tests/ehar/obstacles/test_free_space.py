@@ -93,6 +93,22 @@ def test_a_camera_on_the_grid_gets_wherever_a_way_leads_and_never_too_near() -> 
     np.testing.assert_array_equal(COARSE.to_cells(reached), COARSE.to_cells(SPACE.nearest(target)))
 
 
+def test_forks_go_the_ways_that_the_camera_would() -> None:
+    rng = np.random.default_rng(0)
+    cells = COARSE.from_cells(np.argwhere(SPACE.free))
+    here, target = cells[rng.integers(len(cells), size=(2, 30))]
+    motion = GridMotion(workspace=COARSE)
+    motion.keep_clear(Surroundings(CAGE))
+    motion.reset(here, 0.04)
+    motion.advance(target)
+    fork = motion.forked(2)
+    goals = np.stack([target, target[::-1]], axis=1).reshape(-1, 3)  # half of the forks turn round
+    for _ in range(20):
+        tried, gone = fork.advance(goals).reshape(30, 2, 3), motion.advance(target)
+        np.testing.assert_array_equal(tried[:, 0], gone)
+    assert (tried[:, 1] != gone).any(axis=1).mean() > 0.8
+
+
 def test_in_the_open_a_camera_moves_as_without_obstacles() -> None:
     far = Surroundings(Obstacles(cylinders=(Cylinder(centre=(0.0, 0.0, -1.0), radius=0.1, height=0.1),)))
     rng = np.random.default_rng(1)

@@ -84,7 +84,7 @@ class Brancher(Planner):
             truth = observation.truth
             assert isinstance(truth, Truth)
             self.worth, self.visited = follow_paths(
-                truth, observation, self.goals, self.workspace, frames=LENGTH - 1 - self.at, classes=3
+                truth, observation, self.goals, frames=LENGTH - 1 - self.at, classes=3
             )
         return self.goals[:, self.path]
 
@@ -100,9 +100,7 @@ class FlyingBrancher(Brancher):
         if observation.frame == self.at:
             truth, left = observation.truth, self.length - 1 - self.at
             assert isinstance(truth, Truth)
-            self.worth, self.visited = follow_paths(
-                truth, observation, self.goals, self.workspace, frames=left, classes=3
-            )
+            self.worth, self.visited = follow_paths(truth, observation, self.goals, frames=left, classes=3)
         return self.goals[:, self.path]
 
 
@@ -154,13 +152,11 @@ def test_forks_hold_what_their_paths_gave(monkeypatch: pytest.MonkeyPatch) -> No
         truth: Truth,
         observation: Observation,
         goals: FloatArray,
-        workspace: Workspace,
         *,
         frames: int,
         classes: int,
-        space: None,
     ) -> tuple[FloatArray, FloatArray]:
-        worth, visited = follow_paths(truth, observation, goals, workspace, frames=frames, classes=classes)
+        worth, visited = follow_paths(truth, observation, goals, frames=frames, classes=classes)
         calls.append((observation, goals, worth, visited))
         return worth, visited
 
