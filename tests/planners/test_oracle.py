@@ -13,12 +13,13 @@ from ehar.errors import EpisodeError
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
+from ehar.obstacles import Box, Obstacles, Surroundings
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.rollout import Record, rollout
 from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import Sensor
-from ehar.viewpoint import AZIMUTH, POLAR, apply_moves, wrap_difference
+from ehar.viewpoint import AZIMUTH, POLAR, apply_moves, cartesian, wrap_difference
 from ehar.world import PAPER
 from planners import oracle
 from planners.heuristic import NoAct
@@ -129,6 +130,37 @@ def test_what_the_lookahead_imagines_is_what_happens() -> None:
         PAPER.workspace.to_cells(greedy.viewpoints[:, :6])[..., POLAR], np.tile(np.arange(20, 26), (EPISODES, 1))
     )
     np.testing.assert_allclose(true_class_probability(ahead, batch), true_class_probability(greedy, batch), atol=1e-6)
+
+
+def test_among_obstacles_of_a_stream_the_lookahead_imagines_where_its_camera_gets() -> None:
+    """A wall comes nearer in each frame, as people walk towards it: moves into it have no effect, or another one."""
+    moved = np.zeros((EPISODES, LENGTH, 3))
+    moved[:, :, 0] = np.linspace(0, 1.5, LENGTH)
+    wall = Obstacles(boxes=(Box(centre=(14.0, 0.0, 0.0), size=(1.0, 60.0, 40.0)),))
+    around = Surroundings(wall, moved)
+    starts = PAPER.sample_starts(np.random.default_rng(0), 99 * EPISODES)
+    east = cartesian(starts)[:, 0]
+    starts = starts[(east > 11) & (around.obstacles.clearance(cartesian(starts)) > 0.5)][:EPISODES]
+    planner = OracleLookahead(horizon=6, commit=6)
+    planned: list[FloatArray] = []
+
+    class Keeps(OracleLookahead):
+        def act(self, observation: Observation) -> FloatArray:
+            target = planner.act(observation)
+            if observation.frame == planner._planned_at:
+                planned.append(planner._path)
+            return target
+
+        def reset(self, context: Context) -> None:
+            planner.reset(context)
+
+    world = replace(PAPER, name="own", obstacles=wall)
+    context = replace(tiny_context(episodes=EPISODES, length=LENGTH), length=None, world=world)
+    batch = replace(episodes(), starts=starts, surroundings=around)
+    record = rollout(Keeps(), batch, FakeRecogniser(), PerfectSensor(), GridMotion(), context)
+    np.testing.assert_allclose(np.concatenate(planned, axis=1), record.viewpoints[:, 1:], atol=1e-9)
+    assert around.clearance(record.viewpoints, slice(None)).min() >= 0.3 - 1e-6
+    assert (around.clearance(starts, LENGTH - 1) < 0).any(), "some should have to give way"
 
 
 def test_a_step_costs_at_most_20_recognised_frames() -> None:
