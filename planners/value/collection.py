@@ -16,6 +16,7 @@ from ehar.processes import Engine, Processes
 from ehar.runner import Runner
 from ehar.viewpoint import Workspace
 from planners.value.body_filter import BodyFilter
+from planners.value.line_of_sight import seen_by_now
 from planners.value.situation import USUAL_MEMORY, coming_gains, frames_to_come
 from planners.value.view_basis import DistanceRange, basis_at
 from recognition.torch_threads import one_torch_thread
@@ -46,7 +47,8 @@ class Collection:
         position: (N, P, 3) [m], the positions of people, as estimated at the fork.
         embedding: (N, D), the recogniser's embedding at the fork.
         worth: (N, M), the mean probability of the true class along each path; frames without activity count as 0.
-        path: (N, M, 21), the view basis along each path, weighted by `coming_gains`.
+        path: (N, M, 21), the view basis along each path, weighted by `coming_gains`, and by the share of people that
+            a planner expects to see.
     """
 
     log_probs: FloatArray
@@ -124,6 +126,8 @@ class Forker(Planner):
         classes = len(self._context.class_names) - (self._context.length is None)  # without no activity
         worth, visited = follow_paths(observation.truth, observation, goals, frames=len(gains), classes=classes)
         span = DistanceRange.of(self._context.world.workspace)
+        ahead = self._context.frame_time * np.arange(1, len(gains) + 1)
+        seen = seen_by_now(self._context, observation, self._body.position, visited.swapaxes(1, 2), ahead)  # (B, R, M)
         return {
             "episode": np.arange(len(here)),
             "frame": np.full(len(here), observation.frame),
@@ -133,7 +137,7 @@ class Forker(Planner):
             "position": self._body.position.copy(),
             "embedding": observation.embedding.astype(np.float64),
             "worth": worth,
-            "path": np.einsum("bmhk,h->bmk", basis_at(visited, span), gains),
+            "path": np.einsum("bmhk,bhm,h->bmk", basis_at(visited, span), seen, gains),
         }
 
 

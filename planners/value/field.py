@@ -26,6 +26,12 @@ class GainField:
     with the weights of `frame_gains` and the unit vectors u towards the camera. The last term is there because views
     that spread tell more than the same view again. Only differences between paths have a meaning.
 
+    Where something is in the way at times, a view counts as far as it shows people, by the share :math:`s_f`:
+
+    .. math:: \sum_f \gamma_f s_f g(v_f; c) + \beta ((\sum_f \gamma_f s_f)^2 - |\sum_f \gamma_f s_f u_f|^2)
+
+    and the weight of the basis' first function, which is constant, says what it is worth to see people at all.
+
     Args:
         parts: the parts of the situation that the field depends on; without "facing" there is no R.
         absolute: (1 + F, 21) A, for the constant and the features of the parts in the order of `PARTS`.
@@ -42,6 +48,11 @@ class GainField:
     spread: float
 
     __repr__ = in_brief
+
+    @property
+    def knows_hidden(self) -> bool:
+        """Whether it knows what it is worth to see people: it was learned where something was in the way at times."""
+        return bool(self.absolute[:, 0].any() or self.relative[:, 0].any())
 
     def __post_init__(self) -> None:
         """Check parts, shapes and numbers."""

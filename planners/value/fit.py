@@ -30,7 +30,6 @@ HANDEDNESS = 4.0  # factor of the penalty for functions that tell left from righ
 FOLDS = 5
 SMALLEST_DEVIATION = 1e-9  # least standard deviation of a feature that is used
 CHUNK = 256  # forks at a time, to save memory
-SIZE = BASIS_SIZE - 1  # without the constant function, which is no reason to go anywhere
 
 
 class Scores(NamedTuple):
@@ -54,7 +53,7 @@ class _Rows:
     """The data of the regression: N forks of M - 1 paths, each compared with staying."""
 
     features: FloatArray  # (N, C) standardised, the first column 1
-    path: FloatArray  # (N, M - 1, 20 or 40): the basis along each path less that of staying
+    path: FloatArray  # (N, M - 1, S): the basis along each path less that of staying
     spread: FloatArray  # (N, M - 1): how much more the path's directions spread
     gain: FloatArray  # (N, M - 1)
     weight: FloatArray  # (N,)
@@ -64,7 +63,11 @@ class _Rows:
 
 
 class _Moments(NamedTuple):
-    """The sums behind a ridge solution; those of two sets of rows add up. S is 20 or 40."""
+    """The sums behind a ridge solution; those of two sets of rows add up.
+
+    S is 20 or 40, without the constant function, which is no reason to go anywhere. Where something is in the way at
+    times, it is 21 or 42.
+    """
 
     moments: FloatArray  # (C * S + 1, C * S + 1), second moments of features x path, and of the spread
     response: FloatArray  # (C * S + 1,), their moments with the gain
@@ -137,11 +140,12 @@ def fit_field(
     frames = [collection.path]
     if "facing" in parts:
         frames.append(turned(collection.path, situation.reference[:, None]))
-    spread = -(mean_direction(collection.path) ** 2).sum(axis=-1)
+    spread = _spread(collection.path)
     length = collection.log_probs.shape[1]
+    functions = BASIS_SIZE - int(np.ptp(collection.path[..., 0], axis=1).max() < SMALLEST_DEVIATION)
     rows = _Rows(
         features=raw @ standardise,
-        path=np.concatenate([(along[:, 1:] - along[:, :1])[..., 1:] for along in frames], axis=-1),
+        path=np.concatenate([(along[:, 1:] - along[:, :1])[..., -functions:] for along in frames], axis=-1),
         spread=spread[:, 1:] - spread[:, :1],
         gain=collection.worth[:, 1:] - collection.worth[:, :1],
         weight=collection.frames / length,
@@ -150,23 +154,28 @@ def fit_field(
     penalties, scores = _cross_validate(rows, groups[collection.episode])
     situated, spread_weight = _solve(_moments(rows), penalties, rows.features.shape[1])
     solution = standardise @ situated
-    # The constant function has weight 0: only differences are fitted. Without a reference direction, the field has no
-    # relative terms.
+    # In the open the constant function has weight 0: only differences are fitted. Without a reference direction, the
+    # field has no relative terms.
     absolute, relative = np.zeros((2, len(solution), BASIS_SIZE))
-    absolute[:, 1:] = solution[:, :SIZE]
+    absolute[:, -functions:] = solution[:, :functions]
     if "facing" in parts:
-        relative[:, 1:] = solution[:, SIZE:]
+        relative[:, -functions:] = solution[:, functions:]
     return Fit(GainField(parts, absolute, relative, spread_weight), penalties, scores)
 
 
 def score_field(field: GainField, collection: Collection, situation: Situation) -> Scores:
     """Return how well a field does on rollouts that it was not fitted on, in the situations at their forks."""
     weights = field.weights(situation)
-    value = np.einsum("nmk,nk->nm", collection.path, weights)
-    value -= field.spread * (mean_direction(collection.path) ** 2).sum(axis=-1)
+    value = np.einsum("nmk,nk->nm", collection.path, weights) + field.spread * _spread(collection.path)
     length = collection.log_probs.shape[1]
     gain = collection.worth[:, 1:] - collection.worth[:, :1]
     return _scores(value[:, 1:] - value[:, :1], gain, collection.frames / length)
+
+
+def _spread(path: FloatArray) -> FloatArray:
+    """Return how much the directions of paths (N, M, 21) spread, (N, M): 0 if all views are the same, or hidden."""
+    spread: FloatArray = path[..., 0] ** 2 - (mean_direction(path) ** 2).sum(axis=-1)
+    return spread
 
 
 def _scores(predicted: FloatArray, gain: FloatArray, weight: FloatArray) -> Scores:
@@ -219,10 +228,11 @@ def _solve(sums: _Moments, penalties: tuple[float, float], features: int) -> tup
     The weight is at least 0. Where the best one is not, the best of those that may be is 0, and the rest is solved for
     without it.
     """
-    harmonics = np.ones(SIZE)
-    harmonics[SINES - 1] = HANDEDNESS
     size = (len(sums.response) - 1) // features
-    penalty = np.tile(harmonics, (features, size // SIZE)) * penalties[0]
+    functions = BASIS_SIZE - (size % BASIS_SIZE > 0)
+    harmonics = np.ones(BASIS_SIZE)
+    harmonics[SINES] = HANDEDNESS
+    penalty = np.tile(harmonics[-functions:], (features, size // functions)) * penalties[0]
     penalty[0] *= penalties[1] / penalties[0]
     ridge = sums.moments + sums.curvature * np.diag(np.append(penalty.ravel(), 0.0))
     solution: FloatArray = solve(ridge, sums.response, assume_a="pos")

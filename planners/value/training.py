@@ -52,7 +52,7 @@ from planners.value.view_basis import DistanceRange
 from recognition.setting import load_setting, refuse_loss, with_length
 
 LEAST_LENGTH = 3  # frames of an episode: views along a path spread only if there are two to come
-ROLLOUTS = 3  # counts what decides rollouts beside their key, so that none of before a change are read
+ROLLOUTS = 4  # counts what decides rollouts beside their key, so that none of before a change are read
 FIRST_BATCHES = 12  # of rollouts; then twice as many, and so on
 UNSEEN_BATCHES = 6  # on the validation part: they tell when more rollouts gain nothing, and fit the belief with as many
 WORTH = 0.001  # rollouts go on while twice as many gain at least this probability on the validation part

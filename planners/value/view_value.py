@@ -10,7 +10,7 @@ from ehar.errors import UsageError
 from ehar.planner import Context, Observation
 from ehar.viewpoint import Workspace
 from planners.heading import known_obstacles
-from planners.value.line_of_sight import seen_share
+from planners.value.line_of_sight import seen_by_now
 from planners.value.model import FULL, GainModel
 from planners.value.situation import Situation, Tracker, coming_gains
 from planners.value.view_basis import BASIS_SIZE, DistanceRange, basis_at
@@ -96,14 +96,15 @@ class ViewValue:
     def weights(self) -> FloatArray:
         """The field's weights, (B, 21), see `view_basis.field_value`.
 
-        Where something is in the way the field's least value over the workspace is 0, so that it can be multiplied by
-        `seen`: what is not seen tells as little as the worst view. Elsewhere only differences between views count.
+        Where something is in the way they can be multiplied by `seen`. A field of the open, where only differences
+        between views count, is raised so that its least value over the workspace is 0: what is not seen tells as
+        little as the worst view.
         """
         return self._clear(self.field.weights(self.situation))
 
     def _clear(self, weights: FloatArray) -> FloatArray:
         """Return weights (B, 21) of fields that can be multiplied by `seen`."""
-        if self._hides:
+        if self._hides and not self.field.knows_hidden:
             weights = weights - (self._everywhere @ weights.T).min(axis=0)[:, None] * (np.arange(BASIS_SIZE) == 0)
         return weights
 
@@ -114,11 +115,8 @@ class ViewValue:
             viewpoint: the viewpoints.
             ahead: how far ahead cameras will be there [s]; or (N,), for viewpoints (B, N, ..., 3).
         """
-        if not self._hides:
-            return np.ones(viewpoint.shape[:-1])
-        observation = self._tracker.observation
-        position, passers, centre = self.situation.position, observation.passers, observation.centre
-        return seen_share(viewpoint, position, self.obstacles, passers, ahead, centre)
+        context, observation = self._tracker.context, self._tracker.observation
+        return seen_by_now(context, observation, self.situation.position, viewpoint, ahead)
 
 
 def coarse_grid(workspace: Workspace) -> FloatArray:

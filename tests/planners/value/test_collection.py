@@ -17,6 +17,7 @@ from ehar.rollout import rollout
 from ehar.runner import Runner
 from ehar.sensors.registry import make_sensor
 from ehar.viewpoint import Workspace, wrap_difference
+from ehar.world import CROWD, PAPER, World
 from planners.value import collection as gain_collection
 from planners.value import situation
 from planners.value.collection import (
@@ -178,6 +179,18 @@ def test_forks_hold_what_their_paths_gave(monkeypatch: pytest.MonkeyPatch) -> No
     # The first path stays, so that its mean basis is that of the viewpoint.
     here = collection.viewpoints[collection.episode, collection.frame]
     np.testing.assert_allclose(collection.path[:, 0], basis_at(here, PAPER_RANGE), atol=1e-9)
+
+
+@pytest.mark.parametrize("world", [PAPER, CROWD])
+def test_views_count_as_far_as_they_show_people(world: World) -> None:
+    data = tiny_data()
+    runner = Runner(data, FakeRecogniser(), make_sensor("estimator", data), world=world)
+    collection = collect_batch(task(runner=runner), 0)
+    seen = collection.path[..., 0]  # of a function that is 1 everywhere
+    if world.is_open:
+        np.testing.assert_allclose(seen, 1)
+    else:
+        assert seen.min() < 0.95 and seen.max() <= 1 + 1e-9
 
 
 def test_what_a_batch_holds() -> None:

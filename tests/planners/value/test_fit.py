@@ -34,14 +34,18 @@ def random_viewpoints(rng: np.random.Generator, *leading: int) -> FloatArray:
     return rng.uniform([5, 0, 0], [15, 2 * np.pi, np.pi / 2], (*leading, 3))
 
 
-def collected(rng: np.random.Generator, *, forks: int = 300, persons: int = 1) -> Collection:
-    """Return forks, one in each episode, with paths over random views that are worth nothing yet."""
+def collected(rng: np.random.Generator, *, forks: int = 300, persons: int = 1, hidden: bool = False) -> Collection:
+    """Return forks, one in each episode, with paths over random views that are worth nothing yet.
+
+    With `hidden`, views show any share of people.
+    """
     log_probs = np.log(rng.dirichlet(np.ones(3), (forks, LENGTH)))
     viewpoints = random_viewpoints(rng, forks, LENGTH)
     drawn = random_situation(rng, episodes=forks, persons=persons)
     visited = random_viewpoints(rng, forks, PATHS, 3)
     frame = rng.integers(0, LENGTH - 1, forks)
     visited[:, 0] = viewpoints[np.arange(forks), frame][:, None]
+    seen = rng.uniform(size=(forks, PATHS, 3, 1)) if hidden else 1.0
     return Collection(
         log_probs=log_probs,
         viewpoints=viewpoints,
@@ -55,7 +59,7 @@ def collected(rng: np.random.Generator, *, forks: int = 300, persons: int = 1) -
         position=drawn.position,
         embedding=drawn.embedding,
         worth=np.zeros((forks, PATHS)),
-        path=basis_at(visited, PAPER_RANGE).mean(axis=2),
+        path=(seen * basis_at(visited, PAPER_RANGE)).mean(axis=2),
     )
 
 
@@ -65,7 +69,7 @@ def worth(
     """Return the collection with what the paths are worth by a field, and what is the same along all of a fork's."""
     weights = field.weights(fork_situations(collection, BELIEF))
     gain = np.einsum("npk,nk->np", collection.path, weights)
-    gain -= field.spread * (mean_direction(collection.path) ** 2).sum(axis=-1)
+    gain += field.spread * (collection.path[..., 0] ** 2 - (mean_direction(collection.path) ** 2).sum(axis=-1))
     gain += noise * rng.normal(size=gain.shape) + rng.normal(size=(len(gain), 1))
     return replace(collection, worth=gain)
 
@@ -103,6 +107,28 @@ def test_a_known_field_is_found_again(spread: float) -> None:
     assert agreement(fit.field, known, rng) > 1 - 1e-6
     assert fit.scores.explained > 0.99
     assert fit.scores.chosen_gain == pytest.approx(fit.scores.best_gain, rel=0.01)
+
+
+@pytest.mark.usefixtures("hardly_any_penalty")
+@pytest.mark.parametrize("spread", [0.0, 0.7])
+def test_where_views_are_hidden_at_times_what_seeing_is_worth_is_found_too(spread: float) -> None:
+    rng = np.random.default_rng(0)
+    known = known_field(rng, spread=spread)
+    known.absolute[:, 0] = rng.normal(size=len(known.absolute))
+    fit = fit_field(worth(rng, collected(rng, hidden=True), known), BELIEF, known.parts)
+    assert fit.field.knows_hidden
+    assert fit.field.spread == pytest.approx(spread, abs=1e-4)
+    situation = fork_situations(collected(rng, forks=40), BELIEF)
+    np.testing.assert_allclose(*(field.weights(situation)[:, 0] for field in (fit.field, known)), atol=1e-3)
+    assert agreement(fit.field, known, rng) > 1 - 1e-6
+    assert fit.scores.explained > 0.99
+
+
+@pytest.mark.usefixtures("hardly_any_penalty")
+def test_in_the_open_a_field_does_not_know_what_seeing_is_worth() -> None:
+    rng = np.random.default_rng(0)
+    known = known_field(rng)
+    assert not fit_field(worth(rng, collected(rng), known), BELIEF, known.parts).field.knows_hidden
 
 
 @pytest.mark.usefixtures("hardly_any_penalty")

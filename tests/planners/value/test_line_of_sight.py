@@ -60,26 +60,30 @@ def context_in(obstacles: Obstacles) -> Context:
     return replace(context, world=replace(PAPER, name="own", obstacles=obstacles))
 
 
-def test_in_an_open_world_values_are_as_they_were() -> None:
+def test_in_an_open_world_values_are_as_they_were_and_a_field_that_knows_what_is_hidden_is_not_raised() -> None:
     model = model_of(peak_weights(np.array([6.0, 0.5, 1.2])))
-    value, among = ViewValue(model), ViewValue(model)
-    shown: list[tuple[np.ndarray, np.ndarray]] = []
+    weights = peak_weights(np.array([6.0, 0.5, 1.2]))
+    weights[0] = 0.3  # what it is worth to see people
+    value, among, knows = ViewValue(model), ViewValue(model), ViewValue(model_of(weights))
+    shown: list[tuple[np.ndarray, ...]] = []
 
     class Looks(NextBestViewGreedy):
         def act(self, observation):  # type: ignore[no-untyped-def]
-            for one in (value, among):
+            for one in (value, among, knows):
                 one.update(observation)
-            shown.append((value.weights, among.weights))
+            shown.append((value.weights, among.weights, knows.weights))
             assert (value.seen(observation.viewpoint, 0.0) == 1).all()
             return observation.viewpoint
 
     value.reset(tiny_context(episodes=3, length=5))
     among.reset(context_in(PILLAR))
+    knows.reset(context_in(PILLAR))
     planner, batch = Looks(model=model), tiny_batch(episodes=3, length=5)
     rollout(planner, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), tiny_context(episodes=3, length=5))
-    plain, shifted = shown[-1]
+    plain, shifted, known = shown[-1]
     np.testing.assert_allclose(plain[:, 1:], shifted[:, 1:])
     assert not np.allclose(plain[:, 0], shifted[:, 0])
+    np.testing.assert_allclose(known, np.tile(weights, (3, 1)))
 
 
 @pytest.mark.parametrize("planner", [NextBestViewGreedy, NextBestViewSearch, NextBestView])
