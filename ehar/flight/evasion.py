@@ -22,6 +22,7 @@ RISES = np.deg2rad([-45, 0, 45])  # of each; a camera that may come no nearer to
 AWAY = (0.4, 0.8, 1.6, 3.2)  # [m] from where a camera comes to rest if it brakes
 AMPLE = 0.5  # [m]; more clearance is not looked for
 CLEARER = 0.01  # [m] of clearance for which to leave a plan
+TRIED = (slice(16), slice(16, 128), slice(128, None))  # flights of a row whose limits are checked, the clearest first
 SOONER = 0.01  # [m/s] of clearance that a flight may be nearer to arrive sooner
 
 
@@ -56,12 +57,20 @@ def clearest(
     shares = AxisLimits(*(np.stack(part)[place, proposal, row] for part in zip(*limits, strict=True)))
     phases, found = time_optimal.to_target(here, targets[place, row], shares)
     flights = JerkProfile.from_phases(here, phases)
-    clear = clearance_ahead(flights, np.zeros(len(row)), around.select(row))
-    valid = found & keeps_limits(flights, vehicle, workspace)
-    clear = np.where(valid, clear, -np.inf)
-    count = len(start.viewpoint)
-    best = (clear - SOONER * flights.duration).reshape(-1, count).argmax(axis=0) * count + np.arange(count)
-    return flights.select(best), clear[best]
+    clear = np.where(found, clearance_ahead(flights, np.zeros(len(row)), around.select(row)), -np.inf)
+    rows = np.arange(len(start.viewpoint))
+    worth = (clear - SOONER * flights.duration).reshape(-1, len(rows))
+    order = np.argsort(-worth, axis=0, kind="stable") * len(rows) + rows  # (flights of a row, rows)
+    best, clearance = order[0].copy(), np.full(len(rows), -np.inf)
+    left = rows
+    for part in TRIED:  # limits take longest to check, and one of the first is most often valid
+        tried = order[part, left]
+        valid = keeps_limits(flights.select(tried.ravel()), vehicle, workspace).reshape(tried.shape)
+        which, any_valid = valid.argmax(axis=0), valid.any(axis=0)
+        kept = tried[which, np.arange(len(left))][any_valid]
+        best[left[any_valid]], clearance[left[any_valid]] = kept, clear[kept]
+        left = left[~any_valid]
+    return flights.select(best), clearance
 
 
 def _places_around(viewpoint: FloatArray, workspace: Workspace) -> FloatArray:

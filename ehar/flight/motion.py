@@ -354,8 +354,9 @@ class FlightMotion:
 
     def _keep(self, rows: IntArray, plan: JerkProfile, found: BoolArray) -> IntArray:
         """Make the soonest valid ones of flights (n,) the plans of rows (n,); return which are valid."""
-        kept = np.flatnonzero(found & keeps_limits(plan, self.vehicle, self.workspace))
-        kept = kept[self._clear(rows[kept], plan.select(kept))]
+        kept = np.flatnonzero(found)
+        kept = kept[self._clear(rows[kept], plan.select(kept))]  # first: what is in the way ends most flights
+        kept = kept[keeps_limits(plan.select(kept), self.vehicle, self.workspace)]
         # The last, soonest plan of each row stays. Ties keep their order, so no row depends on the rows beside it.
         kept = kept[np.argsort(-plan.duration[kept], kind="stable")]
         self._replace(rows[kept], plan.select(kept))
