@@ -1,0 +1,50 @@
+"""Which flight evades what people walk towards: the clearest of all valid ones."""
+
+import numpy as np
+
+from ehar.flight.clearance import Around
+from ehar.flight.evasion import AMPLE, SOONER, _places_around, clearance_ahead, clearest
+from ehar.flight.kinematics import SphericalState
+from ehar.flight.limits import keeps_limits
+from ehar.flight.profile import JerkProfile
+from ehar.flight.proposals import PROPOSALS, braking_way, limits_to_target
+from ehar.flight.time_optimal import TimeOptimal
+from ehar.flight.vehicle import VEHICLES
+from ehar.world import ROOM
+
+PX4 = VEHICLES["px4-auto"]
+
+
+def case(count: int = 4) -> tuple[SphericalState, Around]:
+    rng = np.random.default_rng(0)
+    velocity, acceleration = rng.normal(0, [0.8, 0.1, 0.1], (count, 3)), rng.normal(0, [0.5, 0.05, 0.05], (count, 3))
+    velocity[-1] = [9.0, 0.0, 0.0]  # faster than the vehicle may be
+    state = SphericalState(ROOM.sample_starts(rng, count), velocity, acceleration, np.zeros((count, 3)))
+    return state, Around(ROOM.obstacles, *(rng.normal(size=(2, count, 3)) * [1, 1, 0]))
+
+
+def best_by_hand(state: SphericalState, around: Around, row: int) -> float:
+    """Return the greatest worth of the valid flights of one state, each checked; -inf if there is none."""
+    start, here, time_optimal = state.select(np.array([row])), around.select(np.array([row])), TimeOptimal()
+    worth = -np.inf
+    for place in _places_around(start.viewpoint + braking_way(PX4, start), ROOM.workspace):
+        limits = limits_to_target(PX4, start, place - start.viewpoint)
+        for proposal in range(len(PROPOSALS)):
+            phases, found = time_optimal.to_target(start, place, limits.select(np.array([proposal]), np.array([0])))
+            flight = JerkProfile.from_phases(start, phases)
+            if found[0] and keeps_limits(flight, PX4, ROOM.workspace)[0]:
+                clear = clearance_ahead(flight, np.zeros(1), here)[0]
+                worth = max(worth, clear - SOONER * flight.duration[0])
+    return worth
+
+
+def test_the_clearest_of_all_valid_flights_is_returned() -> None:
+    state, around = case()
+    flights, clearance = clearest(state, PX4, ROOM.workspace, TimeOptimal(), around)
+    found = np.isfinite(clearance)
+    assert keeps_limits(flights.select(found), PX4, ROOM.workspace).all()
+    assert (clearance <= AMPLE).all()
+    np.testing.assert_array_equal(clearance_ahead(flights, np.zeros(len(found)), around)[found], clearance[found])
+    worth = np.where(found, clearance - SOONER * flights.duration, -np.inf)
+    np.testing.assert_allclose(worth, [best_by_hand(state, around, row) for row in range(len(found))], atol=1e-9)
+    assert found.any() and not found.all(), "the last should be without a valid flight"
