@@ -42,8 +42,8 @@ class PlannerSummary:
         flight: the demands of its flights on the vehicle, over all seeds; None on the ideal track.
         accuracy_kept: the gap closed in flight divided by the gap closed on the ideal track. Both are shares of the
             ideal track's gap, so the oracle cancels: (acc in flight - acc of no-act) / (acc on the ideal track - acc of
-            no-act), mean accuracies over frames. None if not all of its seeds ran on the ideal track, or if the planner
-            gained nothing there.
+            no-act), mean accuracies over frames, those of no-act on the ideal track. None if not all of its seeds ran
+            on the ideal track, or if the planner gained nothing there.
         accuracy_kept_ci95: its 95 % interval, over the resamples in which the planner gained on the ideal track.
         tracking_error_median: how far cameras were from the planner's paths [m], the median over all frames; None for
             a planner that gave none.

@@ -120,7 +120,10 @@ def _footnotes(planners: Sequence[PlannerSummary], *, flown: bool, compared: boo
     if any(planner.contacts is not None for planner in planners):
         yield CONTACTS_NOTE
     if compared:
-        yield "Kept: (accuracy in flight - that of no-act) / (accuracy on the ideal track - that of no-act)."
+        yield (
+            "Kept: (accuracy in flight - N) / (accuracy on the ideal track - N), with N that of no-act on the ideal "
+            "track."
+        )
     for planner in planners:
         if planner.tracking_error_median is not None and planner.tracking_error_p95 is not None:
             yield (
