@@ -33,28 +33,28 @@ class OnsetState:
         state: the recogniser's state before the next frame.
         begins: (B, L) the frames in which an activity begins.
         frame: the next frame.
-        forked: whether it has alternatives. What is imagined forgets in the first frame only: nobody has to know how to
-            reset a forked state.
+        imagined: whether it has been forked. What is imagined forgets in the first frame only: nobody has to know how
+            to reset a forked state, and all that is imagined can be compared.
     """
 
     state: Any
     begins: BoolArray
     frame: int = 0
-    forked: bool = False
+    imagined: bool = False
 
     @property
     def due(self) -> Any:
         """The recogniser's state, in which the episodes whose activity begins in the next frame have seen nothing."""
         new = self.begins[:, self.frame]
-        return self.state.reset(new) if new.any() and not self.forked else self.state
+        return self.state.reset(new) if new.any() and not self.imagined else self.state
 
     def fork(self, forks: int) -> "OnsetState":
         """Return a state with F alternatives of each episode."""
-        return replace(self, state=self.due.fork(forks), forked=True)
+        return replace(self, state=self.due.fork(forks), imagined=True)
 
     def select(self, choice: IntArray) -> "OnsetState":
         """Return the unforked state of alternative `choice` (B,) of each episode."""
-        return replace(self, state=self.state.select(choice), forked=False)
+        return replace(self, state=self.state.select(choice))
 
     def reset(self, mask: BoolArray) -> "OnsetState":
         """Return a state in which the episodes of `mask` (B,) have seen nothing yet."""

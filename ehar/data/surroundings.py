@@ -78,7 +78,7 @@ def _passers(
     posture, lowest = _postures(scenarios, _others(scenarios, chosen, shape, rng), rng)
     facing = skeleton.heading(bodies.joints[posture[:, 0]])
     turn = np.arctan2(velocity[..., 1], velocity[..., 0]) - facing[:, None]
-    lift = (_floor(scenarios, chosen)[:, None] - lowest)[:, None] - risen[..., None]
+    lift = (_floor(scenarios, chosen, risen)[:, None] - lowest)[:, None] - risen[..., None]
     return Passers(place, posture, turn, lift, tracked, bodies)
 
 
@@ -111,8 +111,14 @@ def _postures(
     return posture, lowest
 
 
-def _floor(scenarios: Scenarios | StreamScenarios, chosen: IntArray) -> FloatArray:
-    """Return the height of the feet of those that are watched, (B,) [m], in the first frame in which they are seen."""
-    heights = scenarios.positions(chosen)[..., 2].min(axis=(2, 3))  # NaN in frames that are missing
+def _floor(scenarios: Scenarios | StreamScenarios, chosen: IntArray, risen: FloatArray) -> FloatArray:
+    """Return the height of the feet of those that are watched, (B,) [m], in the first frame in which they are seen.
+
+    It is relative to the centre in the first frame. Positions are relative to where cameras look, which a vehicle's
+    centre only follows.
+    """
+    heights = scenarios.positions(chosen)[..., 2].min(axis=(2, 3)) + risen  # NaN in frames that are missing
+    gaze = scenarios.gaze(chosen) if isinstance(scenarios, StreamScenarios) else None
+    heights += 0.0 if gaze is None else gaze[..., 2]
     floor: FloatArray = np.nan_to_num(heights[np.arange(len(chosen)), np.isfinite(heights).argmax(axis=1)])
     return floor

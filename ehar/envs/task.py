@@ -174,7 +174,7 @@ class EpisodeTask:
             np.arange(episodes),
             starts=self.workspace.clip(self.world.sample_starts(rng, drawn).repeat(self.copies, axis=0)),
             noise=SensorNoise(*(draws.repeat(self.copies, axis=0) for draws in noise)),
-            surroundings=self._surroundings(scenarios, rng),
+            surroundings=self._surroundings(indices, rng),
         )
         self._frames_of_activity, self._onset = activity_lengths(self._batch.frame_labels)
         self.frame = 0
@@ -227,11 +227,10 @@ class EpisodeTask:
         """For analysis, not for the agent: the frame's true labels (B,), and whether they are recognised (B,)."""
         return {"label": self._batch.frame_labels[:, self.frame].copy(), "correct": self.correct.copy()}
 
-    def _surroundings(self, scenarios: Scenarios | StreamScenarios, rng: np.random.Generator) -> Surroundings | None:
+    def _surroundings(self, indices: IntArray, rng: np.random.Generator) -> Surroundings | None:
         """Return what stands and walks around scenarios (B,); copies of an episode have the same passers-by."""
-        copies = np.arange(len(scenarios))
-        drawn = surroundings_of(scenarios, copies[:: self.copies], self.world, rng)
-        return None if drawn is None else drawn.select(copies // self.copies)
+        drawn = surroundings_of(self.scenarios, indices[:: self.copies], self.world, rng)
+        return None if drawn is None else drawn.select(np.arange(len(indices)) // self.copies)
 
     def _see(self) -> Observations:
         """Sense and recognise the present frame."""

@@ -46,5 +46,17 @@ def test_what_is_imagined_of_the_next_frame_is_what_is_then_seen() -> None:
         imagined, forked = told.step(state.fork(3), alternatives, np.repeat(starts[:, None], 3, axis=1))
         found, after = told.step(state, sensed, starts)
         np.testing.assert_array_equal(imagined.log_probs, np.repeat(found.log_probs[:, None], 3, axis=1))
-        state = replace(forked.select(np.zeros(2, dtype=np.int64)), begins=after.begins)
+        state = replace(forked.select(np.zeros(2, dtype=np.int64)), imagined=False)
         np.testing.assert_array_equal(state.state.evidence, after.state.evidence)
+
+
+def test_paths_that_are_imagined_forget_alike_whether_one_was_chosen_on_the_way_or_not() -> None:
+    starts = tiny_batch(episodes=2).starts[:, None]
+    told = ToldOnsets(FakeRecogniser(), begins(LABELS, 3))
+    straight, chosen = told.start(2).fork(1), told.start(2)
+    for sensed in frames():
+        seen = Sensed(*(array[:, None] for array in sensed))
+        one, straight = told.step(straight, seen, starts)
+        other, after = told.step(chosen.fork(1), seen, starts)
+        chosen = after.select(np.zeros(2, dtype=np.int64))
+        np.testing.assert_array_equal(one.log_probs, other.log_probs)

@@ -18,7 +18,7 @@ from ehar.errors import EpisodeError, UsageError
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.registry import make_sensor
 from ehar.viewpoint import HOVER, MOVE_NAMES, Workspace
-from ehar.world import PAPER
+from ehar.world import CROWD, PAPER
 from tests.helpers.fakes import CLASS_NAMES, FakeRecogniser, tiny_data, tiny_scenarios
 
 LENGTH = 10
@@ -35,6 +35,18 @@ def parts(sensor: str = "perfect", *, persons: int = 1) -> dict[str, Any]:
 
 def task(sensor: str = "perfect", *, persons: int = 1, copies: int = 1) -> EpisodeTask:
     return EpisodeTask(**parts(sensor, persons=persons), controls=GridControls(), copies=copies)
+
+
+@pytest.mark.parametrize("copies", [1, 2])
+def test_passers_by_are_of_other_sequences_however_few_are_watched(copies: int) -> None:
+    whole = EpisodeTask(**parts(), controls=GridControls(), copies=copies, world=CROWD)
+    for seed in range(4):
+        whole.begin(copies, np.random.default_rng(seed))
+        around, offsets = whole._batch.surroundings, whole.scenarios.data.offsets
+        assert around is not None and around.passers is not None
+        passing = np.searchsorted(offsets, around.passers.posture, side="right") - 1
+        own = whole.scenarios.sequence[np.random.default_rng(seed).integers(0, len(whole.scenarios), size=1)]
+        assert passing.shape[0] == copies and (passing != own).all()
 
 
 @pytest.fixture

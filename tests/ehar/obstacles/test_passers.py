@@ -7,6 +7,8 @@ import pytest
 
 from ehar.data.scenario import Scenarios, windows
 from ehar.data.surroundings import surroundings_of
+from ehar.flight.centre import centre_limits
+from ehar.flight.vehicle import VEHICLES
 from ehar.obstacles import Obstacles, Surroundings
 from ehar.obstacles.passers import Passers
 from ehar.obstacles.shapes import passes_by, passes_through
@@ -87,6 +89,24 @@ def test_in_a_stream_they_stay_on_the_floor_while_people_lie_down() -> None:
     recorded = streams.data.positions[around.passers.posture, 0][..., 2]  # (B, L, W, J)
     higher = around.passers.joints(slice(None))[..., 2] + around.moved[:, :, None, None, 2] - recorded
     np.testing.assert_allclose(higher, np.broadcast_to(higher[:, :1, :, :1], higher.shape), atol=1e-5)
+
+
+@pytest.mark.parametrize("begin", [0, 60])
+def test_around_a_vehicle_they_stand_on_the_same_floor_as_on_the_grid(begin: int) -> None:
+    data = raising_streams()
+    within = np.concatenate([np.arange(length) for length in data.lengths])
+    sinking = data.positions + np.float32([0, 0, 1]) * np.sin(within / 9)[:, None, None, None].astype(np.float32)
+    streams = windows(replace(data, positions=sinking), np.arange(3), 40, 200)
+    streams = replace(streams, first=streams.first + begin)
+    floors = []
+    for limits in (None, centre_limits(VEHICLES["px4-auto"])):
+        watched = replace(streams, limits=limits)
+        around = surroundings_of(watched, np.arange(2), CROWD, np.random.default_rng(0))
+        assert around is not None and around.passers is not None
+        floors.append(around.passers.lift[:, 0] + watched.centres(np.arange(2))[:, 0, None, 2])
+        gaze = watched.gaze(np.arange(2))
+    assert gaze is not None and (np.abs(gaze[:, 0, 2]).max() > 0.01) == (begin > 0)
+    np.testing.assert_allclose(*floors, atol=1e-6)
 
 
 def test_they_face_where_they_walk() -> None:
