@@ -223,6 +223,12 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     )
 
 
+def refuse_told_onsets(conditions: Conditions) -> None:
+    """Raise a UsageError if onsets are known: nothing is trained so, and no weights say so."""
+    if conditions.onset != "unknown":
+        raise UsageError(f"onset: expected unknown in a training, got {conditions.onset}")
+
+
 def refuse_loss(path: Path, setting: Setting, load: Callable[[Conditions, Recordings, str], object]) -> None:
     """Raise a UsageError where what was trained for another recogniser would be lost to what is for your own.
 

@@ -25,6 +25,7 @@ from planners.agents.network import AgentNetwork
 from planners.agents.stages import StageRun
 from planners.agents.validation import VALIDATION_SEED, validation_batches
 from planners.agents.world import TrainingWorld
+from recognition.setting import refuse_told_onsets
 
 Report = Callable[[str, int, int], None]  # the name of the task, the amount done, and the total
 Note = Callable[[str], None]
@@ -48,6 +49,7 @@ def train_agents(config: AgentTrainingConfig, report: Report, note: Note) -> lis
             a file of another training is in the way.
     """
     config.check()
+    refuse_told_onsets(config.conditions)
     check_folder(config.directory)
     world = TrainingWorld.load(config)
     for line in world.setting.notes:

@@ -21,7 +21,7 @@ from planners.place.go_to_place import GoToPlace, Place
 from planners.place.people import trunk_of
 from planners.place.storage import FIXED_BEST, fixed_place_path, load_fixed_place, save_fixed_place
 from planners.value.situation import STREAM_WINDOW
-from recognition.setting import Setting, load_setting, refuse_loss, with_length
+from recognition.setting import Setting, load_setting, refuse_loss, refuse_told_onsets, with_length
 from recognition.torch_threads import one_torch_thread
 
 # Shares of the way from the nearest to the farthest distance. On the grid a way of 4 m costs most of an episode, so
@@ -115,6 +115,7 @@ def fit_fixed_best(
     conditions = config.conditions
     if config.workers < 1:
         raise UsageError(f"workers: expected at least 1, got {config.workers}")
+    refuse_told_onsets(conditions)
     directory = config.out or conditions.directory
     if directory is None:
         raise UsageError("train fixed-best: expected --models DIR, or --out DIR where the shipped recogniser is used")

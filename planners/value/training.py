@@ -49,7 +49,7 @@ from planners.value.situation import (
     Situation,
 )
 from planners.value.view_basis import DistanceRange
-from recognition.setting import load_setting, refuse_loss, with_length
+from recognition.setting import load_setting, refuse_loss, refuse_told_onsets, with_length
 
 LEAST_LENGTH = 3  # frames of an episode: views along a path spread only if there are two to come
 ROLLOUTS = 4  # counts what decides rollouts beside their key, so that none of before a change are read
@@ -124,6 +124,7 @@ def train_gain_field(
     ):
         if value < least:
             raise UsageError(f"{name}: expected at least {least}, got {value}")
+    refuse_told_onsets(conditions)
     directory = config.out or conditions.directory
     if directory is None:
         raise UsageError("train gain-field: expected --models DIR, or --out DIR where the shipped recogniser is used")

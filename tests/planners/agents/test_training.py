@@ -239,6 +239,7 @@ def test_an_error_in_a_process_arrives(config: AgentTrainingConfig) -> None:
         ({"stages": "il,sarsa"}, "--stages il,sarsa: expected some of il,ppo,il-ppo,dagger, got 'sarsa'"),
         ({"device": "abacus"}, "--device abacus: expected cpu or cuda"),
         ({"models": None, "out": None}, "train agent: expected --models DIR, or --out DIR"),
+        ({"onset": "known"}, "onset: expected unknown in a training, got known"),
     ],
 )
 def test_options_that_make_no_sense(config: AgentTrainingConfig, changes: dict[str, Any], message: str) -> None:

@@ -331,6 +331,7 @@ def test_workers_decide_nothing(config: GainTrainingConfig, tmp_path: Path, monk
         ({"views": "spiral"}, "unknown views 'spiral'"),
         ({"data": "trio"}, "unknown data 'trio'"),
         ({"fps": 0.0}, "fps: got 0.0"),
+        ({"onset": "known"}, "onset: expected unknown in a training, got known"),
     ],
 )
 def test_options_that_make_no_sense(config: GainTrainingConfig, changes: dict[str, Any], message: str) -> None:
