@@ -158,12 +158,11 @@ def truth_of(planner: Planner, observation: Observation) -> Truth:
 
 
 def grid_motion(truth: Truth, context: Context, paths: int) -> GridMotion | None:
-    """Return B x `paths` cameras that go on from here on the grid; None with a vehicle, and if none can be forked."""
+    """Return B x `paths` cameras that go on from here on the grid; None where something else carries them."""
     if truth.fork_motion is None or context.track != IDEAL:
         return None
     motion = truth.fork_motion(paths)
-    assert isinstance(motion, GridMotion)
-    return motion
+    return motion if isinstance(motion, GridMotion) else None
 
 
 def try_moves(

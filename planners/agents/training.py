@@ -29,7 +29,7 @@ from recognition.setting import refuse_told_onsets
 
 Report = Callable[[str, int, int], None]  # the name of the task, the amount done, and the total
 Note = Callable[[str], None]
-DEMONSTRATIONS = 3  # counts what decides demonstrations beside their key, so that none of before a change are read
+DEMONSTRATIONS = 4  # counts what decides demonstrations beside their key, so that none of before a change are read
 SHARED = 0  # seed of demonstrations that all training seeds share, and of the agent that acts in them
 
 
