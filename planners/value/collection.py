@@ -15,8 +15,9 @@ from ehar.planner import Context, Observation, Planner, Truth
 from ehar.processes import Engine, Processes
 from ehar.runner import Runner
 from ehar.viewpoint import Workspace
+from planners.heading import known_obstacles
 from planners.value.body_filter import BodyFilter
-from planners.value.line_of_sight import seen_by_now
+from planners.value.line_of_sight import seen_share
 from planners.value.situation import USUAL_MEMORY, coming_gains, frames_to_come
 from planners.value.view_basis import DistanceRange, basis_at
 from recognition.torch_threads import one_torch_thread
@@ -127,7 +128,9 @@ class Forker(Planner):
         worth, visited = follow_paths(observation.truth, observation, goals, frames=len(gains), classes=classes)
         span = DistanceRange.of(self._context.world.workspace)
         ahead = self._context.frame_time * np.arange(1, len(gains) + 1)
-        seen = seen_by_now(self._context, observation, self._body.position, visited.swapaxes(1, 2), ahead)  # (B, R, M)
+        obstacles, passers = known_obstacles(self._context, observation), observation.passers
+        along = visited.swapaxes(1, 2)  # (B, R, M, 3)
+        seen = seen_share(along, self._body.position, obstacles, passers, ahead, observation.centre)
         return {
             "episode": np.arange(len(here)),
             "frame": np.full(len(here), observation.frame),

@@ -229,7 +229,7 @@ def _solve(sums: _Moments, penalties: tuple[float, float], features: int) -> tup
     without it.
     """
     size = (len(sums.response) - 1) // features
-    functions = BASIS_SIZE - (size % BASIS_SIZE > 0)
+    functions = BASIS_SIZE - int(size % BASIS_SIZE > 0)  # without the constant one, S is 20 or 40
     harmonics = np.ones(BASIS_SIZE)
     harmonics[SINES] = HANDEDNESS
     penalty = np.tile(harmonics[-functions:], (features, size // functions)) * penalties[0]

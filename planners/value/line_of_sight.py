@@ -4,10 +4,8 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
 from ehar.obstacles.shapes import Obstacles, cylinder_cuts, passes_by
-from ehar.planner import Context, Observation
 from ehar.viewpoint import AZIMUTH, cartesian
 from ehar.world import FLOOR, PASSER_RADIUS
-from planners.heading import known_obstacles
 
 # A person as seen from the side: an upright strip, three points high and three across.
 HEIGHTS = np.array([-0.7, 0.0, 0.6])  # [m], from the mean of the joints
@@ -15,24 +13,6 @@ ACROSS = np.array([-0.25, 0.0, 0.25])  # [m]
 ASIDE = 0.26  # [m], farther from the middle than any of these, rounding included
 UP = np.array([0.0, 0.0, 1.0])
 PASSER_TOP = FLOOR + 1.7  # [m], of the head of a passer-by, whose height nobody tells
-
-
-def seen_by_now(
-    context: Context, observation: Observation, position: FloatArray, viewpoint: FloatArray, ahead: FloatArray | float
-) -> FloatArray:
-    """Return `seen_share`, given what a planner is told of what is in the way; 1 where nothing is.
-
-    Args:
-        context: the context of the episodes.
-        observation: the observation of the present frame.
-        position: as there.
-        viewpoint: as there.
-        ahead: as there.
-    """
-    obstacles = known_obstacles(context, observation)
-    if not obstacles and observation.passers is None:
-        return np.ones(viewpoint.shape[:-1])
-    return seen_share(viewpoint, position, obstacles, observation.passers, ahead, observation.centre)
 
 
 def seen_share(
@@ -56,6 +36,8 @@ def seen_share(
         ahead: how far ahead the viewpoints are [s]; or (N,), for viewpoints (B, N, ..., 3).
         centre: (B, 3) where the centre is, from where it was in the first frame [m]; None if it has stayed.
     """
+    if not obstacles and passers is None:
+        return np.ones(viewpoint.shape[:-1])
     azimuth = viewpoint[..., AZIMUTH]
     aside = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros_like(azimuth)], axis=-1)
     strip = HEIGHTS[:, None, None] * UP + ACROSS[:, None] * aside[..., None, None, :]  # (B, ..., 3, 3, 3)

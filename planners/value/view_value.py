@@ -10,7 +10,7 @@ from ehar.errors import UsageError
 from ehar.planner import Context, Observation
 from ehar.viewpoint import Workspace
 from planners.heading import known_obstacles
-from planners.value.line_of_sight import seen_by_now
+from planners.value.line_of_sight import seen_share
 from planners.value.model import FULL, GainModel
 from planners.value.situation import Situation, Tracker, coming_gains
 from planners.value.view_basis import BASIS_SIZE, DistanceRange, basis_at
@@ -115,8 +115,9 @@ class ViewValue:
             viewpoint: the viewpoints.
             ahead: how far ahead cameras will be there [s]; or (N,), for viewpoints (B, N, ..., 3).
         """
-        context, observation = self._tracker.context, self._tracker.observation
-        return seen_by_now(context, observation, self.situation.position, viewpoint, ahead)
+        observation = self._tracker.observation
+        position, passers, centre = self.situation.position, observation.passers, observation.centre
+        return seen_share(viewpoint, position, self.obstacles, passers, ahead, centre)
 
 
 def coarse_grid(workspace: Workspace) -> FloatArray:
