@@ -1,5 +1,6 @@
 """Keeps flights clear of obstacles: whether a flight does, and where to fly first if the straight way does not."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -9,13 +10,14 @@ from ehar.flight.centre import walked
 from ehar.flight.profile import JerkProfile
 from ehar.obstacles.free_space import FreeSpace
 from ehar.obstacles.shapes import MARGIN, Obstacles
-from ehar.viewpoint import AZIMUTH, cartesian, wrap_difference
+from ehar.viewpoint import AZIMUTH, DISTANCE, Workspace, cartesian, wrap_difference
 
 PLANNED = MARGIN + 0.05  # [m] that plans keep, so that the margin also holds between samples
+SPARE = 0.005  # [m] more that ways around obstacles keep, so that a straight flight along one is valid
 FINEST = 0.06  # [m], the longest way between two samples of a flight
 COARSEST = 8  # samples of a flight in the first pass
-WAY_SAMPLES = np.linspace(0, 1, 33)  # of a straight way
-CORNERS = 24  # places on a way around obstacles that may be flown to first
+CORNERS = 24  # places, spread over a way around obstacles, that may be flown to first
+NEXT = 4  # and the first places of the way, where no other is in sight
 LONGEST = 400  # cells of such a way
 
 
@@ -61,19 +63,20 @@ def keeps_clear(profile: JerkProfile, around: Around, speed: float) -> BoolArray
         around: what stands around them.
         speed: the highest that a camera reaches, with people's [m/s].
     """
-    keeps: BoolArray = np.ones(len(profile.duration), dtype=bool)
-    undecided, samples = np.flatnonzero(keeps), COARSEST
-    while len(undecided):
-        part, here = profile.select(undecided), around.select(undecided)
-        times = part.duration[:, None] * np.linspace(0, 1, samples + 1)
+
+    def spare(rows: IntArray, shares: FloatArray) -> FloatArray:
+        part, here = profile.select(rows), around.select(rows)
+        times = part.duration[:, None] * shares
         cameras = cartesian(part.at(times).viewpoint)
         begun = here.clearance(cameras[:, :1], np.full((1, 1), np.inf))
-        spare = (here.clearance(cameras, times) - np.minimum(PLANNED, begun - 1e-6)).min(axis=(0, 2))
-        keeps[undecided[spare < 0]] = False
-        farthest = speed * part.duration / samples
-        open_still = (spare >= 0) & (spare - farthest / 2 < 0)
-        undecided, samples = undecided[open_still & (farthest > FINEST)], 4 * samples
-    return keeps
+        return np.asarray((here.clearance(cameras, times) - np.minimum(PLANNED, begun - 1e-6)).min(axis=(0, 2)))
+
+    return _keep_throughout(spare, speed * profile.duration)
+
+
+def free_space_of_flights(workspace: Workspace, obstacles: Obstacles) -> FreeSpace:
+    """Return the free space in which flights go around obstacles."""
+    return FreeSpace.of(workspace, obstacles, PLANNED + SPARE)
 
 
 def first_towards(here: FloatArray, target: FloatArray, space: FreeSpace) -> FloatArray:
@@ -82,22 +85,55 @@ def first_towards(here: FloatArray, target: FloatArray, space: FreeSpace) -> Flo
     Args:
         here: (B, 3) viewpoints.
         target: (B, 3) viewpoints; one too near to an obstacle stands for the nearest free cell.
-        space: the free space.
+        space: the free space of flights.
     """
     near = space.obstacles.clearance(cartesian(target)) < PLANNED
     goals = np.where(near[:, None], space.nearest(target), target)
     for row in np.flatnonzero(~_in_sight(here, goals, space.obstacles)):
-        way = space.way(space.nearest(here[row]), goals[row], LONGEST)
-        corners = way[np.unique(np.linspace(0, len(way) - 1, CORNERS).astype(np.int64))] if len(way) else way
+        begin = space.centre(here[row])
+        way = np.concatenate([begin[None], space.way(begin, space.nearest(goals[row]), LONGEST)])
+        spread = np.linspace(0, len(way) - 1, CORNERS).astype(np.int64)
+        corners = way[np.union1d(np.arange(min(NEXT, len(way))), spread)]
         seen = np.flatnonzero(_in_sight(np.broadcast_to(here[row], corners.shape), corners, space.obstacles))
-        goals[row] = corners[seen[-1]] if len(seen) else (corners[0] if len(corners) else here[row])
+        goals[row] = corners[seen[-1] if len(seen) else 0]
     return goals
+
+
+def leads_nearer(here: FloatArray, there: FloatArray, target: FloatArray, space: FreeSpace) -> BoolArray:
+    """Return whether the free way to targets is shorter from there than from here, (B,); each viewpoint is (B, 3)."""
+    begin, end, goal = (space.nearest(one) for one in (here, there, target))
+    lengths = [[len(space.way(*way, LONGEST)) for way in zip(ends, goal, strict=True)] for ends in (begin, end)]
+    nearer: BoolArray = np.greater(*np.array(lengths))
+    return nearer
 
 
 def _in_sight(here: FloatArray, there: FloatArray, obstacles: Obstacles) -> BoolArray:
     """Return between which viewpoints (B, 3) the straight way, in their coordinates, keeps clear, (B,)."""
     way = there - here
     way[:, AZIMUTH] = wrap_difference(way[:, AZIMUTH])
-    along = here[:, None] + WAY_SAMPLES[:, None] * way[:, None]
-    clearance = obstacles.clearance(cartesian(along))
-    return np.asarray(clearance.min(axis=1) >= np.minimum(PLANNED, clearance[:, 0] - 1e-6))
+
+    def spare(rows: IntArray, shares: FloatArray) -> FloatArray:
+        clearance = obstacles.clearance(cartesian(here[rows, None] + shares[:, None] * way[rows, None]))
+        return np.asarray(clearance.min(axis=1) - np.minimum(PLANNED + SPARE, clearance[:, 0] - 1e-6))
+
+    farthest = np.maximum(here[:, DISTANCE], there[:, DISTANCE])
+    return _keep_throughout(spare, np.abs(way[:, DISTANCE]) + farthest * np.abs(way[:, AZIMUTH:]).sum(axis=1))
+
+
+def _keep_throughout(spare: Callable[[IntArray, FloatArray], FloatArray], length: FloatArray) -> BoolArray:
+    """Return which ways have clearance to spare throughout, (B,).
+
+    Args:
+        spare: the least that ways of rows (n,) have at shares (S,) of them, from 0 to 1, (n,) [m]; it is below 0 where
+            one comes too near.
+        length: (B,) at most how long ways are [m].
+    """
+    keeps: BoolArray = np.ones(len(length), dtype=bool)
+    undecided, samples = np.flatnonzero(keeps), COARSEST
+    while len(undecided):
+        least = spare(undecided, np.linspace(0, 1, samples + 1))
+        keeps[undecided[least < 0]] = False
+        farthest = length[undecided] / samples
+        open_still = (least >= 0) & (least - farthest / 2 < 0)
+        undecided, samples = undecided[open_still & (farthest > FINEST)], 4 * samples
+    return keeps

@@ -8,7 +8,7 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.errors import EpisodeError
 from ehar.flight.centre import around_centre
-from ehar.flight.clearance import Around, first_towards, keeps_clear
+from ehar.flight.clearance import Around, first_towards, free_space_of_flights, keeps_clear, leads_nearer
 from ehar.flight.costs import flight_costs
 from ehar.flight.evasion import CLEARER, clearance_ahead, clearest
 from ehar.flight.kinematics import CartesianMotion, SphericalState
@@ -22,7 +22,7 @@ from ehar.flight.profile import (
     phases_to_rest,
     rates_after,
 )
-from ehar.flight.proposals import BRAKING, PROPOSALS, limits_to_rest, limits_to_target, stopping_time
+from ehar.flight.proposals import BRAKING, PROPOSALS, STRAIGHT, limits_to_rest, limits_to_target, stopping_time
 from ehar.flight.telemetry import FlightTelemetry
 from ehar.flight.time_optimal import PHASES, AxisLimits, TimeOptimal
 from ehar.flight.vehicle import Vehicle
@@ -52,9 +52,10 @@ class FlightMotion:
     brakes or keeps its plan. So a flight always keeps all limits, and it reaches any target that is held.
 
     Among obstacles a proposal is valid only if it also keeps clear of them until it is at rest. Where the straight way
-    to the target does not, the camera flies first to a place on a free way that is in sight. In streams people are
-    expected to walk on for a while, and there are no such places. Where they carry a camera towards something, it
-    evades: see `ehar.flight.evasion`.
+    to the target does not, the camera flies first to a place on a free way that is in sight. A straight flight from
+    rest gets there, and a plan that leads nearer to the target is not braked. In streams people are expected to walk on
+    for a while, and there are no such places. Where they carry a camera towards something, it evades: see
+    `ehar.flight.evasion`.
 
     Around a moving centre, a flight has what following the centre leaves of the vehicle's limits: see
     `ehar.flight.centre`.
@@ -77,10 +78,18 @@ class FlightMotion:
         self.workspace = workspace or Workspace()
         self._time_optimal = TimeOptimal()
         self._surroundings: Surroundings | None = None
+        self._free_space: FreeSpace | None = None  # where ways around obstacles lead
 
     def keep_clear(self, surroundings: Surroundings | None) -> None:
-        """Keep clear of obstacles from the next reset on; None is an open world."""
-        self._surroundings = surroundings if surroundings is not None and surroundings.obstacles else None
+        """Keep clear of obstacles from the next reset on; None is an open world.
+
+        Raises:
+            UsageError: no flight is possible among them, or no camera sees anybody.
+        """
+        around = surroundings if surroundings is not None and surroundings.obstacles else None
+        self._surroundings, self._free_space = around, None
+        if around is not None and around.moved is None:
+            self._free_space = free_space_of_flights(self.workspace, around.obstacles)
 
     def reset(self, viewpoint: FloatArray, frame_time: float) -> None:
         """Begin at rest at viewpoints (B, 3); a frame lasts `frame_time` [s].
@@ -239,11 +248,8 @@ class FlightMotion:
 
     def _towards(self, target: FloatArray) -> FloatArray:
         """Return where to fly first to get to targets (B, 3)."""
-        around = self._surroundings
-        if around is None or self._people_move:
-            return target
-        here = self.workspace.clip(self._state.viewpoint)
-        return first_towards(here, target, FreeSpace.of(self.workspace, around.obstacles))
+        space = self._free_space
+        return target if space is None else first_towards(self.workspace.clip(self._state.viewpoint), target, space)
 
     @property
     def _people_move(self) -> bool:
@@ -306,7 +312,8 @@ class FlightMotion:
         Every frame tries one proposal, in turn, if it arrives sooner than the plan. For a new target it has to arrive
         sooner than the proposal that was adopted last; next, that proposal is tried, and finally all of them.
         """
-        way = self._towards(self.workspace.clip(target)) - self._state.viewpoint
+        target = self.workspace.clip(target)
+        way = self._towards(target) - self._state.viewpoint
         way[:, AZIMUTH] = wrap_difference(way[:, AZIMUTH])
         off = self._plan.end.viewpoint - self._state.viewpoint - way
         off[:, AZIMUTH] = wrap_difference(off[:, AZIMUTH])
@@ -325,10 +332,15 @@ class FlightMotion:
             pending[self._adopt(task, sooner, challenger[sooner])] = False
             again = np.flatnonzero(pending)
             pending[self._adopt(task, again, last[again])] = False
-        left = np.flatnonzero(pending)
-        every = np.repeat(np.arange(len(PROPOSALS)), len(left))
-        pending[self._adopt(task, np.tile(left, len(PROPOSALS)), every)] = False
-        self._brake(rows[pending & ~self._evades[rows]])
+        left, space = np.flatnonzero(pending), self._free_space
+        proposals = len(PROPOSALS) + (len(STRAIGHT) if space is not None else 0)
+        every = np.repeat(np.arange(proposals), len(left))
+        pending[self._adopt(task, np.tile(left, proposals), every)] = False
+        lost = rows[pending & ~self._evades[rows]]
+        if space is not None and len(lost):
+            here, end = (state.viewpoint[lost] for state in (self._state, self._plan.end))
+            lost = lost[~leads_nearer(here, end, target[lost], space)]
+        self._brake(lost)
 
     def _durations(self, task: "_Task", proposal: IntArray) -> FloatArray:
         """Return how long the flights of a task last with proposals (R,), (R,) [s]."""

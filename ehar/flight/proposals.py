@@ -39,18 +39,23 @@ PROPOSALS = (
     Boldness(0.05, 0.5, 0.35),
     Boldness(0.05, 0.2, 0.15),  # keeps all limits from rest, so that any target is reached
 )
+# Hardly anything but straight, from rest, in a viewpoint's coordinates: valid where the straight way keeps clear.
+STRAIGHT = (Boldness(1e-6, 0.8, 0.6), Boldness(1e-6, 0.2, 0.15))
 BRAKING = (Boldness(0.05, 1, 1), Boldness(0.05, 1, 0.6), Boldness(0.05, 1, 0.3))
 
 PLACES = np.linspace(0, 1, 5)  # along the straight way
 
 
 def limits_to_target(vehicle: Vehicle, state: SphericalState, way: FloatArray) -> AxisLimits:
-    """Return the limits of `PROPOSALS`, (K, B, 3), for flights from states (B, 3) to rest `way` (B, 3) from there."""
+    """Return limits (K, B, 3) for flights from states (B, 3) to rest `way` (B, 3) from there.
+
+    They are those of `PROPOSALS`, and then of `STRAIGHT`.
+    """
     back = way - braking_way(vehicle, state)
     # An axis that is bound to overshoot needs a share to come back.
     heading = np.copysign(np.maximum(np.abs(way), np.abs(back)), way)
     places = state.viewpoint[:, None] + PLACES[:, None] * way[:, None]
-    return _shared_out(vehicle, state, heading, places, PROPOSALS)
+    return _shared_out(vehicle, state, heading, places, PROPOSALS + STRAIGHT)
 
 
 def limits_to_rest(vehicle: Vehicle, state: SphericalState) -> AxisLimits:

@@ -24,19 +24,20 @@ WAYS = 64  # goals whose shortest ways are remembered, a few bytes for each cell
 class FreeSpace:
     """The free cells of a workspace with obstacles in it.
 
-    A cell is free if a camera there keeps the margin, and if half a move from there does not lead to an obstacle. So no
-    move from a free cell to another passes through one. Of the parts that free cells fall into, only the largest
-    counts: no way leads to the others.
+    A cell is free if a camera there keeps the margin, and if half a move from there does not lead to an obstacle, or
+    nearer than is said. So no move from a free cell to another passes through one. Of the parts that free cells fall
+    into, only the largest counts: no way leads to the others.
 
     Args:
         workspace: the bounds, and the grid.
         obstacles: what stands there.
+        between: the clearance that moves between free cells keep too [m].
 
     Raises:
         UsageError: there are too many cells, none is free, or none that is free sees somebody at the centre.
     """
 
-    def __init__(self, workspace: Workspace, obstacles: Obstacles) -> None:
+    def __init__(self, workspace: Workspace, obstacles: Obstacles, between: float = 0.0) -> None:
         """Find the free cells."""
         self.workspace, self.obstacles = workspace, obstacles
         if math.prod(workspace.cells) > MOST_CELLS:
@@ -47,7 +48,7 @@ class FreeSpace:
         cells = np.stack(np.meshgrid(*map(np.arange, workspace.cells), indexing="ij"), axis=-1)
         viewpoints = workspace.from_cells(cells)
         places = cartesian(viewpoints).astype(np.float32)
-        clear = obstacles.clearance(places) >= needed_clearance(viewpoints, workspace)
+        clear = obstacles.clearance(places) >= needed_clearance(viewpoints, workspace, between)
         if not clear.any():
             raise UsageError(f"obstacles: expected free space for cameras, all {clear.size} cells are in or near them")
         self.free = read_only(_largest_part(clear))  # motions and planners share a space
@@ -58,9 +59,9 @@ class FreeSpace:
 
     @staticmethod
     @lru_cache(maxsize=4)
-    def of(workspace: Workspace, obstacles: Obstacles) -> "FreeSpace":
+    def of(workspace: Workspace, obstacles: Obstacles, between: float = 0.0) -> "FreeSpace":
         """Return the free space of a workspace with obstacles; it is found once."""
-        return FreeSpace(workspace, obstacles)
+        return FreeSpace(workspace, obstacles, between)
 
     def is_free(self, viewpoint: FloatArray) -> BoolArray:
         """Return whether the cells that viewpoints (..., 3) lie in are free, (...,)."""
@@ -77,6 +78,10 @@ class FreeSpace:
         cells = self.workspace.to_cells(viewpoint)
         found = self._nearest_cells[tuple(np.moveaxis(cells, -1, 0))]
         return np.where(self.is_free(viewpoint)[..., None], viewpoint, self.workspace.from_cells(found))
+
+    def centre(self, viewpoint: FloatArray) -> FloatArray:
+        """Return the middle of the free cell that is nearest to viewpoints (..., 3)."""
+        return self.workspace.from_cells(self.workspace.to_cells(self.nearest(viewpoint)))
 
     def way(self, viewpoint: FloatArray, goal: FloatArray, most: int) -> FloatArray:
         """Return the cells of the shortest way from a viewpoint (3,) to a goal (3,), the first `most`, (N, 3).
@@ -158,10 +163,14 @@ class FreeSpace:
         return read_only(cells)
 
 
-def needed_clearance(viewpoint: FloatArray, workspace: Workspace) -> FloatArray:
-    """Return the clearance [m] that viewpoints (..., 3) need so that no move between two leads through an obstacle."""
+def needed_clearance(viewpoint: FloatArray, workspace: Workspace, between: float = 0.0) -> FloatArray:
+    """Return the clearance [m] that viewpoints (..., 3) need so that moves between two lead through no obstacle.
+
+    Of a straight way of length s, one end is within s / 2 of the place of the way that is nearest to a point. So if
+    both ends are n away from that point, all of the way is at least sqrt(n^2 - (s / 2)^2) away: that is `between`.
+    """
     step = np.maximum(viewpoint[..., 0] * workspace.angle_step, workspace.distance_step)
-    needed: FloatArray = np.maximum(MARGIN, step / 2)
+    needed: FloatArray = np.maximum(MARGIN, np.hypot(between, step / 2))
     return needed
 
 

@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from ehar.flight.clearance import PLANNED, Around, first_towards, keeps_clear
+from ehar.errors import UsageError
+from ehar.flight.clearance import (
+    PLANNED,
+    Around,
+    first_towards,
+    free_space_of_flights,
+    keeps_clear,
+    leads_nearer,
+)
 from ehar.flight.kinematics import SphericalState
 from ehar.flight.motion import FlightMotion
 from ehar.flight.profile import JerkProfile
@@ -11,7 +19,7 @@ from ehar.flight.time_optimal import AxisLimits, TimeOptimal
 from ehar.flight.vehicle import VEHICLES
 from ehar.localisation import CentreMotion
 from ehar.obstacles import MARGIN, Box, Cylinder, FreeSpace, Obstacles, Surroundings
-from ehar.viewpoint import Workspace, cartesian
+from ehar.viewpoint import AZIMUTH, Workspace, cartesian, wrap_difference
 from ehar.world import ROOM
 
 PILLARS = Obstacles(
@@ -19,6 +27,7 @@ PILLARS = Obstacles(
 )
 SPACE = Workspace(distance_max=9.0, polar_min=0.9, distance_step=0.2)
 FREE = FreeSpace.of(SPACE, PILLARS)
+WAYS = free_space_of_flights(SPACE, PILLARS)
 
 
 def anywhere(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -85,15 +94,32 @@ def test_where_people_take_a_camera_into_a_pillar_it_may_leave_and_not_go_throug
 def test_the_way_around_begins_in_sight_and_leads_there() -> None:
     rng = np.random.default_rng(1)
     here, target = anywhere(rng, 60), anywhere(rng, 60)
-    first = first_towards(here, target, FREE)
+    first = first_towards(here, target, WAYS)
     direct = (first == target).all(axis=1)
     assert 0.4 < direct.mean() < 1
+    assert leads_nearer(here[~direct], first[~direct], target[~direct], WAYS).all()
+    assert not leads_nearer(first, here, target, WAYS).any()
     for _ in range(12):
-        here = first_towards(here, target, FREE)
-    np.testing.assert_allclose(here[direct], target[direct])
-    assert (np.linalg.norm(cartesian(here) - cartesian(target), axis=1) < 0.5).mean() > 0.95
+        here = first_towards(here, target, WAYS)
+    held = np.where((PILLARS.clearance(cartesian(target)) < PLANNED)[:, None], WAYS.nearest(target), target)
+    np.testing.assert_allclose(cartesian(here), cartesian(held), atol=1e-9)
     blocked = np.array([[7.0, 0.3, 1.5]])
-    assert FREE.is_free(first_towards(target[:1], blocked, FREE)).all()
+    assert WAYS.is_free(first_towards(target[:1], blocked, WAYS)).all()
+
+
+def test_moves_between_free_cells_of_flights_keep_what_plans_keep() -> None:
+    slabs = Obstacles(boxes=(Box(centre=(7, 0, 0), size=(0.02, 3, 3)), Box(centre=(-6, 2, 1), size=(2, 0.02, 2))))
+    workspace = Workspace(distance_max=9.0, polar_min=0.9, distance_step=0.2)
+    space = free_space_of_flights(workspace, slabs)
+    cells = np.argwhere(space.free)
+    for axis in np.eye(3, dtype=int):
+        after = (cells + axis) % workspace.cells
+        move = space.free[tuple(after.T)] & ((after > 0).all(axis=1) | (axis[AZIMUTH] == 1))
+        begin, end = (workspace.from_cells(part[move]) for part in (cells, after))
+        way = end - begin
+        way[:, AZIMUTH] = wrap_difference(way[:, AZIMUTH])
+        between = begin[:, None] + np.linspace(0, 1, 9)[:, None] * way[:, None]
+        assert slabs.clearance(cartesian(between)).min() > PLANNED
 
 
 @pytest.mark.parametrize("name", ["px4-auto", "tracking-drone"])
@@ -107,8 +133,34 @@ def test_cameras_that_fly_in_a_room_keep_the_margin_and_arrive(name: str) -> Non
         reached = motion.advance(target)
         between = motion.sample(np.linspace(0, 0.04, 6)).viewpoint
         assert (ROOM.obstacles.clearance(cartesian(between)) >= MARGIN - 1e-3).all()
-    assert (np.linalg.norm(cartesian(reached) - cartesian(target), axis=1) < 0.5).all()
+    np.testing.assert_allclose(cartesian(reached), cartesian(target), atol=1e-6)
     assert (motion.telemetry.peak_speed <= VEHICLES[name].speed).all()
+
+
+def test_cameras_arrive_from_anywhere_behind_a_thin_wall_too() -> None:
+    """Moves between cells at 0.35 m may lead nearer past an edge, and curved flights do: cameras once stayed there."""
+    slab = Obstacles(boxes=(Box(centre=(5, 5, 1), size=(0.2, 3, 2)), Box(centre=(-4, 6, 0), size=(2, 0.2, 4))))
+    workspace = Workspace(distance_min=4.8, distance_max=10.6, polar_min=1.17, polar_max=1.35)
+    for obstacles, space in ((slab, workspace), (ROOM.obstacles, ROOM.workspace)):
+        rng = np.random.default_rng(7)
+        start = FreeSpace.of(space, obstacles).nearest(space.from_cells(rng.integers(0, space.cells, (32, 3))))
+        target = space.from_cells(rng.integers(0, space.cells, (32, 3)))
+        motion = FlightMotion(vehicle=VEHICLES["px4-max"], workspace=space)
+        motion.keep_clear(Surroundings(obstacles))
+        motion.reset(start, 0.1)
+        for _ in range(400):
+            reached = motion.advance(target)
+        near = obstacles.clearance(cartesian(target)) < PLANNED
+        held = np.where(near[:, None], free_space_of_flights(space, obstacles).nearest(target), target)
+        np.testing.assert_allclose(cartesian(reached), cartesian(held), atol=1e-6)
+
+
+def test_a_world_too_narrow_for_flights_says_so_before_the_first() -> None:
+    low = Obstacles(walls=Box(centre=(0, 0, 0), size=(30, 30, 10.66)))
+    above = Workspace(distance_max=5.0, polar_max=0.05)
+    assert FreeSpace.of(above, low).free.any()
+    with pytest.raises(UsageError, match="expected free space for cameras"):
+        FlightMotion(vehicle=VEHICLES["px4-auto"], workspace=above).keep_clear(Surroundings(low))
 
 
 def test_without_obstacles_nothing_changes() -> None:

@@ -8,10 +8,10 @@ from ehar.arrays import FloatArray
 from ehar.flight.kinematics import SphericalState
 from ehar.flight.limits import keeps_limits
 from ehar.flight.profile import JerkProfile
-from ehar.flight.proposals import BRAKING, PROPOSALS, limits_to_rest, limits_to_target
+from ehar.flight.proposals import BRAKING, PROPOSALS, STRAIGHT, limits_to_rest, limits_to_target
 from ehar.flight.time_optimal import TimeOptimal
 from ehar.flight.vehicle import VEHICLES
-from ehar.viewpoint import AZIMUTH, Workspace, wrap_difference
+from ehar.viewpoint import AZIMUTH, Workspace, cartesian, wrap_difference
 from tests.helpers.examples import share_of_examples
 from tests.helpers.flight_cases import random_vehicle, random_viewpoints
 
@@ -40,12 +40,33 @@ def test_from_rest_the_most_timid_proposal_may_always_be_flown(seed: int) -> Non
     assert keeps_limits(JerkProfile.from_phases(state, phases), vehicle, workspace).all()
 
 
+@share_of_examples(0.25)
+@given(st.integers(0, 10_000))
+def test_from_rest_the_last_proposal_flies_straight_and_keeps_all_limits(seed: int) -> None:
+    """Why a camera among obstacles gets to any place that is in sight."""
+    rng = np.random.default_rng(seed)
+    vehicle, workspace = random_vehicle(rng), Workspace()
+    start, target = (random_viewpoints(rng, FLIGHTS, workspace) for _ in range(2))
+    way = target - start
+    way[:, AZIMUTH] = wrap_difference(way[:, AZIMUTH])
+    state = at_rest(start)
+    limits = limits_to_target(vehicle, state, way).select(len(PROPOSALS + STRAIGHT) - 1)
+    phases, found = TimeOptimal().to_target(state, start + way, limits)
+    flight = JerkProfile.from_phases(state, phases)
+    assert found.all() and keeps_limits(flight, vehicle, workspace).all()
+    moves = np.abs(way).max(axis=1) > 1e-6
+    gone = (flight.at(flight.duration[:, None] * np.linspace(0, 1, 101)).viewpoint - start[:, None])[moves]
+    way, start = way[moves, None], start[moves, None]
+    straight = (gone * way).sum(axis=-1, keepdims=True) / (way**2).sum(axis=-1, keepdims=True) * way
+    assert np.linalg.norm(cartesian(start + gone) - cartesian(start + straight), axis=-1).max() < 0.005
+
+
 def test_shapes_and_order() -> None:
     rng = np.random.default_rng(0)
     state = at_rest(random_viewpoints(rng, FLIGHTS, Workspace()))
     way = rng.normal(size=(FLIGHTS, 3))
     for limits, ways in (
-        (limits_to_target(VEHICLES["px4-max"], state, way), PROPOSALS),
+        (limits_to_target(VEHICLES["px4-max"], state, way), PROPOSALS + STRAIGHT),
         (limits_to_rest(VEHICLES["px4-max"], state), BRAKING),
     ):
         for limit in limits:
