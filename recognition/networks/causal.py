@@ -13,8 +13,8 @@ from recognition.networks.layers import (
     CausalGraphConvolution,
     CausalTemporalConvolution,
     GraphState,
-    Pointwise,
 )
+from recognition.networks.pointwise import Pointwise
 
 WEIGHING = 16  # hidden units of what weighs frames
 LEAST_WEIGHT = 1e-6  # of a frame: the sum of weights, by which is divided, is never zero

@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 from ehar.arrays import FloatArray
 from ehar.errors import ModelError
+from recognition.networks.pointwise import Pointwise
 from recognition.networks.sizes import PUBLISHED_STRIDES, PUBLISHED_WIDTHS
 
 BRANCHES = 4
@@ -35,10 +36,10 @@ class CTRGC(nn.Module):
         """Create the convolution; `relation_channels` gives the width of psi and phi."""
         super().__init__()
         relation = relation_channels(in_channels)
-        self.conv1 = nn.Conv2d(in_channels, relation, 1)
-        self.conv2 = nn.Conv2d(in_channels, relation, 1)
-        self.conv3 = nn.Conv2d(in_channels, out_channels, 1)
-        self.conv4 = nn.Conv2d(relation, out_channels, 1)
+        self.conv1 = Pointwise(in_channels, relation)
+        self.conv2 = Pointwise(in_channels, relation)
+        self.conv3 = Pointwise(in_channels, out_channels)
+        self.conv4 = Pointwise(relation, out_channels)
 
     def correlation(self, mean: Tensor) -> Tensor:
         """Return xi(M) (N, C', V, V) for features whose mean over time is `mean` (N, C, 1, V).
@@ -69,7 +70,7 @@ class SpatialUnit(nn.Module):
         self.bn = nn.BatchNorm2d(out_channels)
         self.down: nn.Module = nn.Identity()
         if in_channels != out_channels:
-            self.down = nn.Sequential(nn.Conv2d(in_channels, out_channels, 1), nn.BatchNorm2d(out_channels))
+            self.down = nn.Sequential(Pointwise(in_channels, out_channels), nn.BatchNorm2d(out_channels))
 
     def forward(self, x: Tensor) -> Tensor:
         """Convolve x (N, C, T, V) over joints, to (N, C', T, V)."""
@@ -114,7 +115,7 @@ class TemporalUnit(nn.Module):
         width = channels // BRANCHES
 
         def reduced(*rest: nn.Module) -> nn.Sequential:
-            return nn.Sequential(nn.Conv2d(channels, width, 1), nn.BatchNorm2d(width), nn.ReLU(), *rest)
+            return nn.Sequential(Pointwise(channels, width), nn.BatchNorm2d(width), nn.ReLU(), *rest)
 
         def dilated(dilation: int) -> nn.Sequential:
             return reduced(

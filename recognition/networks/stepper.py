@@ -30,10 +30,9 @@ from recognition.networks.layers import (
     CausalGraphConvolution,
     CausalTemporalConvolution,
     GraphState,
-    bias_of,
-    product_of,
     refreshes,
 )
+from recognition.networks.pointwise import bias_of, product_of
 
 
 class CausalStepper(nn.Module):
