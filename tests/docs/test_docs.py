@@ -84,7 +84,7 @@ def test_the_environments_are_made() -> None:
 def test_a_planner_of_other_arguments_is_made_and_runs() -> None:
     names: dict[str, Any] = {}
     exec(python_blocks(DOCS / "planners" / "next-best-view.md")[0], names)
-    summary = benchmark([names["patient"], "no-act"], Conditions(data="duo")).summary
+    summary = benchmark([names["patient"], "no-act"], Conditions(data="duo", part="validation")).summary
     solves = summary.planner("patient").solves
     assert solves is not None
     assert solves.total == 4 * summary.episodes  # frames 0, 15, 30 and 45

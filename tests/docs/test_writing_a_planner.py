@@ -75,7 +75,8 @@ def test_the_rays_climb_to_where_the_field_is_highest() -> None:
 
 @pytest.mark.slow
 def test_the_rays_run_over_the_trained_field() -> None:
-    summary = benchmark([f"{EXAMPLES}/rays.py:Rays", "no-act"], Conditions(data="solo", sensor="estimator")).summary
+    conditions = Conditions(data="solo", sensor="estimator", part="validation")
+    summary = benchmark([f"{EXAMPLES}/rays.py:Rays", "no-act"], conditions).summary
     assert summary.planner("rays").acc_mean > summary.planner("no-act").acc_mean + 0.5
 
 

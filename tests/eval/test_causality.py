@@ -192,7 +192,7 @@ def test_in_a_stream_nobody_is_told_where_the_centre_will_be(track: str) -> None
 
 @pytest.mark.parametrize("track", [IDEAL, "px4-auto"])
 def test_in_a_stream_in_a_room_no_planner_acts_on_the_future(track: str) -> None:
-    frames, last, rows = 40, 25, np.arange(EPISODES)
+    frames, last, rows = 24, 14, np.arange(EPISODES)
     setting = load_setting(Conditions(data="solo-stream", sensor="estimator", world="room", track=track))
     place, data, runner = ModelPlace.of(setting), setting.recordings, setting.runner
     assert isinstance(data, StreamData)

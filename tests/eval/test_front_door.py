@@ -29,7 +29,7 @@ from recognition.setting import load_setting
 ROOT = Path(__file__).parents[2]
 CHECKS = [check_motion, check_planner, check_recogniser, check_sensor]
 FUNCTIONS = [benchmark, check_data, *CHECKS, compare, headroom, make_report, read_run, verify]
-SHORT = Conditions(data="duo", length=10)
+SHORT = Conditions(data="duo", length=10, part="validation")
 NOTEBOOK = ROOT / "docs" / "examples" / "first_steps.ipynb"
 
 

@@ -15,7 +15,7 @@ from eval.speed import streams
 from eval.speed.bench import TARGETS
 from eval.speed.effort import Effort
 from eval.speed.recognition import untrained
-from eval.speed.streams import SHOWN, changes, late_over_early, letting_go, time_flown_streams, time_plans, time_streams
+from eval.speed.streams import SHOWN, changes, late_over_early, letting_go, time_streams
 from tests.helpers.streams import raising_streams
 
 BRIEF = Effort(repeats=1, streams=4, stream_frames=10, late_frame=80, dancers=1)
@@ -60,21 +60,8 @@ def test_a_late_frame_and_many_streams_are_timed() -> None:
     assert time_streams(data, BRIEF) > 0
 
 
-def test_flights_are_timed_with_the_weights_that_ship() -> None:
-    assert time_flown_streams(BRIEF) > 0
-
-
 def test_the_recogniser_that_ships_lets_go() -> None:
     figures = letting_go(None, Effort())
     assert TARGETS["letting_go_later_s"].met(figures["letting_go_later_s"])
     assert not TARGETS["letting_go_later_s"].met(0.31)
     assert figures["recognised_s_after_300_frames"] < SHOWN / 120  # half of what is shown, which counts if it never is
-
-
-def test_plans_take_time_in_each_world() -> None:
-    figures = time_plans(replace(Effort(), streams=2, stream_frames=12, compile=False))
-    assert list(figures) == [
-        f"nbv{world}_plan_ms_{kind}" for world in ("", "_room", "_crowd") for kind in ("median", "p95")
-    ]
-    for world in ("", "_room", "_crowd"):
-        assert 0 < figures[f"nbv{world}_plan_ms_median"] <= figures[f"nbv{world}_plan_ms_p95"]
