@@ -51,7 +51,8 @@ def motion_shares(vehicle: Vehicle, motion: CartesianMotion, turn: FloatArray) -
         motion: a result of `world_motion`.
         turn: (...) rate of the azimuth [rad/s].
     """
-    speed, acceleration, jerk = (np.sqrt((vector**2).sum(axis=-1)) for vector in motion)
+    # Component by component: numpy takes five times as long for a sum over an axis of three.
+    speed, acceleration, jerk = (np.sqrt(x**2 + y**2 + z**2) for x, y, z in (np.moveaxis(v, -1, 0) for v in motion))
     upwards = motion.velocity[..., 2]
     return np.stack(
         [

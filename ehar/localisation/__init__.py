@@ -6,3 +6,4 @@ from ehar.localisation.following import CentreMotion as CentreMotion
 from ehar.localisation.following import FollowedCentre as FollowedCentre
 from ehar.localisation.following import Localisation as Localisation
 from ehar.localisation.following import SmoothCentre as SmoothCentre
+from ehar.localisation.following import smoothed as smoothed

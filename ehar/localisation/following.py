@@ -96,7 +96,7 @@ class Localisation:
             stream: number of the stream, which decides the error.
             missing: (T,) frames in which nobody knows where people are; None means there are none.
         """
-        return self._estimated(middles, fps, stream, missing)[0]
+        return self.estimated(middles, fps, stream, missing)[0]
 
     def followed_smoothly(
         self, middles: FloatArray, fps: float, stream: int, limits: CentreLimits, missing: BoolArray | None = None
@@ -106,12 +106,12 @@ class Localisation:
         What the filter says jumps with every position that arrives, and no vehicle can do that. The jerk that leads on
         from frame t rests on what `followed` and the filter's velocity say at frame t. See `followed` for the rest.
         """
-        return _smoothed(*self._estimated(middles, fps, stream, missing), 1 / fps, limits)
+        return smoothed(*self.estimated(middles, fps, stream, missing), 1 / fps, limits)
 
-    def _estimated(
-        self, middles: FloatArray, fps: float, stream: int, missing: BoolArray | None
+    def estimated(
+        self, middles: FloatArray, fps: float, stream: int, missing: BoolArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the predicted positions [m] and velocities [m/s], (T, 3) each."""
+        """Return what `followed` returns, and the filter's velocities [m/s], (T, 3) each."""
         rng = np.random.default_rng((_SEED, stream))
         measured = middles + self.noise * rng.standard_normal(middles.shape)
         late = round(self.delay * fps)
@@ -138,8 +138,8 @@ class Localisation:
 USUAL_LOCALISATION = Localisation()
 
 
-def _smoothed(wanted: FloatArray, velocity: FloatArray, frame_time: float, limits: CentreLimits) -> CentreMotion:
-    """Return the motion of a centre that goes after positions and velocities (T, 3)."""
+def smoothed(wanted: FloatArray, velocity: FloatArray, frame_time: float, limits: CentreLimits) -> CentreMotion:
+    """Return the motion of a centre that goes after positions [m] and velocities [m/s], (T, 3) each."""
     centre = SmoothCentre(wanted[0], frame_time, limits)
     return CentreMotion(*np.stack([centre.lead_on(*after) for after in zip(wanted, velocity, strict=True)], axis=1))
 

@@ -9,6 +9,7 @@ import pytest
 from ehar.arrays import FloatArray
 from ehar.batch import Batch
 from ehar.data.scenario import Scenarios, windows
+from ehar.data.streams.followed import following_centre
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.errors import EpisodeError, UsageError
 from ehar.flight.centre import around_centre, centre_limits
@@ -144,7 +145,7 @@ def test_around_people_who_walk_a_vehicle_has_what_following_them_leaves() -> No
         scenarios, np.arange(3), PAPER.sample_starts(np.random.default_rng(0), 3), np.random.default_rng(1)
     )
     assert batch.centre is not None
-    followed = data.followed_smoothly(Localisation(), centre_limits(vehicle)).position.reshape(8, -1, 3)[:3, 20:80]
+    followed = following_centre(data, Localisation(), centre_limits(vehicle)).position.reshape(8, -1, 3)[:3, 20:80]
     there = data.positions.reshape(8, -1, 1, 6, 3)[:3, 20:80] - followed[:, :, None, None]
     np.testing.assert_allclose(batch.around_centre, there, atol=1e-6)
     context, motion = of.context(3, None, np.random.default_rng(9), follows=True), of.new_motion()

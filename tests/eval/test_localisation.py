@@ -15,6 +15,7 @@ from ehar import Conditions, EharError
 from ehar.arrays import FloatArray
 from ehar.data.scenario import localised, windows
 from ehar.data.streams.data import StreamData
+from ehar.data.streams.followed import following_centre, thought_to_be
 from ehar.flight.centre import centre_limits
 from ehar.flight.vehicle import VEHICLES
 from ehar.localisation import Localisation
@@ -108,7 +109,7 @@ def test_cameras_look_at_where_the_world_s_localisation_says(
         seen = consumer(setting)
         begin = data.offsets[setting.sequences[0]]
         there = slice(begin, begin + len(seen))
-        people = data.followed(load_world(world).localisation)[there]
+        people = thought_to_be(data, load_world(world).localisation)[there]
         np.testing.assert_allclose(seen, data.positions[there] - people[:, None, None], atol=1e-5)
         assert (seen == consumer(load_setting(told(folder, world="paper")))).all() == (world == "paper")
 
@@ -118,7 +119,7 @@ def test_the_centre_that_a_vehicle_follows_goes_after_it(folder: Path) -> None:
     data = setting.recordings
     assert isinstance(data, StreamData)
     scenarios = windows(data, setting.sequences[:1], LENGTH, LENGTH)
-    followed = data.followed_smoothly(WORSE, centre_limits(VEHICLES["px4-auto"])).position
+    followed = following_centre(data, WORSE, centre_limits(VEHICLES["px4-auto"])).position
     begin = data.offsets[setting.sequences[0]]
     batch = setting.runner.batch(scenarios, np.array([0]), START[None], np.random.default_rng(0))
     assert batch.centre is not None
@@ -247,7 +248,7 @@ def test_a_rehearsal_plays_people_where_it_says(folder: Path, monkeypatch: pytes
     assert isinstance(data, StreamData)
     begin = data.offsets[setting.sequences[0]]
     there = slice(begin, begin + 30)
-    expected = data.positions[there] - data.followed(WORSE)[there][:, None, None]
+    expected = data.positions[there] - thought_to_be(data, WORSE)[there][:, None, None]
     np.testing.assert_allclose(shown, expected, atol=1e-5)
     assert found.apart[0] <= rehearsal.EQUAL
     assert any(note.startswith(f"warning: {TOLD}") for note in notes)

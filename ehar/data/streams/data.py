@@ -1,14 +1,13 @@
 """Continuous recordings in memory, in which activities follow each other: the content of a stream file."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
-from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.arrays import BoolArray, IntArray
 from ehar.data.recordings import Recordings
 from ehar.errors import UsageError
-from ehar.localisation import CentreLimits, CentreMotion, Localisation
 
 NO_ACTIVITY = -1  # the label of frames that show none
 NO_ACTIVITY_NAME = "no activity"
@@ -53,14 +52,6 @@ class StreamData(Recordings):
         begins = np.repeat(self.segments[:, 0] - np.cumsum(lengths) + lengths, lengths)
         labels[begins + np.arange(lengths.sum())] = np.repeat(self.segments[:, 2], lengths)
         return labels
-
-    def followed(self, localisation: Localisation) -> FloatArray:
-        """Return where people are thought to be in each frame, (total_frames, 3) [m]; it is computed once."""
-        return _followed(self, localisation)
-
-    def followed_smoothly(self, localisation: Localisation, limits: CentreLimits) -> CentreMotion:
-        """Return the centre that goes after where people are thought to be and keeps limits; it is computed once."""
-        return _followed_smoothly(self, localisation, limits)
 
     def resampled(self, fps: float) -> "StreamData":
         """Return the streams at another frame rate: linear interpolation in time, each stream by itself.
@@ -111,28 +102,3 @@ def _apart(first: IntArray, frames: int) -> IntArray:
     last = np.minimum(later, frames - len(first))  # and has a frame before the end, with all that come after it
     begin: IntArray = last + numbers
     return begin
-
-
-@lru_cache(maxsize=4)
-def _followed(data: StreamData, localisation: Localisation) -> FloatArray:
-    return np.concatenate(
-        [
-            localisation.followed(middles, data.fps, index, missing)
-            for index, (middles, missing) in enumerate(_middles(data))
-        ]
-    )
-
-
-@lru_cache(maxsize=4)
-def _followed_smoothly(data: StreamData, localisation: Localisation, limits: CentreLimits) -> CentreMotion:
-    streams = [
-        localisation.followed_smoothly(middles, data.fps, index, limits, missing)
-        for index, (middles, missing) in enumerate(_middles(data))
-    ]
-    return CentreMotion(*(np.concatenate(parts) for parts in zip(*streams, strict=True)))
-
-
-def _middles(data: StreamData) -> list[tuple[FloatArray, BoolArray]]:
-    """Return where people are in each stream, (T, 3), and which frames are missing, (T,)."""
-    middles, inner = data.positions.mean(axis=(1, 2), dtype=np.float64), data.offsets[1:-1]
-    return list(zip(np.split(middles, inner), np.split(data.missing, inner), strict=True))

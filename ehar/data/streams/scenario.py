@@ -6,6 +6,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray, IntArray, in_brief
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
+from ehar.data.streams.followed import following_centre, thought_to_be
 from ehar.data.window import Windows
 from ehar.localisation import CentreLimits, CentreMotion, Localisation
 
@@ -50,13 +51,13 @@ class StreamScenarios(Windows):
 
     def _people(self, indices: IntArray) -> FloatArray:
         """Return where people are known to be in each frame, (n, L, 3) [m] in the data's frame."""
-        return self.data.followed(self.localisation)[self._frames(indices)]
+        return thought_to_be(self.data, self.localisation, self.sequence[indices])[self._frames(indices)]
 
     def centre_motion(self, indices: IntArray) -> CentreMotion | None:
         """Return the motion of the centre that a vehicle follows, each (n, L, 3); None if no vehicle does."""
         if self.limits is None:
             return None
-        motion = self.data.followed_smoothly(self.localisation, self.limits)
+        motion = following_centre(self.data, self.localisation, self.limits, self.sequence[indices])
         return CentreMotion(*(part[self._frames(indices)] for part in motion))
 
     def positions(self, indices: IntArray) -> FloatArray:
