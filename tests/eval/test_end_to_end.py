@@ -61,10 +61,10 @@ def test_train_then_benchmark_twice(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["duo", "solo"])
 def test_the_synthetic_sets_leave_something_to_win(name: str) -> None:
-    summary = benchmark(["no-act", "oracle"], Conditions(data=name), workers=1).summary
-    no_act, oracle = summary.planner("no-act").acc_mean, summary.planner("oracle").acc_mean
-    assert 60 <= no_act <= 85
-    assert oracle >= no_act + 2
+    """On all test people for a camera that stays; for the oracle, which takes eight times as long, on fewer people."""
+    assert 60 <= benchmark(["no-act"], Conditions(data=name), workers=1).summary.planner("no-act").acc_mean <= 85
+    few = benchmark(["no-act", "oracle"], Conditions(data=name, part="validation"), workers=1).summary
+    assert few.planner("oracle").acc_mean >= few.planner("no-act").acc_mean + 1.5
 
 
 @pytest.mark.slow

@@ -18,7 +18,9 @@ from tests.helpers.random_networks import save_random_world
 from tests.helpers.settings import changed, tiny_conditions
 
 LENGTH = 8
-PPO = PPOSetting(frames=7 * 7 * 8, num_envs=8, hold=2, copies=4, evaluate_every=2 * 7 * 8)  # 7 rollouts
+PPO = PPOSetting(  # 7 rollouts
+    frames=7 * 7 * 8, num_envs=8, hold=2, copies=4, evaluate_every=2 * 7 * 8, epochs=1, minibatches=2
+)
 IMITATION = replace(DAGGER, episodes=96, epochs=2, batch=32)  # 2 rounds of 2 batches
 
 
