@@ -25,11 +25,14 @@ from planners.value.view_basis import PAPER_RANGE, DistanceRange
 
 TOLERANCE = 1e-6  # on every constraint, in units of its limit (positions: half the range of distances and 1 rad)
 OPTIMALITY = 1e-4  # in units of the stake; a tenth of this takes 1.5 times as long and gains 0.02 %
+ACCEPTABLE = 1e-3  # in the same units: enough where a solver gets no nearer, as at the edges of what obstacles hide
+NO_NEARER = 10  # iterations in a row that are acceptable and no better
 FIRST_BARRIER = 1e-4  # fatrop's; guesses are good, so a solve may begin near the end, with half of the iterations
 BACK_OFF = (1.0, 0.998, 0.98, 0.9, 0.7, 0.4, 0.0)  # shares of a capped solve's step that are tried in turn
 ITERATIONS = 100  # limit of a solve that is not capped
 QUICK_ITERATIONS = 50  # and of one with the quick Hessian: 99 % of solo-stream's took at most 26
 PATIENCE = 500  # plans before the problem is compiled: as much work, about, as compiling it
+ACCEPTED = 2  # what fatrop returns where it ends at the acceptable tolerance
 DERIVED = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l")  # functions that fatrop calls
 START_TOLERANCE = 1e-6  # [m], [rad]: how far outside the workspace the camera may already be
 
@@ -239,11 +242,12 @@ class TrajectorySolver:
         numbers = self._problem.arguments(task, guess)
         for solver in solvers:
             variables = solver(**numbers)["x"].full().ravel()
-            if solver.stats()["success"]:
+            violation, ended = self._problem.violation(variables, numbers), solver.stats()
+            accepted = ended.get("fatrop", {}).get("return_flag") == ACCEPTED  # which is no success to CasADi
+            converged = bool(ended["success"]) or (accepted and violation <= TOLERANCE)
+            if converged:
                 break
-        violation = self._problem.violation(variables, numbers)
         unfinished = SolveStatus.CAPPED if self._capped else SolveStatus.UNCONVERGED
-        converged = bool(solver.stats()["success"])
         status = SolveStatus.OPTIMAL if converged else unfinished
         if self._capped and violation > TOLERANCE:
             variables, violation = self._repaired(variables, task, first)
@@ -296,9 +300,11 @@ class TrajectorySolver:
         if solver == "fatrop":
             options |= {"structure_detection": "auto", "equality": self._problem.equality}
             options[solver] |= {"print_level": 0, "tolerance": OPTIMALITY, "constr_viol_tol": TOLERANCE / 10}
-            options[solver]["mu_init"] = FIRST_BARRIER
+            options[solver] |= {"mu_init": FIRST_BARRIER, "tol_acceptable": ACCEPTABLE, "acceptable_iter": NO_NEARER}
         else:
             options[solver] |= {"print_level": 0, "sb": "yes", "tol": OPTIMALITY, "constr_viol_tol": TOLERANCE / 10}
+            options[solver] |= {"acceptable_tol": ACCEPTABLE, "acceptable_constr_viol_tol": TOLERANCE / 10}
+            options[solver] |= {"acceptable_iter": NO_NEARER}
         return ca.nlpsol("trajectory", solver, self._problem.nlp, options)
 
 

@@ -12,8 +12,9 @@ from ehar.flight.kinematics import SphericalState
 from ehar.flight.limits import limit_shares
 from ehar.viewpoint import AZIMUTH, DISTANCE, POLAR, cartesian
 from ehar.world import PAPER
+from planners.search import solver as solver_module
 from planners.search.guess import best_guesses, states_at
-from planners.search.solver import TOLERANCE, SolveStatus, TrajectorySolver
+from planners.search.solver import ITERATIONS, TOLERANCE, SolveStatus, TrajectorySolver
 from planners.search.task import Trajectory, TrajectoryLimits, TrajectoryTask
 from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, view_basis
 from tests.helpers.examples import share_of_examples
@@ -252,6 +253,20 @@ def test_ipopt_takes_over_where_fatrop_fails() -> None:
     assert solution.violation <= TOLERANCE
     assert solution.objective == pytest.approx(FLOWN.solve(task, task.hold()).objective, rel=1e-3)
     assert solver.statistics.fallbacks == 1 and len(solver.statistics.solve_seconds) == 2
+
+
+def test_a_solve_that_gets_no_nearer_ends_and_is_no_fallback(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As at a kink of the objective, where the tolerance is never reached: here, because it cannot be."""
+    task = random_task(np.random.default_rng(0))
+    usual = TrajectorySolver(flown=True).solve(task, task.hold())
+    monkeypatch.setattr(solver_module, "OPTIMALITY", 1e-18)
+    solver = TrajectorySolver(flown=True)
+    solution = solver.solve(task, task.hold())
+    assert solution.status is SolveStatus.OPTIMAL and solution.violation <= TOLERANCE
+    assert solution.objective == pytest.approx(usual.objective, rel=1e-3)
+    assert solver._solvers[0].stats()["iter_count"] < ITERATIONS / 2
+    monkeypatch.setattr(solver_module, "NO_NEARER", 10 * ITERATIONS)
+    assert TrajectorySolver(flown=True).solve(task, task.hold()).status is not SolveStatus.OPTIMAL
 
 
 def test_exact_second_derivatives_take_over_where_quick_ones_fail() -> None:
