@@ -25,7 +25,7 @@ from planners.value.view_basis import PAPER_RANGE, DistanceRange
 
 TOLERANCE = 1e-6  # on every constraint, in units of its limit (positions: half the range of distances and 1 rad)
 OPTIMALITY = 1e-4  # in units of the stake; a tenth of this takes 1.5 times as long and gains 0.02 %
-ACCEPTABLE = 1e-3  # in the same units: enough where a solver gets no nearer, as at the edges of what obstacles hide
+ACCEPTABLE = 1e-3  # in the same units: enough where a solver gets no nearer
 NO_NEARER = 10  # iterations in a row that are acceptable and no better
 FIRST_BARRIER = 1e-4  # fatrop's; guesses are good, so a solve may begin near the end, with half of the iterations
 BACK_OFF = (1.0, 0.998, 0.98, 0.9, 0.7, 0.4, 0.0)  # shares of a capped solve's step that are tried in turn

@@ -44,16 +44,19 @@ class _StreamByStream:
         self._offsets, self._compute = data.offsets, compute
         self._known = np.zeros(len(data.lengths), dtype=bool)
         self._vectors = tuple(np.full((len(data.positions), 3), np.nan) for _ in range(parts))
+        self._shown = tuple(whole.view() for whole in self._vectors)
+        for view in self._shown:
+            view.flags.writeable = False
 
     def of(self, streams: IntArray | None) -> tuple[FloatArray, ...]:
-        """Return the vectors, each (total_frames, 3); those of streams that nobody asked for yet are NaN."""
+        """Return the vectors, each (total_frames, 3), to read; those of streams that nobody asked for yet are NaN."""
         asked = np.arange(len(self._known)) if streams is None else np.unique(streams)
         for stream in asked[~self._known[asked]].tolist():
             frames = slice(self._offsets[stream], self._offsets[stream + 1])
             for whole, part in zip(self._vectors, self._compute(stream, frames), strict=True):
                 whole[frames] = part
             self._known[stream] = True
-        return self._vectors
+        return self._shown
 
 
 @lru_cache(maxsize=4)

@@ -1,6 +1,7 @@
 """Where people are thought to be is computed for the streams that are asked for, and the same whoever asks."""
 
 import numpy as np
+import pytest
 
 from ehar.data.streams.followed import following_centre, thought_to_be
 from ehar.flight.centre import centre_limits
@@ -18,6 +19,8 @@ def test_only_streams_that_are_asked_for_are_computed_and_as_all_together() -> N
     for part in some:
         known = np.isfinite(part).all(axis=1)
         assert known[second].all() and known.sum() == data.lengths[1]
+        with pytest.raises(ValueError, match="read-only"):
+            part[second] = 0.0
     every = [thought_to_be(again, TOLD), *following_centre(again, TOLD, LIMITS)]
     for part, whole in zip(some, every, strict=True):
         assert np.isfinite(whole).all()
