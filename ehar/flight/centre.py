@@ -3,12 +3,16 @@
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from ehar.arrays import FloatArray
 from ehar.flight.vehicle import Vehicle
 from ehar.localisation import CentreLimits
 
 # Shares of a vehicle's limits with which it follows a centre. People walk at 1.4 m/s, px4-auto follows at 1.5 m/s.
 SPEED_SHARE, SHARE = 0.3, 0.2
 KEEP_ON = 3.0  # [s], for about how long people walk on as they do
+SPEED_UP = 0.8  # [s], for about how long they go on to change their velocity as they do
 
 
 def centre_limits(vehicle: Vehicle) -> CentreLimits:
@@ -49,3 +53,21 @@ def walked(time: Any, exp: Any) -> Any:
         exp: the exponential function of numpy or CasADi.
     """
     return KEEP_ON * (1 - exp(-time / KEEP_ON))
+
+
+def ways_ahead(times: FloatArray, velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
+    """Return three ways that people may have gone, (3, B, S, 3) [m]: they stay, walk on, or walk on and speed up.
+
+    Who speeds up has the velocity (v + a T (1 - exp(-t / T))) exp(-t / K), T is `SPEED_UP` and K is `KEEP_ON`. Who
+    walks on has it with a = 0, as in `walked`.
+
+    Args:
+        times: (B, S) from now on [s].
+        velocity: (B, 3) people's [m/s].
+        acceleration: (B, 3) people's [m/s^2].
+    """
+    both = 1 / (1 / SPEED_UP + 1 / KEEP_ON)
+    whole = walked(times, np.exp)[..., None]
+    walking = whole * velocity[:, None]
+    sooner = whole - both * (1 - np.exp(-times / both))[..., None]
+    return np.stack([np.zeros_like(walking), walking, walking + sooner * SPEED_UP * acceleration[:, None]])

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
-from ehar.flight.centre import walked
+from ehar.flight.centre import SPEED_UP, ways_ahead
 from ehar.flight.profile import JerkProfile
 from ehar.obstacles.free_space import FreeSpace
 from ehar.obstacles.shapes import MARGIN, Obstacles
@@ -27,27 +27,30 @@ class Around(NamedTuple):
     Attributes:
         obstacles: what stands there.
         moved: (B, 3) how far people's centre, around which cameras fly, is from the obstacles' origin [m].
-        walking: (B, 3) the velocity of that centre [m/s]; people are expected to walk on for a while.
+        walking: (B, 3) the velocity of that centre [m/s]; people may walk on for a while.
+        speeding_up: (B, 3) its acceleration [m/s^2]; they may go on with that too, for less long.
     """
 
     obstacles: Obstacles
     moved: FloatArray
     walking: FloatArray
+    speeding_up: FloatArray
 
     def select(self, rows: IntArray) -> "Around":
         """Return that of some of the cameras."""
-        return Around(self.obstacles, self.moved[rows], self.walking[rows])
+        return Around(self.obstacles, self.moved[rows], self.walking[rows], self.speeding_up[rows])
 
     def clearance(self, cameras: FloatArray, times: FloatArray) -> FloatArray:
-        """Return how clear cameras are if people stay, and if they walk on: (W, B, S) [m]; W is 1 if nobody walks.
+        """Return how clear cameras are on each of people's `ways_ahead`, (W, B, S) [m]; W is 1 if nobody moves.
 
         Args:
             cameras: (B, S, 3) relative to people's centre [m].
             times: (B, S) when they are there, from now on [s].
         """
-        walks = np.arange(1.0 + self.walking.any())[:, None, None, None]
-        on = walks * walked(times, np.exp)[..., None] * self.walking[:, None]
-        return self.obstacles.clearance(cameras + self.moved[:, None] + on)
+        places = cameras + self.moved[:, None]
+        if not (self.walking.any() or self.speeding_up.any()):
+            return self.obstacles.clearance(places[None])
+        return self.obstacles.clearance(places + ways_ahead(times, self.walking, self.speeding_up))
 
 
 def keeps_clear(profile: JerkProfile, around: Around, speed: float) -> BoolArray:
@@ -55,13 +58,13 @@ def keeps_clear(profile: JerkProfile, around: Around, speed: float) -> BoolArray
 
     A camera gets no farther between two samples than its speed allows. So a flight with large clearance needs few
     samples, and only those that come near are sampled more finely. A flight that begins nearer to an obstacle than
-    plans keep may not get nearer. That is so if people stay. If they walk on for a while, it may not get nearer than
-    plans keep either, or than walking on brings a camera that stays.
+    plans keep may not get nearer. That is so if people stay. If they walk on, or speed up, it may not get nearer than
+    plans keep either, or than that brings a camera that stays.
 
     Args:
         profile: B flights.
         around: what stands around them.
-        speed: the highest that a camera reaches, with people's [m/s].
+        speed: the highest that a camera reaches, with that of people who do not speed up [m/s].
     """
 
     def spare(rows: IntArray, shares: FloatArray) -> FloatArray:
@@ -71,7 +74,8 @@ def keeps_clear(profile: JerkProfile, around: Around, speed: float) -> BoolArray
         begun = here.clearance(cameras[:, :1], np.full((1, 1), np.inf))
         return np.asarray((here.clearance(cameras, times) - np.minimum(PLANNED, begun - 1e-6)).min(axis=(0, 2)))
 
-    return _keep_throughout(spare, speed * profile.duration)
+    highest = speed + SPEED_UP * np.linalg.norm(around.speeding_up, axis=1)
+    return _keep_throughout(spare, highest * profile.duration)
 
 
 def free_space_of_flights(workspace: Workspace, obstacles: Obstacles) -> FreeSpace:

@@ -29,7 +29,7 @@ SOONER = 0.01  # [m/s] of clearance that a flight may be nearer to arrive sooner
 def clearance_ahead(profile: JerkProfile, flown: FloatArray, around: Around) -> FloatArray:
     """Return the least clearance of flights in the next `AHEAD` seconds, (B,) [m], at most `AMPLE`.
 
-    It is that if people stay, or if they walk on, whichever is less.
+    It is the least of what it is if people stay, if they walk on, and if they speed up.
 
     Args:
         profile: B flights.

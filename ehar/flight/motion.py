@@ -266,6 +266,7 @@ class FlightMotion:
             around.obstacles,
             rest if around.moved is None else around.moved[rows, self._frames],
             rest if self.centre is None else self.centre.velocity[rows, self._frames],
+            rest if self.centre is None else self.centre.acceleration[rows, self._frames],
         )
 
     def _clear(self, rows: IntArray, plan: JerkProfile) -> BoolArray:

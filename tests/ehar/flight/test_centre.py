@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ehar.flight.centre import around_centre, centre_limits
+from ehar.flight.centre import KEEP_ON, SPEED_UP, around_centre, centre_limits, ways_ahead
 from ehar.flight.kinematics import CartesianMotion, SphericalState
 from ehar.flight.limits import limit_shares
 from ehar.flight.motion import FlightMotion
@@ -129,3 +129,16 @@ def test_telemetry_counts_the_centre() -> None:
     assert costs.distance == pytest.approx(5 * 0.04 * 1.5)
     assert costs.energy == pytest.approx(5 * 0.04 * PX4.body.demands((1.5, 0, 0), (0, 0, 0), np)[0])
     assert costs.noise == pytest.approx(PX4.body.sound_power_level - 10 * np.log10(4 * np.pi * 100), abs=0.1)
+
+
+@given(seeds)
+def test_where_people_will_be_is_the_integral_of_their_fading_velocity(seed: int) -> None:
+    velocity, acceleration = np.random.default_rng(seed).normal(size=(2, 4, 3))
+    times = np.linspace(0, 12, 6001)
+    ways = ways_ahead(np.broadcast_to(times, (4, len(times))), velocity, acceleration)
+    gained = SPEED_UP * (1 - np.exp(-times / SPEED_UP))[:, None] * acceleration[:, None]
+    fading = np.exp(-times / KEEP_ON)[:, None]
+    paces = np.stack([0 * gained, fading * velocity[:, None] + 0 * gained, fading * (velocity[:, None] + gained)])
+    steps = (paces[:, :, 1:] + paces[:, :, :-1]) / 2 * times[1]
+    np.testing.assert_allclose(ways[:, :, 1:], np.cumsum(steps, axis=2), atol=1e-5)
+    assert not ways[:, :, 0].any()

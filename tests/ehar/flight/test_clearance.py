@@ -46,7 +46,7 @@ def test_a_flight_keeps_clear_if_all_its_points_do() -> None:
     profile = JerkProfile.from_phases(state, phases)
     moved = np.zeros((200, 3))
     moved[100:, 0] = 1.0
-    kept = keeps_clear(profile, Around(PILLARS, moved, np.zeros_like(moved)), 15.0)
+    kept = keeps_clear(profile, Around(PILLARS, moved, *np.zeros((2, *moved.shape))), 15.0)
     places = cartesian(profile.at(profile.duration[:, None] * np.linspace(0, 1, 3001)).viewpoint) + moved[:, None]
     clearance = PILLARS.clearance(places)
     assert 0.2 < kept.mean() < 0.9
@@ -62,7 +62,7 @@ def test_a_flight_that_begins_too_near_may_leave_and_not_come_nearer() -> None:
     target = start.viewpoint + np.array([[0, 0.2, 0], [0, -0.05, 0]])
     limits = AxisLimits(*(np.ones((2, 3)) for _ in range(3)))
     profile = JerkProfile.from_phases(start, TimeOptimal().to_target(start, target, limits)[0])
-    assert keeps_clear(profile, Around(PILLARS, rest, rest), 5.0).tolist() == [True, False]
+    assert keeps_clear(profile, Around(PILLARS, rest, rest, rest), 5.0).tolist() == [True, False]
 
 
 def test_people_are_expected_to_walk_on_for_a_while() -> None:
@@ -75,7 +75,7 @@ def test_people_are_expected_to_walk_on_for_a_while() -> None:
     towards = PILLARS.cylinders[0].centre - cartesian(start[0])
     towards[2] = 0
     walking = 0.5 * towards / np.linalg.norm(towards) * np.array([[0], [1], [-1]])
-    assert keeps_clear(profile, Around(PILLARS, rest, walking), 5.0).tolist() == [True, False, True]
+    assert keeps_clear(profile, Around(PILLARS, rest, walking, rest), 5.0).tolist() == [True, False, True]
 
 
 def test_where_people_take_a_camera_into_a_pillar_it_may_leave_and_not_go_through_another() -> None:
@@ -88,7 +88,7 @@ def test_where_people_take_a_camera_into_a_pillar_it_may_leave_and_not_go_throug
     towards = PILLARS.cylinders[0].centre - cartesian(start[0])
     towards[2] = 0
     walking = np.repeat([0.7 * towards / np.linalg.norm(towards)], 2, axis=0)
-    assert keeps_clear(profile, Around(PILLARS, rest, walking), 9.0).tolist() == [True, False]
+    assert keeps_clear(profile, Around(PILLARS, rest, walking, rest), 9.0).tolist() == [True, False]
 
 
 def test_the_way_around_begins_in_sight_and_leads_there() -> None:

@@ -1,15 +1,20 @@
-"""Which flight evades what people walk towards: the clearest of all valid ones."""
+"""Evading what people walk towards: the clearest of all valid flights is flown, and soon enough."""
 
 import numpy as np
 
+from ehar.flight.centre import centre_limits
 from ehar.flight.clearance import Around
 from ehar.flight.evasion import AMPLE, SOONER, _places_around, clearance_ahead, clearest
 from ehar.flight.kinematics import SphericalState
 from ehar.flight.limits import keeps_limits
+from ehar.flight.motion import FlightMotion
 from ehar.flight.profile import JerkProfile
 from ehar.flight.proposals import PROPOSALS, braking_way, limits_to_target
 from ehar.flight.time_optimal import TimeOptimal
 from ehar.flight.vehicle import VEHICLES
+from ehar.localisation import CentreMotion, Localisation
+from ehar.obstacles import Surroundings
+from ehar.obstacles.shapes import MARGIN
 from ehar.world import ROOM
 
 PX4 = VEHICLES["px4-auto"]
@@ -20,7 +25,7 @@ def case(count: int = 4) -> tuple[SphericalState, Around]:
     velocity, acceleration = rng.normal(0, [0.8, 0.1, 0.1], (count, 3)), rng.normal(0, [0.5, 0.05, 0.05], (count, 3))
     velocity[-1] = [9.0, 0.0, 0.0]  # faster than the vehicle may be
     state = SphericalState(ROOM.sample_starts(rng, count), velocity, acceleration, np.zeros((count, 3)))
-    return state, Around(ROOM.obstacles, *(rng.normal(size=(2, count, 3)) * [1, 1, 0]))
+    return state, Around(ROOM.obstacles, *(rng.normal(size=(3, count, 3)) * [1, 1, 0]))
 
 
 def best_by_hand(state: SphericalState, around: Around, row: int) -> float:
@@ -48,3 +53,22 @@ def test_the_clearest_of_all_valid_flights_is_returned() -> None:
     worth = np.where(found, clearance - SOONER * flights.duration, -np.inf)
     np.testing.assert_allclose(worth, [best_by_hand(state, around, row) for row in range(len(found))], atol=1e-9)
     assert found.any() and not found.all(), "the last should be without a valid flight"
+
+
+def test_who_begins_to_walk_is_evaded_in_time() -> None:
+    """Eight people each begin to walk another way, and a fast camera that flies there, towards a wall, evades it."""
+    drone, count, frames, fps = VEHICLES["tracking-drone"], 8, 75, 15
+    azimuth = 2 * np.pi * (1 / 24 + np.arange(count) / count)
+    way = 1.4 * np.clip(np.arange(frames) / fps - 1, 0, 1.6)  # [m], after a second
+    ways = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(count)], axis=-1)[:, None] * way[:, None]
+    centres = [Localisation().followed_smoothly(each, fps, 0, centre_limits(drone)) for each in ways]
+    motion = FlightMotion(vehicle=drone, workspace=ROOM.workspace, moving_centre=True)
+    motion.centre = CentreMotion(*(np.stack(parts) for parts in zip(*centres, strict=True)))
+    surroundings = Surroundings(ROOM.obstacles, motion.centre.position)
+    motion.keep_clear(surroundings)
+    start = np.stack([np.full(count, 5.5), azimuth + 1.2, np.full(count, 1.2)], axis=1)
+    assert surroundings.clearance(start, 0).min() > MARGIN
+    motion.reset(start, 1 / fps)
+    target = np.stack([np.full(count, 9.0), azimuth, np.full(count, 1.3)], axis=1)
+    flown = [surroundings.clearance(motion.advance(target), frame) for frame in range(1, frames)]
+    assert np.min(flown) > MARGIN - 1e-9
