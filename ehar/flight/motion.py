@@ -53,8 +53,8 @@ class FlightMotion:
 
     Among obstacles a proposal is valid only if it also keeps clear of them until it is at rest. Where the straight way
     to the target does not, the camera flies first to a place on a free way that is in sight. A straight flight from
-    rest gets there, and a plan that leads nearer to the target is not braked. In streams people are expected to walk on
-    for a while, and there are no such places. Where they carry a camera towards something, it evades: see
+    rest gets there, and a plan that leads nearer to the target is not braked. In streams people may walk on for a
+    while, or speed up, and there are no such places. Where they carry a camera towards something, it evades: see
     `ehar.flight.evasion`.
 
     Around a moving centre, a flight has what following the centre leaves of the vehicle's limits: see
