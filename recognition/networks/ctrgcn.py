@@ -5,8 +5,7 @@ This module uses the paper's letters for axes: N samples, C channels, T frames, 
 """
 
 import math
-from collections.abc import Iterable, Sequence
-from functools import reduce
+from collections.abc import Sequence
 from typing import cast
 
 import torch
@@ -14,26 +13,17 @@ from torch import Tensor, nn
 
 from ehar.arrays import FloatArray
 from ehar.errors import ModelError
-from recognition.networks.pointwise import Pointwise
+from recognition.networks.pointwise import Pointwise, bias_of, product_of
 from recognition.networks.sizes import PUBLISHED_STRIDES, PUBLISHED_WIDTHS
 
 BRANCHES = 4
 
 
 class CTRGC(nn.Module):
-    """Channel-wise topology refinement graph convolution (Sec. 3.2).
-
-    Each channel c of a sample has its own topology. It is the shared one, refined by a correlation of joints i and j:
-
-        M_ij = tanh(psi(x_i) - phi(x_j))    correlation (M1 in the paper) of the features' means over time
-        R_c  = A + alpha * xi(M)_c          channel-wise topology
-        z_c  = R_c T(x)_c                   channel-wise aggregation of the transformed features
-
-    psi, phi, T and xi are affine maps of the channels: `conv1`, `conv2`, `conv3` and `conv4`.
-    """
+    """The affine maps psi, phi, T and xi of one part of the partition: `conv1`, `conv2`, `conv3` and `conv4`."""
 
     def __init__(self, *, in_channels: int, out_channels: int) -> None:
-        """Create the convolution; `relation_channels` gives the width of psi and phi."""
+        """Create the maps; `relation_channels` gives the width of psi and phi."""
         super().__init__()
         relation = relation_channels(in_channels)
         self.conv1 = Pointwise(in_channels, relation)
@@ -41,22 +31,16 @@ class CTRGC(nn.Module):
         self.conv3 = Pointwise(in_channels, out_channels)
         self.conv4 = Pointwise(relation, out_channels)
 
-    def correlation(self, mean: Tensor) -> Tensor:
-        """Return xi(M) (N, C', V, V) for features whose mean over time is `mean` (N, C, 1, V).
-
-        The published code averages psi(x) and phi(x) over time. Both are affine, so their value at the mean is their
-        average.
-        """
-        correlation: Tensor = self.conv4(torch.tanh(self.conv1(mean).transpose(2, 3) - self.conv2(mean)))
-        return correlation
-
-    def forward(self, x: Tensor, topology: Tensor) -> Tensor:
-        """Transform x (N, C, T, V) and gather it over joints with the `topology` (N, C', V, V), to (N, C', T, V)."""
-        return torch.matmul(self.conv3(x), topology.transpose(2, 3))
-
 
 class SpatialUnit(nn.Module):
-    """Spatial modelling (Sec. 3.4): the sum of one CTR-GC for each part of the partition, with a residual.
+    """Spatial modelling (Sec. 3.4): the sum of one graph convolution for each part of the partition, with a residual.
+
+    In a channel-wise topology refinement graph convolution (Sec. 3.2) each channel c of a sample has its own topology.
+    It is the shared one, refined by a correlation of joints i and j:
+
+        M_ij = tanh(psi(x_i) - phi(x_j))    correlation (M1 in the paper) of the features' means over time
+        R_c  = A + alpha * xi(M)_c          channel-wise topology
+        z_c  = R_c T(x)_c                   channel-wise aggregation of the transformed features
 
     The shared topology `PA` (3, V, V) and `alpha` are learned. `alpha` starts at 0, so there is no refinement at first.
     """
@@ -64,6 +48,7 @@ class SpatialUnit(nn.Module):
     def __init__(self, *, in_channels: int, out_channels: int, adjacency: Tensor) -> None:
         """Create the unit; the shared topology starts as `adjacency` (3, V, V)."""
         super().__init__()
+        self.out_channels = out_channels
         self.convs = nn.ModuleList(CTRGC(in_channels=in_channels, out_channels=out_channels) for _ in adjacency)
         self.PA = nn.Parameter(adjacency.clone())
         self.alpha = nn.Parameter(torch.zeros(1))
@@ -73,12 +58,33 @@ class SpatialUnit(nn.Module):
             self.down = nn.Sequential(Pointwise(in_channels, out_channels), nn.BatchNorm2d(out_channels))
 
     def forward(self, x: Tensor) -> Tensor:
-        """Convolve x (N, C, T, V) over joints, to (N, C', T, V)."""
-        mean = x.mean(dim=2, keepdim=True)
-        parts = []
-        for conv, shared in zip(cast("Iterable[CTRGC]", self.convs), self.PA, strict=True):
-            parts.append(conv(x, torch.addcmul(shared, conv.correlation(mean), self.alpha)))
-        return torch.relu(self.bn(reduce(torch.add, parts)) + self.down(x))
+        """Convolve x (N, C, T, V) over joints, add the residual and activate, to (N, C', T, V)."""
+        return torch.relu(self.bn(self.convolve(x)) + self.down(x))
+
+    def convolve(self, x: Tensor) -> Tensor:
+        """Return the sum of the graph convolutions; all parts are computed at once, in fewer and larger products."""
+        samples, _, frames, joints = x.shape
+        values = product_of(*self._maps("conv3"), x).view(samples, -1, self.out_channels, frames, joints)
+        gathered = values @ self._topologies(x.mean(dim=2, keepdim=True)).transpose(-1, -2)
+        return gathered.sum(dim=1)
+
+    def _topologies(self, mean: Tensor) -> Tensor:
+        """Return the topologies (N, 3, C', V, V) for features whose mean over time is `mean` (N, C, 1, V).
+
+        The published code averages psi(x) and phi(x) over time. Both are affine, so their value at the mean is their
+        average.
+        """
+        samples, parts, joints = len(mean), len(self.PA), mean.shape[3]
+        psi, phi = (product_of(*self._maps(name), mean) for name in ("conv1", "conv2"))
+        correlation = torch.tanh(psi.transpose(2, 3) - phi).view(samples, parts, -1, joints**2)
+        weight, bias = self._maps("conv4")
+        refined = weight.view(parts, self.out_channels, -1) @ correlation + bias.view(parts, -1, 1)
+        return torch.addcmul(self.PA[:, None], refined.view(samples, parts, -1, joints, joints), self.alpha)
+
+    def _maps(self, name: str) -> tuple[Tensor, Tensor]:
+        """Return the weights (3 O, I) and the biases (3 O,) of a map of all parts."""
+        maps = [cast("Pointwise", conv.get_submodule(name)) for conv in self.convs]
+        return torch.cat([each.weight.flatten(1) for each in maps]), torch.cat([bias_of(each) for each in maps])
 
 
 class TemporalConvolution(nn.Module):

@@ -8,6 +8,7 @@ F' = 1 as long as the forks share it.
 
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
@@ -113,21 +114,30 @@ class CausalGraphConvolution(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Return the layer's output (N, C_out, J, T) for whole clips (N, C_in, J, T)."""
-        n, inputs, j, frames = x.shape
+        n, _, j, frames = x.shape
+        begins = [count - 1 for count in range(1, frames + 1) if refreshes(count, fading=self.fading is not None)]
+        topologies = self._topologies(x, begins)
         # Frames that share a topology are cut out of the input, not of the values, which are three times as large.
         weight, bias = self.beside()
-        begins = [count - 1 for count in range(1, frames + 1) if refreshes(count, fading=self.fading is not None)]
-        total = x.new_zeros((n, inputs, j), dtype=torch.float32)
-        summed, pieces = 0, []
-        for begin, end in zip(begins, [*begins[1:], frames], strict=True):
-            # Sums over frames are in full precision: in bfloat16 they would lose the late frames.
-            fresh = x[..., summed : begin + 1]
-            total = self._kept(total, fresh.shape[3]) + self._sum(fresh)
-            summed = begin + 1
-            topology = self.refined(total / self._weight(torch.tensor(summed, device=x.device))).transpose(-1, -2)
-            values = product_of(weight, bias, x[..., begin:end]).view(n, self.outputs, 3 * j, end - begin)
-            pieces.append(topology @ values)
+        pieces = []
+        lengths = np.diff([*begins, frames]).tolist()
+        for topology, piece in zip(topologies, torch.split(x, lengths, dim=3), strict=True):
+            values = product_of(weight, bias, piece).view(n, self.outputs, 3 * j, -1)
+            pieces.append(topology.transpose(-1, -2) @ values)
         return self.finish(torch.cat(pieces, dim=3), x)
+
+    def _topologies(self, x: Tensor, begins: list[int]) -> Tensor:
+        """Return the topologies (R, n, C_out, 3 J, J) from each of R frames of x (n, C_in, J, T) on."""
+        n, inputs, j, frames = x.shape
+        # Sums over frames are in full precision: in bfloat16 they would lose the late frames.
+        total = x.new_zeros((n, inputs, j), dtype=torch.float32)
+        means = []
+        lengths = np.diff([-1, *begins]).tolist()
+        for begin, fresh in zip(begins, torch.split(x, [*lengths, frames - 1 - begins[-1]], dim=3), strict=False):
+            total = self._kept(total, fresh.shape[3]) + self._sum(fresh)
+            means.append(total / self._weight(torch.full((), begin + 1, device=x.device)))
+        refined = self.refined(torch.stack(means).flatten(0, 1))  # of all frames in one product
+        return refined.view(len(begins), n, *refined.shape[1:])
 
     def _kept(self, total: Tensor, frames: int) -> Tensor:
         """Return what is left of a sum so many frames later."""
@@ -164,28 +174,25 @@ class CausalTemporalConvolution(nn.Module):
 
     def _reduced(self, x: Tensor) -> tuple[Tensor, Tensor]:
         """Return the three activated branches that look back, and the one that does not."""
-        reduced = self.reduce_norm(self.reduce(x))
-        return functional.relu(reduced[:, : 3 * self.branch]), reduced[:, 3 * self.branch :]
+        back, present = torch.split(self.reduce_norm(self.reduce(x)), [3 * self.branch, self.branch], dim=1)
+        return functional.relu(back), present
 
     def forward(self, x: Tensor) -> Tensor:
         """Return (N, C, J, T) for whole clips (N, C, J, T)."""
         back, present = self._reduced(x)
-        # The padding is zero, and an activated branch is never below zero, so the pool may see the padding too.
-        padded = functional.pad(back, (HISTORY, 0))
+        *convolved, pooled = torch.split(back, self.branch, dim=1)
         outputs = []
-        for i, (convolution, dilation) in enumerate(zip(self.convolutions, DILATIONS, strict=True)):
+        for convolution, branch, dilation in zip(self.convolutions, convolved, DILATIONS, strict=True):
             weight = convolution.weight
             assert isinstance(weight, Tensor)
-            skip = HISTORY - (KERNEL - 1) * dilation
-            seen = padded[:, i * self.branch : (i + 1) * self.branch, :, skip:]
+            seen = functional.pad(branch, ((KERNEL - 1) * dilation, 0))
             outputs.append(
                 functional.conv2d(seen, weight.transpose(2, 3), bias_of(convolution), dilation=(1, dilation))
             )
-        outputs.append(
-            functional.max_pool2d(padded[:, 2 * self.branch :, :, HISTORY - POOL + 1 :], (1, POOL), stride=1)
-        )
+        # The padding is zero, and an activated branch is never below zero, so the pool may see the padding too.
+        outputs.append(functional.max_pool2d(functional.pad(pooled, (POOL - 1, 0)), (1, POOL), stride=1))
         normed = self.norm(torch.cat(outputs, dim=1))
-        if normed.requires_grad:
-            # The gradient is a slice of that of all branches, and batch norm is slow to go back from a slice.
+        if normed.requires_grad and normed.device.type == "cpu":
+            # The gradient is a slice of that of all branches, and batch norm is slow to go back from a slice there.
             normed.register_hook(torch.Tensor.contiguous)
         return torch.cat([normed, present], dim=1)

@@ -1,3 +1,5 @@
+from itertools import product
+
 import numpy as np
 import pytest
 import torch
@@ -6,7 +8,7 @@ from torch import nn
 
 from ehar.data.skeleton import Skeleton
 from ehar.errors import ModelError
-from recognition.networks.ctrgcn import CTRGC, CTRGCN, SpatialUnit, TemporalUnit, relation_channels
+from recognition.networks.ctrgcn import CTRGCN, SpatialUnit, TemporalUnit, relation_channels
 from recognition.networks.graph import partition
 from tests.helpers.places import SHARED
 
@@ -69,25 +71,25 @@ def test_published_parameter_count():
 
 
 def test_unit_is_the_papers_formula():
-    """z_ctu = sum over v of (A + alpha * xi(tanh(psi(x_u) - phi(x_v))))_cuv T(x)_ctv, joint by joint."""
-    unit = randomised(CTRGC(in_channels=3, out_channels=4)).double()
+    """z_ctu = sum over parts and v of (A + alpha * xi(tanh(psi(x_u) - phi(x_v))))_cuv T(x)_ctv, joint by joint."""
+    unit = randomised(SpatialUnit(in_channels=3, out_channels=4, adjacency=noise(3, 5, 5, seed=2))).double()
     x = noise(2, 3, 6, 5).double()
-    shared = noise(5, 5, seed=2).double()
     with torch.no_grad():
-        z = unit(x, shared + 0.75 * unit.correlation(x.mean(dim=2, keepdim=True))).numpy()
+        unit.alpha.fill_(0.75)
+        z = unit.convolve(x).numpy()
 
     def affine(layer, features):
         return layer.weight.detach().numpy()[:, :, 0, 0] @ features + layer.bias.detach().numpy()
 
     expected = np.zeros((2, 4, 6, 5))
-    for n, sample in enumerate(x.numpy()):
-        for u in range(5):
-            for v in range(5):
-                psi = np.mean([affine(unit.conv1, sample[:, t, u]) for t in range(6)], axis=0)
-                phi = np.mean([affine(unit.conv2, sample[:, t, v]) for t in range(6)], axis=0)
-                refined = shared[u, v].item() + 0.75 * affine(unit.conv4, np.tanh(psi - phi))
-                for t in range(6):
-                    expected[n, :, t, u] += refined * affine(unit.conv3, sample[:, t, v])
+    for (n, sample), (shared, part), u, v in product(
+        enumerate(x.numpy()), zip(unit.PA.detach().numpy(), unit.convs, strict=True), range(5), range(5)
+    ):
+        psi = np.mean([affine(part.conv1, sample[:, t, u]) for t in range(6)], axis=0)
+        phi = np.mean([affine(part.conv2, sample[:, t, v]) for t in range(6)], axis=0)
+        refined = shared[u, v] + 0.75 * affine(part.conv4, np.tanh(psi - phi))
+        for t in range(6):
+            expected[n, :, t, u] += refined * affine(part.conv3, sample[:, t, v])
     np.testing.assert_allclose(z, expected, rtol=1e-10, atol=1e-12)
 
 
