@@ -3,7 +3,6 @@
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -166,16 +165,13 @@ def published(
         torch.set_num_threads(threads)
     motion, folder = load_data(data), Path(out)
     unseen = unseen_test(motion)
-    held: dict[Form, list[list[FloatArray]]] = {}
-    arithmetic = set()
-    for form in forms:
-        held[form] = []
-        for seed in seeds:
-            runs = [PublishedRun(form, stream, size, seed, epochs) for stream in streams]
-            held[form].append(
-                [train_published(run, motion, folder, device=device, report=partial(_epoch_done, run)) for run in runs]
-            )
-            arithmetic |= {arithmetic_of(run, folder) for run in runs}
+    runs = [PublishedRun(form, stream, size, seed, epochs) for form in forms for seed in seeds for stream in streams]
+    found_of = dict(zip(runs, train_published(runs, motion, folder, device=device, report=_epoch_done), strict=True))
+    arithmetic = {arithmetic_of(run, folder) for run in runs}
+    held: dict[Form, list[list[FloatArray]]] = {
+        form: [[found_of[PublishedRun(form, stream, size, seed, epochs)] for stream in streams] for seed in seeds]
+        for form in forms
+    }
     assert motion.is_test is not None
     test = np.flatnonzero(motion.is_test)
     labels, new = motion.labels[test], np.isin(test, unseen)

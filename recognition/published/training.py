@@ -1,6 +1,9 @@
 """Trains and tests a network by the published protocol of Northwestern-UCLA; it goes on from its last epoch."""
 
 import json
+import math
+import os
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -20,18 +23,20 @@ from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.sizes import Size
 from recognition.networks.spec import Network, build_network
 from recognition.published.clips import Stream, published_clip
+from recognition.published.epochs import Draw, Epoch, draw_ahead, draw_epoch
+from recognition.published.recorded_step import RecordedStep
 from recognition.training.arithmetic import arithmetic_on, quick_products
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.training.optimisers import PUBLISHED_EPOCHS, PUBLISHED_MOMENTUM, PUBLISHED_RATE, PUBLISHED_WARM_UP
 
 # Where this protocol differs from that of NTU RGB+D, as `recognition.training.optimisers` has it:
 DECAY = 1e-4  # of weights
-BATCH = 16
-REPEATS = 5  # of each training sequence in an epoch
 DROP = 50  # the epoch from which the rate is a tenth
 
 RATIOS = tuple(range(10, 101, 10))  # observation ratios of the test [%]
 TEST_BATCH = 64
+
+SAVED = 60.0  # seconds at least between checkpoints: on a GPU an epoch takes less
 
 
 @dataclass(frozen=True)
@@ -60,24 +65,24 @@ class PublishedRun:
 
 
 def train_published(
-    run: PublishedRun,
+    runs: Sequence[PublishedRun],
     data: MotionData,
     out: Path,
     *,
     device: str = "cpu",
-    report: Callable[[int, float], None] = lambda epoch, loss: None,
-) -> FloatArray:
-    """Train on the training split, test on the test split.
+    report: Callable[[PublishedRun, int, float], None] = lambda run, epoch, loss: None,
+) -> list[FloatArray]:
+    """Train on the training split, test on the test split: on a CPU one run after another, on a GPU side by side.
 
     Args:
-        run: what to train.
+        runs: what to train.
         data: the data, with a split.
         out: folder of the results, and of checkpoints until then; what is done there is not done again.
         device: torch device.
-        report: is told of each epoch: how many are done, and the mean loss.
+        report: is told of each epoch: the run, how many are done, and the mean loss.
 
     Returns:
-        log-probabilities (N, R, K) of the N test sequences after each of `RATIOS` of their frames.
+        for each run log-probabilities (N, R, K) of the N test sequences after each of `RATIOS` of their frames.
 
     Raises:
         DataError: the data has no split, or no training sequence.
@@ -86,17 +91,45 @@ def train_published(
     """
     if data.is_test is None or data.is_test.all() or not data.is_test.any():
         raise DataError(f"{data.name}: expected training and test sequences, as `split` names them")
-    finished = out / f"{run.name}.npz"
-    if finished.is_file():
-        return _read(finished, data)
-    trained = _Training(run, data, out / f"{run.name}.checkpoint", torch.device(device))
-    trained.train(report)
-    log_probs = trained.test()
-    with replacing(finished) as temporary, temporary.open("wb") as file:
-        arithmetic = arithmetic_on(trained.device)
-        np.savez(file, allow_pickle=False, log_probs=log_probs, data_sha256=data.sha256, arithmetic=arithmetic)
-    trained.checkpoint.unlink(missing_ok=True)
-    return log_probs
+    done = {run: _read(_results(run, out), data) for run in runs if _results(run, out).is_file()}
+    left = [run for run in runs if run not in done]
+    for together in [left] if device != "cpu" else [[run] for run in left]:
+        trainings = [_Training(run, data, out / f"{run.name}.checkpoint", torch.device(device)) for run in together]
+        _train(trainings, data, report)
+        for training in trainings:
+            done[training.run] = training.finish(_results(training.run, out))
+    return [done[run] for run in runs]
+
+
+def _train(
+    trainings: Sequence["_Training"], data: MotionData, report: Callable[[PublishedRun, int, float], None]
+) -> None:
+    """Train all epochs that are left, a step of each training in turn."""
+    last = max((training.run.epochs for training in trainings), default=0)
+    rounds = [
+        [training for training in trainings if training.epoch <= epoch < training.run.epochs] for epoch in range(last)
+    ]
+    draws = [
+        Draw(training.run.stream, training.run.seed, epoch) for epoch, some in enumerate(rounds) for training in some
+    ]
+    processes = min(len(trainings), os.cpu_count() or 1)
+    if processes > 1:
+        drawn = draw_ahead(data, draws, processes=processes, ahead=len(trainings))
+    else:
+        drawn = (draw_epoch(data, draw) for draw in draws)
+    for number, learning in enumerate(rounds):
+        for training in learning:
+            training.begin_epoch(next(drawn))
+        for _ in range(max((training.steps for training in learning), default=0)):
+            for training in learning:
+                training.learn()
+        for training in learning:
+            report(training.run, number + 1, training.end_epoch())
+
+
+def _results(run: PublishedRun, out: Path) -> Path:
+    """Return the file of a finished run."""
+    return out / f"{run.name}.npz"
 
 
 def rate_of_epoch(epoch: int) -> float:
@@ -126,27 +159,58 @@ class _Training:
             self.network.parameters(), lr=PUBLISHED_RATE, momentum=PUBLISHED_MOMENTUM, weight_decay=DECAY, nesterov=True
         )
         self.identity = as_json({**asdict(run), "data_sha256": data.sha256})
+        self.recorded: RecordedStep | None = None  # on a GPU
         self.epoch = 0
-
-    def train(self, report: Callable[[int, float], None]) -> None:
-        """Train all epochs that are left."""
+        self.steps = 0  # of an epoch
+        self._left: Iterator[tuple[Tensor, Tensor]] = iter(())
+        self._losses: list[float] = []
+        self._saved = -math.inf
         self._resume()
-        assert self.data.is_test is not None
-        sequences = np.repeat(np.flatnonzero(~self.data.is_test), REPEATS)
-        while self.epoch < self.run.epochs:
-            rng = np.random.default_rng((self.run.seed, self.epoch))
-            for group in self.optimiser.param_groups:
-                group["lr"] = rate_of_epoch(self.epoch)
-            self.network.train()
-            losses = [self._learn(batch, rng) for batch in _batches(rng.permutation(sequences))]
-            self.epoch += 1
-            loss = float(np.mean(losses))
-            if not np.isfinite(loss):
-                raise ModelError(f"{self.run.name}: the loss is {loss} in epoch {self.epoch}: expected a finite one")
+
+    def begin_epoch(self, epoch: Epoch) -> None:
+        """Take the clips of the next epoch."""
+        rate = rate_of_epoch(self.epoch)
+        if self.recorded is not None and rate != self.optimiser.param_groups[0]["lr"]:
+            self.recorded.record_anew()
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+        self.network.train()
+        self.steps = len(epoch.labels)
+        clips, labels = (torch.from_numpy(part).to(self.device) for part in (epoch.clips, epoch.labels))
+        self._left = zip(clips, labels, strict=True)
+        self._losses = []
+
+    def learn(self) -> None:
+        """Make a step on the next batch of the epoch; on a GPU it may run later."""
+        clips, labels = next(self._left)
+        if self.device.type == "cpu":
+            self._losses.append(float(self._step(clips, labels)))
+            return
+        if self.recorded is None:
+            self.recorded = RecordedStep(self._step, (clips, labels), self.device)
+        self.recorded.make(clips, labels)
+
+    def end_epoch(self) -> float:
+        """Return the mean loss of the epoch, and save how far the training is."""
+        loss = float(np.mean(self._losses)) if self.recorded is None else self.recorded.mean_loss()
+        self.epoch += 1
+        if not np.isfinite(loss):
+            raise ModelError(f"{self.run.name}: the loss is {loss} in epoch {self.epoch}: expected a finite one")
+        if time.monotonic() - self._saved >= SAVED or self.epoch == self.run.epochs:
             held = {"run": self.identity, "epoch": self.epoch}
             state = {"network": self.network.state_dict()}
             save_checkpoint(self.checkpoint, Checkpoint(state, self.optimiser.state_dict(), held))
-            report(self.epoch, loss)
+            self._saved = time.monotonic()
+        return loss
+
+    def finish(self, path: Path) -> FloatArray:
+        """Test, write the result and remove the checkpoint."""
+        log_probs = self.test()
+        with replacing(path) as temporary, temporary.open("wb") as file:
+            arithmetic = arithmetic_on(self.device)
+            np.savez(file, allow_pickle=False, log_probs=log_probs, data_sha256=self.data.sha256, arithmetic=arithmetic)
+        self.checkpoint.unlink(missing_ok=True)
+        return log_probs
 
     def test(self) -> FloatArray:
         """Return the log-probabilities of the test sequences after each observation ratio."""
@@ -169,17 +233,15 @@ class _Training:
         seen = max(1, int(np.ceil(ratio / 100 * len(motion))))
         return published_clip(motion[:seen], self.run.stream, self.parents)
 
-    def _learn(self, sequences: IntArray, rng: np.random.Generator) -> float:
+    def _step(self, clips: Tensor, labels: Tensor) -> Tensor:
         """Make one step and return its loss: the mean over frames, if the form gives an answer at each."""
-        clips = [published_clip(self.data.sequence(i), self.run.stream, self.parents, rng) for i in sequences]
-        labels = torch.from_numpy(self.data.labels[sequences].astype(np.int64)).to(self.device)
-        with quick_products(self.device):
-            logits = self._logits(torch.from_numpy(np.stack(clips))).float()
-        loss = functional.cross_entropy(logits.flatten(0, 1), labels.repeat_interleave(logits.shape[1]))
         self.optimiser.zero_grad(set_to_none=True)
+        with quick_products(self.device):
+            logits = self._logits(clips).float()
+        loss = functional.cross_entropy(logits.flatten(0, 1), labels.repeat_interleave(logits.shape[1]))
         loss.backward()  # type: ignore[no-untyped-call]
         self.optimiser.step()
-        return float(loss.detach())
+        return loss.detach()
 
     def _logits(self, clips: Tensor) -> Tensor:
         """Return logits (N, L, K) of clips (N, L, P, J, 3); the published form has one answer: (N, 1, K)."""
@@ -208,13 +270,6 @@ class _Training:
                 f"{self.checkpoint}: a checkpoint of another run: {got}; remove it, or choose another --out"
             )
         self.epoch = epoch
-
-
-def _batches(sequences: IntArray) -> Iterator[IntArray]:
-    """Yield whole batches; with fewer sequences than one holds, there is one of all of them."""
-    size = min(BATCH, len(sequences))
-    for begin in range(0, len(sequences) - size + 1, size):
-        yield sequences[begin : begin + size]
 
 
 def _read(path: Path, data: MotionData) -> FloatArray:
