@@ -19,6 +19,7 @@ from ehar.data.streams.data import StreamData
 from ehar.files import write_text
 from eval.render.tables import Table
 from eval.speed.effort import DATA, WORKERS, Effort
+from eval.speed.on_device import device_figures
 from eval.speed.peak import frame_gflop, peak_figures
 from eval.speed.planning import time_ppo, time_ruckig, time_solves
 from eval.speed.recognition import (
@@ -31,6 +32,7 @@ from eval.speed.recognition import (
 )
 from eval.speed.report import time_report
 from eval.speed.streams import STREAMS, late_over_early, letting_go, time_flown_streams, time_plans, time_streams
+from recognition.devices import check_device
 
 
 class Target(NamedTuple):
@@ -65,6 +67,8 @@ TARGETS = {
     "stream_late_over_early_frame": Target(1.05, at_most=True),
     "letting_go_later_s": Target(0.3, at_most=True),
     "report_interactive_s": Target(3.0, at_most=True),
+    "device_recognised_frames_per_s": Target(1_000_000.0),
+    "device_probability_difference": Target(1e-4, at_most=True),
 }
 
 
@@ -73,14 +77,16 @@ def bench(
     effort: Effort | None = None,
     report: str | Path | None = None,
     models: str | Path | None = None,
+    device: str = "cpu",
 ) -> dict[str, float]:
-    """Measure everything and write it to `out` as JSON.
+    """Measure everything, or what a GPU decides, and write it to `out` as JSON.
 
     Args:
         out: the file.
         effort: how much to measure.
         report: a report.html to open as well.
         models: folder of a recogniser of solo-stream, to see how soon it lets go; None takes the one that ships.
+        device: cuda measures on a GPU what it decides: the keys that begin with `device_`.
 
     Returns:
         flops_ratio, time_ratio: the cost of the published form over an episode, evaluated on every prefix, divided by
@@ -117,8 +123,19 @@ def bench(
         report_interactive_s: from opening the report until its table is sorted and its replay has moved; only with a
             report.
         shipped_weights: 1 if the streaming recogniser is the one that ships, 0 if it is untrained.
+        device_recognised_frames_per_s: frames that the streaming recogniser takes in on the device, `Effort.batch`
+            episodes at once, from what a sensor gave to calibrated probabilities, both in the CPU's memory.
+        device_sensed_and_recognised_frames_per_s: likewise with the sensor, which runs on one thread of the CPU.
+        device_training_clips_per_s: clips that the training of a recogniser takes in; the CPU draws them.
+        device_probability_difference: how far its probabilities differ at most from those on the CPU.
+
+    Raises:
+        UsageError: there is no such device, or no report or no browser to open it with.
     """
     effort = effort or Effort()
+    check_device(device)
+    if device != "cpu":
+        return _written(out, device_figures(load_data(DATA), device, effort))
     opened = {} if report is None else {"report_interactive_s": time_report(Path(report))}  # first: it may be missing
     let_go = letting_go(models, effort)
     data, streams = load_data(DATA), load_recordings(STREAMS)
@@ -163,6 +180,11 @@ def bench(
         **opened,
         "shipped_weights": float(streaming_recogniser(data)[1]),
     }
+    return _written(out, figures)
+
+
+def _written(out: str | Path, figures: dict[str, float]) -> dict[str, float]:
+    """Write figures as JSON, and return them."""
     write_text(Path(out), [json.dumps(figures, indent=1), "\n"])
     return figures
 
@@ -174,8 +196,10 @@ def bench_table(figures: dict[str, float]) -> Table:
         target = TARGETS.get(name)
         goal = f"{'<=' if target.at_most else '>='} {target.bound:,g}" if target else ""
         rows.append((name, f"{figure:,.4g}" if figure < 1000 else f"{figure:,.0f}", goal, _verdict(target, figure)))
+    on_device = any(name.startswith("device_") for name in figures)
+    how = f"{Effort.batch:,} at once on a GPU" if on_device else f"{WORKERS} processes of one thread"
     return Table(
-        title=f"Speed on {DATA}: episodes of {Effort.length} frames, {WORKERS} processes of one thread",
+        title=f"Speed on {DATA}: episodes of {Effort.length} frames, {how}",
         header=("figure", "measured", "target", "met"),
         rows=tuple(rows),
         footnotes=tuple(_footnotes(figures)),
@@ -183,7 +207,7 @@ def bench_table(figures: dict[str, float]) -> Table:
 
 
 def _footnotes(figures: dict[str, float]) -> Iterator[str]:
-    if not figures["shipped_weights"]:
+    if not figures.get("shipped_weights", 1.0):
         yield "The recogniser is untrained: no weights ship yet."
 
 

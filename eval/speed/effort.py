@@ -13,6 +13,7 @@ class Effort:
     Args:
         length: L, frames of an episode.
         episodes: episodes that the streaming recogniser runs in lockstep.
+        batch: the same on a GPU.
         repeats: repeats of each episode, over which medians are taken.
         small_episodes: episodes that both forms of the small network run, evaluated on every prefix.
         published_episodes: episodes for the same with the published widths.
@@ -31,6 +32,7 @@ class Effort:
 
     length: int = 60
     episodes: int = 128
+    batch: int = 4096
     repeats: int = 7
     small_episodes: int = 32
     published_episodes: int = 2

@@ -51,7 +51,7 @@ def frame_gflop(data: MotionData, effort: Effort) -> float:
     """Return the billions of operations of a recognised frame, as a mean over an episode."""
     recogniser, _ = streaming_recogniser(data)
     state, flops = recogniser.start(1), 0
-    for sensed, viewpoint in first_frames(data, effort.length, PerfectSensor()):
+    for sensed, viewpoint in first_frames(data, 1, effort.length, PerfectSensor()):
         step = partial(recogniser.step, state, sensed, viewpoint)
         flops += count_flops(step)
         _, state = step()

@@ -65,18 +65,23 @@ def compare_forms(data: MotionData, size: Size, episodes: int, length: int) -> F
 
 def time_recogniser(data: MotionData, effort: Effort) -> FloatArray:
     """Return the seconds that sensing and recognising each frame of an episode take, (L,), medians over repeats."""
-    recogniser, _ = streaming_recogniser(data)
+    return np.asarray(time_frames(streaming_recogniser(data)[0], data, effort.episodes, effort).sum(axis=1))
+
+
+def time_frames(recogniser: Recogniser, data: MotionData, episodes: int, effort: Effort) -> FloatArray:
+    """Return the seconds that sensing, and then recognising, each frame takes, (L, 2), medians over repeats."""
     sensor = PerfectSensor()
-    positions, viewpoint, noise = _episodes(data, effort.episodes, effort.length)
-    seconds = np.empty((effort.repeats + 1, effort.length))
+    positions, viewpoint, noise = _episodes(data, episodes, effort.length)
+    seconds = np.empty((effort.repeats + 1, effort.length, 2))
     for repeat in range(len(seconds)):
-        state = recogniser.start(effort.episodes)
+        state = recogniser.start(episodes)
         for frame in range(effort.length):
             begin = time.perf_counter()
             sensed = sensor.sense(positions[:, frame], viewpoint, noise.frame(frame))
-            _, state = recogniser.step(state, sensed, viewpoint)
-            seconds[repeat, frame] = time.perf_counter() - begin
-    return np.median(seconds[1:], axis=0)  # the first warms up
+            seen = time.perf_counter()
+            _, state = recogniser.step(state, sensed, viewpoint)  # what it returns lies in the CPU's memory
+            seconds[repeat, frame] = seen - begin, time.perf_counter() - seen
+    return np.asarray(np.median(seconds[1:], axis=0))  # the first warms up
 
 
 def time_world(data: MotionData, effort: Effort) -> float:
@@ -94,20 +99,22 @@ def time_world(data: MotionData, effort: Effort) -> float:
     return float(np.median(seconds))
 
 
-def streaming_recogniser(data: MotionData) -> tuple[Recogniser, bool]:
+def streaming_recogniser(data: MotionData, device: str = "cpu") -> tuple[Recogniser, bool]:
     """Return the recogniser that ships for the data and True, or an untrained one of its architecture and False."""
     try:
-        return load_recogniser(Conditions(), data), True
+        return load_recogniser(Conditions(), data, device=device), True
     except ModelError:
-        return untrained(data, "causal", "small", Effort.length), False
+        return untrained(data, "causal", "small", Effort.length, device=device), False
 
 
-def time_training(data: MotionData, effort: Effort) -> float:
+def time_training(data: MotionData, effort: Effort, *, device: str = "cpu", size: Size = "small") -> float:
     """Return how many clips a second a recogniser's training takes in, as `WORKERS` threads of this process."""
     times: list[float] = []
     with TemporaryDirectory() as folder:
         conditions = Conditions(data=data, sensor="estimator", length=effort.length)
-        config = TrainingConfig(conditions=conditions, out=Path(folder), clips=effort.clips, threads=WORKERS)
+        config = TrainingConfig(
+            conditions=conditions, out=Path(folder), size=size, clips=effort.clips, device=device, threads=WORKERS
+        )
         train_recogniser(config, lambda clips, expected, evaluations: times.append(time.perf_counter()))
     steps = np.diff(times[:-1])  # the last step is followed by an evaluation
     return config.batch / float(np.median(steps))
@@ -123,20 +130,24 @@ def frame_ratios(seconds: FloatArray) -> dict[str, float]:
     }
 
 
-def first_frames(data: MotionData, length: int, sensor: Sensor) -> Iterator[tuple[Sensed, FloatArray]]:
-    """Yield what a camera that stays senses in each frame of one episode, and its viewpoint (1, 3)."""
-    positions, viewpoint, noise = _episodes(data, 1, length)
+def first_frames(data: MotionData, episodes: int, length: int, sensor: Sensor) -> Iterator[tuple[Sensed, FloatArray]]:
+    """Yield what cameras that stay sense in each frame of B episodes, and their viewpoints (B, 3)."""
+    positions, viewpoint, noise = _episodes(data, episodes, length)
     for frame in range(length):
         yield sensor.sense(positions[:, frame], viewpoint, noise.frame(frame)), viewpoint
 
 
-def untrained(data: Recordings, form: Form, size: Size, length: int) -> StreamingRecogniser | PrefixRecogniser:
+def untrained(
+    data: Recordings, form: Form, size: Size, length: int, *, device: str = "cpu"
+) -> StreamingRecogniser | PrefixRecogniser:
     """Return a recogniser with random weights: as fast as a trained one."""
     spec = NetworkSpec.of(data, form=form, size=size, length=length)
     network = spec.build()
     if isinstance(network, CausalCTRGCN):
-        return StreamingRecogniser(network=network, spec=spec, temperature=Temperature(), sha256="untrained")
-    return PrefixRecogniser(network=network, spec=spec, temperature=Temperature(), sha256="untrained")
+        return StreamingRecogniser(
+            network=network, spec=spec, temperature=Temperature(), sha256="untrained", device=device
+        )
+    return PrefixRecogniser(network=network, spec=spec, temperature=Temperature(), sha256="untrained", device=device)
 
 
 def _episodes(data: MotionData, episodes: int, length: int) -> tuple[FloatArray, FloatArray, SensorNoise]:

@@ -135,6 +135,7 @@ COMMANDS = CommandGroup(
                 "out": Flag(".json to write.", default=REQUIRED),
                 "report": Flag("report.html to open too; takes chromium, and playwright from ehar[dev].", hint="none"),
                 "models": Flag("recogniser of solo-stream, to see how soon it lets go.", metavar="PATH", hint="ours"),
+                "device": Flag("cuda: measure a GPU alone."),
             },
         ),
     },

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from ehar.errors import UsageError
 from eval.render.tables import markdown
 from eval.speed.bench import TARGETS, bench, bench_table
 from eval.speed.effort import WORKERS, Effort
+from eval.speed.on_device import device_figures
 from eval.speed.peak import frame_gflop, peak_figures
 from eval.speed.recognition import compare_forms, frame_ratios, time_training, time_world
 from recognition.networks.sizes import SMALL_WIDTHS
@@ -88,6 +90,32 @@ def test_a_training_takes_in_clips(monkeypatch: pytest.MonkeyPatch) -> None:
     torch.set_num_threads(threads)
 
 
+def test_a_device_is_measured_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trainer, "VALIDATION_CLIPS", 8)
+    threads = torch.get_num_threads()
+    figures = device_figures(tiny_data(sequences=24), "cpu", BRIEF)
+    torch.set_num_threads(threads)
+    assert figures.pop("device_probability_difference") == 0  # of the CPU from itself
+    for ending in ("", "_published_widths"):
+        assert 0 < figures[f"device_sensed_and_recognised_frames_per_s{ending}"]
+        assert (
+            figures[f"device_sensed_and_recognised_frames_per_s{ending}"]
+            < (figures[f"device_recognised_frames_per_s{ending}"])
+        )
+        assert figures[f"device_training_clips_per_s{ending}"] > 0
+    assert len(figures) == 6
+    monkeypatch.setattr("eval.speed.bench.check_device", lambda device: None)
+    monkeypatch.setattr("eval.speed.bench.device_figures", lambda data, device, effort: {"device_x": float(device[5:])})
+    assert bench(tmp_path / "gpu.json", BRIEF, device="cuda:1") == {"device_x": 1.0}
+    assert json.loads((tmp_path / "gpu.json").read_text()) == {"device_x": 1.0}
+    assert "device_x" in markdown(bench_table({"device_x": 1.0}))
+
+
+def test_refuses_a_device_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"^--device tpu: expected cpu or cuda$"):
+        bench(tmp_path / "bench.json", BRIEF, device="tpu")
+
+
 def test_targets_are_bounds_from_their_side() -> None:
     assert TARGETS["time_ratio"].met(10.0)
     assert not TARGETS["time_ratio"].met(9.9)
@@ -112,7 +140,7 @@ def test_every_figure_is_written_and_printed(tmp_path: Path, monkeypatch: pytest
     figures = bench(out, BRIEF, tmp_path / "report.html")
     assert figures["report_interactive_s"] == 2.5
     assert json.loads(out.read_text()) == figures
-    assert figures.keys() == TARGETS.keys() | {
+    assert figures.keys() == {name for name in TARGETS if not name.startswith("device_")} | {
         "recognised_s_after_30_frames",
         "recognised_s_after_300_frames",
         "flops_ratio_published_widths",
