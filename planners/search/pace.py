@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ehar.arrays import FloatArray
+from ehar.arrays import FloatArray, IntArray
 from ehar.flight.kinematics import SphericalState
 from ehar.flight.limits import limit_shares
 from ehar.flight.proposals import lever
@@ -35,30 +35,33 @@ class Pace:
 
     needed: FloatArray
     ramp: FloatArray
-    along: FloatArray | float = 0.0
-    across: FloatArray | None = None
-    back: FloatArray | float = 0.0
-    late: float = 0.0
+    along: FloatArray
+    across: FloatArray | None
+    back: FloatArray
+    late: float
 
-    def places(self, ways: Ways, frames: float, workspace: Workspace) -> FloatArray:
-        """Return where cameras are after some frames, (B, G, 3).
+    def places(self, ways: Ways, frames: IntArray, workspace: Workspace) -> FloatArray:
+        """Return where cameras are after frames (N,) from now, (B, N, G, 3).
 
         What they had across their ways takes them aside, by the cubic in time that begins with it and ends at rest.
         """
-        coasted, needed = min(frames, self.late) * self.along, np.maximum(self.needed, LEAST)
-        made = coasted + way_made(max(frames - self.late, 0.0), needed - coasted, self.ramp, self.along)
+        time, needed = frames[:, None], np.maximum(self.needed, LEAST)[:, None]  # (N, 1) and (B, 1, G)
+        ramp, along, back = (each[:, None] for each in (self.ramp, self.along, self.back))
+        coasted = np.minimum(time, self.late) * along
+        made = coasted + way_made(np.maximum(time - self.late, 0.0), needed - coasted, ramp, along)
         places = ways.at(made / needed)
         if self.across is None:
             return places
-        part = np.minimum(frames / np.maximum(self.back, LEAST), 1)
-        return workspace.clip(places + (frames * (1 - part) ** 2)[..., None] * self.across)
+        part = np.minimum(time / np.maximum(back, LEAST), 1)
+        return workspace.clip(places + (time * (1 - part) ** 2)[..., None] * self.across[:, None])
 
 
 def pace_of(ways: Ways, observation: Observation, context: Context) -> Pace:
     """Return the pace along ways on the track of the episodes."""
     if context.vehicle is None:
         needed = np.abs(ways.straight / context.workspace.step).sum(axis=-1) * ways.longer
-        return Pace(needed, np.zeros_like(needed))
+        none = np.zeros_like(needed)
+        return Pace(needed, ramp=none, along=none, across=None, back=none, late=0.0)
     return _flown(ways, observation, context.vehicle, context.frame_time)
 
 
@@ -99,7 +102,9 @@ def _flown(ways: Ways, observation: Observation, vehicle: Vehicle, frame_time: f
     )
 
 
-def way_made(frames: float, way: FloatArray, ramp: FloatArray | float, along: FloatArray | float = 0.0) -> FloatArray:
+def way_made(
+    frames: FloatArray | float, way: FloatArray, ramp: FloatArray | float, along: FloatArray | float = 0.0
+) -> FloatArray:
     """Return how much of ways is covered after some frames, until rest, in their unit and shape.
 
     A camera speeds up in the same way for every goal. At a constant mean pace, the goals behind a good view would seem
@@ -107,7 +112,7 @@ def way_made(frames: float, way: FloatArray, ramp: FloatArray | float, along: Fl
     none. A camera that is too fast to stop at the goal passes it and comes back.
 
     Args:
-        frames: number of frames since the start.
+        frames: number of frames since the start; the arguments broadcast.
         way: the ways, each as the number of frames that it takes at full speed.
         ramp: number of frames to get up to full speed, or to brake from it.
         along: present speed along the ways, as a share of the full one.

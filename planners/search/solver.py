@@ -166,7 +166,9 @@ class TrajectorySolver:
         def guesses() -> list[Trajectory]:
             found = [first, *best_guesses(goals, task, self._seeds, lambda tried: self._objective(task, tried))]
             one = task.scene is not None or task.limits.vehicle is not None
-            return sorted(found, key=lambda guess: -self._objective(task, guess)) if one else found
+            return (
+                [found[index] for index in np.argsort(-self._objectives(task, found), kind="stable")] if one else found
+            )
 
         afresh = task.scene is None and task.limits.vehicle is None and (previous is None or previous.held)
         return self._solve_from(task, first, guesses, every=afresh)
@@ -264,6 +266,10 @@ class TrajectorySolver:
         if trajectory.position.ndim == 2:
             return np.array(self._problem.objective(task, [trajectory])[0])
         return self._problem.objective(task, [Trajectory(*parts) for parts in zip(*trajectory, strict=True)])
+
+    def _objectives(self, task: TrajectoryTask, trajectories: list[Trajectory]) -> FloatArray:
+        """Return what each of several trajectories collects, (G,)."""
+        return self._objective(task, Trajectory(*map(np.stack, zip(*trajectories, strict=True))))
 
     def _repaired(self, variables: FloatArray, task: TrajectoryTask, first: Trajectory) -> tuple[FloatArray, float]:
         """Return the trajectory within the limits that is nearest to the result of a capped solve, and its violation.

@@ -150,7 +150,7 @@ def search_ways(
     pace = pace_of(ways, observation, context)
     nodes = np.flatnonzero(gains)
     frames, counts = (nodes + 1) * node_frames, gains[nodes]
-    there = np.stack([pace.places(ways, count, context.workspace) for count in frames.tolist()], axis=1)  # (B, N, G, 3)
+    there = pace.places(ways, frames, context.workspace)
     if plans is not None:
         there = np.concatenate([there, plans(frames)[:, :, None]], axis=2)
     basis = basis_at(there, value.span)

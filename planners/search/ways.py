@@ -52,14 +52,14 @@ class Ways:
         return way
 
     def at(self, share: FloatArray) -> FloatArray:
-        """Return the viewpoints (B, G, 3) after a share (B, G) of each way."""
-        places: FloatArray = self.here[:, None] + share[..., None] * self.straight
+        """Return the viewpoints (B, N, G, 3) after shares (B, N, G) of each way."""
+        places: FloatArray = self.here[:, None, None] + share[..., None] * self.straight[:, None]
         for episode, detour in enumerate(self.detours):
             if detour is None:
                 continue
             _, goals, cells, steps = detour
-            reached = np.rint(share[episode, goals].clip(0, 1) * steps).astype(np.int64)
-            places[episode, goals] = cells[np.arange(len(goals)), reached]
+            reached = np.rint(share[episode][:, goals].clip(0, 1) * steps).astype(np.int64)
+            places[episode][:, goals] = cells[np.arange(len(goals)), reached]
         return places
 
     def heads(self, chosen: IntArray) -> FloatArray:

@@ -67,23 +67,38 @@ class GainField:
         if not (np.isfinite(self.absolute).all() and np.isfinite(self.relative).all() and 0 <= self.spread < np.inf):
             raise ModelError("gain field: expected finite weights, and a spread of at least 0")
 
-    def weights(self, situation: Situation) -> FloatArray:
+    def weights(self, situation: Situation, beliefs: FloatArray | None = None) -> FloatArray:
         """Return the weights (B, 21) of the view basis, with azimuths as they are, for `view_basis.field_value`.
+
+        Args:
+            situation: the situation.
+            beliefs: (E, B, K), beliefs in place of the situation's own, for weights (E, B, 21).
 
         Raises:
             ModelError: the situation has other features than the field was trained with.
         """
-        columns = feature_matrix(situation, self.parts)
-        if columns.shape[1] != len(self.absolute):
+        columns = feature_matrix(situation, self.parts, beliefs)
+        if columns.shape[-1] != len(self.absolute):
             raise ModelError(
                 f"gain field: expected {len(self.absolute) - 1} features of {', '.join(self.parts)}, "
-                f"got {columns.shape[1] - 1}: was it trained for other classes, persons or another recogniser?"
+                f"got {columns.shape[-1] - 1}: was it trained for other classes, persons or another recogniser?"
             )
         return columns @ self.absolute + turned(columns @ self.relative, -situation.reference)
 
 
-def feature_matrix(situation: Situation, parts: tuple[str, ...]) -> FloatArray:
-    """Return a constant 1 and the features of some parts side by side, (B, 1 + F)."""
+def feature_matrix(situation: Situation, parts: tuple[str, ...], beliefs: FloatArray | None = None) -> FloatArray:
+    """Return a constant 1 and the features of some parts side by side, (B, 1 + F).
+
+    Args:
+        situation: the situation.
+        parts: which parts.
+        beliefs: (E, B, K), beliefs in place of the situation's own, for features (E, B, 1 + F).
+    """
     features = situation.features("facing" in parts)
+    if beliefs is not None:
+        features["belief"] = beliefs
     columns = [features[part] for part in PARTS if part in parts and part in features]
-    return np.concatenate([np.ones((len(situation.belief), 1)), *columns], axis=1)
+    before = features["belief"].shape[:-1]
+    return np.concatenate(
+        [np.ones((*before, 1)), *(np.broadcast_to(c, (*before, c.shape[-1])) for c in columns)], axis=-1
+    )

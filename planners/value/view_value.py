@@ -1,6 +1,5 @@
 """The value of viewpoints at the present frame, from the tracked situation and the gain field."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -82,9 +81,8 @@ class ViewValue:
             ends = np.minimum(np.arange(1, nodes + 1) * node_frames, len(gains))
             ends[-1] = len(gains)
             parts, of_node = np.unique(ends, return_inverse=True)  # nodes after the end have no frames of their own
-            now = self.situation
-            expected = [replace(now, belief=each) for each in self._tracker.beliefs(parts.tolist())]
-            weights = np.stack([self._clear(self.field.weights(each)) for each in expected], axis=1)[:, of_node]
+            expected = self._tracker.beliefs(parts.tolist())
+            weights = np.moveaxis(self._clear(self.field.weights(self.situation, expected)), 0, 1)[:, of_node]
         return NodeValues(node_frames, node_gains(gains, nodes, node_frames), weights)
 
     @property
@@ -103,9 +101,10 @@ class ViewValue:
         return self._clear(self.field.weights(self.situation))
 
     def _clear(self, weights: FloatArray) -> FloatArray:
-        """Return weights (B, 21) of fields that can be multiplied by `seen`."""
+        """Return weights (..., 21) of fields that can be multiplied by `seen`."""
         if self._hides and not self.field.knows_hidden:
-            weights = weights - (self._everywhere @ weights.T).min(axis=0)[:, None] * (np.arange(BASIS_SIZE) == 0)
+            least = (weights @ self._everywhere.T).min(axis=-1)
+            weights = weights - least[..., None] * (np.arange(BASIS_SIZE) == 0)
         return weights
 
     def seen(self, viewpoint: FloatArray, ahead: FloatArray | float) -> FloatArray:

@@ -25,19 +25,18 @@ GOALS = np.broadcast_to(coarse_grid(SPACE), (2, 384, 3))
 def test_in_the_open_all_ways_are_straight() -> None:
     ways = Ways.to(GOALS, HERE)
     assert (ways.longer == 1).all() and ways.goals is GOALS
-    np.testing.assert_allclose(ways.at(np.full((2, 384), 0.5)), HERE[:, None] + 0.5 * ways.straight)
+    np.testing.assert_allclose(ways.at(np.full((2, 1, 384), 0.5))[:, 0], HERE[:, None] + 0.5 * ways.straight)
 
 
 def test_ways_are_free_and_lead_to_their_goals() -> None:
     ways = Ways.to(GOALS, HERE, [FREE, FREE])
     blocked = ways.longer != 1
     assert 0.02 < blocked.mean() < 0.5
-    for share in np.linspace(0, 1, 12):
-        free = FREE.is_free(ways.at(np.full((2, 384), share)))
+    places = ways.at(np.broadcast_to(np.linspace(0, 1, 12)[:, None], (2, 12, 384)))
+    for free in np.moveaxis(FREE.is_free(places), 1, 0):
         assert free[blocked].all() and free.mean() > 0.98  # a straight way may graze a cell between two samples
-    ends = SPACE.to_cells(ways.at(np.ones((2, 384))))
-    np.testing.assert_array_equal(ends, SPACE.to_cells(ways.goals))
-    np.testing.assert_allclose(ways.at(np.zeros((2, 384))), np.repeat(HERE[:, None], 384, axis=1), atol=1e-9)
+    np.testing.assert_array_equal(SPACE.to_cells(places[:, -1]), SPACE.to_cells(ways.goals))
+    np.testing.assert_allclose(places[:, 0], np.repeat(HERE[:, None], 384, axis=1), atol=1e-9)
     assert (ways.longer[blocked] >= 0.9).all() and ways.longer.max() < 3
 
 
@@ -52,7 +51,7 @@ def test_where_no_way_leads_a_camera_stays() -> None:
     cut_off = FreeSpace.of(SPACE, PILLARS)
     inside = np.array([[7.0, 0.3, 1.5]])  # a camera in a pillar, from which no way leads; it begins at the nearest cell
     ways = Ways.to(GOALS[:1], inside, [cut_off])
-    assert FREE.is_free(ways.at(np.ones((1, 384)))).all() and (ways.longer < NEVER).all()
+    assert FREE.is_free(ways.at(np.ones((1, 1, 384)))).all() and (ways.longer < NEVER).all()
     numbers = cut_off.ways(inside[0], GOALS[0, :2])
     np.testing.assert_array_equal(numbers, np.repeat(SPACE.from_cells(SPACE.to_cells(inside))[None], 2, axis=0))
 
