@@ -45,10 +45,8 @@ class FreeSpace:
                 f"obstacles: expected a grid of at most {MOST_CELLS:,} cells around them, got "
                 f"{math.prod(workspace.cells):,}: larger steps have fewer"
             )
-        cells = np.stack(np.meshgrid(*map(np.arange, workspace.cells), indexing="ij"), axis=-1)
-        viewpoints = workspace.from_cells(cells)
-        places = cartesian(viewpoints).astype(np.float32)
-        clear = obstacles.clearance(places) >= needed_clearance(viewpoints, workspace, between)
+        places, needed = _cells_of(workspace, between)
+        clear = obstacles.clearance(places) >= needed
         if not clear.any():
             raise UsageError(f"obstacles: expected free space for cameras, all {clear.size} cells are in or near them")
         self.free = read_only(_largest_part(clear))  # motions and planners share a space
@@ -161,6 +159,15 @@ class FreeSpace:
         cells: IntArray = np.moveaxis(found[:, :, half : half + turn], 0, -1).astype(np.int32)
         cells[..., AZIMUTH] = (cells[..., AZIMUTH] - half) % turn
         return read_only(cells)
+
+
+@lru_cache(maxsize=1)  # in a stream, free cells of the same workspace are looked for again and again
+def _cells_of(workspace: Workspace, between: float) -> tuple[FloatArray, FloatArray]:
+    """Return where all cells are, (*cells, 3) [m], and the clearance [m] that each needs, (*cells)."""
+    cells = np.stack(np.meshgrid(*map(np.arange, workspace.cells), indexing="ij"), axis=-1)
+    viewpoints = workspace.from_cells(cells)
+    places = read_only(cartesian(viewpoints).astype(np.float32))
+    return places, read_only(needed_clearance(viewpoints, workspace, between))
 
 
 def needed_clearance(viewpoint: FloatArray, workspace: Workspace, between: float = 0.0) -> FloatArray:

@@ -129,5 +129,5 @@ def best_guesses(
 ) -> list[Trajectory]:
     """Return the trajectories to those `count` of the goals (G, 3) whose guesses collect most, best first."""
     guesses = trajectories_to(goals, task)
-    order = np.argsort(-objective(guesses), kind="stable")[:count]
+    order = np.argsort(-objective(guesses), kind="stable")[:count] if len(goals) > 1 else range(len(goals))
     return [Trajectory(*(part[index] for part in guesses)) for index in order]

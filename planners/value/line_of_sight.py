@@ -1,5 +1,7 @@
 """How much of people is seen from a viewpoint, given what is in the way and where people are thought to be."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
@@ -38,16 +40,13 @@ def seen_share(
     """
     if not obstacles and passers is None:
         return np.ones(viewpoint.shape[:-1])
-    azimuth = viewpoint[..., AZIMUTH]
-    aside = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros_like(azimuth)], axis=-1)
-    strip = HEIGHTS[:, None, None] * UP + ACROSS[:, None] * aside[..., None, None, :]  # (B, ..., 3, 3, 3)
     person = position.reshape(len(position), *[1] * (viewpoint.ndim - 2), *position.shape[1:])
-    points = person[..., None, :] + strip.reshape(*strip.shape[:-3], 1, -1, 3)  # (B, ..., P, 9, 3)
-    cameras = np.broadcast_to(cartesian(viewpoint)[..., None, :], (*points.shape[:-2], 3))  # (B, ..., P, 3)
+    cameras = np.broadcast_to(cartesian(viewpoint)[..., None, :], (*viewpoint.shape[:-1], *position.shape[1:]))
+    lines = _Lines(cameras, np.broadcast_to(person, cameras.shape), viewpoint[..., AZIMUTH])
     shift = np.zeros((len(position), 3)) if centre is None else centre
-    hidden = np.zeros(points.shape[:-1], dtype=bool)
+    hidden = np.zeros((*cameras.shape[:-1], len(HEIGHTS) * len(ACROSS)), dtype=bool)
     for shape in obstacles.shapes:
-        near, begin, end = _lines_near(cameras, person, points, shape.centre[:2] - shift[:, :2], shape.reach)
+        near, begin, end = lines.near(shape.centre[:2] - shift[:, :2], shape.reach)
         moved = shift[np.nonzero(near)[0], None]
         hidden[near] |= shape.cuts((begin + moved).astype(np.float32), (end + moved).astype(np.float32))
     times = np.asarray(ahead)
@@ -55,7 +54,7 @@ def seen_share(
     for walker in np.moveaxis(walkers, 1, 0):
         begun, pace = walker[:, :2], walker[:, 2:]
         place = begun + times * pace if times.ndim == 0 else begun[:, None] + times[:, None] * pace[:, None]
-        near, begin, end = _lines_near(cameras, person, points, place, PASSER_RADIUS)
+        near, begin, end = lines.near(place, PASSER_RADIUS)
         at = np.zeros((len(begin), 1, 3), dtype=np.float32)
         at[:, 0, :2] = place[np.nonzero(near)[: place.ndim - 1]]
         from_there = (begin.astype(np.float32) - at, end.astype(np.float32) - at)
@@ -64,21 +63,36 @@ def seen_share(
     return seen
 
 
-def _lines_near(
-    cameras: FloatArray, person: FloatArray, points: FloatArray, place: FloatArray, reach: float
-) -> tuple[BoolArray, FloatArray, FloatArray]:
-    """Return the lines of sight that something may be in the way of; few come near a thing.
+class _Lines(NamedTuple):
+    """The lines of sight from cameras to people.
 
     Args:
         cameras: (B, ..., P, 3) [m].
-        person: the middles of people [m], which broadcast against them.
-        points: (B, ..., P, N, 3) on people [m].
-        place: (B, 2) where it is [m]; or (B, N, 2).
-        reach: its radius [m].
-
-    Returns:
-        of which people it may hide a part, (B, ..., P), and the ends of these n lines, (n, 1, 3) and (n, N, 3) [m].
+        people: (B, ..., P, 3), their middles [m].
+        azimuth: (B, ...) of the cameras [rad].
     """
-    there = place.reshape(*place.shape[:-1], *[1] * (cameras.ndim - place.ndim), 2)
-    near = passes_by(cameras, person, there, reach + ASIDE)
-    return near, cameras[near][:, None], points[near]
+
+    cameras: FloatArray
+    people: FloatArray
+    azimuth: FloatArray
+
+    def near(self, place: FloatArray, reach: float) -> tuple[BoolArray, FloatArray, FloatArray]:
+        """Return the lines that something may be in the way of; few come near a thing.
+
+        Args:
+            place: (B, 2) where it is [m]; or (B, N, 2).
+            reach: its radius [m].
+
+        Returns:
+            of which people it may hide a part, (B, ..., P), and the ends of these n lines, (n, 1, 3) and (n, 9, 3) [m].
+        """
+        there = place.reshape(*place.shape[:-1], *[1] * (self.cameras.ndim - place.ndim), 2)
+        near = passes_by(self.cameras, self.people, there, reach + ASIDE)
+        azimuth = np.broadcast_to(self.azimuth[..., None], near.shape)[near]
+        aside = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros_like(azimuth)], axis=-1)
+        strip = HEIGHTS[:, None, None] * UP + ACROSS[:, None] * aside[:, None, None]  # (n, 3, 3, 3)
+        return (
+            near,
+            self.cameras[near][:, None],
+            self.people[near][:, None] + strip.reshape(len(strip), strip.shape[1] * strip.shape[2], 3),
+        )
