@@ -21,6 +21,7 @@ from tests.helpers.fakes import tiny_data
 BRIEF = Effort(
     length=6,
     episodes=2,
+    batch=2,
     repeats=1,
     small_episodes=1,
     published_episodes=1,
