@@ -166,12 +166,9 @@ def published(
     motion, folder = load_data(data), Path(out)
     unseen = unseen_test(motion)
     runs = [PublishedRun(form, stream, size, seed, epochs) for form in forms for seed in seeds for stream in streams]
-    found_of = dict(zip(runs, train_published(runs, motion, folder, device=device, report=_epoch_done), strict=True))
+    answers = iter(train_published(runs, motion, folder, device=device, report=_epoch_done))
+    held = {form: [[next(answers) for _ in streams] for _ in seeds] for form in forms}
     arithmetic = {arithmetic_of(run, folder) for run in runs}
-    held: dict[Form, list[list[FloatArray]]] = {
-        form: [[found_of[PublishedRun(form, stream, size, seed, epochs)] for stream in streams] for seed in seeds]
-        for form in forms
-    }
     assert motion.is_test is not None
     test = np.flatnonzero(motion.is_test)
     labels, new = motion.labels[test], np.isin(test, unseen)

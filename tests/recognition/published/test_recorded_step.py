@@ -1,4 +1,4 @@
-"""A recorded step on a GPU does what the step does; there is a GPU only where one is lent, and this skips elsewhere."""
+"""A recorded step on a GPU does what the step does; where there is no GPU this is skipped."""
 
 import pytest
 import torch
