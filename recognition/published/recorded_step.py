@@ -28,8 +28,8 @@ class RecordedStep:
         self._step, self._device = step, device
         self._stream = torch.cuda.Stream(device)  # type: ignore[no-untyped-call]
         self._inputs = tuple(tensor.to(device, copy=True) for tensor in inputs)
-        self._stream.wait_stream(torch.cuda.current_stream(device))
         self._total = torch.zeros((), device=device)
+        self._stream.wait_stream(torch.cuda.current_stream(device))  # until the inputs and the total are there
         self._count = self._done = 0
         self._graph: torch.cuda.CUDAGraph | None = None
         self._loss = self._total
