@@ -1,12 +1,17 @@
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import settings
 
+from ehar.data.any_source import BUILT_IN_STREAMS
+from ehar.data.recordings import Recordings
+from ehar.data.source import BUILT_IN
 from planners.own_planner import entry_point_names
 from tests.helpers.tiny_benchmarks import HashedRecogniser, save_models
 
@@ -28,6 +33,28 @@ def nothing_in_the_cache() -> Iterator[None]:
     """However much tests plan, they leave no machine code in the cache of whoever runs them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("planners.search.solver.PATIENCE", math.inf)
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def built_in_data_are_made_once() -> Iterator[None]:
+    """Each built-in set takes a second or two to make, and a hundred tests read one. None of them may write into it."""
+
+    def once(make: Callable[[], Recordings]) -> Callable[[], Recordings]:
+        @cache
+        def made() -> Recordings:
+            data = make()
+            for array in vars(data).values():
+                if isinstance(array, np.ndarray):
+                    array.flags.writeable = False
+            return data
+
+        return made
+
+    with pytest.MonkeyPatch.context() as patch:
+        for sets in (BUILT_IN, BUILT_IN_STREAMS):
+            for name, make in sets.items():
+                patch.setitem(sets, name, once(make))
         yield
 
 

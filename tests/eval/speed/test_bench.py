@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from ehar.data.motion_data import MotionData
 from ehar.errors import UsageError
 from eval.render.tables import markdown
 from eval.speed.bench import TARGETS, bench, bench_table
@@ -134,12 +135,23 @@ ZERO_OR_LESS = (  # may be
 )
 
 
+def known_training(data: MotionData, effort: Effort) -> float:
+    """Return a figure at once; this is sent to another process, by its name."""
+    return 77.0
+
+
 @pytest.mark.slow
 def test_every_figure_is_written_and_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    let_go = {"recognised_s_after_30_frames": 1.5, "recognised_s_after_300_frames": 1.6, "letting_go_later_s": 0.1}
+    # These three take half a minute, and have tests of their own.
     monkeypatch.setattr("eval.speed.bench.time_report", {tmp_path / "report.html": 2.5}.__getitem__)
+    monkeypatch.setattr("eval.speed.bench.letting_go", lambda models, effort: let_go)
+    monkeypatch.setattr("eval.speed.bench.time_training", known_training)
     out = tmp_path / "bench.json"
     figures = bench(out, BRIEF, tmp_path / "report.html")
     assert figures["report_interactive_s"] == 2.5
+    assert figures["training_clips_per_s"] == 77.0
+    assert let_go.items() <= figures.items()
     assert json.loads(out.read_text()) == figures
     assert figures.keys() == {name for name in TARGETS if not name.startswith("device_")} | {
         "recognised_s_after_30_frames",
