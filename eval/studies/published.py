@@ -4,6 +4,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from planners.agents.config import check_seeds
 from recognition.devices import check_device
 from recognition.networks.sizes import Size
 from recognition.published.clips import STREAMS, Stream
-from recognition.published.training import RATIOS, PublishedRun, accuracies, arithmetic_of, train_published
+from recognition.published.training import RATIOS, PublishedRun, accuracies, train_published
 from recognition.training.optimisers import PUBLISHED_EPOCHS
 
 FORMS: tuple[Form, ...] = ("ctrgcn", "causal")
@@ -36,12 +37,14 @@ class PublishedRow:
         streams: "joint", "bone" or "joint + bone".
         accuracy: (seeds, R) accuracy [%] after each of `RATIOS` of the frames.
         accuracy_new: (seeds, R) the same without test sequences that are copies of training sequences.
+        accuracy_best: (seeds,) accuracy [%] after all frames, of the epoch that is best on the test.
     """
 
     form: Form
     streams: str
     accuracy: FloatArray
     accuracy_new: FloatArray
+    accuracy_best: FloatArray
 
     @property
     def area(self) -> FloatArray:
@@ -61,7 +64,7 @@ class PublishedReport:
         rows: the results.
         tests: number of test sequences.
         copies: the class of each of them that is a copy of a training sequence.
-        arithmetic: the arithmetic of trainings: bfloat16, float32, or unknown in results of older versions.
+        arithmetic: the arithmetic of trainings, bfloat16 or float32.
     """
 
     data: str
@@ -79,7 +82,10 @@ class PublishedReport:
         return [
             Table(
                 title=f"{self.data}: the published protocol, {self.size} widths, in percent",
-                header=("form", "streams", *(f"acc@{ratio}" for ratio in SHOWN), "area", "acc@100, no copies"),
+                header=(
+                    *("form", "streams", *(f"acc@{ratio}" for ratio in SHOWN), "area"),
+                    *("acc@100, no copies", "acc@100, best epoch"),
+                ),
                 rows=(
                     *(
                         (
@@ -88,17 +94,20 @@ class PublishedReport:
                             *(_spread(row.accuracy[:, RATIOS.index(ratio)]) for ratio in SHOWN),
                             _spread(row.area),
                             _spread(row.accuracy_new[:, whole]),
+                            _spread(row.accuracy_best),
                         )
                         for row in self.rows
                     ),
-                    *((name, "", *[""] * (len(SHOWN) - 1), f"{figure:.1f}", "", "") for name, figure in PUBLISHED),
+                    *((name, *[""] * (len(SHOWN) + 3), f"{figure:.1f}") for name, figure in PUBLISHED),
                 ),
                 footnotes=(
                     f"{len(self.seeds)} trainings of each; behind ± stands the standard deviation over them. "
                     f"{self.epochs} epochs, as published {PUBLISHED_EPOCHS}. Products in training: "
                     f"{' or '.join(self.arithmetic)}.",
                     "acc@x: the network sees the first x % of the frames, scaled and cut to a clip by themselves. "
-                    "area: the mean over 10, 20, ..., 100 %. Published figures are those of all frames.",
+                    "area: the mean over 10, 20, ..., 100 %.",
+                    "best epoch: among those at the lower rate, the one that is best on the test itself. The public "
+                    "code reports it, so published figures are held against it. It is no figure for new people.",
                     _told_copies(self.copies, self.tests),
                 ),
                 bold=frozenset({(max(range(len(self.rows)), key=lambda i: self.rows[i].accuracy[:, whole].mean()), 6)}),
@@ -166,9 +175,10 @@ def published(
     motion, folder = load_data(data), Path(out)
     unseen = unseen_test(motion)
     runs = [PublishedRun(form, stream, size, seed, epochs) for form in forms for seed in seeds for stream in streams]
-    answers = iter(train_published(runs, motion, folder, device=device, report=_epoch_done))
+    results = train_published(runs, motion, folder, device=device, report=_epoch_done)
+    answers = iter(results)
     held = {form: [[next(answers) for _ in streams] for _ in seeds] for form in forms}
-    arithmetic = {arithmetic_of(run, folder) for run in runs}
+    arithmetic = {result.arithmetic for result in results}
     assert motion.is_test is not None
     test = np.flatnonzero(motion.is_test)
     labels, new = motion.labels[test], np.isin(test, unseen)
@@ -180,9 +190,11 @@ def published(
     rows = []
     for form, trained in held.items():
         for name, part in together:
-            whole = np.array([accuracies(of[part], labels) for of in trained])
-            without = np.array([accuracies([stream[new] for stream in of[part]], labels[new]) for of in trained])
-            rows.append(PublishedRow(form, name, whole, without))
+            cut = [of[part] for of in trained]
+            whole = np.array([accuracies([stream.log_probs for stream in of], labels) for of in cut])
+            without = np.array([accuracies([stream.log_probs[new] for stream in of], labels[new]) for of in cut])
+            best = np.array([accuracies([stream.best for stream in of], labels) for of in cut])
+            rows.append(PublishedRow(form, name, whole, without, best))
     found = PublishedReport(
         motion.title, size, epochs, tuple(seeds), tuple(rows), len(new), copies, tuple(sorted(arithmetic))
     )
@@ -208,9 +220,9 @@ def _told_copies(copies: Sequence[str], tests: int) -> str:
     )
 
 
-def _lists(row: PublishedRow) -> dict[str, list[list[float]]]:
+def _lists(row: PublishedRow) -> dict[str, list[Any]]:
     """Return the arrays of a row as lists, for JSON."""
-    return {"accuracy": row.accuracy.tolist(), "accuracy_new": row.accuracy_new.tolist()}
+    return {name: np.asarray(value).tolist() for name, value in asdict(row).items() if name.startswith("accuracy")}
 
 
 def _spread(values: FloatArray) -> str:

@@ -1,7 +1,8 @@
 """Clips of 3D joints as CTR-GCN was published with on Northwestern-UCLA (Chen et al. 2021, and its public code).
 
 A clip is a whole sequence: put at its first frame's second joint, turned and scaled at random in training, scaled to
-[-1, 1] along each axis, and cut to 52 frames.
+[-1, 1] along each axis, and cut to 52 frames. It is turned as a camera might stand elsewhere: people turn about the
+vertical, and then tilt towards the camera or away from it. They never lean to a side.
 """
 
 from typing import Literal, get_args
@@ -38,7 +39,7 @@ def published_clip(
         frames = np.linspace(0, len(motion) - 1, FRAMES).astype(np.int64)
     else:
         right, up = np.radians(rng.integers(-TURN, TURN + 1, size=2))
-        centred = centred @ _turn(right, up).T * rng.uniform(*SCALES)
+        centred = centred @ _turn(up, right).T * rng.uniform(*SCALES)
         frames = np.sort(rng.choice(np.tile(np.arange(len(motion)), 100), FRAMES, replace=False))
     low, high = centred.min(axis=(0, 1, 2)), centred.max(axis=(0, 1, 2))
     scaled = (centred - low) / np.maximum(high - low, 1e-6) * 2 - 1
@@ -48,10 +49,10 @@ def published_clip(
     return clip.astype(np.float32, copy=False)
 
 
-def _turn(right: float, up: float) -> FloatArray:
-    """Return the rotation (3, 3) about the axis to the right, and then about the one up [rad]."""
+def _turn(up: float, right: float) -> FloatArray:
+    """Return the rotation (3, 3) about the axis up, and then about the one to the right [rad]."""
     (c, s), (d, t) = ((np.cos(angle), np.sin(angle)) for angle in (right, up))
     about_right = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
     about_up = np.array([[d, -t, 0], [t, d, 0], [0, 0, 1]])
-    turned: FloatArray = about_up @ about_right
+    turned: FloatArray = about_right @ about_up
     return turned

@@ -33,6 +33,7 @@ from recognition.training.optimisers import PUBLISHED_EPOCHS, PUBLISHED_MOMENTUM
 DECAY = 1e-4  # of weights
 DROP = 50  # the epoch from which the rate is a tenth
 
+PROTOCOL = 2  # what was trained by another one is not gone on with: the first tilted people to the side
 RATIOS = tuple(range(10, 101, 10))  # observation ratios of the test [%]
 TEST_BATCH = 64
 
@@ -64,6 +65,25 @@ class PublishedRun:
         return f"{self.form}-{self.stream}-{self.size}-seed{self.seed}{short}"
 
 
+@dataclass(frozen=True, eq=False)
+class PublishedResult:
+    """The test of one training.
+
+    Args:
+        log_probs: (N, R, K) log-probabilities of the N test sequences after each of `RATIOS` of their frames, by the
+            weights of the last epoch.
+        best: (N, K) those of whole sequences by the weights of the epoch that is best on the test, among those at the
+            lower rate. The public code reports that epoch, so published figures chose on the test.
+        best_epoch: that epoch, counted from 1.
+        arithmetic: of the products of its last steps, `bfloat16` or `float32`.
+    """
+
+    log_probs: FloatArray
+    best: FloatArray
+    best_epoch: int
+    arithmetic: str
+
+
 def train_published(
     runs: Sequence[PublishedRun],
     data: MotionData,
@@ -71,7 +91,7 @@ def train_published(
     *,
     device: str = "cpu",
     report: Callable[[PublishedRun, int, float], None] = lambda run, epoch, loss: None,
-) -> list[FloatArray]:
+) -> list[PublishedResult]:
     """Train on the training split, test on the test split: on a CPU one run after another, on a GPU side by side.
 
     Args:
@@ -82,11 +102,11 @@ def train_published(
         report: is told of each epoch: the run, how many are done, and the mean loss.
 
     Returns:
-        for each run log-probabilities (N, R, K) of the N test sequences after each of `RATIOS` of their frames.
+        the result of each run.
 
     Raises:
         DataError: the data has no split, or no training sequence.
-        UsageError: the files in `out` are of other data.
+        UsageError: the files in `out` are of other data, or of an older version of this protocol.
         ModelError: the loss is not finite, or a checkpoint is damaged.
     """
     if data.is_test is None or data.is_test.all() or not data.is_test.any():
@@ -154,11 +174,14 @@ class _Training:
             dropout=0.0,
             seed=run.seed,
         ).to(device)
+        assert data.is_test is not None
+        self.test_sequences = np.flatnonzero(data.is_test)
         self.parents = parents(data.skeleton)
         self.optimiser = torch.optim.SGD(
             self.network.parameters(), lr=PUBLISHED_RATE, momentum=PUBLISHED_MOMENTUM, weight_decay=DECAY, nesterov=True
         )
-        self.identity = as_json({**asdict(run), "data_sha256": data.sha256})
+        self.identity = as_json({**asdict(run), "data_sha256": data.sha256, "protocol": PROTOCOL})
+        self.best, self.best_epoch = torch.empty(0), 0  # see `PublishedResult`
         self.recorded: RecordedStep | None = None  # on a GPU
         self.epoch = 0
         self.steps = 0  # of an epoch
@@ -191,41 +214,48 @@ class _Training:
         self.recorded.make(clips, labels)
 
     def end_epoch(self) -> float:
-        """Return the mean loss of the epoch, and save how far the training is."""
+        """Return the mean loss of the epoch; test at the lower rate, and save how far the training is."""
         loss = float(np.mean(self._losses)) if self.recorded is None else self.recorded.mean_loss()
         self.epoch += 1
         if not np.isfinite(loss):
             raise ModelError(f"{self.run.name}: the loss is {loss} in epoch {self.epoch}: expected a finite one")
+        if self.epoch > DROP or self.epoch == self.run.epochs:
+            self._keep_best()
         if time.monotonic() - self._saved >= SAVED or self.epoch == self.run.epochs:
-            held = {"run": self.identity, "epoch": self.epoch}
-            state = {"network": self.network.state_dict()}
-            save_checkpoint(self.checkpoint, Checkpoint(state, self.optimiser.state_dict(), held))
+            held = {"run": self.identity, "epoch": self.epoch, "best_epoch": self.best_epoch}
+            states = {"network": self.network.state_dict(), "best": {"log_probs": self.best}}
+            save_checkpoint(self.checkpoint, Checkpoint(states, self.optimiser.state_dict(), held))
             self._saved = time.monotonic()
         return loss
 
-    def finish(self, path: Path) -> FloatArray:
+    def _keep_best(self) -> None:
+        """Test on whole sequences, and keep the answers if more of them are right than ever before."""
+        labels = torch.from_numpy(self.data.labels[self.test_sequences])
+        answers = self._test_at(100)
+        right = [int((of.argmax(dim=-1) == labels).sum()) for of in (answers, self.best) if len(of)]
+        if len(right) == 1 or right[0] > right[1]:
+            self.best, self.best_epoch = answers, self.epoch
+
+    def finish(self, path: Path) -> PublishedResult:
         """Test, write the result and remove the checkpoint."""
-        log_probs = self.test()
+        result = PublishedResult(self.test(), self.best.numpy(), self.best_epoch, arithmetic_on(self.device))
         with replacing(path) as temporary, temporary.open("wb") as file:
-            arithmetic = arithmetic_on(self.device)
-            np.savez(file, allow_pickle=False, log_probs=log_probs, data_sha256=self.data.sha256, arithmetic=arithmetic)
+            np.savez(file, allow_pickle=False, **vars(result), data_sha256=self.data.sha256, protocol=PROTOCOL)
         self.checkpoint.unlink(missing_ok=True)
-        return log_probs
+        return result
 
     def test(self) -> FloatArray:
-        """Return the log-probabilities of the test sequences after each observation ratio."""
-        assert self.data.is_test is not None
-        self.network.eval()
-        pieces = []
-        test = np.flatnonzero(self.data.is_test)
-        with torch.inference_mode():
-            for ratio in RATIOS:
-                prefixes = [self._prefix(index, ratio) for index in test.tolist()]
-                clips = torch.from_numpy(np.stack(prefixes))
-                logits = torch.cat([self._logits(part)[..., -1, :].cpu() for part in torch.split(clips, TEST_BATCH)])
-                pieces.append(torch.log_softmax(logits, dim=-1))
-        log_probs: FloatArray = torch.stack(pieces, dim=1).numpy()
+        """Return the log-probabilities of the test sequences after each observation ratio, (N, R, K)."""
+        log_probs: FloatArray = torch.stack([self._test_at(ratio) for ratio in RATIOS], dim=1).numpy()
         return log_probs
+
+    def _test_at(self, ratio: int) -> Tensor:
+        """Return the log-probabilities (N, K) of the test sequences after an observation ratio [%]."""
+        self.network.eval()
+        clips = torch.from_numpy(np.stack([self._prefix(index, ratio) for index in self.test_sequences.tolist()]))
+        with torch.inference_mode():
+            logits = torch.cat([self._logits(part)[..., -1, :].cpu() for part in torch.split(clips, TEST_BATCH)])
+            return torch.log_softmax(logits, dim=-1)
 
     def _prefix(self, index: int, ratio: int) -> FloatArray:
         """Return the clip of the first frames of a sequence: what is scaled and cut is the prefix alone."""
@@ -262,6 +292,7 @@ class _Training:
             if same:
                 self.network.load_state_dict(saved.states["network"])
                 self.optimiser.load_state_dict(saved.optimiser or {})
+                self.best, self.best_epoch = saved.states["best"]["log_probs"].cpu(), int(saved.held["best_epoch"])
         except Exception as error:  # the damage decides its type
             raise ModelError(f"{self.checkpoint}: expected a checkpoint, got {type(error).__name__}") from error
         if not same:
@@ -272,29 +303,27 @@ class _Training:
         self.epoch = epoch
 
 
-def _read(path: Path, data: MotionData) -> FloatArray:
-    """Read the log-probabilities of a finished run."""
+def _read(path: Path, data: MotionData) -> PublishedResult:
+    """Read the result of a finished run."""
     with np.load(path, allow_pickle=False) as held:
+        wrong = ""
         if str(held["data_sha256"]) != data.sha256:
-            raise UsageError(f"{path}: the result of other data than {data.name}: remove it, or choose another --out")
-        log_probs: FloatArray = held["log_probs"]
-    return log_probs
-
-
-def arithmetic_of(run: PublishedRun, out: Path) -> str:
-    """Return the arithmetic that a finished run ended with: `bfloat16` or `float32`; that of older files is unknown."""
-    with np.load(out / f"{run.name}.npz", allow_pickle=False) as held:
-        return str(held["arithmetic"]) if "arithmetic" in held else "unknown"
+            wrong = f"the result of other data than {data.name}"
+        elif "protocol" not in held or int(held["protocol"]) != PROTOCOL:
+            wrong = "the result of an older version of ehar, which turned clips otherwise"
+        if wrong:
+            raise UsageError(f"{path}: {wrong}: remove it, or choose another --out")
+        return PublishedResult(held["log_probs"], held["best"], int(held["best_epoch"]), str(held["arithmetic"]))
 
 
 def accuracies(log_probs: Sequence[FloatArray], labels: IntArray) -> FloatArray:
-    """Return the accuracy [%] after each of `RATIOS`, (R,), of one stream, or of several together.
+    """Return the accuracy [%] of one stream, or of several together, (...).
 
     Log-probabilities are added up. They are logits but for a constant, and the public code adds up logits.
 
     Args:
-        log_probs: of each stream, (N, R, K).
+        log_probs: of each stream, (N, ..., K).
         labels: (N,) true classes.
     """
-    right = np.sum(log_probs, axis=0).argmax(axis=-1) == labels[:, None]
-    return np.asarray(100 * right.mean(axis=0))
+    answers = np.sum(log_probs, axis=0).argmax(axis=-1)
+    return np.asarray(100 * (answers.T == labels).T.mean(axis=0))

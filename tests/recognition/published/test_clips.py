@@ -40,6 +40,16 @@ def test_a_training_clip_is_turned_sized_and_cut_at_random_but_in_order() -> Non
     assert (np.diff(first[:, 0, 0, 0]) >= 0).all()
 
 
+def test_people_are_turned_and_tilted_but_never_lean_to_the_side() -> None:
+    upright = np.random.default_rng(1).normal(size=(60, 1, 3, 3))
+    upright[:, 0, 2] = upright[:, 0, 1] + [0.0, 0.0, 1.7]  # one joint straight above another
+    for seed in range(5):
+        clip = published_clip(upright, "joint", PARENTS, np.random.default_rng(seed))
+        above = clip[:, 0, 2] - clip[:, 0, 1]
+        np.testing.assert_allclose(above[:, 0], 0, atol=1e-6)
+        assert np.abs(above[:, 1]).min() > 1e-3 and above[:, 2].min() > 0
+
+
 @pytest.mark.parametrize("frames", [1, 2, 500])
 def test_any_length_makes_a_clip(frames: int) -> None:
     for rng in (None, np.random.default_rng(0)):

@@ -10,7 +10,7 @@ import torch
 from ehar.data.motion_data import MotionData
 from ehar.errors import DataError, ModelError, UsageError
 from recognition.published import training
-from recognition.published.training import PublishedRun, accuracies, rate_of_epoch, train_published
+from recognition.published.training import PublishedResult, PublishedRun, accuracies, rate_of_epoch, train_published
 from tests.helpers.fakes import tiny_data
 
 
@@ -28,9 +28,10 @@ def test_a_training_that_was_stopped_ends_like_one_that_ran_through(
     form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = PublishedRun(form, "joint", "small", epochs=2)  # type: ignore[arg-type]
+    monkeypatch.setattr(training, "DROP", 0)  # so that each epoch may be the best
     (whole,) = train_published([run], data(), tmp_path / "a")
-    assert whole.shape == (data().is_test.sum(), 10, 3)  # type: ignore[union-attr]
-    np.testing.assert_allclose(np.exp(whole).sum(axis=-1), 1, atol=1e-5)
+    assert whole.log_probs.shape == (data().is_test.sum(), 10, 3)  # type: ignore[union-attr]
+    np.testing.assert_allclose(np.exp(whole.log_probs).sum(axis=-1), 1, atol=1e-5)
 
     class Stopped(Exception):
         pass
@@ -44,10 +45,31 @@ def test_a_training_that_was_stopped_ends_like_one_that_ran_through(
     seen: list[int] = []
     (resumed,) = train_published([run], data(), tmp_path / "b", report=lambda run, epoch, loss: seen.append(epoch))
     assert seen == [2]
-    np.testing.assert_array_equal(resumed, whole)
+    assert same(resumed, whole)
     assert [path.suffix for path in (tmp_path / "b").iterdir()] == [".npz"]
     monkeypatch.setattr(training, "_Training", None)  # what is done is read, not done again
-    np.testing.assert_array_equal(train_published([run], data(), tmp_path / "b"), [whole])
+    assert same(train_published([run], data(), tmp_path / "b")[0], whole)
+
+
+def same(one: PublishedResult, other: PublishedResult) -> bool:
+    return all(np.array_equal(vars(one)[name], value) for name, value in vars(other).items())
+
+
+def test_the_best_epoch_at_the_lower_rate_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(training, "DROP", 1)
+    labels = data().labels[3:]
+    right = iter([1, 3, 3, 2])  # of the answers after epochs 2, 3, 4 and 5; the first epoch is not tested
+
+    def answers(self: object, ratio: int) -> torch.Tensor:
+        wrong = np.arange(len(labels)) >= next(right)
+        return torch.from_numpy(np.eye(3, dtype=np.float32)[(labels + wrong) % 3])
+
+    with monkeypatch.context() as patch:
+        patch.setattr(training._Training, "_test_at", answers)
+        patch.setattr(training._Training, "test", lambda self: np.zeros((len(labels), 10, 3), dtype=np.float32))
+        (result,) = train_published([PublishedRun("causal", "joint", "small", epochs=5)], data(), tmp_path)
+    assert result.best_epoch == 3
+    assert accuracies([result.best], labels) == pytest.approx(100 * 3 / len(labels))
 
 
 def test_trainings_side_by_side_end_as_one_after_the_other(tmp_path: Path) -> None:
@@ -60,7 +82,7 @@ def test_trainings_side_by_side_end_as_one_after_the_other(tmp_path: Path) -> No
     training._train(together, data(), lambda run, epoch, loss: told.append((run.form, epoch)))
     assert told == [("ctrgcn", 1), ("causal", 1), ("ctrgcn", 2), ("causal", 2), ("causal", 3)]
     for one, expected in zip(together, alone, strict=True):
-        np.testing.assert_array_equal(one.test(), expected)
+        np.testing.assert_array_equal(one.test(), expected.log_probs)
 
 
 def test_a_prefix_tells_nothing_of_what_follows(tmp_path: Path) -> None:
@@ -71,8 +93,8 @@ def test_a_prefix_tells_nothing_of_what_follows(tmp_path: Path) -> None:
         begin, end = data().offsets[index], data().offsets[index + 1]
         positions[begin + int(np.ceil(0.5 * (end - begin))) : end] += np.random.default_rng(0).normal(size=3)
     (there,) = train_published([run], replace(data(), positions=positions.astype(np.float32)), tmp_path / "b")
-    np.testing.assert_array_equal(here[:, :5], there[:, :5])
-    assert not np.array_equal(here[:, 5:], there[:, 5:])
+    np.testing.assert_array_equal(here.log_probs[:, :5], there.log_probs[:, :5])
+    assert not np.array_equal(here.log_probs[:, 5:], there.log_probs[:, 5:])
 
 
 def test_refuses_other_data_and_data_without_a_split(tmp_path: Path) -> None:
@@ -82,7 +104,12 @@ def test_refuses_other_data_and_data_without_a_split(tmp_path: Path) -> None:
     train_published([run], data(), tmp_path)
     with pytest.raises(UsageError, match="the result of other data"):
         train_published([run], replace(data(), fps=30.0), tmp_path)
-    (tmp_path / f"{run.name}.npz").unlink()
+    result = tmp_path / f"{run.name}.npz"
+    with np.load(result) as held:
+        np.savez(result, **{name: held[name] for name in held if name != "protocol"})
+    with pytest.raises(UsageError, match="the result of an older version of ehar, which turned clips otherwise"):
+        train_published([run], data(), tmp_path)
+    result.unlink()
     (tmp_path / f"{run.name}.checkpoint").write_text("damaged")
     with pytest.raises(ModelError, match="expected a checkpoint"):
         train_published([run], data(), tmp_path)
