@@ -190,15 +190,15 @@ def published(
     rows = []
     for form, trained in held.items():
         for name, part in together:
-            cut = [of[part] for of in trained]
-            whole = np.array([accuracies([stream.log_probs for stream in of], labels) for of in cut])
-            without = np.array([accuracies([stream.log_probs[new] for stream in of], labels[new]) for of in cut])
-            best = np.array([accuracies([stream.best for stream in of], labels) for of in cut])
+            seen = [of[part] for of in trained]  # of each seed, the results of the streams of this row
+            whole = np.array([accuracies([stream.log_probs for stream in of], labels) for of in seen])
+            without = np.array([accuracies([stream.log_probs[new] for stream in of], labels[new]) for of in seen])
+            best = np.array([accuracies([stream.best for stream in of], labels) for of in seen])
             rows.append(PublishedRow(form, name, whole, without, best))
     found = PublishedReport(
         motion.title, size, epochs, tuple(seeds), tuple(rows), len(new), copies, tuple(sorted(arithmetic))
     )
-    kept = {**asdict(found), "rows": [{**asdict(row), **_lists(row)} for row in rows]}
+    kept = {**asdict(found), "rows": [_for_json(row) for row in rows]}
     write_text(folder / "summary.json", [json_text(kept)])
     write_text(folder / "table.md", [markdown(*found.tables())])
     return found
@@ -216,13 +216,13 @@ def _told_copies(copies: Sequence[str], tests: int) -> str:
     classes = ", ".join(sorted(set(copies)))
     return (
         f"{len(copies)} of {tests} test sequences are copies of training sequences, frame by frame: of {classes}. "
-        "The last column leaves them out."
+        "One column leaves them out."
     )
 
 
-def _lists(row: PublishedRow) -> dict[str, list[Any]]:
-    """Return the arrays of a row as lists, for JSON."""
-    return {name: np.asarray(value).tolist() for name, value in asdict(row).items() if name.startswith("accuracy")}
+def _for_json(row: PublishedRow) -> dict[str, Any]:
+    """Return a row with its arrays as lists."""
+    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in vars(row).items()}
 
 
 def _spread(values: FloatArray) -> str:

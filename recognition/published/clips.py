@@ -1,8 +1,8 @@
 """Clips of 3D joints as CTR-GCN was published with on Northwestern-UCLA (Chen et al. 2021, and its public code).
 
 A clip is a whole sequence: put at its first frame's second joint, turned and scaled at random in training, scaled to
-[-1, 1] along each axis, and cut to 52 frames. It is turned as a camera might stand elsewhere: people turn about the
-vertical, and then tilt towards the camera or away from it. They never lean to a side.
+[-1, 1] along each axis, and cut to 52 frames. People turn about the vertical, and then tilt towards the camera or away
+from it, as if it stood elsewhere. They never lean to a side.
 """
 
 from typing import Literal, get_args

@@ -33,7 +33,7 @@ from recognition.training.optimisers import PUBLISHED_EPOCHS, PUBLISHED_MOMENTUM
 DECAY = 1e-4  # of weights
 DROP = 50  # the epoch from which the rate is a tenth
 
-PROTOCOL = 2  # what was trained by another one is not gone on with: the first tilted people to the side
+PROTOCOL = 2  # of results and checkpoints that can be used; 1 had training clips in which people leaned to the side
 RATIOS = tuple(range(10, 101, 10))  # observation ratios of the test [%]
 TEST_BATCH = 64
 
@@ -230,10 +230,9 @@ class _Training:
 
     def _keep_best(self) -> None:
         """Test on whole sequences, and keep the answers if more of them are right than ever before."""
-        labels = torch.from_numpy(self.data.labels[self.test_sequences])
-        answers = self._test_at(100)
-        right = [int((of.argmax(dim=-1) == labels).sum()) for of in (answers, self.best) if len(of)]
-        if len(right) == 1 or right[0] > right[1]:
+        labels, answers = self.data.labels[self.test_sequences], self._test_at(100)
+        before = accuracies([self.best.numpy()], labels) if self.best_epoch else -1.0
+        if accuracies([answers.numpy()], labels) > before:
             self.best, self.best_epoch = answers, self.epoch
 
     def finish(self, path: Path) -> PublishedResult:
