@@ -101,7 +101,7 @@ class PublishedReport:
                     *((name, *[""] * (len(SHOWN) + 3), f"{figure:.1f}") for name, figure in PUBLISHED),
                 ),
                 footnotes=(
-                    f"{len(self.seeds)} trainings of each; behind ± stands the standard deviation over them. "
+                    f"{_told_trainings(len(self.seeds))} "
                     f"{self.epochs} epochs, as published {PUBLISHED_EPOCHS}. Products in training: "
                     f"{' or '.join(self.arithmetic)}.",
                     "acc@x: the network sees the first x % of the frames, scaled and cut to a clip by themselves. "
@@ -207,6 +207,13 @@ def published(
 def _epoch_done(run: PublishedRun, epoch: int, loss: float) -> None:
     """Print how far a training is."""
     print(f"{run.name}: {epoch} of {run.epochs} epochs, loss {loss:.3f}", file=sys.stderr, flush=True)
+
+
+def _told_trainings(count: int) -> str:
+    """Return the sentence that says how many trainings a figure rests on."""
+    if count == 1:
+        return "One training of each."
+    return f"{count} trainings of each; behind ± stands the standard deviation over them."
 
 
 def _told_copies(copies: Sequence[str], tests: int) -> str:

@@ -19,6 +19,7 @@ from ehar.data.motion_data import MotionData
 from ehar.data.skeleton_tree import parents
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.files import as_json, replacing
+from recognition.freed_memory import keep_freed_memory
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.sizes import Size
 from recognition.networks.spec import Network, build_network
@@ -111,6 +112,7 @@ def train_published(
     """
     if data.is_test is None or data.is_test.all() or not data.is_test.any():
         raise DataError(f"{data.name}: expected training and test sequences, as `split` names them")
+    keep_freed_memory()
     done = {run: _read(_results(run, out), data) for run in runs if _results(run, out).is_file()}
     left = [run for run in runs if run not in done]
     for together in [left] if device != "cpu" else [[run] for run in left]:
