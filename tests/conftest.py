@@ -12,6 +12,7 @@ from hypothesis import settings
 from ehar.data.any_source import BUILT_IN_STREAMS
 from ehar.data.recordings import Recordings
 from ehar.data.source import BUILT_IN
+from ehar.processes import THREADS
 from planners.own_planner import entry_point_names
 from tests.helpers.tiny_benchmarks import HashedRecogniser, save_models
 
@@ -23,9 +24,13 @@ settings.load_profile("default")
 
 
 @pytest.fixture(autouse=True, scope="session")
-def one_thread() -> None:
-    """Tests run side by side, and their tensors are too small to divide."""
+def one_thread() -> Iterator[None]:
+    """Tests run side by side, and their tensors are too small to divide; so are those of the processes they start."""
     torch.set_num_threads(1)
+    with pytest.MonkeyPatch.context() as patch:
+        for name in THREADS:
+            patch.setenv(name, "1")
+        yield
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -85,18 +85,21 @@ def test_a_frame_takes_the_operations_that_are_counted() -> None:
     assert 1e-9 * values < frame_gflop(data, BRIEF) < 1e-2
 
 
-def test_a_training_takes_in_clips(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def short_trainings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trainings of few clips and one thread: beside other tests, threads wait for each other longer than they work."""
     monkeypatch.setattr(trainer, "VALIDATION_CLIPS", 8)
-    threads = torch.get_num_threads()
+    monkeypatch.setattr("eval.speed.recognition.WORKERS", 1)
+
+
+@pytest.mark.usefixtures("short_trainings")
+def test_a_training_takes_in_clips() -> None:
     assert 0 < time_training(tiny_data(sequences=24), BRIEF) < 100_000
-    torch.set_num_threads(threads)
 
 
+@pytest.mark.usefixtures("short_trainings")
 def test_a_device_is_measured_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trainer, "VALIDATION_CLIPS", 8)
-    threads = torch.get_num_threads()
     figures = device_figures(tiny_data(sequences=24), "cpu", BRIEF)
-    torch.set_num_threads(threads)
     assert figures.pop("device_probability_difference") == 0  # of the CPU from itself
     for ending in ("", "_published_widths"):
         assert 0 < figures[f"device_sensed_and_recognised_frames_per_s{ending}"]
