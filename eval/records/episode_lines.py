@@ -235,6 +235,6 @@ def _column(name: str, rows: Sequence[_Row]) -> Any:
     array = kind.array([row.fields[name] for row in rows], sizes)
     if array is None:
         off = next(row for row in rows if kind.array([row.fields[name]], sizes) is None)
-        size = next((of for of in kind.shape if isinstance(of, str)), "L")
+        size = next((axis for axis in kind.shape if isinstance(axis, str)), "L")
         raise DataError(f"{off.where}: {name}: expected {kind}, {size} = {sizes[size]} as in the lines before")
     return array

@@ -213,17 +213,17 @@ def delays(data: ReportData, name: str) -> Figure | None:
     traces: list[dict[str, Any]] = []
     planners = beside_no_act(data.planners, name)
     for row, one in enumerate(planners):
-        of, look = data.planners[one].delays, styles[one]
-        if of is None:
+        delays, look = data.planners[one].delays, styles[one]
+        if delays is None:
             continue
         middle = (0.5 - (row + 0.5) / len(planners)) * 0.5  # no-act above, the planner below
-        place = np.array([order.index(label) for label in of.label]) + middle
+        place = np.array([order.index(label) for label in delays.label]) + middle
         place += rng.uniform(-0.08, 0.08, len(place))
         for recognised, symbol, never in ((True, "circle", ""), (False, "x-thin", ", not recognised")):
-            chosen = of.recognised == recognised
+            chosen = delays.recognised == recognised
             traces.append(
                 {
-                    "x": finite(of.frames[chosen] / fps, 2),
+                    "x": finite(delays.frames[chosen] / fps, 2),
                     "y": finite(place[chosen], 3),
                     "mode": "markers",
                     "marker": {
@@ -238,9 +238,9 @@ def delays(data: ReportData, name: str) -> Figure | None:
             )
         traces.append(
             {
-                "x": finite(of.means[order] / fps, 3),
+                "x": finite(delays.means[order] / fps, 3),
                 "y": finite(np.arange(len(order)) + middle, 3),
-                "customdata": finite(100 * of.shares[order], 0),
+                "customdata": finite(100 * delays.shares[order], 0),
                 "mode": "markers",
                 "marker": {
                     "color": look.token,

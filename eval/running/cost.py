@@ -102,11 +102,11 @@ def predicted(graph: Mapping[Key, tuple[Key, ...]], costs: Mapping[Key, Steps], 
         cores: number of stages that run side by side.
     """
 
-    def longest(of: tuple[float, ...], at: int) -> float:
+    def longest(seconds: tuple[float, ...], at: int) -> float:
         ends: dict[Key, float] = {}
         for stage, needed in graph.items():
             ends[stage] = max((ends[one] for one in needed), default=0.0) + costs[stage][at]
-        return max(sum(of) / cores, *ends.values())
+        return max(sum(seconds) / cores, *ends.values())
 
     return Steps(*(longest(tuple(costs[stage][at] for stage in graph), at) for at in range(2)))
 

@@ -85,6 +85,6 @@ def accuracy_bands(records: Mapping[str, EpisodeRecords], resamples: Resamples) 
         alone = group_planners(group.records)
         by_frame = [records[name].correct.T.astype(np.float64) for name in group.records]
         resampled = [resamples.means(values) for values in by_frame]
-        drawn = [resample_seeds(np.stack(of), alone, resamples)[0] for of in zip(*resampled, strict=True)]
+        drawn = [resample_seeds(np.stack(trainings), alone, resamples)[0] for trainings in zip(*resampled, strict=True)]
         bands[group.name] = resamples.interval(curve, np.stack(drawn), bounds=(0, 1))
     return bands

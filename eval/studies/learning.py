@@ -77,7 +77,7 @@ class LearningCurve:
                     f"{self.planner} minus {NO_ACT} [95 %]",
                     f"{self.planner}: gap closed % [95 %]",
                 ),
-                rows=tuple(self._row(of) for of in self.runs),
+                rows=tuple(self._row(learned) for learned in self.runs),
                 footnotes=(
                     *basis.footnotes,
                     "Clips are those of the weights that were kept, validation is their accuracy there. All accuracies "
@@ -88,17 +88,17 @@ class LearningCurve:
             )
         ]
 
-    def _row(self, of: Learned) -> tuple[str, ...]:
+    def _row(self, learned: Learned) -> tuple[str, ...]:
         """Return the cells of a run."""
-        planner, no_act, oracle = (of.planner(name) for name in (self.planner, NO_ACT, ORACLE))
-        pairs = {(pair.planner, pair.other): pair for pair in of.run.summary.differences}
+        planner, no_act, oracle = (learned.planner(name) for name in (self.planner, NO_ACT, ORACLE))
+        pairs = {(pair.planner, pair.other): pair for pair in learned.run.summary.differences}
         pair = pairs.get((self.planner, NO_ACT))
         gap, ends = planner.gap_closed, planner.gap_closed_ci95
         return (
-            f"{of.clips:,}",
-            f"{100 * of.validation:.1f}",
+            f"{learned.clips:,}",
+            f"{100 * learned.validation:.1f}",
             f"{no_act.acc_mean:.1f}",
-            "-" if of.rule is None else f"{of.rule.acc_mean:.1f} ({of.rule.name})",
+            "-" if learned.rule is None else f"{learned.rule.acc_mean:.1f} ({learned.rule.name})",
             f"{planner.acc_mean:.1f}",
             f"{oracle.acc_mean:.1f}",
             f"{oracle.acc_mean - no_act.acc_mean:.1f}",
@@ -112,12 +112,17 @@ class LearningCurve:
         """Draw accuracies against clips as `stem`.png and .svg."""
         figure = Figure(figsize=(5.6, 3.6), layout="constrained")
         axes: Any = figure.add_subplot()
-        clips = [of.clips for of in self.runs]
+        clips = [learned.clips for learned in self.runs]
         lines = (
-            (f"{ORACLE} (privileged)", [of.planner(ORACLE).acc_mean for of in self.runs], LIGHT.text, "--"),
-            (self.planner, [of.planner(self.planner).acc_mean for of in self.runs], VERMILION, "-"),
-            ("best rule", [None if of.rule is None else of.rule.acc_mean for of in self.runs], BLUE, "-"),
-            (NO_ACT, [of.planner(NO_ACT).acc_mean for of in self.runs], LIGHT.neutral, "-"),
+            (f"{ORACLE} (privileged)", [learned.planner(ORACLE).acc_mean for learned in self.runs], LIGHT.text, "--"),
+            (self.planner, [learned.planner(self.planner).acc_mean for learned in self.runs], VERMILION, "-"),
+            (
+                "best rule",
+                [None if learned.rule is None else learned.rule.acc_mean for learned in self.runs],
+                BLUE,
+                "-",
+            ),
+            (NO_ACT, [learned.planner(NO_ACT).acc_mean for learned in self.runs], LIGHT.neutral, "-"),
         )
         for label, accuracies, colour, style in lines:
             axes.plot(clips, accuracies, style, marker="o", markersize=4, color=colour, label=label)
@@ -133,7 +138,7 @@ class LearningCurve:
 
     def __repr__(self) -> str:
         """Return one line: the clips of the runs."""
-        return f"LearningCurve({self.planner}: {', '.join(f'{of.clips:,}' for of in self.runs)} clips)"
+        return f"LearningCurve({self.planner}: {', '.join(f'{learned.clips:,}' for learned in self.runs)} clips)"
 
     def __str__(self) -> str:
         """Return the table."""
@@ -162,7 +167,7 @@ def learning(runs: Sequence[str | Path], *, planner: str = NBV, out: str | Path 
     read = [read_run_of_clips(folder) for folder in runs]
     for run in read[1:]:
         check_same_episodes(read[0], run, also=SAME_CONDITIONS)
-    found = LearningCurve(planner, tuple(sorted(map(_learned, read), key=lambda of: of.clips)))
+    found = LearningCurve(planner, tuple(sorted(map(_learned, read), key=lambda learned: learned.clips)))
     tables = found.tables()  # says which planner is missing before anything is written
     if out is not None:
         write_text(Path(out) / "table.md", [markdown(*tables)])

@@ -190,11 +190,11 @@ def published(
     rows = []
     for form, trained in held.items():
         for name, part in together:
-            seen = [of[part] for of in trained]  # of each seed, the results of the streams of this row
-            whole = np.array([accuracies([stream.log_probs for stream in of], labels) for of in seen])
-            without = np.array([accuracies([stream.log_probs[new] for stream in of], labels[new]) for of in seen])
-            best = np.array([accuracies([stream.best for stream in of], labels) for of in seen])
-            rows.append(PublishedRow(form, name, whole, without, best))
+            ensembles = [members[part] for members in trained]  # of each seed, a result for each stream of the row
+            whole = [accuracies([one.log_probs for one in members], labels) for members in ensembles]
+            unseen_only = [accuracies([one.log_probs[new] for one in members], labels[new]) for members in ensembles]
+            best = [accuracies([one.best for one in members], labels) for members in ensembles]
+            rows.append(PublishedRow(form, name, *map(np.array, (whole, unseen_only, best))))
     found = PublishedReport(
         motion.title, size, epochs, tuple(seeds), tuple(rows), len(new), copies, tuple(sorted(arithmetic))
     )

@@ -199,7 +199,7 @@ def _differences(run: Run, planner: str) -> tuple[Difference, ...]:
 def trainings_table(found: Trainings) -> Table:
     """Return a row for each planner: accuracy, gap closed and the difference to the compared planner."""
     summary, planner = found.run.summary, found.planner
-    differences = {of.other: of for of in found.differences}
+    differences = {difference.other: difference for difference in found.differences}
     basis = basis_lines(summary.basis, summary.no_intervals)
     few = f"Only {found.count} trainings: a claim takes at least {LEAST}." if found.count < LEAST else ""
     column = 3
@@ -217,7 +217,7 @@ def trainings_table(found: Trainings) -> Table:
     )
 
 
-def _row(found: Trainings, planner: PlannerSummary, of: Difference | None) -> tuple[str, ...]:
+def _row(found: Trainings, planner: PlannerSummary, difference: Difference | None) -> tuple[str, ...]:
     """Return the cells of a planner; behind ± stands the deviation over what each training gives by itself."""
     alone, gap = found.acc[planner.name], NONE
     gaps = gap_closed(alone, found.acc[NO_ACT], found.acc[ORACLE]) if {NO_ACT, ORACLE} <= found.acc.keys() else None
@@ -230,8 +230,10 @@ def _row(found: Trainings, planner: PlannerSummary, of: Difference | None) -> tu
         planner.name + PRIVILEGED * planner.privileged,
         f"{planner.acc_mean:.1f} ± {_spread(alone):.1f} {interval_text(planner.acc_mean_ci95)}",
         gap,
-        "" if of is None else f"{of.acc_mean:+.1f} ± {_spread(to_it):.1f} {interval_text(of.ci95_corrected)}",
-        "" if of is None else p_text(of.p_corrected),
+        ""
+        if difference is None
+        else f"{difference.acc_mean:+.1f} ± {_spread(to_it):.1f} {interval_text(difference.ci95_corrected)}",
+        "" if difference is None else p_text(difference.p_corrected),
     )
 
 

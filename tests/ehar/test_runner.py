@@ -50,16 +50,16 @@ def runner(track: Track | None = None) -> Runner:
     return Runner(tiny_data(fps=FPS, persons=2), FakeRecogniser(), EstimatorSensor(skeleton=SKELETON), **chosen)
 
 
-def scenarios(of: Runner) -> Scenarios:
-    return windows(of.data, np.arange(len(of.data.labels)), LENGTH, 1)
+def scenarios(made: Runner) -> Scenarios:
+    return windows(made.data, np.arange(len(made.data.labels)), LENGTH, 1)
 
 
-def batch_of(of: Runner, *, seed: int = 0) -> Batch:
+def batch_of(made: Runner, *, seed: int = 0) -> Batch:
     rng = np.random.default_rng(seed)
-    return of.batch(scenarios(of), np.array([3, 0, 30, 7, 7]), PAPER.sample_starts(rng, EPISODES), rng)
+    return made.batch(scenarios(made), np.array([3, 0, 30, 7, 7]), PAPER.sample_starts(rng, EPISODES), rng)
 
 
-def by_hand(of: Runner, motion: Motion, **told: Any) -> Context:
+def by_hand(made: Runner, motion: Motion, **told: Any) -> Context:
     return Context(
         episodes=EPISODES,
         length=LENGTH,
@@ -106,12 +106,12 @@ def test_the_context_of_a_vehicle() -> None:
 
 @pytest.mark.parametrize("name", ["ideal", "px4-auto"])
 def test_a_roll_is_a_rollout_by_hand(name: str) -> None:
-    of, vehicle = runner(load_track(name)), VEHICLES.get(name)
-    batch, planner = batch_of(of), Drawing()
-    record = of.roll(planner, batch, np.random.default_rng(9))
+    made, vehicle = runner(load_track(name)), VEHICLES.get(name)
+    batch, planner = batch_of(made), Drawing()
+    record = made.roll(planner, batch, np.random.default_rng(9))
     motion = GridMotion() if vehicle is None else FlightMotion(vehicle=vehicle)
-    context = by_hand(of, motion, track=name, vehicle=vehicle)
-    again = rollout(Drawing(), batch, FakeRecogniser(), of.sensor, motion, context)
+    context = by_hand(made, motion, track=name, vehicle=vehicle)
+    again = rollout(Drawing(), batch, FakeRecogniser(), made.sensor, motion, context)
     np.testing.assert_array_equal(record.viewpoints, again.viewpoints)
     np.testing.assert_array_equal(record.log_probs, again.log_probs)
     assert (record.viewpoints[:, 1:] != record.viewpoints[:, :1]).any()
@@ -119,36 +119,36 @@ def test_a_roll_is_a_rollout_by_hand(name: str) -> None:
 
 
 def test_every_roll_has_a_body_of_its_own() -> None:
-    of = runner(load_track("px4-max"))
-    batch = batch_of(of)
-    first, second = (of.roll(Drawing(), batch, np.random.default_rng(9)) for _ in range(2))
+    made = runner(load_track("px4-max"))
+    batch = batch_of(made)
+    first, second = (made.roll(Drawing(), batch, np.random.default_rng(9)) for _ in range(2))
     np.testing.assert_array_equal(first.viewpoints, second.viewpoints)
 
 
 def test_a_motion_that_is_handed_in_carries_the_camera_and_bounds_the_planner() -> None:
-    of, motion, planner = runner(), GridMotion(workspace=NARROW), Drawing()
-    batch = batch_of(of)
+    made, motion, planner = runner(), GridMotion(workspace=NARROW), Drawing()
+    batch = batch_of(made)
     batch.starts[:, 0] = 11.0
-    record = of.roll(planner, batch, np.random.default_rng(9), motion)
+    record = made.roll(planner, batch, np.random.default_rng(9), motion)
     assert planner.context.workspace == NARROW
     assert NARROW.contains(record.viewpoints).all()
     batch.starts[2, 0] = 14.0
     with pytest.raises(EpisodeError, match="expected a start viewpoint within"):
-        of.roll(planner, batch, np.random.default_rng(9), GridMotion(workspace=NARROW))
+        made.roll(planner, batch, np.random.default_rng(9), GridMotion(workspace=NARROW))
 
 
 def test_around_people_who_walk_a_vehicle_has_what_following_them_leaves() -> None:
     data, vehicle = raising_streams(), VEHICLES["px4-auto"]
-    of = Runner(data, FakeRecogniser(), PerfectSensor(), track=load_track("px4-auto"))
+    made = Runner(data, FakeRecogniser(), PerfectSensor(), track=load_track("px4-auto"))
     scenarios = StreamScenarios(data, 60, np.arange(3), np.full(3, 20))
-    batch = of.batch(
+    batch = made.batch(
         scenarios, np.arange(3), PAPER.sample_starts(np.random.default_rng(0), 3), np.random.default_rng(1)
     )
     assert batch.centre is not None
     followed = following_centre(data, Localisation(), centre_limits(vehicle)).position.reshape(8, -1, 3)[:3, 20:80]
     there = data.positions.reshape(8, -1, 1, 6, 3)[:3, 20:80] - followed[:, :, None, None]
     np.testing.assert_allclose(batch.around_centre, there, atol=1e-6)
-    context, motion = of.context(3, None, np.random.default_rng(9), follows=True), of.new_motion()
+    context, motion = made.context(3, None, np.random.default_rng(9), follows=True), made.new_motion()
     assert context.vehicle == around_centre(vehicle) and context.follows
     assert isinstance(motion, FlightMotion) and motion.vehicle == around_centre(vehicle)
     cut = Runner(data, FakeRecogniser(), PerfectSensor()).batch(
@@ -161,9 +161,9 @@ def test_around_people_who_walk_a_vehicle_has_what_following_them_leaves() -> No
 def test_people_who_are_too_fast_for_a_vehicle_end_the_run() -> None:
     data = raising_streams()
     data.positions[:, :, :, 0] += (0.2 * (np.arange(len(data.positions)) % 120))[:, None, None]  # 2 m/s
-    of = Runner(data, FakeRecogniser(), PerfectSensor(), track=load_track("ground-robot"))
+    made = Runner(data, FakeRecogniser(), PerfectSensor(), track=load_track("ground-robot"))
     scenarios = StreamScenarios(data, 60, np.arange(3), np.full(3, 20))
     with pytest.raises(
         UsageError, match=r"track ground-robot: too slow for the people of 'stream-\d', frame \d+: .* 2.5 m"
     ):
-        of.batch(scenarios, np.arange(3), PAPER.sample_starts(np.random.default_rng(0), 3), np.random.default_rng(1))
+        made.batch(scenarios, np.arange(3), PAPER.sample_starts(np.random.default_rng(0), 3), np.random.default_rng(1))

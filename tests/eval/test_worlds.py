@@ -148,8 +148,8 @@ def test_the_recogniser_reads_pixels_as_its_world_s_camera_takes_them(lab: Path)
     seen = recogniser._features(joints, viewpoint)  # type: ignore[attr-defined]
     sensed = (torch.from_numpy(joints.joints_2d), torch.from_numpy(joints.confidence))
     distance = torch.from_numpy(viewpoint[:, 0].astype(np.float32))
-    of = torch.from_numpy(parents(setting.data.skeleton))
-    expected, other = (features(*sensed, distance, of, camera) for camera in (setting.world.camera, Camera()))
+    parent = torch.from_numpy(parents(setting.data.skeleton))
+    expected, other = (features(*sensed, distance, parent, camera) for camera in (setting.world.camera, Camera()))
     torch.testing.assert_close(seen, expected)
     assert not torch.allclose(seen, other, atol=0.1)
 

@@ -259,6 +259,6 @@ def _differences(
     ends = resamples.together(estimates, resampled).ends if resamples.full else np.full((len(estimates), 2), np.nan)
     at = [(price, one, other) for one, other in pairs for price in prices]
     return tuple(
-        WorthDifference(price, one, other, float(points), pair(of))
-        for (price, one, other), points, of in zip(at, estimates, ends, strict=True)
+        WorthDifference(price, one, other, float(points), pair(interval))
+        for (price, one, other), points, interval in zip(at, estimates, ends, strict=True)
     )

@@ -134,7 +134,9 @@ def widening(total: FloatArray, few: Sequence[Variance]) -> Widening:
     between = sum((part.values for part in few), np.zeros_like(total))
     corrected = [part.values * part.units / (part.units - 1) for part in few]
     whole = sum(corrected, np.maximum(total - between, 0))
-    squares = sum((part**2 / (of.units - 1) for part, of in zip(corrected, few, strict=True)), np.zeros_like(total))
+    squares = sum(
+        (part**2 / (variance.units - 1) for part, variance in zip(corrected, few, strict=True)), np.zeros_like(total)
+    )
     # A variance that is a rounding error has no parts.
     varies, has_few = total > ROUNDING**2, squares > ROUNDING**2 * whole**2
     factor = np.sqrt(np.where(varies, whole, 1) / np.where(varies, total, 1))

@@ -72,7 +72,7 @@ class Deciding:
     def _rules(self, planner: str, basis: BasisLines) -> Table:
         """Return how much more the last rules are worth than the first ones."""
         found = self.found.rules[planner]
-        pairs = list(dict.fromkeys((of.one[1], of.other[1]) for of in found))
+        pairs = list(dict.fromkeys((difference.one[1], difference.other[1]) for difference in found))
         return _differences_table(
             f"{self._named(planner)}: what answers of one rule are worth more than those of another, in points [95 %]",
             tuple(f"{one} - {other}" for one, other in pairs),
@@ -85,7 +85,7 @@ class Deciding:
         for planner, found in self.found.planners.items():
             yield _differences_table(
                 f"What answers of {planner} are worth more than those of {NO_ACT}, by the same rule, in points [95 %]",
-                tuple(dict.fromkeys(of.one[1] for of in found)),
+                tuple(dict.fromkeys(difference.one[1] for difference in found)),
                 found,
                 basis,
             )
@@ -146,7 +146,7 @@ def _differences_table(
     title: str, header: tuple[str, ...], found: Sequence[WorthDifference], basis: BasisLines
 ) -> Table:
     """Return a table of differences: a row for each price, a column for each kind, in the order of the differences."""
-    prices = list(dict.fromkeys(of.price for of in found))
+    prices = list(dict.fromkeys(difference.price for difference in found))
     columns = [found[start : start + len(prices)] for start in range(0, len(found), len(prices) or 1)]
     return Table(
         title=title,
@@ -166,8 +166,8 @@ def _differences_table(
         bold=frozenset(
             (at, number)
             for number, column in enumerate(columns, 1)
-            for at, of in enumerate(column)
-            if of.ci95_corrected is not None and excludes_zero(of.ci95_corrected)
+            for at, difference in enumerate(column)
+            if difference.ci95_corrected is not None and excludes_zero(difference.ci95_corrected)
         ),
         notice=basis.notice,
     )

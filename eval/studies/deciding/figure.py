@@ -39,7 +39,7 @@ def _draw_curve(axes: Any, curve: Curve) -> None:
     time, accuracy = (np.array([getattr(point, name) for point in curve.points]) for name in ("seconds", "accuracy"))
     ends = [point.accuracy_ci95 for point in curve.points]
     colour = COLOURS[curve.rule]
-    if all(of is not None for of in ends):
+    if all(pair is not None for pair in ends):
         axes.vlines(time, *np.array(ends).T, color=colour, linewidth=THIN, alpha=0.35)
     axes.plot(
         time,

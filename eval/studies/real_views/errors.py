@@ -176,7 +176,7 @@ def _fitted(found: Sequence[_Errors], *, trackers: int) -> JointErrors:
     hidden = _spread(share[occluded]) / _spread(share[~occluded])
     side = np.digitize(turned, SIDES)
     swaps = [float(swapped[side == kind].mean()) / trackers for kind in range(3)]
-    lasts = np.concatenate([np.broadcast_to(_mean(of.error), of.error.shape) for of in found])
+    lasts = np.concatenate([np.broadcast_to(_mean(measured.error), measured.error.shape) for measured in found])
     changing = error - lasts
     follows = np.diff(frame) == 1
     now, then = changing[:-1][follows], changing[1:][follows]

@@ -178,23 +178,28 @@ def _error_rows(*measured: JointErrors) -> list[tuple[str, ...]]:
     def row(name: str, default: str, form: str, *values: float) -> tuple[str, ...]:
         return (name, default, *(format(value, form) for value in values))
 
-    swaps = zip(*(of.swaps for of in measured), strict=True)
+    swaps = zip(*(errors.swaps for errors in measured), strict=True)
     sides = zip(("front", "side", "back"), ("0", "up to 25", "0"), swaps, strict=True)
     return [
         row(
             "noise [% of a person's height]",
             f"{100 * RELATIVE_NOISE:g}",
             ".1f",
-            *(100 * of.relative_noise for of in measured),
+            *(100 * errors.relative_noise for errors in measured),
         ),
-        row("noise on top of it [px]", f"{NOISE_FLOOR:g}", ".1f", *(of.noise_floor for of in measured)),
-        row("factor for joints behind limbs", f"{OCCLUDED_NOISE:g}", ".1f", *(of.occluded_noise for of in measured)),
+        row("noise on top of it [px]", f"{NOISE_FLOOR:g}", ".1f", *(errors.noise_floor for errors in measured)),
+        row(
+            "factor for joints behind limbs",
+            f"{OCCLUDED_NOISE:g}",
+            ".1f",
+            *(errors.occluded_noise for errors in measured),
+        ),
         *(
             row(f"sides swapped, seen from the {side} [%]", told, ".1f", *(100 * share for share in shares))
             for side, told, shares in sides
         ),
-        row("share that lasts for a whole recording", "0", ".2f", *(of.lasting for of in measured)),
-        row("correlation of the rest with the next frame's", "0", ".2f", *(of.correlation for of in measured)),
+        row("share that lasts for a whole recording", "0", ".2f", *(errors.lasting for errors in measured)),
+        row("correlation of the rest with the next frame's", "0", ".2f", *(errors.correlation for errors in measured)),
     ]
 
 

@@ -273,8 +273,12 @@ def test_a_hint_stands_for_what_is_required(
 
 def commands(group: CommandGroup = COMMANDS, words: tuple[str, ...] = ()) -> dict[str, Command]:
     found = {}
-    for name, of in group.commands.items():
-        found |= commands(of, (*words, name)) if isinstance(of, CommandGroup) else {" ".join((*words, name)): of}
+    for name, command in group.commands.items():
+        found |= (
+            commands(command, (*words, name))
+            if isinstance(command, CommandGroup)
+            else {" ".join((*words, name)): command}
+        )
     return found
 
 

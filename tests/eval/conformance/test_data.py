@@ -79,13 +79,13 @@ BROKEN: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str, str]] = {
 
 
 @pytest.mark.parametrize("name", BROKEN)
-@pytest.mark.parametrize("of", ["duo", "solo"])
+@pytest.mark.parametrize("built_in", ["duo", "solo"])
 def test_what_breaks_a_file_is_named_and_its_advice_mends_it(
-    name: str, of: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    name: str, built_in: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     change, check, option = BROKEN[name]
     path = tmp_path / "broken one.npz"
-    whole = few(of)
+    whole = few(built_in)
     save_motion(path, changed(whole, change))
     with pytest.raises(SystemExit) as ended:
         main(["data", "check", str(path)])

@@ -31,7 +31,7 @@ def test_classes_take_turns() -> None:
 
 
 def test_of_one_class_several_are_chosen_and_of_few_episodes_all() -> None:
-    records = {name: replace(of, label=np.zeros(4, dtype=int)) for name, of in planners(4).items()}
+    records = {name: replace(record, label=np.zeros(4, dtype=int)) for name, record in planners(4).items()}
     assert sorted(one.episode for one in choose_episodes(records, "b", "no-act")) == [0, 1, 2, 3]
 
 

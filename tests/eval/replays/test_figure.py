@@ -152,11 +152,11 @@ def test_the_map_shows_the_field_of_the_frame() -> None:
     camera = known_replay().cameras[0]
     shown = DirectionMap(axes(), camera, PAIR[0])
     assert shown._field is not None and camera.gain is not None
-    for frame, of in ((2, 2), (FRAMES - 1, FRAMES - 2)):  # of the last frame there is none
+    for frame, of_field in ((2, 2), (FRAMES - 1, FRAMES - 2)):  # of the last frame there is none
         shown.show(frame)
-        np.testing.assert_array_equal(shown._field.get_array(), camera.gain[of])
-        assert shown._field.get_clim() == (camera.gain[of].min(), camera.gain[of].max())
-        low, high = camera.gain[of].min(), camera.gain[of].max()
+        np.testing.assert_array_equal(shown._field.get_array(), camera.gain[of_field])
+        assert shown._field.get_clim() == (camera.gain[of_field].min(), camera.gain[of_field].max())
+        low, high = camera.gain[of_field].min(), camera.gain[of_field].max()
         assert shown._caption.get_text() == f"gain field: {low:+.1f} (dark) to {high:+.1f} % (light)"
     alone = DirectionMap(axes(), known_replay().cameras[1], PAIR[1])
     alone.show(0)

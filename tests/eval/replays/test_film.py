@@ -36,7 +36,7 @@ def test_an_mp4_shows_every_frame_and_holds_the_last(tmp_path: Path) -> None:
     assert len(read) == FRAMES + round(HOLD * FPS)
     for frame, pixels in enumerate(read):
         assert off(pixels, draw(min(frame, FRAMES - 1))) < 4
-    assert [of.name for of in tmp_path.iterdir()] == ["a.mp4"]
+    assert [file.name for file in tmp_path.iterdir()] == ["a.mp4"]
 
 
 @pytest.mark.parametrize(("fps", "lasts"), [(FPS, 80), (200.0, 20)])

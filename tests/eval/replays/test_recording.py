@@ -25,7 +25,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, li
 def held_by(replay: EpisodeReplay, path: Path) -> dict[str, dict[str, list[Any]]]:
     """Return what a recording holds: by entity, its columns as lists over frames."""
     write_recording(replay, path)
-    assert [of.name for of in path.parent.iterdir()] == ["a.rrd"]
+    assert [file.name for file in path.parent.iterdir()] == ["a.rrd"]
     reader = chunk.RrdReader(path)
     assert len(reader.recordings()) == len(reader.blueprints()) == 1
     held: dict[str, dict[str, list[Any]]] = {}
@@ -44,13 +44,13 @@ def first_frame(batch: Any) -> int:
 
 
 def test_every_frame_has_its_number_and_its_time(recorded: dict[str, dict[str, list[Any]]]) -> None:
-    moving = {name: of for name, of in recorded.items() if "frame" in of}
+    moving = {name: entity for name, entity in recorded.items() if "frame" in entity}
     assert (
         len(moving) == 2 * PERSONS + 2 * 5 + 1 + 2 * 4
     )  # people; cameras, what they see, paths, targets; a field; beliefs
-    for of in moving.values():
-        assert of["frame"] == list(range(1, FRAMES + 1))
-        np.testing.assert_allclose(of["seconds"], 1e9 * np.arange(1, FRAMES + 1) / 25)
+    for entity in moving.values():
+        assert entity["frame"] == list(range(1, FRAMES + 1))
+        np.testing.assert_allclose(entity["seconds"], 1e9 * np.arange(1, FRAMES + 1) / 25)
 
 
 def test_people_are_where_they_were(recorded: dict[str, dict[str, list[Any]]]) -> None:
@@ -81,9 +81,9 @@ def test_paths_grow_and_targets_end_with_the_plan(recorded: dict[str, dict[str, 
     for frame, (strip,) in enumerate(paths):
         np.testing.assert_allclose(strip, cartesian(camera.path[: frame + 1]), rtol=1e-6)
     targets = recorded["/world/targets/spiral"]["Points3D:positions"]
-    assert [len(of) for of in targets] == [1] * (FRAMES - 1) + [0]
-    np.testing.assert_allclose([of[0] for of in targets[:-1]], cartesian(camera.path[1:]), rtol=1e-6)
-    assert [len(of) for of in recorded["/world/targets/no-act"]["Points3D:positions"]] == [0] * FRAMES
+    assert [len(points) for points in targets] == [1] * (FRAMES - 1) + [0]
+    np.testing.assert_allclose([points[0] for points in targets[:-1]], cartesian(camera.path[1:]), rtol=1e-6)
+    assert [len(points) for points in recorded["/world/targets/no-act"]["Points3D:positions"]] == [0] * FRAMES
 
 
 def test_a_field_has_a_point_for_every_other_direction(recorded: dict[str, dict[str, list[Any]]]) -> None:
@@ -95,8 +95,8 @@ def test_a_field_has_a_point_for_every_other_direction(recorded: dict[str, dict[
     gain = known_replay().cameras[0].gain
     assert gain is not None
     colours = np.array(held["Points3D:colors"], dtype=np.uint32)
-    for frame, of in enumerate((*gain, gain[-1])):
-        shown = of[::2, :-1:2].ravel()
+    for frame, values in enumerate((*gain, gain[-1])):
+        shown = values[::2, :-1:2].ravel()
         light = (colours[frame] >> 16) & 0xFF  # the green part of cividis grows
         assert light[shown.argmax()] == light.max() > light[shown.argmin()] == light.min()
 
@@ -120,7 +120,7 @@ def test_any_name_is_one_entity(tmp_path: Path) -> None:
     unseen = replace(unseen, seen=np.zeros_like(unseen.seen), target=None)
     write_recording(known_replay(cameras=(unseen,)), tmp_path / "a.rrd")
     found = {piece.entity_path for piece in chunk.RrdReader(tmp_path / "a.rrd").stream()}
-    assert [of for of in found if of.startswith("/world/cameras/") and of.endswith("/joints")] == [
+    assert [path for path in found if path.startswith("/world/cameras/") and path.endswith("/joints")] == [
         "/world/cameras/il\\/0\\ radius\\=6\\ ö/joints"
     ]
 

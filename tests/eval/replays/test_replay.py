@@ -73,7 +73,9 @@ def test_what_is_shown_is_what_was_recorded(tiny: Path) -> None:
 
 def test_by_default_the_lead_is_shown_beside_no_act(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(["replay", str(tiny), "3"])
-    accuracy = {of["name"]: of["acc_mean"] for of in json.loads((tiny / SUMMARY).read_text())["planners"]}
+    accuracy = {
+        planner["name"]: planner["acc_mean"] for planner in json.loads((tiny / SUMMARY).read_text())["planners"]
+    }
     lead = max(("v-rotate", "nbv-greedy"), key=lambda name: accuracy[name])
     path = tiny / "replay-3.mp4"
     assert b"ftyp" in path.read_bytes()[:16]
@@ -176,7 +178,7 @@ def test_without_rerun_it_says_so_before_any_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     find: Any = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *of: None if name == "rerun" else find(name, *of))
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *rest: None if name == "rerun" else find(name, *rest))
     line = fails_with(["replay", str(tmp_path / "absent"), "0", "--rerun"], capsys)
     told = "--rerun: expected rerun-sdk to be installed, it is not: pip install -e '.[rerun]' adds it"
     assert line == f"ehar: error: {told}\n"

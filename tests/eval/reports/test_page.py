@@ -114,16 +114,16 @@ def test_what_is_replayed_is_what_happened(tiny: tuple[Path, str]) -> None:
     for episode in replays["episodes"]:
         index = episode["episode"]
         assert titles[index] == episode["title"] and f"{episode['title']} (episode {index})</option>" in page
-        for name, of in episode["planners"].items():
-            path = values(of["path"], np.uint16).reshape(-1, 3) / [1000, 100, 100]
+        for name, planner in episode["planners"].items():
+            path = values(planner["path"], np.uint16).reshape(-1, 3) / [1000, 100, 100]
             recorded = records[name].viewpoint[index]
             expected = np.column_stack([recorded[:, 0], np.degrees(recorded[:, 1]) % 360, np.degrees(recorded[:, 2])])
             np.testing.assert_allclose(path, expected, atol=6e-3)
-            belief = values(of["belief"], np.uint16).reshape(10, 3) / 10_000
+            belief = values(planner["belief"], np.uint16).reshape(10, 3) / 10_000
             np.testing.assert_allclose(belief.max(axis=1), records[name].top_probability[index], atol=1e-3)
             assert belief.argmax(axis=1).tolist() == records[name].predicted[index].tolist()
-            assert of["field"] is None
-            assert (of["target"] is None) is (name == "random")
+            assert planner["field"] is None
+            assert (planner["target"] is None) is (name == "random")
         target = values(episode["planners"]["v-rotate"]["target"], np.uint16).reshape(-1, 3)
         assert len(target) == 9
         assert (target[:, 2] <= 100 * np.degrees(workspace.polar_max) + 1).all()
@@ -148,11 +148,11 @@ def test_a_planner_with_a_gain_field_shows_it(tmp_path: Path) -> None:
     save_gain_model(model, model_of(peak_weights(best)), recogniser_sha256="fake", history={})
     run = tiny_run(tmp_path, ("no-act", "nbv-greedy"), models=tmp_path)
     replays = embedded(report_of(run), "replays")
-    of = replays["episodes"][0]["planners"]["nbv-greedy"]
+    planner = replays["episodes"][0]["planners"]["nbv-greedy"]
     assert replays["episodes"][0]["planners"]["no-act"]["field"] is None
-    field = values(of["field"]["values"], np.uint8).reshape(9, 10, 37)
+    field = values(planner["field"]["values"], np.uint8).reshape(9, 10, 37)
     assert np.unravel_index(field[-1].argmax(), field[-1].shape) == (6, 18)  # 60 degrees down, 180 around
-    assert of["field"]["low"] < 0 < of["field"]["high"]
+    assert planner["field"]["low"] < 0 < planner["field"]["high"]
 
 
 def test_data_that_has_gone_leaves_a_report_without_replays(tmp_path: Path) -> None:
@@ -207,15 +207,18 @@ def test_json_in_a_script_cannot_end_it() -> None:
 
 
 def hover(records: dict[str, EpisodeRecords]) -> dict[str, EpisodeRecords]:
-    return {name: replace(of, viewpoint=np.tile([6.0, 0.0, 0.0], (9, 4, 1))) for name, of in records.items()}
+    return {name: replace(record, viewpoint=np.tile([6.0, 0.0, 0.0], (9, 4, 1))) for name, record in records.items()}
 
 
 def lonely(records: dict[str, EpisodeRecords]) -> dict[str, EpisodeRecords]:
-    return {name: replace(of, sequence=("only",) * len(of)) for name, of in records.items()}
+    return {name: replace(record, sequence=("only",) * len(record)) for name, record in records.items()}
 
 
 def one_class(records: dict[str, EpisodeRecords]) -> dict[str, EpisodeRecords]:
-    return {name: replace(of, label=of.label * 0, predicted=of.predicted * 0) for name, of in records.items()}
+    return {
+        name: replace(record, label=record.label * 0, predicted=record.predicted * 0)
+        for name, record in records.items()
+    }
 
 
 @pytest.mark.parametrize(
@@ -228,7 +231,10 @@ def one_class(records: dict[str, EpisodeRecords]) -> dict[str, EpisodeRecords]:
         ({"no-act": make_records(1)}, "there is nothing to compare"),
         ({"oracle": make_records(1)}, "there is nobody to compare"),
         ({"mine": make_records(1)}, "There is no pair to compare"),
-        ({name: flown(of) for name, of in three_planners().items()}, "Cameras flew, and flights make no moves."),
+        (
+            {name: flown(record) for name, record in three_planners().items()},
+            "Cameras flew, and flights make no moves.",
+        ),
         (
             {**three_planners(), "il-ppo/0": make_records(4), "il-ppo/1": make_records(5)},
             "trainings: il-ppo (0, 1)",
@@ -237,10 +243,10 @@ def one_class(records: dict[str, EpisodeRecords]) -> dict[str, EpisodeRecords]:
 )
 def test_runs_of_every_kind_have_a_report(tmp_path: Path, records: dict[str, EpisodeRecords], told: str) -> None:
     hovering = hover(records)
-    track = "px4-max" if any(of.flight is not None for of in records.values()) else "ideal"
+    track = "px4-max" if any(record.flight is not None for record in records.values()) else "ideal"
     page = report_of(written_run(tmp_path / "run", hovering, track=track))
     assert told in page
-    flew = all(of.flight is not None for of in records.values())
+    flew = all(record.flight is not None for record in records.values())
     assert ("energy" in embedded(page, "report")["figures"]) == ('data-figure="energy"' in page) == flew
     for _, figure in figures_of(embedded(page, "report")):
         plotly.graph_objects.Figure(coloured(figure))
@@ -248,8 +254,8 @@ def test_runs_of_every_kind_have_a_report(tmp_path: Path, records: dict[str, Epi
 
 def test_a_camera_that_hit_something_is_told_of(tmp_path: Path) -> None:
     touching = {
-        name: replace(of, contacts=ContactRecords(np.full(len(of), 7), np.full(len(of), row)))
-        for row, (name, of) in enumerate(hover(three_planners()).items())
+        name: replace(record, contacts=ContactRecords(np.full(len(record), 7), np.full(len(record), row)))
+        for row, (name, record) in enumerate(hover(three_planners()).items())
     }
     page = report_of(written_run(tmp_path / "run", touching))
     table = page[page.index("Planners and their figures") :]

@@ -60,7 +60,7 @@ def test_flights_are_compared_with_a_run_on_the_ideal_track(tmp_path: Path) -> N
         ["no-act", "oracle"], track="tracking-drone", ideal=tmp_path / "ideal", out=tmp_path / "flight"
     ).summary
     assert flight.planner("no-act").acc_mean == ideal.planner("no-act").acc_mean
-    gains = [of.planner("oracle").acc_mean - of.planner("no-act").acc_mean for of in (flight, ideal)]
+    gains = [summary.planner("oracle").acc_mean - summary.planner("no-act").acc_mean for summary in (flight, ideal)]
     assert flight.planner("oracle").accuracy_kept == pytest.approx(gains[0] / gains[1])
     with pytest.raises(UsageError, match="differs in seed"):
         run(["no-act"], track="tracking-drone", ideal=tmp_path / "ideal", seed=1)

@@ -89,7 +89,7 @@ def test_a_gain_field_that_is_right_is_worth_following(models: Path) -> None:
     summary = run(["no-act", "nbv-greedy", "nbv-search", "nbv"], models=models, starts=1).summary
     no_act, *valuing = (planner.acc_mean for planner in summary.planners)
     assert min(valuing) > no_act
-    assert [(of.planner, of.other) for of in summary.differences] == [
+    assert [(difference.planner, difference.other) for difference in summary.differences] == [
         ("nbv", "no-act"),
         ("nbv", "nbv-greedy"),
         ("nbv", "nbv-search"),

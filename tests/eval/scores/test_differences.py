@@ -46,20 +46,23 @@ def of_one_class() -> dict[str, EpisodeRecords]:
 
 def test_a_difference_from_the_records_alone() -> None:
     records = planners()
-    found = {(of.planner, of.other): of for of in summary_of(records).differences}
+    found = {(difference.planner, difference.other): difference for difference in summary_of(records).differences}
     assert list(found) == [("il-ppo", "no-act"), ("il-ppo", "nbv"), ("nbv", "no-act")]
     trainings = [records["il-ppo/0"].correct, records["il-ppo/1"].correct]
     nbv = records["nbv"].correct
     sequences, clusters = np.unique(records["nbv"].sequence, return_inverse=True)
-    of = found["il-ppo", "nbv"]
+    difference = found["il-ppo", "nbv"]
 
     by_sequence = [[correct[clusters == s].mean() for correct in trainings] for s in range(len(sequences))]
     chances = [
         mannwhitneyu(np.round(two, 9), np.round([nbv[clusters == s].mean()], 9)).statistic / 2
         for s, two in enumerate(by_sequence)
     ]
-    assert of.improvement == pytest.approx(np.mean(chances))
-    assert of.improvement_ci95 is not None and of.improvement_ci95[0] < of.improvement < of.improvement_ci95[1]
+    assert difference.improvement == pytest.approx(np.mean(chances))
+    assert (
+        difference.improvement_ci95 is not None
+        and difference.improvement_ci95[0] < difference.improvement < difference.improvement_ci95[1]
+    )
 
     counts = resample_counts(np.random.default_rng(BOOTSTRAP_SEED), len(sequences))[:, clusters]
     (il_ppo,) = group_planners(name for name in records if name.startswith("il-ppo"))
@@ -74,22 +77,24 @@ def test_a_difference_from_the_records_alone() -> None:
     variance = seen - between / 2 + between
     freedom = variance**2 / between**2  # of Satterthwaite: two trainings leave one
     wider = np.sqrt(variance / seen) * student.ppf(0.975, freedom) / norm.ppf(0.975)
-    ends = of.acc_mean + wider * (np.percentile(differ, [2.5, 97.5]) - of.acc_mean)
-    assert of.ci95 == pytest.approx(ends, rel=0.02)
+    ends = difference.acc_mean + wider * (np.percentile(differ, [2.5, 97.5]) - difference.acc_mean)
+    assert difference.ci95 == pytest.approx(ends, rel=0.02)
     # Corrected: the largest distance in standard errors over all three pairs, in each resample.
     no_act = counts @ records["no-act"].correct.mean(axis=1)
     others = [100 * (pair - no_act) / totals for pair in (drawn, counts @ nbv.mean(axis=1))]
     estimates = [found[pair].acc_mean for pair in (("il-ppo", "nbv"), ("il-ppo", "no-act"), ("nbv", "no-act"))]
     largest = np.max([np.abs(r - e) / r.std(ddof=1) for r, e in zip([differ, *others], estimates, strict=True)], axis=0)
-    alone, of = others[1], found["nbv", "no-act"]  # of one training each
+    alone, difference = others[1], found["nbv", "no-act"]  # of one training each
     error = alone.std(ddof=1)
     half = np.quantile(largest, 0.95) * error
-    assert of.ci95_corrected == pytest.approx((of.acc_mean - half, of.acc_mean + half), rel=1e-3)
-    assert of.smallest == pytest.approx(half + 0.841621 * error, rel=1e-3)
-    assert of.p == pytest.approx(2 * norm.sf(abs(of.acc_mean) / error))
-    reached = (largest >= abs(of.acc_mean) / error - 1e-9).sum()
-    assert of.p_corrected == pytest.approx((1 + reached) / (1 + len(largest)))
-    assert of.is_clear == (of.p_corrected <= 0.05)
+    assert difference.ci95_corrected == pytest.approx(
+        (difference.acc_mean - half, difference.acc_mean + half), rel=1e-3
+    )
+    assert difference.smallest == pytest.approx(half + 0.841621 * error, rel=1e-3)
+    assert difference.p == pytest.approx(2 * norm.sf(abs(difference.acc_mean) / error))
+    reached = (largest >= abs(difference.acc_mean) / error - 1e-9).sum()
+    assert difference.p_corrected == pytest.approx((1 + reached) / (1 + len(largest)))
+    assert difference.is_clear == (difference.p_corrected <= 0.05)
 
 
 def test_a_planner_s_own_trainings_widen_intervals_as_student_s_t_of_their_number_does() -> None:
@@ -99,13 +104,13 @@ def test_a_planner_s_own_trainings_widen_intervals_as_student_s_t_of_their_numbe
     def right(frames: int) -> EpisodeRecords:
         return replace(base, predicted=np.tile(base.label[:, None], 4) + (np.arange(4) >= frames))
 
-    (of,) = summary_of({"no-act": right(1), **{f"il/{seed}": right(2 + seed) for seed in range(3)}}).differences
-    assert (of.planner, of.acc_mean) == ("il", pytest.approx(50))
+    (difference,) = summary_of({"no-act": right(1), **{f"il/{seed}": right(2 + seed) for seed in range(3)}}).differences
+    assert (difference.planner, difference.acc_mean) == ("il", pytest.approx(50))
     half = student.ppf(0.975, 2) * 25 / np.sqrt(3)
-    assert of.ci95_corrected is not None
+    assert difference.ci95_corrected is not None
     # Three trainings have seven different means, so a bootstrap of them is coarse, on the safe side.
-    assert half <= of.ci95_corrected[1] - 50 <= 1.3 * half
-    assert not of.is_clear
+    assert half <= difference.ci95_corrected[1] - 50 <= 1.3 * half
+    assert not difference.is_clear
 
 
 def test_people_are_resampled_where_the_records_name_them() -> None:
@@ -118,17 +123,17 @@ def test_people_are_resampled_where_the_records_name_them() -> None:
     }
     named = summary_of(records)
     unknown = summary_of(
-        {name: replace(of, subjects=np.full((60, 1), UNKNOWN_SUBJECT)) for name, of in records.items()}
+        {name: replace(record, subjects=np.full((60, 1), UNKNOWN_SUBJECT)) for name, record in records.items()}
     )
     assert named.basis == Basis(sequences=30, groups=6, people=6, together=1)
     assert unknown.basis == Basis(sequences=30)
-    (of,), (over_sequences,) = named.differences, unknown.differences
-    assert of.acc_mean == over_sequences.acc_mean == 25
+    (difference,), (over_sequences,) = named.differences, unknown.differences
+    assert difference.acc_mean == over_sequences.acc_mean == 25
     assert over_sequences.is_clear and over_sequences.ci95_corrected is not None
     assert over_sequences.ci95_corrected == pytest.approx((25 - 11.8, 25 + 11.8), abs=1)
     # Student's t of 6 people: 25 -+ 2.571 x 35.4 / sqrt(6).
-    assert not of.is_clear and of.ci95_corrected is not None
-    assert of.ci95_corrected == pytest.approx((25 - 37.1, 25 + 37.1), abs=3)
+    assert not difference.is_clear and difference.ci95_corrected is not None
+    assert difference.ci95_corrected == pytest.approx((25 - 37.1, 25 + 37.1), abs=3)
     for summary, said in ((named, "6 people and their 30 sequences"), (unknown, "do not cover other people")):
         assert all(said in "".join((table.notice, *table.footnotes)) for table in summary.tables())
 
@@ -159,11 +164,11 @@ def test_intervals_that_cannot_be_had_say_so(records: dict[str, EpisodeRecords],
     write_records(tmp_path, CONFIG_OF_RUN, records, summary)
     written = json.loads((tmp_path / SUMMARY).read_text())
     assert reason in written["no_intervals"]
-    for of in (*written["planners"], *written["differences"]):
-        absent = [name for name in of if "ci95" in name or name in ("smallest", "p", "p_corrected")]
-        assert all(of[name] is None for name in absent)
+    for part in (*written["planners"], *written["differences"]):
+        absent = [name for name in part if "ci95" in name or name in ("smallest", "p", "p_corrected")]
+        assert all(part[name] is None for name in absent)
     assert written["planners"][1]["acc_mean"] == pytest.approx(100 * records["nbv"].correct.mean())
-    assert not any(of.is_clear for of in summary.differences)
+    assert not any(difference.is_clear for difference in summary.differences)
     note = f"[-] No intervals: {summary.no_intervals}."
     of_planners, table = summary.tables()
     assert note in of_planners.footnotes
@@ -183,13 +188,13 @@ def test_intervals_that_cannot_be_had_say_so(records: dict[str, EpisodeRecords],
 
 
 def test_one_class_in_the_test_part_is_enough_where_planners_err() -> None:
-    records = {name: replace(of, label=np.zeros(30, dtype=int)) for name, of in planners().items()}
+    records = {name: replace(record, label=np.zeros(30, dtype=int)) for name, record in planners().items()}
     assert summary_of(records).no_intervals is None
 
 
 def test_the_table_says_how_small_a_difference_would_show() -> None:
     summary = summary_of(planners())
-    sizes = sorted(of.smallest for of in summary.differences if of.smallest is not None)
+    sizes = sorted(difference.smallest for difference in summary.differences if difference.smallest is not None)
     assert len(sizes) == 3
     expected = f"8 times in 10: {sizes[0]:.1f} to {sizes[-1]:.1f} points, depending on the pair."
     assert last_footnote(summary).endswith(expected)

@@ -10,12 +10,14 @@ from tests.helpers.made_records import make_records, three_planners
 def test_bands_are_a_bootstrap_over_sequences_around_the_curves() -> None:
     records = {"mine": make_records(2, skill=1.0, episodes=60)}
     band = accuracy_bands(records, draw_resamples(list(records.values()), group_planners(records)))["mine"]
-    of = records["mine"]
-    names, which = np.unique(of.sequence, return_inverse=True)
+    record = records["mine"]
+    names, which = np.unique(record.sequence, return_inverse=True)
     groups = [np.flatnonzero(which == index) for index in range(len(names))]
     rng = np.random.default_rng(1)
     drawn = [
-        of.correct[np.concatenate([groups[index] for index in rng.integers(0, len(groups), len(groups))])].mean(axis=0)
+        record.correct[np.concatenate([groups[index] for index in rng.integers(0, len(groups), len(groups))])].mean(
+            axis=0
+        )
         for _ in range(4000)
     ]
     np.testing.assert_allclose(band, np.percentile(drawn, [2.5, 97.5], axis=0).T, atol=0.02)

@@ -120,11 +120,13 @@ def test_what_flights_demanded_is_written_and_summarised_on_flight_tracks_only(t
     assert summary_of(back).to_json() == summary.to_json()
     rows = [json.loads(line) for line in (tmp_path / EPISODES).read_text().splitlines()]
     mine = summary.to_json()["planners"][1]
-    of = {
+    figures = {
         key: [row[key] for row in rows if row["planner"] == "mine"] for key in ("peak_speed", "effort", "limit_share")
     }
-    assert mine["peak_speed"] == max(of["peak_speed"])
-    assert (mine["effort"], mine["limit_share"]) == pytest.approx((np.mean(of["effort"]), np.mean(of["limit_share"])))
+    assert mine["peak_speed"] == max(figures["peak_speed"])
+    assert (mine["effort"], mine["limit_share"]) == pytest.approx(
+        (np.mean(figures["effort"]), np.mean(figures["limit_share"]))
+    )
     assert "peak [m/s]" in summary.tables()[0].header
     costs = {key: np.array([row[key] for row in rows if row["planner"] == "mine"]) for key in COSTS}
     assert (mine["distance"], mine["energy"]) == pytest.approx((costs["distance"].mean(), costs["energy"].mean()))
@@ -198,7 +200,7 @@ def test_nbv_is_compared_in_pairs_with_every_planner_that_is_not_privileged() ->
     records["nbv"] = make_records(4, skill=2.0)
     records["twin"] = records["nbv"]
     summary = summary_of(records)
-    assert [(of.planner, of.other) for of in summary.differences] == [
+    assert [(difference.planner, difference.other) for difference in summary.differences] == [
         ("nbv", name) for name in ("no-act", "mine", "twin")
     ]
     to_no_act, _, to_twin = summary.differences
@@ -221,7 +223,11 @@ def test_your_own_planner_is_compared_with_every_other() -> None:
     records = three_planners() | {"nbv": make_records(4, skill=2.0)}
     own = PlannerConfig("mine", False, "./mine.py:Mine", source_sha256="0" * 64)
     found = summary_of(records, replace(config_of_run(length=4), planners=(own,))).differences
-    assert [(of.planner, of.other) for of in found] == [("mine", "no-act"), ("mine", "nbv"), ("nbv", "no-act")]
+    assert [(difference.planner, difference.other) for difference in found] == [
+        ("mine", "no-act"),
+        ("mine", "nbv"),
+        ("nbv", "no-act"),
+    ]
 
 
 def full_summary() -> tuple[dict[str, EpisodeRecords], Summary]:

@@ -29,8 +29,8 @@ LEVEL = np.array([8.0, 0.0, np.pi / 2])  # where the fake recogniser sees best
 
 
 def model() -> GainModel:
-    of = model_of(peak_weights(LEVEL))
-    return replace(of, fields=dict.fromkeys(VARIANTS, of.fields["full"]))
+    made = model_of(peak_weights(LEVEL))
+    return replace(made, fields=dict.fromkeys(VARIANTS, made.fields["full"]))
 
 
 @pytest.fixture(autouse=True)
@@ -118,7 +118,7 @@ def test_streams_are_watched_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 def test_missing_intervals_are_said_to_be_missing() -> None:
     result = ablated(groups=[])
-    without = tuple(replace(of, ci95_corrected=None) for of in result.summary.differences)
+    without = tuple(replace(difference, ci95_corrected=None) for difference in result.summary.differences)
     (table,) = ablation_tables(
         result._replace(summary=replace(result.summary, differences=without, no_intervals="why"))
     )

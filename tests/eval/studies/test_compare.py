@@ -1,6 +1,7 @@
 """Runs made at different times are compared where they met the same episodes, and refused where they did not."""
 
 import json
+import math
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -56,7 +57,10 @@ def width(ends: Any) -> float:
 def test_each_planner_of_both_runs_is_compared_as_if_they_were_one_run(tmp_path: Path) -> None:
     a, b = two_runs(tmp_path)
     found = compare(a, b)
-    assert [(of.difference.planner, of.difference.other) for of in found.planners] == [("nbv", "nbv"), ("oracle",) * 2]
+    assert [(compared.difference.planner, compared.difference.other) for compared in found.planners] == [
+        ("nbv", "nbv"),
+        ("oracle",) * 2,
+    ]
     assert (found.episodes, found.sequences, found.differing, found.no_intervals) == (24, 12, {}, None)
     # Both planners in one run; corrected together with the other row, a difference is less certain.
     together = {"nbv": records(nbv=1.0)["nbv"], "before": make_records(9, skill=0.3, episodes=24)}
@@ -68,7 +72,7 @@ def test_each_planner_of_both_runs_is_compared_as_if_they_were_one_run(tmp_path:
     )
     assert width(nbv.difference.ci95_corrected) > 1.05 * width(expected.ci95_corrected)
     assert nbv.difference.p_corrected > expected.p_corrected
-    assert nbv.acc == pytest.approx([100 * of.correct.mean() for of in together.values()])
+    assert nbv.acc == pytest.approx([100 * record.correct.mean() for record in together.values()])
     assert (nbv.privileged, oracle.privileged) == ((False, False), (True, True))
 
 
@@ -83,15 +87,21 @@ def test_the_runs_the_other_way_round_give_the_opposite(tmp_path: Path) -> None:
 
 def test_a_run_does_not_differ_from_itself(tmp_path: Path) -> None:
     a, _ = two_runs(tmp_path)
-    for of in compare(a, a).planners:
-        assert (of.difference.acc_mean, of.difference.ci95, of.difference.smallest) == (0, (0, 0), None)
-        assert (of.difference.improvement, of.difference.p_corrected) == (0.5, 1)
+    for compared in compare(a, a).planners:
+        assert (compared.difference.acc_mean, compared.difference.ci95, compared.difference.smallest) == (
+            0,
+            (0, 0),
+            None,
+        )
+        assert (compared.difference.improvement, compared.difference.p_corrected) == (0.5, 1)
 
 
 def test_two_planners_are_compared_by_name(tmp_path: Path) -> None:
     a, b = two_runs(tmp_path)
-    (of,) = compare(a, b, ("no-act", "random")).planners
-    assert of.difference.p_corrected == pytest.approx(of.difference.p, abs=0.05)  # the bootstrap's, and Student's
+    (compared,) = compare(a, b, ("no-act", "random")).planners
+    assert compared.difference.p_corrected == pytest.approx(
+        compared.difference.p, abs=0.05
+    )  # the bootstrap's, and Student's
     (row,) = compare_table(compare(a, b, ("no-act", "oracle"), out=tmp_path / "out")).rows
     assert row[0] == "no-act - oracle*"
     assert r"| no-act - oracle\* |" in (tmp_path / "out" / "table.md").read_text()
@@ -140,7 +150,7 @@ def test_all_that_differs_is_named_at_once(tmp_path: Path) -> None:
 
 def test_records_that_are_not_what_the_config_says_are_refused(tmp_path: Path) -> None:
     a, b = two_runs(tmp_path)
-    moved = {name: replace(of, start=of.start + 1) for name, of in records(nbv=1.0).items()}
+    moved = {name: replace(record, start=record.start + 1) for name, record in records(nbv=1.0).items()}
     with pytest.raises(DataError, match=r"expected the same episodes, as their config\.json say, got 24 and 24"):
         compare(a, written(tmp_path / "moved", moved))
     held = json.loads((b / CONFIG).read_text())
@@ -177,7 +187,7 @@ def test_what_else_differs_is_said_aloud(tmp_path: Path) -> None:
     quick, slow = (replace(VEHICLES["px4-auto"], speed=speed) for speed in (5.0, 2.0))
     flown = [written(tmp_path / f"{one.speed}", records(nbv=1.0), track="mine", vehicle=one) for one in (quick, slow)]
     (differing,) = compare(*flown).differing.items()
-    assert differing[0] == "vehicle" and [of.split(",")[0] for of in differing[1]] == ["speed 5", "speed 2"]
+    assert differing[0] == "vehicle" and [text.split(",")[0] for text in differing[1]] == ["speed 5", "speed 2"]
     c = written(tmp_path / "c", records(nbv=1.0), gain_model_sha256="4")
     assert compare(b, c).differing["gain model"] == ("3", "4")
 
@@ -189,8 +199,8 @@ def trained(tmp_path: Path, name: str, digits: str) -> Path:
 
 
 def compared(a: Path, b: Path) -> Any:
-    (of,) = compare(a, b).planners
-    return of
+    (compared,) = compare(a, b).planners
+    return compared
 
 
 def test_trainings_are_drawn_together_only_where_they_are_the_same(tmp_path: Path) -> None:
@@ -228,20 +238,21 @@ def test_the_table_says_what_its_numbers_are(tmp_path: Path) -> None:
     a, b = two_runs(tmp_path)
     found = compare(a, b)
     table = compare_table(found)
-    of = found.planners[0].difference
-    assert of.ci95_corrected is not None and of.improvement_ci95 is not None and of.smallest is not None
+    difference = found.planners[0].difference
+    low, high = difference.ci95_corrected or (math.nan, math.nan)
+    worse, better = difference.improvement_ci95 or (math.nan, math.nan)
     assert table.rows[0][1:] == (
         f"{found.planners[0].acc[0]:.1f}",
         f"{found.planners[0].acc[1]:.1f}",
-        f"{of.acc_mean:+.1f} [{of.ci95_corrected[0]:.1f}, {of.ci95_corrected[1]:.1f}]",
-        f"{of.smallest:.1f}",
-        f"{100 * of.improvement:.1f} [{100 * of.improvement_ci95[0]:.1f}, {100 * of.improvement_ci95[1]:.1f}]",
-        p_text(of.p_corrected),
+        f"{difference.acc_mean:+.1f} [{low:.1f}, {high:.1f}]",
+        f"{difference.smallest:.1f}",
+        f"{100 * difference.improvement:.1f} [{100 * worse:.1f}, {100 * better:.1f}]",
+        p_text(difference.p_corrected),
     )
     assert table.rows[1][0] == "oracle*" and "* privileged: is handed the label and the future." in table.footnotes
     assert table.footnotes[0] == f"A: {a}. B: {b}."
     assert table.bold == {(row, 3) for row, one in enumerate(found.planners) if one.difference.is_clear}
-    certain = replace(of, p_corrected=1e-9)
+    certain = replace(difference, p_corrected=1e-9)
     table = compare_table(replace(found, planners=(replace(found.planners[0], difference=certain),)))
     assert table.rows[0][-1] == "<0.001"
     assert f"Intervals rest on {found.basis.text}" in table.notice
@@ -251,7 +262,7 @@ def test_the_table_says_what_its_numbers_are(tmp_path: Path) -> None:
 
 
 def test_one_sequence_has_no_intervals(tmp_path: Path) -> None:
-    held = {name: replace(of, sequence=("only",) * 24) for name, of in records(nbv=1.0, no_act=0.0).items()}
+    held = {name: replace(record, sequence=("only",) * 24) for name, record in records(nbv=1.0, no_act=0.0).items()}
     found: Comparison = compare(written(tmp_path / "a", held), written(tmp_path / "b", held), ("nbv", "no-act"))
     table = compare_table(found)
     assert table.rows[0][3].endswith(" [-]") and table.rows[0][4] == "-" and table.rows[0][5].endswith(" [-]")

@@ -46,8 +46,8 @@ def test_the_command_prints_a_row_for_each_training_and_draws_them(
     found = learning(runs)
     (table,) = found.tables()
     assert [row[:2] for row in table.rows] == [("1,000", "62.5"), ("4,000", "62.5")]
-    for row, of in zip(table.rows, found.runs, strict=True):
-        accuracy = {planner.name: planner.acc_mean for planner in of.run.summary.planners}
+    for row, learned in zip(table.rows, found.runs, strict=True):
+        accuracy = {planner.name: planner.acc_mean for planner in learned.run.summary.planners}
         assert row[2:7] == (
             f"{accuracy['no-act']:.1f}",
             f"{accuracy['front']:.1f} (front)",

@@ -45,7 +45,7 @@ def write(folder: Path, scored: tuple[PlannerSummary, ...] = PLANNERS, **options
     """Write a run in whose summary stands what is asked for; options are of its summary and its configuration."""
     told = {"differences": DIFFERENCES, **{name: options.pop(name) for name in ("differences",) if name in options}}
     config = config_of_run(**{"data": TITLE, **options})
-    records = {of.name: RECORDS[of.name] for of in scored}
+    records = {planner.name: RECORDS[planner.name] for planner in scored}
     write_records(folder, config, records, replace(MADE, config=config, planners=scored, episodes=65, **told))
     return folder
 

@@ -105,13 +105,13 @@ def of_alike(tmp_path: Path, *right: dict[str, int]) -> Trainings:
 def test_trainings_that_differ_widen_intervals_as_student_s_t_of_their_number_does(tmp_path: Path) -> None:
     # Every episode is alike, so only trainings vary: nbv gains 25, 50 and 75 points.
     found = of_alike(tmp_path, *({"no-act": 1, "nbv": 1 + gain} for gain in (1, 2, 3)))
-    (of,) = found.differences
-    assert of.acc_mean == pytest.approx(50) and found.tables()[0].rows[0][3].startswith("+50.0 ± 25.0 [")
+    (difference,) = found.differences
+    assert difference.acc_mean == pytest.approx(50) and found.tables()[0].rows[0][3].startswith("+50.0 ± 25.0 [")
     half = student.ppf(0.975, 2) * 25 / np.sqrt(3)
-    assert of.ci95_corrected is not None
+    assert difference.ci95_corrected is not None
     # Three trainings have seven different means, so a bootstrap of them is coarse, on the safe side.
-    assert half <= of.ci95_corrected[1] - 50 <= 1.3 * half
-    assert not of.is_clear
+    assert half <= difference.ci95_corrected[1] - 50 <= 1.3 * half
+    assert not difference.is_clear
 
 
 def test_planners_of_one_training_are_drawn_together(tmp_path: Path) -> None:
@@ -153,9 +153,11 @@ def test_a_change_of_conditions_is_paired_by_training(tmp_path: Path) -> None:
             for training, frames in enumerate((1, 2, 4))
         ]
         trainings(each, planner="no-act", out=tmp_path / onset)
-    (of,) = compare(tmp_path / "known", tmp_path / "unknown").planners
-    assert of.trainings == (3, 3)
-    assert of.difference.acc_mean == pytest.approx(25) and of.difference.ci95_corrected == pytest.approx((25, 25))
+    (compared,) = compare(tmp_path / "known", tmp_path / "unknown").planners
+    assert compared.trainings == (3, 3)
+    assert compared.difference.acc_mean == pytest.approx(25) and compared.difference.ci95_corrected == pytest.approx(
+        (25, 25)
+    )
 
 
 def test_when_to_answer_is_asked_of_all_trainings(tmp_path: Path) -> None:

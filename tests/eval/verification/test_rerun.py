@@ -28,7 +28,7 @@ NAMES = ["a", "b", "c"]
 @pytest.mark.parametrize("count", [1, 3, 7, 30])
 def test_draws_are_even_over_planners(count: int) -> None:
     jobs = draw_jobs(NAMES, 100 * CHUNK, count, np.random.default_rng(0))
-    shares = [sum(name == of for name, _ in jobs) for of in NAMES]
+    shares = [sum(name == planner for name, _ in jobs) for planner in NAMES]
     # A few may fall into one chunk.
     assert max(shares) <= -(-count // 3) and sum(shares) <= count
     assert len(jobs) == len(set(jobs)) and {chunk for _, chunk in jobs} <= set(range(100))
@@ -37,8 +37,8 @@ def test_draws_are_even_over_planners(count: int) -> None:
 
 
 def test_draws_depend_on_the_seed_only_and_end_with_all() -> None:
-    of = [draw_jobs(NAMES, 100 * CHUNK, 5, np.random.default_rng(seed)) for seed in (0, 0, 1)]
-    assert of[0] == of[1] != of[2]
+    draws = [draw_jobs(NAMES, 100 * CHUNK, 5, np.random.default_rng(seed)) for seed in (0, 0, 1)]
+    assert draws[0] == draws[1] != draws[2]
     everything = draw_jobs(NAMES, CHUNK + 1, 10**6, np.random.default_rng(0))
     assert everything == [(name, chunk) for name in NAMES for chunk in (0, 1)]
 

@@ -115,7 +115,9 @@ def test_the_state_is_what_the_move_is_chosen_from() -> None:
         assert agent.state.shape == (5, STATE)
         assert agent.state.dtype == np.float32
         with torch.inference_mode():
-            state = untrained_agent().network.state({name: torch.from_numpy(of) for name, of in calls[-1].items()})
+            state = untrained_agent().network.state(
+                {name: torch.from_numpy(array) for name, array in calls[-1].items()}
+            )
             moves = agent.network.logits(torch.from_numpy(agent.state)).argmax(dim=1).numpy()
         np.testing.assert_array_equal(agent.state, state.numpy())
         np.testing.assert_array_equal(target, apply_moves(observation.viewpoint, moves, context.workspace))

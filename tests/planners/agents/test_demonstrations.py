@@ -228,9 +228,9 @@ def ran(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
     """Return the batches that are run from now on."""
     batches: list[int] = []
 
-    def watched(of: DemonstrationTask, index: int) -> Demonstrations:
+    def watched(task: DemonstrationTask, index: int) -> Demonstrations:
         batches.append(index)
-        return demonstrate_batch(of, index)
+        return demonstrate_batch(task, index)
 
     monkeypatch.setattr(demonstrations, "demonstrate_batch", watched)
     return batches

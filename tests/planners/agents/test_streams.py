@@ -205,8 +205,8 @@ def test_in_flight_a_move_is_flown_as_the_agent_would_fly_it_and_watched_for_thr
 
 def test_an_agent_of_flights_sees_its_velocity_as_the_environment_shows_it() -> None:
     track, rng = load_track("px4-auto"), np.random.default_rng(0)
-    of = Runner(STREAMS, StreamRecogniser(), PerfectSensor(), track=track)
-    controls = HeadingControls(of)
+    runner = Runner(STREAMS, StreamRecogniser(), PerfectSensor(), track=track)
+    controls = HeadingControls(runner)
     assert controls.motion.vehicle == around_centre(VEHICLES["px4-auto"])
     starts = PAPER.sample_starts(rng, 3)
     controls.motion.reset(starts, 0.1)
@@ -217,7 +217,7 @@ def test_an_agent_of_flights_sees_its_velocity_as_the_environment_shows_it() -> 
     observation = replace(
         random_observation(rng, episodes=3), length=None, viewpoint=here, velocity=controls.motion.velocity
     )
-    context = of.context(3, None, rng)
+    context = runner.context(3, None, rng)
     seen = AgentInputs.of(context).see(seen_by_agent(observation, context, flown=True, distances=False))
     np.testing.assert_array_equal(seen[POSITION][:, 4:], shown_there)
     at_rest = AgentInputs.of(context).see(seen_by_agent(observation, context, flown=False, distances=False))
@@ -226,12 +226,12 @@ def test_an_agent_of_flights_sees_its_velocity_as_the_environment_shows_it() -> 
 
 @pytest.mark.parametrize("track", ["ideal", "px4-auto"])
 def test_an_agent_of_a_room_sees_how_far_it_may_go_as_the_environment_shows_it(track: str) -> None:
-    of = Runner(STREAMS, StreamRecogniser(), PerfectSensor(), track=load_track(track), world=ROOM)
-    controls = HeadingControls(of) if track != "ideal" else GridControls(workspace=ROOM.workspace)
+    runner = Runner(STREAMS, StreamRecogniser(), PerfectSensor(), track=load_track(track), world=ROOM)
+    controls = HeadingControls(runner) if track != "ideal" else GridControls(workspace=ROOM.workspace)
     task = EpisodeTask(
-        scenarios=of.followed_everywhere(windows(STREAMS, np.arange(len(STREAMS.lengths)), 40, 1)),
-        recogniser=of.recogniser,
-        sensor=of.sensor,
+        scenarios=runner.followed_everywhere(windows(STREAMS, np.arange(len(STREAMS.lengths)), 40, 1)),
+        recogniser=runner.recogniser,
+        sensor=runner.sensor,
         controls=controls,
         world=ROOM,
     )
@@ -245,7 +245,7 @@ def test_an_agent_of_a_room_sees_how_far_it_may_go_as_the_environment_shows_it(t
     assert around is not None and around.moved is not None
     rng, moved = np.random.default_rng(0), around.moved[:, task.frame]
     observation = replace(random_observation(rng, episodes=3), length=None, viewpoint=task.viewpoint, centre=moved)
-    context, flown = of.context(3, None, rng), track != "ideal"
+    context, flown = runner.context(3, None, rng), track != "ideal"
     seen = AgentInputs.of(context).see(seen_by_agent(observation, context, flown=flown, distances=True))
     np.testing.assert_array_equal(seen[POSITION][:, -6:], shown["distances"])
     # An agent that was trained in the open sees none of it; one of a room that watches in the open may go anywhere.
@@ -268,8 +268,10 @@ def test_agents_of_clips_do_not_watch_streams_nor_the_other_way_round(tmp_path: 
         streams.reset(tiny_context())
     data = tiny_data()
 
-    def load(of: Any) -> Agent:
-        return load_agent(Conditions(data=of, models=tmp_path), of, "il", recogniser_sha256="fake", seed=0)
+    def load(trained_on: Any) -> Agent:
+        return load_agent(
+            Conditions(data=trained_on, models=tmp_path), trained_on, "il", recogniser_sha256="fake", seed=0
+        )
 
     save_untrained(tmp_path, data, "il")
     with pytest.raises(ModelError, match=r"seed0\.safetensors: trained on clips, raising holds streams; train the ag"):

@@ -107,7 +107,7 @@ def test_quick_second_derivatives_leave_out_only_how_forces_bend_with_the_way(
     exact = ca.Function("exact", [x, p, weight, weights], [gradient, hessian])
     multipliers = rng.uniform(0.1, 1, g.numel())
 
-    true, quick = (of(variables, numbers["p"], 1.0, multipliers) for of in (exact, problem.quick_hessian))
+    true, quick = (hessian(variables, numbers["p"], 1.0, multipliers) for hessian in (exact, problem.quick_hessian))
     np.testing.assert_allclose(quick[0].full(), true[0].full(), rtol=1e-9, atol=1e-12)
     left_out = true[1].full() - quick[1].full()
     np.testing.assert_allclose(left_out, left_out.T, atol=1e-9)
@@ -122,7 +122,9 @@ def test_quick_second_derivatives_leave_out_only_how_forces_bend_with_the_way(
     is_force = np.flatnonzero(~np.array(problem.equality))  # of the first node the jerk; then jerk, speed, acceleration
     later = is_force[1:].reshape(HORIZON - 1, SHARES + TURNS)
     multipliers[[is_force[0], *later[:, 0], *later[:, 2]]] = 0
-    true, quick = (of(variables, numbers["p"], 1.0, multipliers)[1].full() for of in (exact, problem.quick_hessian))
+    true, quick = (
+        hessian(variables, numbers["p"], 1.0, multipliers)[1].full() for hessian in (exact, problem.quick_hessian)
+    )
     np.testing.assert_allclose(quick, true, rtol=1e-9, atol=1e-9)
 
 

@@ -37,9 +37,11 @@ def test_numpy_and_casadi_give_the_same_value(viewpoint: list[float]) -> None:
     rng = np.random.default_rng(3)
     weights = random_field(rng).weights(random_situation(rng))
     value = field_value(weights, np.array(viewpoint), PAPER_RANGE)
-    symbols, of = ca.SX.sym("viewpoint", 3), ca.SX.sym("weights", BASIS_SIZE)
+    symbols, symbolic = ca.SX.sym("viewpoint", 3), ca.SX.sym("weights", BASIS_SIZE)
     function = ca.Function(
-        "value", [of, symbols], [ca.dot(of, ca.vertcat(*view_basis(*ca.vertsplit(symbols), PAPER_RANGE, ca)))]
+        "value",
+        [symbolic, symbols],
+        [ca.dot(symbolic, ca.vertcat(*view_basis(*ca.vertsplit(symbols), PAPER_RANGE, ca)))],
     )
     np.testing.assert_allclose([float(function(row, viewpoint)) for row in weights], value, atol=1e-6)
 

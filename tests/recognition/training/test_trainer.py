@@ -232,7 +232,9 @@ def test_a_truncated_checkpoint(config: TrainingConfig, kept: int) -> None:
 def test_a_checkpoint_that_lacks_something(config: TrainingConfig, lost: str) -> None:
     checkpoint = stopped(config)
     content = load_checkpoint(checkpoint)
-    states, held = ({name: of for name, of in part.items() if name != lost} for part in (content.states, content.held))
+    states, held = (
+        {name: value for name, value in part.items() if name != lost} for part in (content.states, content.held)
+    )
     save_checkpoint(checkpoint, content._replace(states=states, held=held))
     message = refusal(ModelError, config)
     assert message.startswith(f"{checkpoint}: expected a training checkpoint, got ")

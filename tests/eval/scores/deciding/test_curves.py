@@ -59,19 +59,26 @@ def test_differences_are_paired_and_corrected_together() -> None:
     rules = fitted(make_records(9, skill=1.0, episodes=60))
     found = found_in(records, rules, tested=("nbv",))
     worth = {(curve.planner, curve.rule, point.price): point.worth for curve in found.curves for point in curve.points}
-    assert [of.price for of in found.rules["nbv"]] == list(TWO_PRICES) * 4
-    for of in (*found.rules["nbv"], *found.planners["nbv"]):
-        assert of.points == pytest.approx(worth[*of.one, of.price] - worth[*of.other, of.price])
-        assert of.ci95_corrected is not None and of.ci95_corrected[0] <= of.points <= of.ci95_corrected[1]
-    assert {(of.one, of.other) for of in found.planners["nbv"]} == {(("nbv", rule), ("no-act", rule)) for rule in RULES}
+    assert [difference.price for difference in found.rules["nbv"]] == list(TWO_PRICES) * 4
+    for difference in (*found.rules["nbv"], *found.planners["nbv"]):
+        assert difference.points == pytest.approx(
+            worth[*difference.one, difference.price] - worth[*difference.other, difference.price]
+        )
+        assert (
+            difference.ci95_corrected is not None
+            and difference.ci95_corrected[0] <= difference.points <= difference.ci95_corrected[1]
+        )
+    assert {(difference.one, difference.other) for difference in found.planners["nbv"]} == {
+        (("nbv", rule), ("no-act", rule)) for rule in RULES
+    }
 
 
 def test_a_planner_that_knows_more_is_worth_more_by_the_same_rule() -> None:
     records = {"no-act": make_records(1, episodes=200, people=20)}
     records["nbv"] = make_records(2, skill=3.0, episodes=200, people=20)
     rules = fitted(make_records(5, skill=1.0, episodes=200))
-    for of in found_in(records, rules, tested=("nbv",)).planners["nbv"]:
-        assert of.ci95_corrected is not None and of.ci95_corrected[0] > 0
+    for difference in found_in(records, rules, tested=("nbv",)).planners["nbv"]:
+        assert difference.ci95_corrected is not None and difference.ci95_corrected[0] > 0
 
 
 def test_rules_are_fitted_on_all_planners_together() -> None:
@@ -91,7 +98,7 @@ def test_without_the_second_class_there_is_no_sprt() -> None:
     rules = fitted(old)
     assert set(rules) == set(RULES) - {SPRT}
     found = found_in({"nbv": old}, rules)
-    assert {of.one[1] for of in found.rules["nbv"]} == {"induction"}
+    assert {difference.one[1] for difference in found.rules["nbv"]} == {"induction"}
     assert found.planners == {}
 
 

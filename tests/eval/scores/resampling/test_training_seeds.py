@@ -255,13 +255,17 @@ def test_other_numbers_are_means_over_seeds() -> None:
         solves={"no-act": None, **dict(zip(agents, solves, strict=True))},
     )
     agent, pair = summary.planner("il-ppo"), list(agents.values())
-    assert agent.metrics["nll"] == pytest.approx(np.mean([nll(of.true_probability) for of in pair]))
-    assert agent.metrics["ece"] == pytest.approx(np.mean([ece(of.top_probability, of.correct) for of in pair]))
-    assert agent.metrics["path_length_m"] == pytest.approx(np.mean([path_length(of.viewpoint).mean() for of in pair]))
-    flights = [of.flight for of in pair if of.flight is not None]
+    assert agent.metrics["nll"] == pytest.approx(np.mean([nll(record.true_probability) for record in pair]))
+    assert agent.metrics["ece"] == pytest.approx(
+        np.mean([ece(record.top_probability, record.correct) for record in pair])
+    )
+    assert agent.metrics["path_length_m"] == pytest.approx(
+        np.mean([path_length(record.viewpoint).mean() for record in pair])
+    )
+    flights = [record.flight for record in pair if record.flight is not None]
     assert agent.flight is not None
-    assert agent.flight.peak_speed == max(of.peak_speed.max() for of in flights)
-    assert agent.flight.effort == pytest.approx(np.mean([of.effort for of in flights]))
+    assert agent.flight.peak_speed == max(flight.peak_speed.max() for flight in flights)
+    assert agent.flight.effort == pytest.approx(np.mean([flight.effort for flight in flights]))
     assert agent.solves == Solves({"infeasible": 2, "optimal": 4}, 2)
     assert summary.planner("no-act").solves is None
 
@@ -303,7 +307,7 @@ def all_subjects() -> dict[str, EpisodeRecords]:
 
 def test_subjects_are_compared_with_all_others_each_pair_once() -> None:
     summary = summary_of(all_subjects())
-    pairs = [(of.planner, of.other) for of in summary.differences]
+    pairs = [(difference.planner, difference.other) for difference in summary.differences]
     assert SUBJECTS == ("il-ppo", "dagger", "nbv", "il", "ppo")
     assert pairs == [
         *(("il-ppo", other) for other in ("no-act", "ppo", "towards", "nbv", "il")),
@@ -311,16 +315,16 @@ def test_subjects_are_compared_with_all_others_each_pair_once() -> None:
         *(("il", other) for other in ("no-act", "ppo", "towards")),
         *(("ppo", other) for other in ("no-act", "towards")),
     ]
-    for of in summary.differences:
-        expected = summary.planner(of.planner).acc_mean - summary.planner(of.other).acc_mean
-        assert of.acc_mean == pytest.approx(expected)
-        assert of.ci95[0] <= of.acc_mean <= of.ci95[1]
-        assert of.ci95_corrected[1] - of.ci95_corrected[0] > of.ci95[1] - of.ci95[0]
+    for difference in summary.differences:
+        expected = summary.planner(difference.planner).acc_mean - summary.planner(difference.other).acc_mean
+        assert difference.acc_mean == pytest.approx(expected)
+        assert difference.ci95[0] <= difference.acc_mean <= difference.ci95[1]
+        assert difference.ci95_corrected[1] - difference.ci95_corrected[0] > difference.ci95[1] - difference.ci95[0]
 
 
-def cell_of(of: Difference) -> str:
-    assert of.ci95_corrected is not None
-    return f"{of.acc_mean:+.1f} [{of.ci95_corrected[0]:.1f}, {of.ci95_corrected[1]:.1f}]"
+def cell_of(difference: Difference) -> str:
+    assert difference.ci95_corrected is not None
+    return f"{difference.acc_mean:+.1f} [{difference.ci95_corrected[0]:.1f}, {difference.ci95_corrected[1]:.1f}]"
 
 
 def test_differences_are_a_matrix_with_clear_ones_in_bold() -> None:
@@ -331,11 +335,17 @@ def test_differences_are_a_matrix_with_clear_ones_in_bold() -> None:
     cells = {(row[0], column): cell for row in table.rows for column, cell in zip(table.header, row, strict=True)}
     blank = {where for where, cell in cells.items() if not cell}
     assert blank == {("ppo", "ppo"), ("nbv", "nbv"), ("nbv", "il"), ("nbv", "ppo"), ("il", "il"), ("il", "ppo")}
-    of = next(of for of in summary.differences if (of.planner, of.other) == ("il-ppo", "no-act"))
-    assert of.is_clear
-    assert cells["no-act", "il-ppo"] == cell_of(of)
+    difference = next(
+        difference
+        for difference in summary.differences
+        if (difference.planner, difference.other) == ("il-ppo", "no-act")
+    )
+    assert difference.is_clear
+    assert cells["no-act", "il-ppo"] == cell_of(difference)
     clear = {
-        (of.other, of.planner) for of in summary.differences if of.ci95_corrected[0] > 0 or of.ci95_corrected[1] < 0
+        (difference.other, difference.planner)
+        for difference in summary.differences
+        if difference.ci95_corrected[0] > 0 or difference.ci95_corrected[1] < 0
     }
     assert {(table.rows[row][0], table.header[column]) for row, column in table.bold} == clear
     assert 0 < len(clear) < len(summary.differences)
@@ -350,10 +360,10 @@ def test_the_terminal_prints_clear_differences_in_bold() -> None:
     console = Console(width=160, record=True, file=io.StringIO(), force_terminal=True)
     console.print(Rendered(*summary.tables()))
     styled = console.export_text(styles=True)
-    of = {(of.planner, of.other): of for of in summary.differences}
+    found = {(difference.planner, difference.other): difference for difference in summary.differences}
     for pair in (("il-ppo", "no-act"), ("ppo", "towards")):
-        assert (f"\x1b[1m{cell_of(of[pair])}" in styled) == of[pair].is_clear
-    assert {of["il-ppo", "no-act"].is_clear, of["ppo", "towards"].is_clear} == {True, False}
+        assert (f"\x1b[1m{cell_of(found[pair])}" in styled) == found[pair].is_clear
+    assert {found["il-ppo", "no-act"].is_clear, found["ppo", "towards"].is_clear} == {True, False}
 
 
 def test_the_table_says_how_far_seeds_lie_apart_and_how_many_there_are() -> None:

@@ -126,7 +126,7 @@ def test_training_seeds_are_taken_together(tmp_path: Path) -> None:
         ("il-ppo", 2),
     ]
     assert list(analysis.predictable) == ["no-act", "il-ppo"]
-    accuracy = np.mean([of.correct[:, -1].mean() for of in seeds.values()])
+    accuracy = np.mean([record.correct[:, -1].mean() for record in seeds.values()])
     assert 1 - analysis.predictable["il-ppo"].total[3] == pytest.approx(accuracy)
     # The data of this run are nowhere to be read.
     assert analysis.class_names == ("class 0", "class 1", "class 2") and "numbered" in log.notes[0]

@@ -59,8 +59,8 @@ def test_its_episodes_are_the_benchmarks(tmp_path: Path) -> None:
     recorded = read_episodes(tmp_path / "run" / "episodes.jsonl")
     for row in report_of(data=data).test:
         if row.reader == "recogniser":
-            of = recorded[row.rollouts].true_probability
-            assert row.nll == pytest.approx(-np.log(of).mean(), abs=1e-5)
+            probability = recorded[row.rollouts].true_probability
+            assert row.nll == pytest.approx(-np.log(probability).mean(), abs=1e-5)
 
 
 def test_every_part_is_scored_on_the_same_held_out_episodes(tmp_path: Path) -> None:

@@ -103,7 +103,11 @@ def test_activities_of_streams_are_decided_once(tmp_path: Path) -> None:
         seen = seen_in(streams("test", row, skill), 1 / FPS)
         assert time[-1] == pytest.approx((seen.words.last + 1).mean() / FPS)  # each at its end
         assert right[-1] == pytest.approx(seen.right[range(48), seen.words.last].mean())
-    assert all(of.points > 0 for of in found.found.planners["nbv"] if of.one[1] == "threshold" and of.price == 20)
+    assert all(
+        difference.points > 0
+        for difference in found.found.planners["nbv"]
+        if difference.one[1] == "threshold" and difference.price == 20
+    )
     with pytest.raises(UsageError, match=r"they differ in onset \(unknown, known\)"):
         decide(scored, fitted_on=run_of_streams(tmp_path, "validation", 4, onset="known"))
 
