@@ -13,6 +13,7 @@ from ehar.localisation import Localisation
 from ehar.planner import Planner
 from eval.scores.resampling.training_seeds import SHARED, group_planners, is_shared, record_name, split_record_name
 from planners.own_planner import Origin, check_planner_contract
+from planners.place.storage import FixedPlace, fixed_place_path, load_fixed_place
 from planners.registry import (
     check_spec,
     is_learned,
@@ -21,11 +22,11 @@ from planners.registry import (
     planner_names,
     resolve_planner,
 )
+from planners.shipped import weights_folder
 from recognition.setting import Setting
 
 if TYPE_CHECKING:
     from planners.agents.agent import Agent
-    from planners.place.storage import FixedPlace
     from planners.value.model import GainModel
 
 READOUTS = ("recogniser", "belief")
@@ -73,14 +74,12 @@ class ModelPlace:
             raise ModelError(self._no_gain_field)
         return load_gain_model(self.conditions, self.data, self.recogniser_sha256)
 
-    def load_fixed_place(self) -> "FixedPlace":
+    def load_fixed_place(self) -> FixedPlace:
         """Return the place of `fixed-best`.
 
         Raises:
             ModelError: there is none, or it belongs to another recogniser.
         """
-        from planners.place.storage import load_fixed_place
-
         if self.conditions.form != "causal":
             raise ModelError(f"{_CAUSAL_PLACES}, and this is {self.form}")
         if self._untrained:
@@ -118,11 +117,11 @@ class ModelPlace:
 
     def reason_for_no_gain_model(self) -> str | None:
         """Return why there can be no gain model here, and what to do about it; None where there is one."""
-        from planners.value.model import SHIPPED, used_gain_model
+        from planners.value.model import used_gain_model  # imported here: torch takes seconds
 
         if self.conditions.form != "causal":
             return f"{_CAUSAL_FIELDS}, and this is {self.form}"
-        path = used_gain_model(self.models or SHIPPED / self.data.name, self.conditions)
+        path = used_gain_model(weights_folder(self.conditions, self.data), self.conditions)
         if self.conditions.recogniser is None and path.is_file():
             return None  # if it is another recogniser's, that is an error
         try:
@@ -133,9 +132,7 @@ class ModelPlace:
 
     def reason_for_no_fixed_place(self) -> str | None:
         """Return why there can be no place for `fixed-best` here, and what to do about it; None where there is one."""
-        from planners.place.storage import SHIPPED, fixed_place_path
-
-        path = fixed_place_path(self.models or SHIPPED / self.data.name, self.conditions)
+        path = fixed_place_path(weights_folder(self.conditions, self.data), self.conditions)
         if self.conditions.form == "causal" and self.conditions.recogniser is None and path.is_file():
             return None  # if it is another recogniser's, that is an error
         try:

@@ -17,7 +17,7 @@ from ehar.world import LATER as OBSTACLES
 from ehar.world import PAPER, World
 from planners.agents.agent import Agent
 from planners.agents.network import AgentNetwork, AgentSpec
-from planners.value.model import SHIPPED
+from planners.shipped import weights_folder
 from recognition.weight_files import (
     check_files,
     check_trained_for,
@@ -81,7 +81,7 @@ def agent_seeds(conditions: Conditions, data: Recordings, name: str) -> tuple[in
 
     In flight they are those of agents that were trained on this track; where there are none, those of the grid's.
     """
-    folder = conditions.directory or SHIPPED / data.name
+    folder = weights_folder(conditions, data)
     return _seeds(folder, name, _trained_on(folder, name, conditions))
 
 
@@ -142,7 +142,7 @@ def load_agent(conditions: Conditions, data: Recordings, name: str, *, recognise
     Raises:
         ModelError: the files are missing or malformed, or belong to another data set, recogniser or world.
     """
-    folder = conditions.directory or SHIPPED / data.name
+    folder = weights_folder(conditions, data)
     path = agent_path(folder, name, _trained_on(folder, name, conditions), seed)
     held = _description(path, conditions)
     _check_fit(path, held, data, recogniser_sha256)

@@ -12,8 +12,8 @@ from ehar.files import json_text, read_json, write_text
 from ehar.localisation import Localisation
 from ehar.world import LATER, PAPER, World
 from planners.place.go_to_place import GoToPlace, Place
+from planners.shipped import weights_folder
 
-SHIPPED = Path(__file__).parents[1] / "weights"
 FIXED_BEST = "fixed-best"
 
 
@@ -94,7 +94,7 @@ def load_fixed_place(conditions: Conditions, data: Recordings, recogniser_sha256
     Raises:
         ModelError: the file is missing or malformed, or belongs to another recogniser or another world.
     """
-    path = fixed_place_path(conditions.directory or SHIPPED / data.name, conditions)
+    path = fixed_place_path(weights_folder(conditions, data), conditions)
     return open_fixed_place(path, conditions, recogniser_sha256)
 
 

@@ -16,6 +16,7 @@ from ehar.files import read_json
 from ehar.localisation import Localisation
 from ehar.track import IDEAL
 from ehar.world import LATER, PAPER, World
+from planners.shipped import weights_folder
 from planners.value.belief.clips import BeliefModel
 from planners.value.belief.streams import StreamBeliefModel
 from planners.value.field import GainField
@@ -29,7 +30,6 @@ from recognition.weight_files import (
     save_weights,
 )
 
-SHIPPED = Path(__file__).parents[1] / "weights"
 FULL = "full"
 
 
@@ -157,7 +157,7 @@ def load_gain_model(conditions: Conditions, data: Recordings, recogniser_sha256:
     Raises:
         ModelError: the files are missing or malformed, or belong to another recogniser or another world.
     """
-    path = used_gain_model(conditions.directory or SHIPPED / data.name, conditions)
+    path = used_gain_model(weights_folder(conditions, data), conditions)
     return open_gain_model(path, conditions, len(data.skeleton.joint_names), recogniser_sha256)
 
 

@@ -9,7 +9,8 @@ import pytest
 
 from ehar.files import read_json
 from ehar.world import LATER
-from planners.value.model import SHIPPED, GainDescription
+from planners.shipped import SHIPPED
+from planners.value.model import GainDescription
 from recognition.storage import SHIPPED as RECOGNISERS
 from recognition.storage import RecogniserDescription
 

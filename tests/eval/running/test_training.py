@@ -28,9 +28,9 @@ from planners.agents.config import AgentTrainingConfig
 from planners.place.config import FixedBestConfig
 from planners.place.fit import FixedPlaceFit, TriedPlace
 from planners.place.go_to_place import PLACES
+from planners.shipped import SHIPPED as GAIN_FIELDS
 from planners.value.config import GainTrainingConfig
 from planners.value.fit import Scores
-from planners.value.model import SHIPPED as GAIN_FIELDS
 from planners.value.training import GainTraining
 from recognition.calibration import Temperature
 from recognition.networks.spec import NetworkSpec
