@@ -239,7 +239,7 @@ class FollowedCentre:
 
         After a pause, and when the clock goes back by as much, the filter begins anew.
         """
-        from filterpy.common import Q_discrete_white_noise
+        from filterpy.common import Q_discrete_white_noise  # imported here: too slow for `ehar --help`
 
         elapsed = time - self._time
         if abs(elapsed) > HELD:

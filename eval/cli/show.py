@@ -4,15 +4,20 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+from ehar.data.motion_file import save_motion
 from ehar.data.preparing.axes import Up
 from ehar.data.preparing.mapping import Target
+from ehar.data.preparing.mending import mended
+from ehar.data.scenario import split_parts
+from ehar.data.streams.data import NO_ACTIVITY, StreamData
+from ehar.data.streams.file import save_streams
+from ehar.errors import UsageError
+from eval.live.figures import LoopFigures
 from eval.render.console import output_console, print_tables
 
 if TYPE_CHECKING:
     from ehar.data.motion_data import MotionData
-    from ehar.data.streams.data import StreamData
     from eval.conformance.checks import Conformance
-    from eval.live.figures import LoopFigures
     from eval.live.rehearsal import Rehearsal
     from eval.render.tables import Table
     from eval.replays.replay import WrittenReplay
@@ -63,8 +68,6 @@ def show_result(result: HasTables) -> None:
 
 def show_live(result: "LoopFigures | Rehearsal") -> None:
     """Print the tables of a rehearsal; of a loop, whose lines go to standard output, a line on standard error."""
-    from eval.live.figures import LoopFigures
-
     if isinstance(result, LoopFigures):
         print(result, file=sys.stderr)
     else:
@@ -110,8 +113,6 @@ def save_data(
         mirror: change the sign of x, for bodies whose left is right.
         skeleton: map joints to those of a pose estimator, by their names.
     """
-    from ehar.data.motion_file import save_motion
-    from ehar.data.preparing.mending import mended
     from eval.conformance.data import (
         ReadWith,
         check_bodies,
@@ -136,9 +137,6 @@ def save_stitched(streams: "StreamData", *, out: Path) -> None:
         streams: the streams.
         out: .npz to write.
     """
-    from ehar.data.streams.data import NO_ACTIVITY
-    from ehar.data.streams.file import save_streams
-
     save_streams(_npz(out), streams)
     seconds = streams.lengths / streams.fps
     output_console().print(
@@ -155,11 +153,6 @@ def save_fold(data: "MotionData | StreamData", *, out: Path) -> None:
         data: the data.
         out: .npz to write.
     """
-    from ehar.data.motion_file import save_motion
-    from ehar.data.scenario import split_parts
-    from ehar.data.streams.data import StreamData
-    from ehar.data.streams.file import save_streams
-
     if isinstance(data, StreamData):
         save_streams(_npz(out), data)
     else:
@@ -172,8 +165,6 @@ def save_fold(data: "MotionData | StreamData", *, out: Path) -> None:
 
 def _npz(out: Path) -> Path:
     """Return the path if it is one of an .npz, or else raise a UsageError."""
-    from ehar.errors import UsageError
-
     if out.suffix != ".npz":
         raise UsageError(f"{out}: expected a path that ends in .npz")
     return out

@@ -15,12 +15,15 @@ import numpy as np
 from scipy.sparse.csgraph import shortest_path
 
 from ehar.arrays import BoolArray, FloatArray
+from ehar.data.any_source import load_recordings
 from ehar.data.motion_data import MotionData
+from ehar.data.motion_file import SCHEMA, load_motion
 from ehar.data.preparing.axes import UNITS, Up, metres, up_rotation
 from ehar.data.preparing.body_parts import body_parts
 from ehar.data.recordings import Recordings
 from ehar.data.skeleton import Skeleton
 from ehar.data.streams.data import StreamData
+from ehar.data.streams.file import load_streams
 from ehar.errors import DataError, UsageError
 from eval.conformance.checks import Conformance, ContractCheck
 
@@ -87,8 +90,6 @@ def check_data(data: str | Path | MotionData | StreamData) -> Conformance:
 
 def _arrays(path: Path) -> ContractCheck:
     """Return whether a file has no array whose name is nearly that of one that it lacks: it would be ignored."""
-    from ehar.data.motion_file import SCHEMA
-
     if not path.is_file():
         return ContractCheck(_ARRAYS, True)  # a built-in set
     with np.load(path, allow_pickle=False) as archive:
@@ -146,10 +147,6 @@ def _mend_file(error: DataError, command: str) -> str:
 
 
 def _loaded(source: str | Path) -> Recordings:
-    from ehar.data.any_source import load_recordings
-    from ehar.data.motion_file import load_motion
-    from ehar.data.streams.file import load_streams
-
     path = Path(source)
     if not path.is_file():
         return load_recordings(source)  # a built-in set; this raises the error where there is no file

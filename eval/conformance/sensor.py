@@ -11,6 +11,7 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.batch import Batch
 from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
+from ehar.sensors.registry import load_sensor
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed, Sensor, SensorNoise
 from ehar.world import World, load_world
@@ -54,8 +55,6 @@ def check_sensor(sensor: str | Sensor, conditions: Conditions | None = None) -> 
     Raises:
         EharError: the sensor cannot be made, or data cannot be loaded.
     """
-    from ehar.sensors.registry import load_sensor
-
     conditions = conditions or Conditions()
     data, world = load_motion_of(conditions), load_world(conditions.world)
     loaded = load_sensor(sensor, data, world)

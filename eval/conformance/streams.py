@@ -10,10 +10,12 @@ from ehar.data.motion_data import MotionData
 from ehar.errors import EpisodeError
 from ehar.plugins.blame import blamed
 from ehar.recogniser import Recogniser
+from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import Sensed
 from ehar.world import PAPER, World
 from eval.conformance.checks import first_difference
 from eval.conformance.world import small_batch
+from recognition.training.views import training_viewpoints
 
 TOLERANCE = 1e-4  # for log-probabilities and embeddings: batches of another size may differ by rounding
 
@@ -38,9 +40,6 @@ class Stream(NamedTuple):
 
 def small_frames(data: MotionData, world: World = PAPER) -> list[GivenFrame]:
     """Return the frames of 14 episodes, seen by a perfect sensor from cameras that move at random."""
-    from ehar.sensors.registry import make_sensor
-    from recognition.training.views import training_viewpoints
-
     batch = small_batch(data, world)
     episodes, length = batch.positions.shape[:2]
     viewpoints = training_viewpoints("moving", world, np.random.default_rng(0), episodes, length)

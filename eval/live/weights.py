@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ehar.conditions import Conditions
 from ehar.errors import ModelError, UsageError
@@ -11,17 +10,15 @@ from ehar.flight.vehicle import Vehicle
 from ehar.planner import Planner
 from ehar.world import World, load_world
 from eval.scores.resampling.training_seeds import split_record_name
+from planners.agents.agent import Agent
+from planners.agents.storage import open_stream_agent
+from planners.place.storage import FixedPlace, fixed_place_path, open_fixed_place
 from planners.registry import resolve_planner
 from planners.value.belief.streams import StreamBeliefModel
+from planners.value.model import GainModel, open_gain_model, used_gain_model
 from recognition.storage import open_recogniser, recogniser_path
 from recognition.streaming import StreamingRecogniser
 from recognition.weight_files import check_world
-
-if TYPE_CHECKING:
-    from planners.agents.agent import Agent
-    from planners.place.storage import FixedPlace
-    from planners.value.model import GainModel
-
 
 _UNTOLD = "nobody tells a live loop where they are"
 
@@ -74,22 +71,16 @@ def live_planner(spec: str | Planner, recogniser: StreamingRecogniser, condition
         UsageError: the planner is unknown, or nobody can tell it live what it needs.
     """
 
-    def load_model() -> "GainModel":
-        from planners.value.model import open_gain_model, used_gain_model
-
+    def load_model() -> GainModel:
         told = _world_of(recogniser, conditions, spec)
         path, joints = used_gain_model(Path(told.models or ""), told), len(recogniser.spec.skeleton.joint_names)
         return open_gain_model(path, told, joints, recogniser.sha256)
 
-    def load_place() -> "FixedPlace":
-        from planners.place.storage import fixed_place_path, open_fixed_place
-
+    def load_place() -> FixedPlace:
         told = _world_of(recogniser, conditions, spec)
         return open_fixed_place(fixed_place_path(Path(told.models or ""), told), told, recogniser.sha256)
 
-    def load_agent(name: str) -> "Agent":
-        from planners.agents.storage import open_stream_agent
-
+    def load_agent(name: str) -> Agent:
         told, (stage, seed) = _world_of(recogniser, conditions, spec), split_record_name(name)
         folder = Path(told.models or "")
         agent = open_stream_agent(folder, told, stage, recogniser_sha256=recogniser.sha256, seed=seed)

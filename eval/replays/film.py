@@ -24,7 +24,7 @@ def check_film(path: Path) -> None:
     if path.suffix not in FORMATS:
         raise UsageError(f"{path}: expected a film that ends in {' or '.join(FORMATS)}")
     if path.suffix == ".mp4":
-        import imageio_ffmpeg
+        import imageio_ffmpeg  # imported here: a GIF needs none
 
         try:
             imageio_ffmpeg.get_ffmpeg_exe()
@@ -50,7 +50,7 @@ def write_film(draw: Draw, frames: int, fps: float, path: Path) -> None:
 
 
 def _write_mp4(draw: Draw, frames: int, fps: float, path: Path) -> None:
-    import imageio_ffmpeg
+    import imageio_ffmpeg  # imported here: a GIF needs none
 
     pixels = draw(0)
     height, width, _ = pixels.shape

@@ -1,4 +1,4 @@
-"""A replay as a recording for Rerun's viewer; this needs rerun-sdk, an optional extra."""
+"""A replay as a recording for Rerun's viewer; this needs rerun-sdk, an optional extra, so functions import it."""
 
 import importlib.util
 from pathlib import Path

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ehar.errors import UsageError
 from eval.replays.choice import ChosenEpisode, choose_episodes, choose_planners
+from eval.replays.film import check_film, write_film
 from eval.running.progress import ConsoleReporter, Reporter
 from eval.running.run import Run, read_run
 from eval.scores.resampling.training_seeds import first_trainings
@@ -75,8 +76,7 @@ def make_replay(
     Raises:
         EharError: one line that says what was got and what was expected.
     """
-    from eval.replays.film import check_film, write_film
-    from eval.replays.recording import check_recording, write_recording
+    from eval.replays.recording import check_recording, write_recording  # imported here: it brings matplotlib
 
     out = None if out is None else Path(out)
     if rerun:
@@ -99,7 +99,7 @@ def make_replay(
     if rerun:
         write_recording(replay, path)
     else:
-        from eval.replays.figure import ReplayFigure
+        from eval.replays.figure import ReplayFigure  # imported here: it brings matplotlib
 
         pace = slower or (1.0 if replay.of_streams else SLOWER)
         every = max(1, round(replay.fps / pace / MOST_FPS[path.suffix]))
@@ -164,7 +164,7 @@ def _replay(
     reporter: Reporter,
 ) -> "EpisodeReplay":
     """Return an episode, and note what is missing."""
-    from eval.replays.episode import replay_episode
+    from eval.replays.episode import replay_episode  # imported here: it brings rich
     from eval.verification.inputs import check_inputs
 
     reporter.begin(len(records))

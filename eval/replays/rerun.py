@@ -218,7 +218,7 @@ def _centres(scenarios: Scenarios | StreamScenarios, chosen: IntArray) -> FloatA
 
 def _field_weights(model: "GainModel", context: Context, observations: Sequence[Observation]) -> list[FloatArray]:
     """Return the weights of the gain field after each observation, (B, 21)."""
-    from planners.value.view_value import ViewValue
+    from planners.value.view_value import ViewValue  # imported here: torch takes seconds
 
     value = ViewValue(model)
     value.reset(context)

@@ -147,7 +147,7 @@ def _replays(
 
 def _timelines(data: ReportData, replays: dict[str, Any], source: str | Path | None) -> dict[str, Any]:
     """Return the timelines of a run of streams; without its data, they do not know where people face."""
-    from ehar.data.any_source import load_recordings
+    from ehar.data.any_source import load_recordings  # imported here: it brings scipy
 
     told = data.run.conditions
     try:

@@ -1,4 +1,7 @@
-"""A cluster of machines that run jobs, by Ray (https://docs.ray.io): an engine in place of worker processes."""
+"""A cluster of machines that run jobs, by Ray (https://docs.ray.io): an engine in place of worker processes.
+
+Ray is an optional extra, so functions import it.
+"""
 
 import logging
 import os
@@ -12,6 +15,8 @@ from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
+
+import cloudpickle
 
 from ehar.errors import EharError, ModelError, UsageError
 from ehar.processes import Engine, Processes, payload
@@ -231,7 +236,6 @@ def _call_shared(shared: "list[ObjectRef[bytes]]", versions: Mapping[str, str], 
     Raises:
         UsageError: this machine has other versions of packages, so results could differ.
     """
-    import cloudpickle
     import ray
 
     name = shared[0].hex()

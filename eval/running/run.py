@@ -132,7 +132,7 @@ class Run:
 
     def tables(self) -> "list[Table]":
         """Return the summary's tables; of streams, also how soon activities are recognised."""
-        from eval.scores.streams.table import stream_table
+        from eval.scores.streams.table import stream_table  # imported here: it brings rich
 
         tables, fps = self.summary.tables(), self.conditions.fps
         return [*tables, stream_table(pool_seeds(self.records), fps)] if self.of_streams and fps else tables
@@ -164,7 +164,7 @@ class Run:
         if self.of_streams:
             raise UsageError("a data frame has a row for each clip, this run is of streams: expected its `records`")
         try:
-            import pandas
+            import pandas  # imported here: few need it
         except ImportError as error:
             raise UsageError(
                 "a data frame needs pandas, which is not installed: pip install -e '.[notebook]'"
@@ -183,13 +183,13 @@ class Run:
 
     def __str__(self) -> str:
         """Return the tables, and what was found and how sure it is."""
-        from eval.render.tables import text
+        from eval.render.tables import text  # imported here: it brings rich
 
         return f"{text(*self.tables())}\n{closing_sentences(self.summary)}\n"
 
     def _repr_html_(self) -> str:
         """Return the same for a notebook."""
-        from eval.render.tables import html
+        from eval.render.tables import html  # imported here: it brings rich
 
         return "".join(map(html, self.tables())) + f"<p>{escape(closing_sentences(self.summary))}</p>"
 
@@ -314,7 +314,7 @@ def class_names(run: Run, note: Callable[[str], None], source: str | Path | None
     Raises:
         EharError: the data at `source` cannot be read.
     """
-    from ehar.data.any_source import load_recordings
+    from ehar.data.any_source import load_recordings  # imported here: it brings scipy
 
     if run.class_names is not None:
         return run.class_names

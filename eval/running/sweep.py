@@ -17,6 +17,7 @@ from ehar.files import check_folder
 from ehar.processes import Engine, Processes, check_workers, cores
 from eval.running.cluster import EngineName, engine_of
 from eval.running.cost import Steps, duration, predicted, step_seconds, steps_of
+from eval.running.outlook import outlook
 from eval.running.training import (
     Effort,
     TrainAllConfig,
@@ -316,8 +317,7 @@ def train_sets(config: SweepConfig) -> Trained:
         EharError: an option is wrong, or the data of a set cannot be trained on; this is told before anything begins.
             With one set and processes, also what a training raised.
     """
-    from eval.running.outlook import outlook
-    from eval.running.progress import TableProgress
+    from eval.running.progress import TableProgress  # imported here: it brings rich
 
     sets = config.sets
     if config.alone:

@@ -15,6 +15,7 @@ from ehar.world import load_world
 from eval.running.outlook import outlook
 from planners.agents.config import PAPER_FORM, AgentTrainingConfig
 from planners.place.config import FixedBestConfig
+from planners.place.storage import load_fixed_place
 from planners.value.config import GainTrainingConfig
 from recognition.setting import load_recordings_of, load_setting, with_length
 from recognition.training.config import PUBLISHED_BATCH, WINDOW, TrainingConfig
@@ -268,7 +269,7 @@ def has_recogniser(config: TrainAllConfig) -> bool:
     Raises:
         EharError: there is a recogniser that does not fit.
     """
-    from recognition.storage import load_recogniser, recogniser_path
+    from recognition.storage import load_recogniser, recogniser_path  # imported here: torch takes seconds
 
     path = recogniser_path(config.out, config.told)
     description = path.with_suffix(".json")
@@ -306,8 +307,6 @@ def has_recogniser(config: TrainAllConfig) -> bool:
 
 def has_fixed_best(config: TrainAllConfig) -> bool:
     """Return whether there is a place of fixed-best for the recogniser and localisation; any other is found anew."""
-    from planners.place.storage import load_fixed_place
-
     setting = load_setting(config.with_models)
     try:
         found = load_fixed_place(setting.conditions, setting.recordings, setting.recogniser_sha256)
@@ -318,7 +317,7 @@ def has_fixed_best(config: TrainAllConfig) -> bool:
 
 def has_gain_field(config: TrainAllConfig) -> bool:
     """Return whether there is a gain field for the recogniser and localisation; any other is trained anew."""
-    from planners.value.model import load_gain_model
+    from planners.value.model import load_gain_model  # imported here: torch takes seconds
 
     setting = load_setting(config.with_models)
     try:

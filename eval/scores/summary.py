@@ -101,13 +101,13 @@ class Summary:
 
     def __str__(self) -> str:
         """Return the tables as text."""
-        from eval.render.tables import text
+        from eval.render.tables import text  # imported here: it brings rich
 
         return text(*self.tables())
 
     def _repr_html_(self) -> str:
         """Return the tables for a notebook."""
-        from eval.render.tables import html
+        from eval.render.tables import html  # imported here: it brings rich
 
         return "".join(html(table) for table in self.tables())
 

@@ -28,7 +28,7 @@ def time_report(report: Path) -> float:
     if chromium is None:
         raise UsageError("report: expected chromium on the path to open it, got none")
     try:
-        from playwright.sync_api import sync_playwright
+        from playwright.sync_api import sync_playwright  # imported here: an extra that few need
     except ImportError as error:
         raise UsageError("report: expected playwright, which pip install -e '.[dev]' brings, to open it") from error
     seconds = np.empty(REPEATS)

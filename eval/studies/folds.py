@@ -22,6 +22,7 @@ from eval.running.run import Run, class_names, read_run
 from eval.scores.resampling.training_seeds import group_planners
 from eval.scores.summarise import summarise
 from eval.scores.summary import Summary
+from eval.studies.belief.stream_report import read_report, write_report
 from eval.studies.same_episodes import SAME_CONDITIONS, SAME_EPISODES, check_same_config
 
 if TYPE_CHECKING:
@@ -98,8 +99,6 @@ def take_together(
 
 def _beliefs(folders: Sequence[Path], out: str | Path | None) -> "StreamBeliefReport":
     """Return the report of what beliefs and recognisers said in several folds; `out` is a folder to write to."""
-    from eval.studies.belief.stream_report import read_report, write_report
-
     each = [Run(read_config(folder), read_episodes(folder / EPISODES), directory=folder) for folder in folders]
     _check(each)
     records = {name: join_records([run.records[name] for run in each]) for name in each[0].records}

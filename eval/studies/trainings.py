@@ -23,6 +23,7 @@ from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
 from eval.scores.resampling.training_seeds import group_planners, shared_record_name, split_record_name
 from eval.scores.summarise import summarise
 from eval.scores.summary_table import TOGETHER, basis_lines
+from eval.studies.belief.stream_report import read_report, write_report
 from eval.studies.same_episodes import SAME_CONDITIONS, check_same_episodes
 
 if TYPE_CHECKING:
@@ -109,8 +110,6 @@ def trainings(
 
 def _beliefs(folders: Sequence[Path], out: str | Path | None) -> "StreamBeliefReport":
     """Return the report of what beliefs and recognisers of several trainings said; `out` is a folder to write to."""
-    from eval.studies.belief.stream_report import read_report, write_report
-
     each = [Run(read_config(folder), read_episodes(folder / EPISODES), directory=folder) for folder in folders]
     _check(each)
     config, fps = _config(each, [planner.name for planner in each[0].config.planners]), each[0].conditions.fps

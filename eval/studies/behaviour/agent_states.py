@@ -200,7 +200,7 @@ def neighbour_purity(states: AgentStates, neighbours: int = NEIGHBOURS) -> Purit
 
 def map_states(state: FloatArray, seed: int = 0) -> FloatArray:
     """Return states in the plane, (M, 2) from (M, S): t-SNE (van der Maaten and Hinton, 2008) from the PCA."""
-    from sklearn.manifold import TSNE
+    from sklearn.manifold import TSNE  # imported here: it takes seconds
 
     perplexity = min(PERPLEXITY, (len(state) - 1) / 3)
     embedding = TSNE(n_components=2, init="pca", perplexity=perplexity, random_state=seed).fit_transform(state)

@@ -4,6 +4,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -218,7 +219,7 @@ class _SetTrials:
 
     def train(self, number: int, changes: Sequence[str]) -> None:
         """Make those trainings of a fold that are not there yet, and print a line after each."""
-        from recognition.trials.pretraining import pretrain
+        from recognition.trials.pretraining import pretrain  # imported here: torch takes seconds
         from recognition.trials.trial import held_clips, run_trial
 
         fold = self._folds[number]
@@ -260,8 +261,6 @@ class _SetTrials:
         return self._folder / f"fold-{number}" / f"{name.replace(' ', '-')}.npy"
 
     def _keep(self, number: int, name: str, logits: FloatArray) -> None:
-        from io import BytesIO
-
         written = BytesIO()
         np.save(written, logits.astype(np.float32), allow_pickle=False)
         write_bytes(self._path(number, name), written.getvalue())

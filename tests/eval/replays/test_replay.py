@@ -85,7 +85,7 @@ def test_by_default_the_lead_is_shown_beside_no_act(tiny: Path, capsys: pytest.C
 
 
 def test_telling_episodes_are_the_first_of_a_report(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("eval.replays.film.write_film", lambda *_: None)
+    monkeypatch.setattr("eval.replays.replay.write_film", lambda *_: None)
     chosen = choose_episodes(read_run(tiny).records, "v-rotate", "no-act")  # as a report does where v-rotate leads
     for word, told in zip(TELLING, chosen, strict=False):
         written = make_replay(tiny, word, planners=["v-rotate", "no-act"], reporter=Log())
@@ -115,7 +115,7 @@ def test_a_planner_that_cannot_be_asked_again_is_shown_without_its_targets(
         name = "mine"
 
     run, log = tiny_run(tmp_path, ("no-act", Mine())), Log()
-    monkeypatch.setattr("eval.replays.film.write_film", lambda *_: None)
+    monkeypatch.setattr("eval.replays.replay.write_film", lambda *_: None)
     make_replay(run, 0, planners=["mine"], reporter=log)
     held = read_run(run)
     replay = replay_episode(held, check_inputs(held.config, None, None), 0, ["mine"], advance=lambda _: None)
@@ -142,11 +142,11 @@ def test_data_that_has_moved_has_to_be_named(tmp_path: Path, capsys: pytest.Capt
     assert (tmp_path / "a.gif").is_file()
 
 
-def test_a_recogniser_of_ones_own_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_own_recogniser_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine.py").write_text(RECOGNISER)
     run = tiny_run(tmp_path, ("no-act",), recogniser=f"{tmp_path / 'mine.py'}:Mine")
     films: list[int] = []
-    monkeypatch.setattr("eval.replays.film.write_film", lambda draw, frames, *_: films.append(frames))
+    monkeypatch.setattr("eval.replays.replay.write_film", lambda draw, frames, *_: films.append(frames))
     make_replay(run, 0, reporter=Log())
     assert films == [10]
 
