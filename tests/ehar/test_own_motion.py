@@ -42,7 +42,7 @@ def test_a_class_of_a_file_is_made_anew_each_time(own: Path) -> None:
     assert load_track(f"{own}:Drone").name == "drone"
 
 
-def test_a_motion_of_ones_own_carries_the_camera(own: Path) -> None:
+def test_an_own_motion_carries_the_camera(own: Path) -> None:
     grid, slow = roll(Track()).viewpoints, roll(load_track(f"{own}:Slow")).viewpoints
     np.testing.assert_array_equal(slow[:, 2], grid[:, 1])
     np.testing.assert_array_equal(slow[:, 2], slow[:, 3])

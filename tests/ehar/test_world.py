@@ -253,7 +253,7 @@ def test_a_localisation_that_cannot_be_is_refused_in_one_line(
 
 
 @pytest.mark.parametrize("wrong", [{"noise": -1.0}, {"delay": math.inf}, {"agility": math.nan}, {"agility": True}])
-def test_a_localisation_of_ones_own_is_checked_too(wrong: dict[str, Any]) -> None:
+def test_an_own_localisation_is_checked_too(wrong: dict[str, Any]) -> None:
     with pytest.raises(EharError, match=f"localisation: {next(iter(wrong))}: expected a number "):
         Localisation(**wrong)
 

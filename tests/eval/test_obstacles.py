@@ -147,7 +147,7 @@ def test_passers_by_hide_people_and_are_the_same_for_all_planners(lab: Path) -> 
     assert crowded.records["no-act"].contacts is None  # nothing stands there that a camera could hit
 
 
-def test_a_motion_of_ones_own_that_does_not_know_of_obstacles_is_counted(lab: Path) -> None:
+def test_an_own_motion_that_does_not_know_of_obstacles_is_counted(lab: Path) -> None:
     reckless = f"{lab / 'own_lab.py'}:Reckless"
     circles = f"{lab / 'own_lab.py'}:Circles"
     found = benchmark([circles], told(lab, track=reckless, starts=4, length=20), reporter=Log()).summary

@@ -309,7 +309,7 @@ def test_trainings_are_one_planner_and_the_first_is_replayed(tmp_path: Path) -> 
     assert replays["notes"] == ["What mine/0 wanted is not shown: not replayable, as it cannot be made from its name."]
 
 
-def test_a_recogniser_of_ones_own_is_made_again(tmp_path: Path) -> None:
+def test_an_own_recogniser_is_made_again(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(RECOGNISER)
     run = tiny_run(tmp_path, ("no-act", "h-rotate"), recogniser=f"{tmp_path / 'mine.py'}:Mine")
     replays = embedded(report_of(run), "replays")

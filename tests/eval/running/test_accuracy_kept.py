@@ -73,7 +73,7 @@ def test_other_weights_of_a_learned_planner_are_refused(
         read_ideal_run(tmp_path, replace(FLIGHT, planners=flight))
 
 
-def test_a_planner_of_ones_own_with_another_file_or_argument_is_refused(tmp_path: Path) -> None:
+def test_an_own_planner_with_another_file_or_argument_is_refused(tmp_path: Path) -> None:
     mine = replace(PlannerConfig("mine", False, "mine.py:Mine"), arguments={"radius": 5}, source_sha256="1")
     write_finished(tmp_path, {"no-act": make_records(1), "mine": make_records(2)}, planners=(mine,))
     assert "mine" in read_ideal_run(tmp_path, replace(FLIGHT, planners=(mine,)))

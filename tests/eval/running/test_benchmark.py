@@ -109,7 +109,7 @@ class Circling(Planner):
         return observation.viewpoint + self._turn
 
 
-def test_planners_of_ones_own_run_beside_the_named_ones() -> None:
+def test_own_planners_run_beside_the_named_ones() -> None:
     summary = run(["no-act", Circling()]).summary
     assert [planner.name for planner in summary.planners] == ["no-act", "circling"]
     assert summary.planner("circling").metrics["path_length_m"] > 0

@@ -219,7 +219,7 @@ class Mine(NoAct):
     name = "il-ppo"
 
 
-def agent_of_ones_own(name: str) -> Agent:
+def own_agent(name: str) -> Agent:
     return Agent(name=name, network=untrained_agent().network)
 
 
@@ -228,9 +228,9 @@ def agent_of_ones_own(name: str) -> Agent:
     [
         (["il", "il/0"], UsageError, "expected each once, got 'il/0' twice"),
         (["il", "il"], UsageError, "'il/0' twice"),
-        (["il", agent_of_ones_own("il/1")], UsageError, "'il/1' twice"),
+        (["il", own_agent("il/1")], UsageError, "'il/1' twice"),
         (
-            ["il/1", agent_of_ones_own("il")],
+            ["il/1", own_agent("il")],
             DataError,
             "'il': expected every record name with a training seed, or none",
         ),
@@ -246,7 +246,7 @@ def test_two_planners_of_one_name_do_not_run(
 
 
 def test_instances_run_as_they_are(tmp_path: Path) -> None:
-    mine, own = Mine(), agent_of_ones_own("il/7")
+    mine, own = Mine(), own_agent("il/7")
     made, origins, _ = make_planners([mine, own, "no-act"], None, place_of(tmp_path))
     assert made[0] is mine
     assert made[1] is own, "its name is not taken for that of an agent to load"

@@ -82,7 +82,7 @@ def test_objects_do_what_their_classes_do(lab: Path) -> None:
     assert None not in (run.config.sensor_sha256, run.config.track_sha256)
 
 
-def test_flights_of_a_motion_of_ones_own_are_recorded(lab: Path) -> None:
+def test_flights_of_an_own_motion_are_recorded(lab: Path) -> None:
     flown = benchmark(["towards"], told(track="world.py:Drone"), reporter=Log())
     vehicle = benchmark(["towards"], told(track="px4-auto"), reporter=Log())
     flight, expected = flown.records["towards"].flight, vehicle.records["towards"].flight
@@ -126,7 +126,7 @@ def test_what_cannot_be_sent_to_a_worker_is_said(lab: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_recogniser_is_trained_to_see_through_a_sensor_of_ones_own(lab: Path) -> None:
+def test_a_recogniser_is_trained_to_see_through_an_own_sensor(lab: Path) -> None:
     conditions = told(sensor="world.py:Blurred(pixels=8)", recogniser=None)
     config = TrainingConfig(conditions=conditions, out=Path("models"), clips=64)
     (path,) = train_recogniser(config).paths
@@ -142,7 +142,7 @@ def test_a_recogniser_is_trained_to_see_through_a_sensor_of_ones_own(lab: Path) 
 
 
 @pytest.mark.slow
-def test_gain_field_and_agents_are_trained_for_a_recogniser_of_ones_own(lab: Path) -> None:
+def test_gain_field_and_agents_are_trained_for_an_own_recogniser(lab: Path) -> None:
     conditions = told(models="models", length=8)
     log = Log()
     benchmark(None, conditions, reporter=log)
@@ -188,7 +188,7 @@ def test_two_workers_roll_out_for_trainings_as_one_does(lab: Path) -> None:
                 np.testing.assert_array_equal(values, getattr(two[batch], name))
 
 
-def test_without_a_folder_nothing_was_trained_for_a_recogniser_of_ones_own(lab: Path) -> None:
+def test_without_a_folder_nothing_was_trained_for_an_own_recogniser(lab: Path) -> None:
     log = Log()
     run = benchmark(None, told(), reporter=log)
     assert not {"fixed-best", "nbv", "il"} & set(names(run.summary))

@@ -220,7 +220,7 @@ def test_trainings_are_drawn_together_only_where_they_are_the_same(tmp_path: Pat
     assert compared(unknown, unknown).difference.ci95[0] < 0  # weights that are not known may be others
 
 
-def test_a_planner_of_ones_own_with_another_file_or_argument_is_named(tmp_path: Path) -> None:
+def test_an_own_planner_with_another_file_or_argument_is_named(tmp_path: Path) -> None:
     before = replace(PlannerConfig("nbv", False, "mine.py:Mine"), arguments={"radius": 5}, source_sha256="1")
 
     def footnotes(now: PlannerConfig) -> tuple[str, ...]:

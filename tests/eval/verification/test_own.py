@@ -123,7 +123,7 @@ def test_a_planner_that_moves_otherwise_is_found(lab: Path) -> None:
     assert found.difference is not None and "wander, episode 0 (" in found.difference
 
 
-def test_a_recogniser_of_ones_own_sees_what_it_saw(lab: Path) -> None:
+def test_an_own_recogniser_sees_what_it_saw(lab: Path) -> None:
     run(["no-act", "wander.py:Wander", "oracle"], recogniser="mine.py:Mine(gain=2)")
     found = again(Path("run"))
     assert found.verdict == "verified"

@@ -56,7 +56,7 @@ def test_they_see_and_move_as_they_did(lab: Path) -> None:
     assert said["moves again"] == f"{4 * 20 * 9} of {4 * 20 * 9} frames of 4 planners"
 
 
-def test_a_flight_of_a_motion_of_ones_own_is_flown_again(lab: Path) -> None:
+def test_a_flight_of_an_own_motion_is_flown_again(lab: Path) -> None:
     run(track="mine.py:Drone")
     found = again()
     assert found.verdict == "verified, but for what was not checked: steps", found.checks
