@@ -1,6 +1,7 @@
 """The solver: plans keep the limits, head for what is worth seeing, and every failure is named and counted."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -20,20 +21,17 @@ from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, view_basis
 from tests.helpers.examples import share_of_examples
 from tests.helpers.trajectory_tasks import FLIGHT, GRID, HORIZON, at_all_nodes, random_task
 
-FLOWN, LED = TrajectorySolver(flown=True), TrajectorySolver()
-CAPPED = {
-    flown: (
-        capped := TrajectorySolver(max_iterations=6, flown=flown),
-        capped,
-        TrajectorySolver(max_iterations=1, flown=flown),
-    )
-    for flown in (False, True)
-}
 seeds = st.integers(0, 10_000)
 
 
-def solver_of(limits: TrajectoryLimits) -> TrajectorySolver:
-    return LED if limits.vehicle is None else FLOWN
+@cache
+def made_once(*, flown: bool, iterations: int | None) -> TrajectorySolver:
+    return TrajectorySolver(max_iterations=iterations, flown=flown)
+
+
+def solver_of(limits: TrajectoryLimits, iterations: int | None = None) -> TrajectorySolver:
+    """Return a solver of plans in flight or on the grid, of at most so many iterations."""
+    return made_once(flown=limits.vehicle is not None, iterations=iterations)
 
 
 def largest_excess(task: TrajectoryTask, trajectory: Trajectory) -> float:
@@ -94,8 +92,8 @@ def test_plans_keep_the_limits_and_can_be_followed_by_others(seed: int, limits: 
 def test_capped_plans_keep_the_limits_too(seed: int, limits: TrajectoryLimits) -> None:
     rng = np.random.default_rng(seed)
     task, previous = random_task(rng, limits=limits, node_time=0.08 if limits.vehicle is None else 0.4), None
-    for solver in CAPPED[limits.vehicle is not None]:
-        previous = solver.solve_best(task, PAPER.sample_starts(rng, 8), previous, task.node_time)
+    for iterations in (6, 6, 1):
+        previous = solver_of(limits, iterations).solve_best(task, PAPER.sample_starts(rng, 8), previous, task.node_time)
         assert previous.status in (SolveStatus.CAPPED, SolveStatus.OPTIMAL)
         assert previous.violation <= TOLERANCE
         assert largest_excess(task, previous.trajectory) <= 5 * TOLERANCE  # the position's unit is 5 m
@@ -108,8 +106,8 @@ def test_capped_plans_keep_the_limits_too(seed: int, limits: TrajectoryLimits) -
 def test_fatrop_and_ipopt_and_a_warm_start_find_the_same_optimum(seed: int) -> None:
     rng = np.random.default_rng(seed)
     task = random_task(rng)
-    first = FLOWN.solve(task, task.hold())
-    again = FLOWN.solve(task, first.trajectory)
+    first = solver_of(FLIGHT).solve(task, task.hold())
+    again = solver_of(FLIGHT).solve(task, first.trajectory)
     spread = task.stake
     assert again.objective == pytest.approx(first.objective, abs=1e-3 * spread)
     other = TrajectorySolver(solver="ipopt", flown=True).solve(task, first.trajectory)
@@ -155,7 +153,7 @@ def test_a_distance_that_is_best_is_gone_to() -> None:
     weights[16:18] = 0.8, -1  # 0.8 s - s^2 is highest at s = 0.4, 12 m
     field, start = at_all_nodes(weights), np.array([6.0, 1, 1])
     task = random_task(np.random.default_rng(0), position=start, field_weights=field, node_time=0.5)
-    position = FLOWN.solve(task, task.hold()).trajectory.position
+    position = solver_of(FLIGHT).solve(task, task.hold()).trajectory.position
     assert position[-1, 0] == pytest.approx(12, abs=0.05)
     assert (np.diff(position[: int(np.argmax(position[:, 0] > 11.5)) + 1, 0]) > 0).all()
     np.testing.assert_allclose(position[:, 1:], np.ones((HORIZON + 1, 2)), atol=0.2)
@@ -176,7 +174,7 @@ def test_more_seeds_never_collect_less() -> None:
     many = TrajectorySolver(seeds=4)
     for _ in range(5):
         task, goals = random_task(rng, limits=GRID, node_time=0.16), PAPER.sample_starts(rng, 16)
-        assert many.solve_best(task, goals).objective >= LED.solve_best(task, goals).objective - 1e-9
+        assert many.solve_best(task, goals).objective >= solver_of(GRID).solve_best(task, goals).objective - 1e-9
 
 
 def test_a_first_flight_is_solved_from_its_best_guess_alone_and_a_first_plan_on_the_grid_from_every_one() -> None:
@@ -227,8 +225,8 @@ def test_a_start_without_a_way_within_the_limits_holds_the_viewpoint_and_says_so
 def test_after_a_held_viewpoint_planning_goes_on() -> None:
     rng = np.random.default_rng(0)
     task, goals = random_task(rng), PAPER.sample_starts(rng, 8)
-    held = FLOWN.solve_best(replace(task, field_weights=np.full((HORIZON, BASIS_SIZE), np.nan)), goals)
-    assert FLOWN.solve_best(task, goals, held, task.node_time).status is SolveStatus.OPTIMAL
+    held = solver_of(FLIGHT).solve_best(replace(task, field_weights=np.full((HORIZON, BASIS_SIZE), np.nan)), goals)
+    assert solver_of(FLIGHT).solve_best(task, goals, held, task.node_time).status is SolveStatus.OPTIMAL
 
 
 def test_what_no_solver_finished_is_a_fallback_if_it_keeps_the_limits() -> None:
@@ -251,7 +249,7 @@ def test_ipopt_takes_over_where_fatrop_fails() -> None:
     solution = solver.solve(task, task.hold())
     assert solution.status == "ipopt-fallback" and not solution.held
     assert solution.violation <= TOLERANCE
-    assert solution.objective == pytest.approx(FLOWN.solve(task, task.hold()).objective, rel=1e-3)
+    assert solution.objective == pytest.approx(solver_of(FLIGHT).solve(task, task.hold()).objective, rel=1e-3)
     assert solver.statistics.fallbacks == 1 and len(solver.statistics.solve_seconds) == 2
 
 
@@ -283,7 +281,7 @@ def test_plans_by_quick_second_derivatives_collect_as_much() -> None:
     del exact._solvers[0]
     for seed in range(20):
         task = random_task(np.random.default_rng(seed))
-        quick, slow = (solver.solve(task, task.hold()) for solver in (FLOWN, exact))
+        quick, slow = (solver.solve(task, task.hold()) for solver in (solver_of(FLIGHT), exact))
         assert quick.objective > slow.objective - 0.02 * task.stake
         found.append((quick.objective - slow.objective) / task.stake)
     assert abs(np.median(found)) < 1e-4
@@ -303,7 +301,7 @@ def test_a_camera_that_brakes_just_before_a_bound_has_a_plan(
     state = {"position": position, "velocity": velocity, "acceleration": acceleration}
     given = {name: np.array(values) for name, values in state.items()}
     task = random_task(np.random.default_rng(0), node_time=0.4, **given)
-    solution = FLOWN.solve(task, task.hold())
+    solution = solver_of(FLIGHT).solve(task, task.hold())
     assert solution.status is SolveStatus.OPTIMAL
     flown = states_at(solution.trajectory, np.linspace(0, 6, 1201), 0.4)[0]
     assert flown[:, 0].min() > 5.0 - 1e-3
@@ -311,10 +309,12 @@ def test_a_camera_that_brakes_just_before_a_bound_has_a_plan(
 
 def test_a_task_of_another_horizon_is_refused() -> None:
     with pytest.raises(UsageError, match="expected 15 gain weights, got 3"):
-        FLOWN.solve_best(random_task(np.random.default_rng(0), horizon=3), np.array([[10.0, 0, 1]]))
+        solver_of(FLIGHT).solve_best(random_task(np.random.default_rng(0), horizon=3), np.array([[10.0, 0, 1]]))
 
 
-@pytest.mark.parametrize(("solver", "limits", "expected"), [(FLOWN, GRID, "a vehicle"), (LED, FLIGHT, "the grid")])
+@pytest.mark.parametrize(
+    ("solver", "limits", "expected"), [(solver_of(FLIGHT), GRID, "a vehicle"), (solver_of(GRID), FLIGHT, "the grid")]
+)
 def test_a_task_of_another_track_is_refused(solver: TrajectorySolver, limits: TrajectoryLimits, expected: str) -> None:
     with pytest.raises(UsageError, match=f"expected limits of {expected}"):
         solver.solve_best(random_task(np.random.default_rng(0), limits=limits), np.array([[10.0, 0, 1]]))

@@ -1,6 +1,7 @@
 """Streams out of sequences: who is in them, in which order, and how one activity leads to the next."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -10,18 +11,23 @@ from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import save_motion
 from ehar.data.scenario import split_parts
 from ehar.data.skeleton_tree import parents
+from ehar.data.source import load_data
 from ehar.data.stitching.joins import DURATIONS, FAST, join, placed
 from ehar.data.stitching.streams import stitch
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.data.streams.file import load_streams
-from ehar.data.synthetic.sets import duo, solo
 from ehar.errors import DataError, UsageError
 from eval.cli.main import main
 from tests.helpers.fakes import tiny_data
 from tests.helpers.recordings import rotation
 
-SETS = {"solo": solo(), "duo": duo()}
-STREAMS = {name: stitch(data, seconds=20) for name, data in SETS.items()}
+SETS = ("solo", "duo")
+
+
+@cache
+def short_streams(name: str) -> StreamData:
+    """Return streams of 20 s of a built-in set; made once a process."""
+    return stitch(load_data(name), seconds=20)
 
 
 def pieces(data: MotionData, streams: StreamData) -> list[int]:
@@ -30,9 +36,9 @@ def pieces(data: MotionData, streams: StreamData) -> list[int]:
     return [heights[streams.positions[first:end][..., 2].tobytes()] for first, end, _ in streams.segments]
 
 
-@pytest.mark.parametrize("name", STREAMS)
+@pytest.mark.parametrize("name", SETS)
 def test_every_sequence_is_in_one_stream_of_its_people_and_its_part(name: str) -> None:
-    data, streams = SETS[name], STREAMS[name]
+    data, streams = load_data(name), short_streams(name)
     shown = np.array(pieces(data, streams))
     assert sorted(shown) == list(range(len(data.lengths)))
     np.testing.assert_array_equal(streams.segments[:, 2], data.labels[shown])
@@ -43,19 +49,20 @@ def test_every_sequence_is_in_one_stream_of_its_people_and_its_part(name: str) -
 
 
 def test_what_is_missing_in_sequences_is_missing_in_streams() -> None:
-    data = replace(SETS["solo"], missing=np.random.default_rng(0).random(len(SETS["solo"].positions)) < 0.1)
+    data = load_data("solo")
+    data = replace(data, missing=np.random.default_rng(0).random(len(data.positions)) < 0.1)
     streams = stitch(data, seconds=20)
     assert data.missing is not None
     for sequence, (first, end, _) in zip(pieces(data, streams), streams.segments, strict=True):
         part = slice(data.offsets[sequence], data.offsets[sequence + 1])
         np.testing.assert_array_equal(streams.missing[first:end], data.missing[part])
     assert not streams.missing[streams.labels == NO_ACTIVITY].any()
-    assert not STREAMS["solo"].missing.any()
+    assert not short_streams("solo").missing.any()
 
 
-@pytest.mark.parametrize("name", STREAMS)
+@pytest.mark.parametrize("name", SETS)
 def test_joins_last_as_long_as_people_take_and_show_no_activity(name: str) -> None:
-    streams = STREAMS[name]
+    streams = short_streams(name)
     same = np.diff(streams.stream_of) == 0
     gaps = (streams.segments[1:, 0] - streams.segments[:-1, 1])[same]
     assert {round((gap + 1) / streams.fps, 2) for gap in gaps.tolist()} <= {
@@ -65,9 +72,9 @@ def test_joins_last_as_long_as_people_take_and_show_no_activity(name: str) -> No
     assert (streams.segments[:, 0][np.append(True, ~same)] == streams.offsets[:-1]).all()  # each begins at once
 
 
-@pytest.mark.parametrize("name", STREAMS)
+@pytest.mark.parametrize("name", SETS)
 def test_bodies_keep_their_bones_their_ground_and_the_speeds_of_people(name: str) -> None:
-    streams = STREAMS[name]
+    streams = short_streams(name)
     toward, joined = parents(streams.skeleton), streams.labels == NO_ACTIVITY
     bones = np.linalg.norm(streams.positions - streams.positions[..., toward, :], axis=-1)
     for stream in range(len(streams.lengths)):
@@ -81,8 +88,8 @@ def test_bodies_keep_their_bones_their_ground_and_the_speeds_of_people(name: str
 
 
 def test_the_last_stream_of_somebody_is_not_too_short() -> None:
-    data = SETS["solo"]
-    seconds = STREAMS["solo"].lengths / data.fps
+    data = load_data("solo")
+    seconds = short_streams("solo").lengths / data.fps
     assert seconds.min() > 10
     one_each = stitch(data, seconds=0.01)
     assert len(one_each.lengths) == len(data.lengths)
@@ -91,7 +98,7 @@ def test_the_last_stream_of_somebody_is_not_too_short() -> None:
 
 
 def test_the_seed_decides_the_order_unless_it_is_known() -> None:
-    data = SETS["solo"]
+    data = load_data("solo")
     assert stitch(data, seed=1).sha256 == stitch(data, seed=1).sha256 != stitch(data, seed=2).sha256
     known = replace(data, recorded_ms=np.arange(len(data.lengths))[::-1].copy())
     assert stitch(known, seed=1).sha256 == stitch(known, seed=2).sha256
@@ -101,7 +108,7 @@ def test_the_seed_decides_the_order_unless_it_is_known() -> None:
 
 
 def test_the_next_activity_begins_where_and_as_turned_as_the_one_before_ended() -> None:
-    data = SETS["solo"]
+    data = load_data("solo")
     first, second = data.sequence(0), data.sequence(5)
     again = placed(first @ rotation(1.0).T.astype(np.float32) + np.float32(3), first[0] - np.float32(0), data.skeleton)
     np.testing.assert_allclose(again[..., :2], first[..., :2], atol=1e-4)
@@ -111,7 +118,7 @@ def test_the_next_activity_begins_where_and_as_turned_as_the_one_before_ended() 
 
 
 def test_a_join_goes_on_as_fast_as_people_were_moving() -> None:
-    data = SETS["solo"]
+    data = load_data("solo")
     walking = data.sequence(0)[:1] + np.float32(0.02) * np.arange(10, dtype=np.float32)[
         :, None, None, None
     ] * np.float32([1, 0, 0])
@@ -122,7 +129,7 @@ def test_a_join_goes_on_as_fast_as_people_were_moving() -> None:
 
 
 def test_bones_that_turn_to_the_opposite_do_not_vanish() -> None:
-    data = SETS["solo"]
+    data = load_data("solo")
     standing = data.sequence(0)[:2].copy()
     upside = standing * np.float32([1, -1, -1])
     between = join(standing, upside, data.skeleton, 30.0)
@@ -152,7 +159,7 @@ def test_the_command_writes_streams_and_says_what_they_hold(tmp_path: Path, caps
     out = tmp_path / "solo-stream.npz"
     main(["data", "stitch", "solo", "--out", str(out), "--seconds", "30", "--seed", "3"])
     assert "400 activities of 10 classes" in " ".join(capsys.readouterr().out.split())
-    assert load_streams(out).sha256 == stitch(SETS["solo"], seconds=30, seed=3).sha256
+    assert load_streams(out).sha256 == stitch(load_data("solo"), seconds=30, seed=3).sha256
     save_motion(tmp_path / "x.npz", tiny_data())
     with pytest.raises(SystemExit):
         main(["data", "stitch", str(tmp_path / "x.npz"), "--out", str(tmp_path / "y.npz")])
