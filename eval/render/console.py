@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rich.console import Console  # imported here: too slow for `ehar --help`
+    from rich.console import Console
 
     from eval.render.tables import Table
 

@@ -5,7 +5,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ehar.data.recordings import SYNTHETIC
 from ehar.data.scenario import TEST
@@ -22,11 +21,8 @@ from eval.running.run import Run, class_names, read_run
 from eval.scores.resampling.training_seeds import group_planners
 from eval.scores.summarise import summarise
 from eval.scores.summary import Summary
-from eval.studies.belief.stream_report import read_report, write_report
+from eval.studies.belief.stream_report import StreamBeliefReport, read_report, write_report
 from eval.studies.same_episodes import SAME_CONDITIONS, SAME_EPISODES, check_same_config
-
-if TYPE_CHECKING:
-    from eval.studies.belief.stream_report import StreamBeliefReport
 
 SAME = (*(key for key in SAME_EPISODES if key != "data_sha256"), *SAME_CONDITIONS, "onset")  # of config.json
 TABLE = "table.md"
@@ -63,7 +59,7 @@ class Folds:
 
 def take_together(
     runs: Sequence[str | Path], *, ideal: str | Path | None = None, out: str | Path | None = None
-) -> "Folds | StreamBeliefReport":
+) -> Folds | StreamBeliefReport:
     """Take the runs of several folds together: one run, in which everybody of all test parts is tested once.
 
     Args:
@@ -97,7 +93,7 @@ def take_together(
     return found
 
 
-def _beliefs(folders: Sequence[Path], out: str | Path | None) -> "StreamBeliefReport":
+def _beliefs(folders: Sequence[Path], out: str | Path | None) -> StreamBeliefReport:
     """Return the report of what beliefs and recognisers said in several folds; `out` is a folder to write to."""
     each = [Run(read_config(folder), read_episodes(folder / EPISODES), directory=folder) for folder in folders]
     _check(each)

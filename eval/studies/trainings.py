@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,11 +22,8 @@ from eval.scores.planner_summary import NO_ACT, ORACLE, PlannerSummary
 from eval.scores.resampling.training_seeds import group_planners, shared_record_name, split_record_name
 from eval.scores.summarise import summarise
 from eval.scores.summary_table import TOGETHER, basis_lines
-from eval.studies.belief.stream_report import read_report, write_report
+from eval.studies.belief.stream_report import StreamBeliefReport, read_report, write_report
 from eval.studies.same_episodes import SAME_CONDITIONS, check_same_episodes
-
-if TYPE_CHECKING:
-    from eval.studies.belief.stream_report import StreamBeliefReport
 
 LEAST = 3  # trainings behind a claim
 
@@ -73,7 +69,7 @@ class Trainings:
 
 def trainings(
     runs: Sequence[str | Path], *, planner: str = NBV, out: str | Path | None = None
-) -> "Trainings | StreamBeliefReport":
+) -> Trainings | StreamBeliefReport:
     """Take runs of several trainings together: means, intervals that cover trainings, and the spread over them.
 
     Args:
@@ -108,7 +104,7 @@ def trainings(
     return found
 
 
-def _beliefs(folders: Sequence[Path], out: str | Path | None) -> "StreamBeliefReport":
+def _beliefs(folders: Sequence[Path], out: str | Path | None) -> StreamBeliefReport:
     """Return the report of what beliefs and recognisers of several trainings said; `out` is a folder to write to."""
     each = [Run(read_config(folder), read_episodes(folder / EPISODES), directory=folder) for folder in folders]
     _check(each)
