@@ -130,7 +130,7 @@ def save_data(
     return 0 if found.passed else 1
 
 
-def save_stitched(streams: "StreamData", *, out: Path) -> None:
+def save_stitched(streams: StreamData, *, out: Path) -> None:
     """Write streams, and print a summary.
 
     Args:

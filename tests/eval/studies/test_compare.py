@@ -57,10 +57,8 @@ def width(ends: Any) -> float:
 def test_each_planner_of_both_runs_is_compared_as_if_they_were_one_run(tmp_path: Path) -> None:
     a, b = two_runs(tmp_path)
     found = compare(a, b)
-    assert [(compared.difference.planner, compared.difference.other) for compared in found.planners] == [
-        ("nbv", "nbv"),
-        ("oracle",) * 2,
-    ]
+    differences = [row.difference for row in found.planners]
+    assert [(one.planner, one.other) for one in differences] == [("nbv", "nbv"), ("oracle", "oracle")]
     assert (found.episodes, found.sequences, found.differing, found.no_intervals) == (24, 12, {}, None)
     # Both planners in one run; corrected together with the other row, a difference is less certain.
     together = {"nbv": records(nbv=1.0)["nbv"], "before": make_records(9, skill=0.3, episodes=24)}
@@ -87,21 +85,15 @@ def test_the_runs_the_other_way_round_give_the_opposite(tmp_path: Path) -> None:
 
 def test_a_run_does_not_differ_from_itself(tmp_path: Path) -> None:
     a, _ = two_runs(tmp_path)
-    for compared in compare(a, a).planners:
-        assert (compared.difference.acc_mean, compared.difference.ci95, compared.difference.smallest) == (
-            0,
-            (0, 0),
-            None,
-        )
-        assert (compared.difference.improvement, compared.difference.p_corrected) == (0.5, 1)
+    for difference in (row.difference for row in compare(a, a).planners):
+        assert (difference.acc_mean, difference.ci95, difference.smallest) == (0, (0, 0), None)
+        assert (difference.improvement, difference.p_corrected) == (0.5, 1)
 
 
 def test_two_planners_are_compared_by_name(tmp_path: Path) -> None:
     a, b = two_runs(tmp_path)
-    (compared,) = compare(a, b, ("no-act", "random")).planners
-    assert compared.difference.p_corrected == pytest.approx(
-        compared.difference.p, abs=0.05
-    )  # the bootstrap's, and Student's
+    difference = compare(a, b, ("no-act", "random")).planners[0].difference
+    assert difference.p_corrected == pytest.approx(difference.p, abs=0.05)  # the bootstrap's, and Student's
     (row,) = compare_table(compare(a, b, ("no-act", "oracle"), out=tmp_path / "out")).rows
     assert row[0] == "no-act - oracle*"
     assert r"| no-act - oracle\* |" in (tmp_path / "out" / "table.md").read_text()
@@ -199,8 +191,8 @@ def trained(tmp_path: Path, name: str, digits: str) -> Path:
 
 
 def compared(a: Path, b: Path) -> Any:
-    (compared,) = compare(a, b).planners
-    return compared
+    (row,) = compare(a, b).planners
+    return row
 
 
 def test_trainings_are_drawn_together_only_where_they_are_the_same(tmp_path: Path) -> None:
