@@ -192,9 +192,9 @@ def published(
         for name, part in together:
             ensembles = [members[part] for members in trained]  # of each seed, a result for each stream of the row
             whole = [accuracies([one.log_probs for one in members], labels) for members in ensembles]
-            unseen_only = [accuracies([one.log_probs[new] for one in members], labels[new]) for members in ensembles]
+            without_copies = [accuracies([one.log_probs[new] for one in members], labels[new]) for members in ensembles]
             best = [accuracies([one.best for one in members], labels) for members in ensembles]
-            rows.append(PublishedRow(form, name, *map(np.array, (whole, unseen_only, best))))
+            rows.append(PublishedRow(form, name, *map(np.array, (whole, without_copies, best))))
     found = PublishedReport(
         motion.title, size, epochs, tuple(seeds), tuple(rows), len(new), copies, tuple(sorted(arithmetic))
     )
