@@ -1,10 +1,6 @@
 """The clips of an epoch of the published protocol: its seed and its number decide them, so they are drawn ahead."""
 
-from collections import deque
-from collections.abc import Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 
 import numpy as np
 
@@ -58,34 +54,3 @@ def draw_epoch(data: MotionData, draw: Draw) -> Epoch:
     towards = parents(data.skeleton)
     clips = [published_clip(data.sequence(i), draw.stream, towards, rng) for i in batches.flat]
     return Epoch(np.stack(clips).reshape(*batches.shape, *clips[0].shape), data.labels[batches].astype(np.int64))
-
-
-def draw_ahead(data: MotionData, draws: Iterable[Draw], *, processes: int, ahead: int) -> Iterator[Epoch]:
-    """Yield the epochs of `draws`, drawn by processes before they are asked for.
-
-    Args:
-        data: the data.
-        draws: which epochs.
-        processes: number of processes.
-        ahead: number of epochs that are drawn before they are asked for.
-    """
-    context = get_context("spawn")
-    with ProcessPoolExecutor(processes, context, initializer=_hold, initargs=(data,)) as pool:
-        waiting: deque[Future[Epoch]] = deque()
-        for draw in draws:
-            waiting.append(pool.submit(_draw_held, draw))
-            if len(waiting) > ahead:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
-
-
-_held: list[MotionData] = []  # of a process: the data travel once
-
-
-def _hold(data: MotionData) -> None:
-    _held[:] = [data]
-
-
-def _draw_held(draw: Draw) -> Epoch:
-    return draw_epoch(_held[0], draw)

@@ -24,11 +24,12 @@ from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.sizes import Size
 from recognition.networks.spec import Network, build_network
 from recognition.published.clips import Stream, published_clip
-from recognition.published.epochs import Draw, Epoch, draw_ahead, draw_epoch
-from recognition.published.recorded_step import RecordedStep
+from recognition.published.epochs import Draw, Epoch, draw_epoch
 from recognition.training.arithmetic import arithmetic_on, quick_products
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
+from recognition.training.draw_ahead import draw_ahead
 from recognition.training.optimisers import PUBLISHED_EPOCHS, PUBLISHED_MOMENTUM, PUBLISHED_RATE, PUBLISHED_WARM_UP
+from recognition.training.recorded_step import RecordedStep
 
 # Where this protocol differs from that of NTU RGB+D, as `recognition.training.optimisers` has it:
 DECAY = 1e-4  # of weights
@@ -126,7 +127,7 @@ def train_published(
 def _train(
     trainings: Sequence["_Training"], data: MotionData, report: Callable[[PublishedRun, int, float], None]
 ) -> None:
-    """Train all epochs that are left, a step of each training in turn."""
+    """Train all epochs that are left, a step of each training in turn; on a GPU epochs are drawn ahead."""
     last = max((training.run.epochs for training in trainings), default=0)
     rounds = [
         [training for training in trainings if training.epoch <= epoch < training.run.epochs] for epoch in range(last)
@@ -134,9 +135,10 @@ def _train(
     draws = [
         Draw(training.run.stream, training.run.seed, epoch) for epoch, some in enumerate(rounds) for training in some
     ]
-    processes = min(len(trainings), os.cpu_count() or 1)
-    if processes > 1:
-        drawn = draw_ahead(data, draws, processes=processes, ahead=len(trainings))
+    if any(training.device.type != "cpu" for training in trainings):
+        torch.backends.cudnn.benchmark = True  # all batches are alike, so the fastest kernels are found once
+        processes = min(len(trainings), os.cpu_count() or 1)
+        drawn = draw_ahead(draw_epoch, data, draws, processes=processes, ahead=len(trainings))
     else:
         drawn = (draw_epoch(data, draw) for draw in draws)
     for number, learning in enumerate(rounds):

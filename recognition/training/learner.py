@@ -1,6 +1,6 @@
 """A network that learns: steps on clips, and a running average of its weights, which is what counts."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from recognition.training.arithmetic import quick_products
 from recognition.training.clips import Clips
 from recognition.training.config import Optimiser
 from recognition.training.optimisers import make_optimiser, published_rate
+from recognition.training.recorded_step import RecordedStep
 
 WARM_UP = 150  # steps in which the learning rate rises; then it stays
 AVERAGING = 8.0  # how much late weights count in the average: about the last ninth of the steps
@@ -54,11 +55,14 @@ class Learner:
         """Begin at the weights that the network has."""
         self.network = network
         self.device = next(network.parameters()).device
-        self.average = AveragedModel(network, avg_fn=_towards_late, use_buffers=True)
+        self.average = AveragedModel(network, multi_avg_fn=_towards_late, use_buffers=True)
         self.optimiser = make_optimiser(network, optimiser, learning_rate=learning_rate, weight_decay=weight_decay)
         self._published, self._rate, self._batch = optimiser == "published", learning_rate, batch
-        self._weights = None if class_weights is None else torch.from_numpy(class_weights.astype(np.float32))
+        self._weights = None
+        if class_weights is not None:
+            self._weights = torch.from_numpy(class_weights.astype(np.float32)).to(self.device)
         self._smoothing = smoothing
+        self._recorded: RecordedStep | None = None  # on a GPU
 
     def learn(self, clips: Clips, rng: np.random.Generator, *, step: int, steps: int) -> float:
         """Make one step and return its loss; where that is not finite, the weights stay as they are.
@@ -75,30 +79,46 @@ class Learner:
         self.network.train()
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(int(rng.integers(2**31)))  # dropout
-            loss = self._loss(clips, rng)
-        value = float(loss.detach())
-        if not np.isfinite(value):
-            return value
-        self.optimiser.zero_grad(set_to_none=True)
-        loss.backward()  # type: ignore[no-untyped-call]
+            loss = self._find_gradients(clips, rng)
+        if not np.isfinite(loss):
+            return loss
         if not self._published:
             torch.nn.utils.clip_grad_norm_(self.network.parameters(), GRADIENT_NORM)
         self.optimiser.step()
         self.average.update_parameters(self.network)
-        return value
+        return loss
 
-    def _loss(self, clips: Clips, rng: np.random.Generator) -> Tensor:
-        """Return the mean cross-entropy over clips and frames; for the published form, over clips at one prefix."""
-        seen, labels = clips.features.to(self.device), clips.labels.to(self.device)
+    def _find_gradients(self, clips: Clips, rng: np.random.Generator) -> float:
+        """Find the gradients of a batch and return its loss; for the published form, of one prefix of all its clips."""
+        seen, labels = clips.features, clips.frame_labels
+        if not isinstance(self.network, CausalCTRGCN):
+            prefix = int(rng.integers(1, seen.shape[1] + 1))  # each length is a shape of its own
+            return float(self._backward(seen[:, :prefix].to(self.device), clips.labels.to(self.device)))
+        batch = seen.to(self.device), labels.to(self.device)
+        if self.device.type == "cpu":
+            return float(self._backward(*batch))
+        if self._recorded is None:
+            self._recorded = RecordedStep(self._backward, batch, self.device)
+        self._recorded.make(*batch)
+        return self._recorded.mean_loss()
+
+    def _backward(self, seen: Tensor, labels: Tensor) -> Tensor:
+        """Leave the gradients of a batch with the weights, and return its loss."""
+        self.optimiser.zero_grad(set_to_none=True)
+        loss = self._loss(seen, labels)
+        loss.backward()  # type: ignore[no-untyped-call]
+        return loss.detach()
+
+    def _loss(self, seen: Tensor, labels: Tensor) -> Tensor:
+        """Return the mean cross-entropy over clips and frames; for the published form, over clips (B, L, P, J, C)."""
         with quick_products(self.device):
             if isinstance(self.network, CausalCTRGCN):
                 logits = self.network(seen).flatten(0, 1)
-                labels = clips.frame_labels.flatten().to(self.device)
             else:
-                prefix = int(rng.integers(1, seen.shape[1] + 1))
-                logits = self.network(seen[:, :prefix].permute(0, 4, 1, 3, 2))
-        weight = None if self._weights is None else self._weights.to(self.device)
-        return functional.cross_entropy(logits.float(), labels, weight=weight, label_smoothing=self._smoothing)
+                logits = self.network(seen.permute(0, 4, 1, 3, 2))
+        return functional.cross_entropy(
+            logits.float(), labels.flatten(), weight=self._weights, label_smoothing=self._smoothing
+        )
 
     @property
     def averaged(self) -> Network:
@@ -139,9 +159,11 @@ class Learner:
         self.optimiser.load_state_dict(optimiser or {})
 
 
-def _towards_late(average: Tensor, present: Tensor, averaged: Tensor | int) -> Tensor:
-    """Return the running average after one more step: late steps weigh more, the first ones are forgotten."""
+def _towards_late(average: Sequence[Tensor], present: Sequence[Tensor], averaged: Tensor | int) -> None:
+    """Move the running average one step on: late steps weigh more, the first ones are forgotten."""
     share = float((AVERAGING + 1) / (averaged + AVERAGING + 1))
-    if not average.is_floating_point():  # a counter of batches
-        return present
-    return average + share * (present - average)
+    for mean, tensor in zip(average, present, strict=True):
+        if mean.is_floating_point():
+            mean.lerp_(tensor, share)
+        else:  # a counter of batches
+            mean.copy_(tensor)

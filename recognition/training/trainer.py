@@ -2,11 +2,13 @@
 
 import hashlib
 import json
+import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -32,11 +34,13 @@ from recognition.storage import load_weights, recogniser_path, save_recogniser
 from recognition.torch_threads import one_torch_thread
 from recognition.training.arithmetic import arithmetic_on
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
-from recognition.training.clips import ClipSource
+from recognition.training.clips import Clips, ClipSource
 from recognition.training.config import WINDOW, TrainingConfig
+from recognition.training.draw_ahead import draw_ahead
 from recognition.training.frame_weights import frame_weights
 from recognition.training.learner import Learner
 from recognition.training.planned_views import PlannedViews
+from recognition.training.recorded_step import FIRST_STEPS
 from recognition.training.stopping import (
     Evaluation,
     Outcome,
@@ -49,6 +53,7 @@ from recognition.weight_files import description_path, recorded_run
 
 VALIDATION_CLIPS = 768
 VALIDATION_SEED = 1_000_003  # draws the same clips for every run on the same data
+DRAWING = 3  # processes that draw clips for a GPU, and batches that each has ready
 
 
 @dataclass(frozen=True)
@@ -114,7 +119,7 @@ def time_step(config: TrainingConfig, steps: int = 3) -> float:
 
     Args:
         config: the settings of the training.
-        steps: number of steps that are timed, after one that is not.
+        steps: number of steps that are timed, after the first, which take longer.
 
     Raises:
         EharError: as `train_recogniser`.
@@ -122,11 +127,35 @@ def time_step(config: TrainingConfig, steps: int = 3) -> float:
     clock = time.process_time if config.device == "cpu" else time.perf_counter
     with one_torch_thread():
         run = _Run(config)
-        run._learn()
-        begin = clock()
-        for _ in range(steps):
-            run._learn()
-        return (clock() - begin) / steps
+        first = FIRST_STEPS + 1 if config.device != "cpu" else 1  # a GPU records the last of them
+        with closing(run.batches(first + steps)) as batches:
+            for _ in range(first):
+                run._learn(next(batches))
+            begin = clock()
+            for _ in range(steps):
+                run._learn(next(batches))
+            return (clock() - begin) / steps
+
+
+class _Drawing(NamedTuple):
+    """What the batches of a run are drawn from."""
+
+    source: ClipSource
+    seed: int
+    size: int
+
+
+class _Batch(NamedTuple):
+    """The clips of a step, and the generator that drew them, for what else is random in it."""
+
+    clips: Clips
+    rng: np.random.Generator
+
+
+def _draw_batch(drawing: _Drawing, step: int) -> _Batch:
+    """Draw the clips of a step: the seed and the step's number decide them."""
+    rng = np.random.default_rng((drawing.seed, step))
+    return _Batch(drawing.source.draw(rng, drawing.size), rng)
 
 
 class _Run:
@@ -219,26 +248,28 @@ class _Run:
     def train(self, report: Report) -> Outcome:
         """Train to the end, calibrate and save."""
         self._resume()
-        while self.step < self.steps and (self.runs_to_end or not has_learned(self.evaluations)):
-            self.losses.append(self._learn())
-            evaluated = self.step >= next_evaluation(self.evaluations, self.interval) or self.step == self.steps
-            if evaluated:
-                self._evaluate()
-            if evaluated or self.step % self.interval == 0:
-                self._save_checkpoint()
-            report(self.clips, self._expected_clips(), self.evaluations if evaluated else None)
+        with closing(self.batches(self.steps)) as batches:
+            while self.step < self.steps and (self.runs_to_end or not has_learned(self.evaluations)):
+                self.losses.append(self._learn(next(batches)))
+                evaluated = self.step >= next_evaluation(self.evaluations, self.interval) or self.step == self.steps
+                if evaluated:
+                    self._evaluate()
+                if evaluated or self.step % self.interval == 0:
+                    self._save_checkpoint()
+                report(self.clips, self._expected_clips(), self.evaluations if evaluated else None)
         return self._finish(report)
 
     def answer_after(self, steps: int, report: Report) -> FloatArray:
         """Train for so many steps, and return the logits of the clips of those who were left out."""
         self.steps = steps
         self._resume()
-        while self.step < steps:
-            self._learn()
-            if self.step % self.interval == 0 or self.step == steps:
-                self.best = _copied(self.learner.averaged)
-                self._save_checkpoint()
-            report(self.clips, steps * self.config.batch, None)
+        with closing(self.batches(steps)) as batches:
+            while self.step < steps:
+                self._learn(next(batches))
+                if self.step % self.interval == 0 or self.step == steps:
+                    self.best = _copied(self.learner.averaged)
+                    self._save_checkpoint()
+                report(self.clips, steps * self.config.batch, None)
         return self.learner.logits(self.learner.averaged, self.validation.features)
 
     @property
@@ -256,10 +287,19 @@ class _Run:
         most = self.config.clips
         return most if self.runs_to_end else min(enough_clips(self.evaluations, self.clips), most)
 
-    def _learn(self) -> float:
+    def batches(self, steps: int) -> Generator["_Batch"]:
+        """Yield the batches of the steps from the present one to `steps`; for a GPU they are drawn ahead."""
+        how = _Drawing(self.source, self.config.conditions.seed, self.config.batch)
+        asked = range(self.step, steps)
+        if self.config.device == "cpu":
+            yield from (_draw_batch(how, step) for step in asked)
+        else:
+            processes = min(DRAWING, os.cpu_count() or 1)
+            yield from draw_ahead(_draw_batch, how, asked, processes=processes, ahead=DRAWING * processes)
+
+    def _learn(self, batch: "_Batch") -> float:
         """Make one step and return its loss."""
-        rng = np.random.default_rng((self.config.conditions.seed, self.step))
-        clips = self.source.draw(rng, self.config.batch)
+        clips, rng = batch
         loss = self.learner.learn(clips, rng, step=self.step, steps=self.steps)
         if not np.isfinite(loss):
             raise ModelError(f"{self.path.name}: the loss is {loss} at step {self.step}: expected a finite one")

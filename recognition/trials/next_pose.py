@@ -2,13 +2,11 @@
 
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.features import JOINT_CHANNELS
-from recognition.training.clips import Clips
 from recognition.training.learner import Learner
 
 PLACE = 2  # the first features of a joint: where it is in the image, relative to the person [m]
@@ -39,10 +37,9 @@ class NextPoseLearner(Learner):
     def _keep(self, block: nn.Module, inputs: tuple[Tensor, ...], features: Tensor) -> None:
         self._features = features
 
-    def _loss(self, clips: Clips, rng: np.random.Generator) -> Tensor:
+    def _loss(self, seen: Tensor, labels: Tensor) -> Tensor:
         """Return the usual loss, and that of the next pose."""
-        loss = super()._loss(clips, rng)
-        seen = clips.features.to(self.device)
+        loss = super()._loss(seen, labels)
         batch, frames, persons, joints, _ = seen.shape
         foretold = self._head(self._features.float()).view(batch, persons, PLACE, joints, frames)
         true = seen[..., :PLACE].permute(0, 2, 4, 3, 1)

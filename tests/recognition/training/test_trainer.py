@@ -308,12 +308,22 @@ def test_the_best_weights_are_kept_not_the_last(config: TrainingConfig, monkeypa
     assert not all(torch.equal(written[name], snapshots[5][name]) for name in written)
 
 
+def test_batches_that_are_drawn_ahead_for_a_gpu_are_the_same(config: TrainingConfig) -> None:
+    run = training._Run(config)
+    here = list(run.batches(3))
+    run.config = replace(run.config, device="cuda")
+    for one, other in zip(run.batches(3), here, strict=True):
+        torch.testing.assert_close(one.clips.features, other.clips.features, rtol=0, atol=0)
+        assert torch.equal(one.clips.labels, other.clips.labels)
+        assert one.rng.integers(2**31) == other.rng.integers(2**31)  # dropout is the same too
+
+
 def test_the_weights_that_count_are_an_average_over_late_steps(config: TrainingConfig) -> None:
     # Polynomial-decay averaging: the k-th of n weights counts as much as (k + 1) (k + 2) ... (k + 8).
     run = training._Run(config)
     weights = []
-    for _ in range(5):
-        run._learn()
+    for batch in run.batches(5):
+        run._learn(batch)
         weights.append(run.learner.network.classify.weight.detach().clone())
     shares = torch.tensor([float(np.prod(np.arange(k + 1, k + 9))) for k in range(5)])
     expected = sum(share * weight for share, weight in zip(shares / shares.sum(), weights, strict=True))

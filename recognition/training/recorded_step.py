@@ -29,7 +29,6 @@ class RecordedStep:
         self._stream = torch.cuda.Stream(device)  # type: ignore[no-untyped-call]
         self._inputs = tuple(tensor.to(device, copy=True) for tensor in inputs)
         self._total = torch.zeros((), device=device)
-        self._stream.wait_stream(torch.cuda.current_stream(device))  # until the inputs and the total are there
         self._count = self._done = 0
         self._graph: torch.cuda.CUDAGraph | None = None
         self._loss = self._total
@@ -38,6 +37,8 @@ class RecordedStep:
         """Make a step on tensors of the device; it may run later."""
         self._count += 1
         self._done += 1
+        # Until the inputs are there, and what changed the weights in between is done.
+        self._stream.wait_stream(torch.cuda.current_stream(self._device))
         with torch.cuda.stream(self._stream):
             for held, given in zip(self._inputs, inputs, strict=True):
                 held.copy_(given)

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from recognition.published.recorded_step import FIRST_STEPS, RecordedStep
+from recognition.training.recorded_step import FIRST_STEPS, RecordedStep
 
 pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no GPU here")
 
