@@ -38,11 +38,6 @@ class Fading(nn.Module):
             back, keep = 2 * back, keep * keep
         return x
 
-    def over(self, x: Tensor) -> Tensor:
-        """Return what is left of the frames x (..., T) at the last of them, (...); for a single channel."""
-        frames = torch.arange(x.shape[-1] - 1, -1, -1, device=x.device)
-        return (x * self.keep**frames).sum(dim=-1, dtype=torch.float32)
-
     def weight(self, count: Tensor) -> Tensor:
         """Return what a sum of ones is after `count` frames, as the counts are shaped; for a single channel."""
         return (1 - self.keep**count) / (1 - self.keep)

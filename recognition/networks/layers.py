@@ -128,28 +128,15 @@ class CausalGraphConvolution(nn.Module):
 
     def _topologies(self, x: Tensor, begins: list[int]) -> Tensor:
         """Return the topologies (R, n, C_out, 3 J, J) from each of R frames of x (n, C_in, J, T) on."""
-        n, inputs, j, frames = x.shape
-        # Sums over frames are in full precision: in bfloat16 they would lose the late frames.
-        total = x.new_zeros((n, inputs, j), dtype=torch.float32)
-        means = []
-        lengths = np.diff([-1, *begins]).tolist()
-        for begin, fresh in zip(begins, torch.split(x, [*lengths, frames - 1 - begins[-1]], dim=3), strict=False):
-            total = self._kept(total, fresh.shape[3]) + self._sum(fresh)
-            means.append(total / self._weight(torch.full((), begin + 1, device=x.device)))
-        refined = self.refined(torch.stack(means).flatten(0, 1))  # of all frames in one product
-        return refined.view(len(begins), n, *refined.shape[1:])
-
-    def _kept(self, total: Tensor, frames: int) -> Tensor:
-        """Return what is left of a sum so many frames later."""
-        return total if self.fading is None else total * self.fading.keep**frames
-
-    def _sum(self, x: Tensor) -> Tensor:
-        """Return the sum of frames (..., T), or what is left of it at the last of them."""
-        return x.sum(dim=-1, dtype=torch.float32) if self.fading is None else self.fading.over(x)
-
-    def _weight(self, count: Tensor) -> Tensor:
-        """Return the number of frames that a sum stands for after `count` frames, as the counts are shaped."""
-        return count if self.fading is None else self.fading.weight(count)
+        # Filled there, as what is copied to a GPU can't be part of a step that it plays back.
+        refreshed = torch.cat([torch.full((1,), begin, device=x.device) for begin in begins])
+        age = refreshed - torch.arange(x.shape[3], device=x.device)[:, None]  # (T, R)
+        seen = (age >= 0).float()
+        shares = seen if self.fading is None else seen * self.fading.keep ** age.clamp(min=0)
+        with torch.autocast(x.device.type, enabled=False):  # in bfloat16 sums would lose the late frames
+            means = x.float() @ (shares / shares.sum(dim=0))  # (n, C_in, J, R)
+        refined = self.refined(means.permute(3, 0, 1, 2).flatten(0, 1))  # of all frames in one product
+        return refined.view(len(begins), len(x), *refined.shape[1:])
 
 
 class CausalTemporalConvolution(nn.Module):
