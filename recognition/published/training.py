@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn import functional
+from torch.optim.swa_utils import AveragedModel
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.conditions import Form
@@ -74,6 +75,7 @@ class PublishedResult:
     Args:
         log_probs: (N, R, K) log-probabilities of the N test sequences after each of `RATIOS` of their frames, by the
             weights of the last epoch.
+        mean: (N, R, K) those by the mean of the weights after each epoch at the lower rate, which is chosen on nothing.
         best: (N, K) those of whole sequences by the weights of the epoch that is best on the test, among those at the
             lower rate. The public code reports that epoch, so published figures chose on the test.
         best_epoch: that epoch, counted from 1.
@@ -81,6 +83,7 @@ class PublishedResult:
     """
 
     log_probs: FloatArray
+    mean: FloatArray
     best: FloatArray
     best_epoch: int
     arithmetic: str
@@ -186,6 +189,7 @@ class _Training:
         )
         self.identity = as_json({**asdict(run), "data_sha256": data.sha256, "protocol": PROTOCOL})
         self.best, self.best_epoch = torch.empty(0), 0  # see `PublishedResult`
+        self.mean = AveragedModel(self.network, use_buffers=True)
         self.recorded: RecordedStep | None = None  # on a GPU
         self.epoch = 0
         self.steps = 0  # of an epoch
@@ -218,46 +222,51 @@ class _Training:
         self.recorded.make(clips, labels)
 
     def end_epoch(self) -> float:
-        """Return the mean loss of the epoch; test at the lower rate, and save how far the training is."""
+        """Return the mean loss of the epoch; at the lower rate test and average, and save how far the training is."""
         loss = float(np.mean(self._losses)) if self.recorded is None else self.recorded.mean_loss()
         self.epoch += 1
         if not np.isfinite(loss):
             raise ModelError(f"{self.run.name}: the loss is {loss} in epoch {self.epoch}: expected a finite one")
         if self.epoch > DROP or self.epoch == self.run.epochs:
             self._keep_best()
+            self.mean.update_parameters(self.network)
         if time.monotonic() - self._saved >= SAVED or self.epoch == self.run.epochs:
             held = {"run": self.identity, "epoch": self.epoch, "best_epoch": self.best_epoch}
             states = {"network": self.network.state_dict(), "best": {"log_probs": self.best}}
+            if self.epoch > DROP:
+                states["mean"] = self.mean.state_dict()
             save_checkpoint(self.checkpoint, Checkpoint(states, self.optimiser.state_dict(), held))
             self._saved = time.monotonic()
         return loss
 
     def _keep_best(self) -> None:
         """Test on whole sequences, and keep the answers if more of them are right than ever before."""
-        labels, answers = self.data.labels[self.test_sequences], self._test_at(100)
+        labels, answers = self.data.labels[self.test_sequences], self._test_at(100, self.network)
         before = accuracies([self.best.numpy()], labels) if self.best_epoch else -1.0
         if accuracies([answers.numpy()], labels) > before:
             self.best, self.best_epoch = answers, self.epoch
 
     def finish(self, path: Path) -> PublishedResult:
         """Test, write the result and remove the checkpoint."""
-        result = PublishedResult(self.test(), self.best.numpy(), self.best_epoch, arithmetic_on(self.device))
+        tests = self.test(self.network), self.test(self.mean.module)
+        result = PublishedResult(*tests, self.best.numpy(), self.best_epoch, arithmetic_on(self.device))
         with replacing(path) as temporary, temporary.open("wb") as file:
             np.savez(file, allow_pickle=False, **vars(result), data_sha256=self.data.sha256, protocol=PROTOCOL)
         self.checkpoint.unlink(missing_ok=True)
         return result
 
-    def test(self) -> FloatArray:
-        """Return the log-probabilities of the test sequences after each observation ratio, (N, R, K)."""
-        log_probs: FloatArray = torch.stack([self._test_at(ratio) for ratio in RATIOS], dim=1).numpy()
+    def test(self, network: nn.Module) -> FloatArray:
+        """Return a network's log-probabilities of the test sequences after each observation ratio, (N, R, K)."""
+        log_probs: FloatArray = torch.stack([self._test_at(ratio, network) for ratio in RATIOS], dim=1).numpy()
         return log_probs
 
-    def _test_at(self, ratio: int) -> Tensor:
-        """Return the log-probabilities (N, K) of the test sequences after an observation ratio [%]."""
-        self.network.eval()
+    def _test_at(self, ratio: int, network: nn.Module) -> Tensor:
+        """Return a network's log-probabilities (N, K) of the test sequences after an observation ratio [%]."""
+        network.eval()
         clips = torch.from_numpy(np.stack([self._prefix(index, ratio) for index in self.test_sequences.tolist()]))
         with torch.inference_mode():
-            logits = torch.cat([self._logits(part)[..., -1, :].cpu() for part in torch.split(clips, TEST_BATCH)])
+            parts = torch.split(clips, TEST_BATCH)
+            logits = torch.cat([self._logits(part, network)[..., -1, :].cpu() for part in parts])
             return torch.log_softmax(logits, dim=-1)
 
     def _prefix(self, index: int, ratio: int) -> FloatArray:
@@ -270,19 +279,19 @@ class _Training:
         """Make one step and return its loss: the mean over frames, if the form gives an answer at each."""
         self.optimiser.zero_grad(set_to_none=True)
         with quick_products(self.device):
-            logits = self._logits(clips).float()
+            logits = self._logits(clips, self.network).float()
         loss = functional.cross_entropy(logits.flatten(0, 1), labels.repeat_interleave(logits.shape[1]))
         loss.backward()  # type: ignore[no-untyped-call]
         self.optimiser.step()
         return loss.detach()
 
-    def _logits(self, clips: Tensor) -> Tensor:
+    def _logits(self, clips: Tensor, network: nn.Module) -> Tensor:
         """Return logits (N, L, K) of clips (N, L, P, J, 3); the published form has one answer: (N, 1, K)."""
         clips = clips.to(self.device)
-        if isinstance(self.network, CausalCTRGCN):
-            whole: Tensor = self.network(clips)
+        if isinstance(network, CausalCTRGCN):
+            whole: Tensor = network(clips)
             return whole
-        answer: Tensor = self.network(clips.permute(0, 4, 1, 3, 2))
+        answer: Tensor = network(clips.permute(0, 4, 1, 3, 2))
         return answer[:, None]
 
     def _resume(self) -> None:
@@ -296,6 +305,8 @@ class _Training:
                 self.network.load_state_dict(saved.states["network"])
                 self.optimiser.load_state_dict(saved.optimiser or {})
                 self.best, self.best_epoch = saved.states["best"]["log_probs"].cpu(), int(saved.held["best_epoch"])
+                if "mean" in saved.states:  # from the lower rate on
+                    self.mean.load_state_dict(saved.states["mean"])
         except Exception as error:  # the damage decides its type
             raise ModelError(f"{self.checkpoint}: expected a checkpoint, got {type(error).__name__}") from error
         if not same:
@@ -314,9 +325,13 @@ def _read(path: Path, data: MotionData) -> PublishedResult:
             wrong = f"the result of other data than {data.name}"
         elif "protocol" not in held or int(held["protocol"]) != PROTOCOL:
             wrong = "the result of an older version of ehar, which turned clips otherwise"
+        elif "mean" not in held:
+            wrong = "the result of an older version of ehar, which averaged no weights"
         if wrong:
             raise UsageError(f"{path}: {wrong}: remove it, or choose another --out")
-        return PublishedResult(held["log_probs"], held["best"], int(held["best_epoch"]), str(held["arithmetic"]))
+        return PublishedResult(
+            held["log_probs"], held["mean"], held["best"], int(held["best_epoch"]), str(held["arithmetic"])
+        )
 
 
 def accuracies(log_probs: Sequence[FloatArray], labels: IntArray) -> FloatArray:

@@ -60,16 +60,36 @@ def test_the_best_epoch_at_the_lower_rate_is_kept(tmp_path: Path, monkeypatch: p
     labels = data().labels[3:]
     right = iter([1, 3, 3, 2])  # of the answers after epochs 2, 3, 4 and 5; the first epoch is not tested
 
-    def answers(self: object, ratio: int) -> torch.Tensor:
+    def answers(self: object, ratio: int, network: object) -> torch.Tensor:
         wrong = np.arange(len(labels)) >= next(right)
         return torch.from_numpy(np.eye(3, dtype=np.float32)[(labels + wrong) % 3])
 
     with monkeypatch.context() as patch:
         patch.setattr(training._Training, "_test_at", answers)
-        patch.setattr(training._Training, "test", lambda self: np.zeros((len(labels), 10, 3), dtype=np.float32))
+        no_answers = np.zeros((len(labels), 10, 3), dtype=np.float32)
+        patch.setattr(training._Training, "test", lambda self, network: no_answers)
         (result,) = train_published([PublishedRun("causal", "joint", "small", epochs=5)], data(), tmp_path)
     assert result.best_epoch == 3
     assert accuracies([result.best], labels) == pytest.approx(100 * 3 / len(labels))
+
+
+def test_the_mean_of_weights_is_that_of_the_epochs_at_the_lower_rate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(training, "DROP", 1)
+    run = PublishedRun("causal", "joint", "small", epochs=3)
+    learning = training._Training(run, data(), tmp_path / "it.checkpoint", torch.device("cpu"))
+    held: list[torch.Tensor] = []
+
+    def keep(run: PublishedRun, epoch: int, loss: float) -> None:
+        held.append(learning.network.classify.weight.detach().clone())  # type: ignore[union-attr]
+
+    training._train([learning], data(), keep)
+    torch.testing.assert_close(learning.mean.module.classify.weight, (held[1] + held[2]) / 2)
+    resumed = training._Training(run, data(), tmp_path / "it.checkpoint", torch.device("cpu"))
+    np.testing.assert_array_equal(resumed.test(resumed.mean.module), learning.test(learning.mean.module))
+    result = learning.finish(tmp_path / "it.npz")
+    assert not np.array_equal(result.mean, result.log_probs)
 
 
 def test_trainings_side_by_side_end_as_one_after_the_other(tmp_path: Path) -> None:
@@ -82,7 +102,8 @@ def test_trainings_side_by_side_end_as_one_after_the_other(tmp_path: Path) -> No
     training._train(together, data(), lambda run, epoch, loss: told.append((run.form, epoch)))
     assert told == [("ctrgcn", 1), ("causal", 1), ("ctrgcn", 2), ("causal", 2), ("causal", 3)]
     for one, expected in zip(together, alone, strict=True):
-        np.testing.assert_array_equal(one.test(), expected.log_probs)
+        np.testing.assert_array_equal(one.test(one.network), expected.log_probs)
+        np.testing.assert_array_equal(one.test(one.mean.module), expected.mean)
 
 
 def test_a_prefix_tells_nothing_of_what_follows(tmp_path: Path) -> None:
@@ -108,6 +129,11 @@ def test_refuses_other_data_and_data_without_a_split(tmp_path: Path) -> None:
     with np.load(result) as held:
         np.savez(result, **{name: held[name] for name in held if name != "protocol"})
     with pytest.raises(UsageError, match="the result of an older version of ehar, which turned clips otherwise"):
+        train_published([run], data(), tmp_path)
+    with np.load(result) as held:
+        kept = {name: held[name] for name in held if name != "mean"}
+        np.savez(result, **{**kept, "protocol": training.PROTOCOL})
+    with pytest.raises(UsageError, match="the result of an older version of ehar, which averaged no weights"):
         train_published([run], data(), tmp_path)
     result.unlink()
     (tmp_path / f"{run.name}.checkpoint").write_text("damaged")
