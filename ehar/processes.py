@@ -1,4 +1,4 @@
-"""Worker processes: their default number, a pool that always ends with its parent, and an engine of them."""
+"""Worker processes: their default number, a pool that always ends with its parent, an engine of them, work ahead."""
 
 import multiprocessing
 import os
@@ -6,7 +6,7 @@ import pickle
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor
 from concurrent.futures import wait as wait_for
 from concurrent.futures.process import BrokenProcessPool
@@ -240,6 +240,35 @@ class Processes:
                     batch, result = running.pop(future), future.result()
                     yield batch, result
                     waiting.extend(follow(batch, result) if follow else ())
+
+
+def computed_ahead(
+    function: Callable[[Task, Batch], Result], task: Task, batches: Iterable[Batch], *, workers: int, ahead: int
+) -> Generator[Result, None, None]:
+    """Yield `function(task, batch)` for each batch, in order; processes compute those that are asked for next.
+
+    Close it, if not all are asked for.
+
+    Args:
+        function: computes a result that depends on the task and the batch only.
+        task: what all batches share; it is sent once to each process.
+        batches: the batches.
+        workers: number of processes.
+        ahead: how many results are computed before they are asked for.
+
+    Raises:
+        UsageError: the task cannot be sent to workers, or none could start.
+        ModelError: a worker has ended by itself.
+    """
+    sent = payload((function, task), "the data or the sensor")
+    with worker_pool(workers, _receive, sent=(sent,)) as pool:
+        computed: deque[Future[Result]] = deque()
+        for batch in batches:
+            computed.append(pool.submit(_call_received, batch))
+            if len(computed) > ahead:
+                yield computed.popleft().result()
+        while computed:
+            yield computed.popleft().result()
 
 
 _received: tuple[Callable[[Any, Any], Any], Any]

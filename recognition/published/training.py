@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -20,6 +19,7 @@ from ehar.data.motion_data import MotionData
 from ehar.data.skeleton_tree import parents
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.files import as_json, replacing
+from ehar.processes import computed_ahead, cores
 from recognition.freed_memory import keep_freed_memory
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.sizes import Size
@@ -28,7 +28,6 @@ from recognition.published.clips import Stream, published_clip
 from recognition.published.epochs import Draw, Epoch, draw_epoch
 from recognition.training.arithmetic import arithmetic_on, quick_products
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
-from recognition.training.draw_ahead import draw_ahead
 from recognition.training.optimisers import PUBLISHED_EPOCHS, PUBLISHED_MOMENTUM, PUBLISHED_RATE, PUBLISHED_WARM_UP
 from recognition.training.recorded_step import RecordedStep
 
@@ -140,8 +139,8 @@ def _train(
     ]
     if any(training.device.type != "cpu" for training in trainings):
         torch.backends.cudnn.benchmark = True  # all batches are alike, so the fastest kernels are found once
-        processes = min(len(trainings), os.cpu_count() or 1)
-        drawn = draw_ahead(draw_epoch, data, draws, processes=processes, ahead=len(trainings))
+        workers = min(len(trainings), cores())
+        drawn: Iterator[Epoch] = computed_ahead(draw_epoch, data, draws, workers=workers, ahead=len(trainings))
     else:
         drawn = (draw_epoch(data, draw) for draw in draws)
     for number, learning in enumerate(rounds):

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
@@ -22,6 +21,7 @@ from ehar.data.scenario import split_parts
 from ehar.data.streams.data import StreamData
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.files import as_json, check_folder, parse_json
+from ehar.processes import computed_ahead, cores
 from ehar.sensors.registry import load_sensor
 from ehar.world import PAPER, load_world
 from recognition.calibration import fit_temperature
@@ -36,7 +36,6 @@ from recognition.training.arithmetic import arithmetic_on
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.training.clips import Clips, ClipSource
 from recognition.training.config import WINDOW, TrainingConfig
-from recognition.training.draw_ahead import draw_ahead
 from recognition.training.frame_weights import frame_weights
 from recognition.training.learner import Learner
 from recognition.training.planned_views import PlannedViews
@@ -294,8 +293,7 @@ class _Run:
         if self.config.device == "cpu":
             yield from (_draw_batch(how, step) for step in asked)
         else:
-            processes = min(DRAWING, os.cpu_count() or 1)
-            yield from draw_ahead(_draw_batch, how, asked, processes=processes, ahead=DRAWING * processes)
+            yield from computed_ahead(_draw_batch, how, asked, workers=min(DRAWING, cores()), ahead=DRAWING**2)
 
     def _learn(self, batch: "_Batch") -> float:
         """Make one step and return its loss."""

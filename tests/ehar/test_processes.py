@@ -3,12 +3,23 @@
 import multiprocessing
 import os
 import threading
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from ehar.errors import ModelError, UsageError
-from ehar.processes import THREADS, Processes, call, check_workers, payload, thread_share, worker_pool
+from ehar.processes import (
+    THREADS,
+    Processes,
+    call,
+    check_workers,
+    computed_ahead,
+    payload,
+    thread_share,
+    worker_pool,
+)
 
 
 def keep(folder: Path, text: str) -> None:
@@ -42,6 +53,38 @@ def test_batches_may_follow_others_when_their_results_are_taken(workers: int) ->
         assert result == 100 + batch
         taken.append(result)
     assert sorted(taken) == [101, 102, 103, 104, 105, 106]
+
+
+def scaled(held: float, asked: int) -> tuple[int, float]:
+    if asked < 0:
+        raise ValueError("expected no negative number")
+    return os.getpid(), held * asked
+
+
+def test_what_is_computed_ahead_comes_in_order_from_other_processes() -> None:
+    results = list(computed_ahead(scaled, 0.5, iter(range(7)), workers=2, ahead=3))
+    assert [value for _, value in results] == [0.5 * number for number in range(7)]
+    assert os.getpid() not in {process for process, _ in results}
+
+
+def test_only_so_much_is_computed_ahead_and_nobody_need_ask_for_all() -> None:
+    asked: list[int] = []
+
+    def counted() -> Iterator[int]:
+        for number in range(100):
+            asked.append(number)
+            yield number
+
+    with closing(computed_ahead(scaled, 1.0, counted(), workers=1, ahead=4)) as results:
+        assert [next(results)[1] for _ in range(3)] == [0.0, 1.0, 2.0]
+    assert len(asked) == 7
+
+
+def test_what_fails_ahead_fails_when_it_is_asked_for() -> None:
+    results = computed_ahead(scaled, 1.0, [1, -1, 2], workers=1, ahead=1)
+    assert next(results)[1] == 1.0
+    with pytest.raises(ValueError, match="expected no negative number"):
+        next(results)
 
 
 def told_threads(_: object, nested: int) -> list[str]:

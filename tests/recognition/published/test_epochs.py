@@ -7,7 +7,6 @@ import numpy as np
 from ehar.data.motion_data import MotionData
 from recognition.published.clips import FRAMES
 from recognition.published.epochs import BATCH, REPEATS, Draw, draw_epoch
-from recognition.training.draw_ahead import draw_ahead
 from tests.helpers.fakes import tiny_data
 
 
@@ -30,12 +29,3 @@ def test_seed_epoch_and_stream_decide_the_clips() -> None:
     for other in (Draw("joint", 0, 1), Draw("joint", 1, 0), Draw("bone", 0, 0)):
         assert not np.array_equal(draw_epoch(data(3), other).clips, first.clips)
     np.testing.assert_array_equal(draw_epoch(data(3), Draw("joint", 0, 0)).clips, first.clips)
-
-
-def test_epochs_are_drawn_ahead_in_order() -> None:
-    draws = [Draw("joint", seed, epoch) for epoch in range(2) for seed in range(2)]
-    ahead = list(draw_ahead(draw_epoch, data(3), iter(draws), processes=2, ahead=3))
-    assert len(ahead) == len(draws)
-    for epoch, draw in zip(ahead, draws, strict=True):
-        np.testing.assert_array_equal(epoch.clips, draw_epoch(data(3), draw).clips)
-        np.testing.assert_array_equal(epoch.labels, draw_epoch(data(3), draw).labels)
