@@ -6,6 +6,7 @@ forks; with the frames last, the graph's product over clips needs no copy. A ten
 F' = 1 as long as the forks share it.
 """
 
+from contextlib import AbstractContextManager, nullcontext
 from typing import NamedTuple
 
 import numpy as np
@@ -133,10 +134,16 @@ class CausalGraphConvolution(nn.Module):
         age = refreshed - torch.arange(x.shape[3], device=x.device)[:, None]  # (T, R)
         seen = (age >= 0).float()
         shares = seen if self.fading is None else seen * self.fading.keep ** age.clamp(min=0)
-        with torch.autocast(x.device.type, enabled=False):  # in bfloat16 sums would lose the late frames
+        with _full_precision(x.device):  # in bfloat16 sums would lose the late frames
             means = x.float() @ (shares / shares.sum(dim=0))  # (n, C_in, J, R)
         refined = self.refined(means.permute(3, 0, 1, 2).flatten(0, 1))  # of all frames in one product
         return refined.view(len(begins), len(x), *refined.shape[1:])
+
+
+def _full_precision(device: torch.device) -> AbstractContextManager[object]:
+    """Return a context in which products are made in float32, whatever is around it."""
+    kind = device.type
+    return torch.autocast(kind, enabled=False) if torch.amp.is_autocast_available(kind) else nullcontext()
 
 
 class CausalTemporalConvolution(nn.Module):
