@@ -3,7 +3,8 @@
 import json
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -140,17 +141,18 @@ def _train(
     if any(training.device.type != "cpu" for training in trainings):
         torch.backends.cudnn.benchmark = True  # all batches are alike, so the fastest kernels are found once
         workers = min(len(trainings), cores())
-        drawn: Iterator[Epoch] = computed_ahead(draw_epoch, data, draws, workers=workers, ahead=len(trainings))
+        drawn: Generator[Epoch] = computed_ahead(draw_epoch, data, draws, workers=workers, ahead=len(trainings))
     else:
         drawn = (draw_epoch(data, draw) for draw in draws)
-    for number, learning in enumerate(rounds):
-        for training in learning:
-            training.begin_epoch(next(drawn))
-        for _ in range(max((training.steps for training in learning), default=0)):
+    with closing(drawn):
+        for number, learning in enumerate(rounds):
             for training in learning:
-                training.learn()
-        for training in learning:
-            report(training.run, number + 1, training.end_epoch())
+                training.begin_epoch(next(drawn))
+            for _ in range(max((training.steps for training in learning), default=0)):
+                for training in learning:
+                    training.learn()
+            for training in learning:
+                report(training.run, number + 1, training.end_epoch())
 
 
 def _results(run: PublishedRun, out: Path) -> Path:
@@ -226,17 +228,21 @@ class _Training:
         self.epoch += 1
         if not np.isfinite(loss):
             raise ModelError(f"{self.run.name}: the loss is {loss} in epoch {self.epoch}: expected a finite one")
-        if self.epoch > DROP or self.epoch == self.run.epochs:
+        if self._counts(self.epoch):
             self._keep_best()
             self.mean.update_parameters(self.network)
         if time.monotonic() - self._saved >= SAVED or self.epoch == self.run.epochs:
             held = {"run": self.identity, "epoch": self.epoch, "best_epoch": self.best_epoch}
             states = {"network": self.network.state_dict(), "best": {"log_probs": self.best}}
-            if self.epoch > DROP:
+            if self._counts(self.epoch):
                 states["mean"] = self.mean.state_dict()
             save_checkpoint(self.checkpoint, Checkpoint(states, self.optimiser.state_dict(), held))
             self._saved = time.monotonic()
         return loss
+
+    def _counts(self, epoch: int) -> bool:
+        """Return whether an epoch counts in the mean of the weights, and may be the best."""
+        return epoch > DROP or epoch == self.run.epochs
 
     def _keep_best(self) -> None:
         """Test on whole sequences, and keep the answers if more of them are right than ever before."""
@@ -304,7 +310,7 @@ class _Training:
                 self.network.load_state_dict(saved.states["network"])
                 self.optimiser.load_state_dict(saved.optimiser or {})
                 self.best, self.best_epoch = saved.states["best"]["log_probs"].cpu(), int(saved.held["best_epoch"])
-                if "mean" in saved.states:  # from the lower rate on
+                if self._counts(epoch):
                     self.mean.load_state_dict(saved.states["mean"])
         except Exception as error:  # the damage decides its type
             raise ModelError(f"{self.checkpoint}: expected a checkpoint, got {type(error).__name__}") from error

@@ -92,6 +92,14 @@ def test_the_mean_of_weights_is_that_of_the_epochs_at_the_lower_rate(
     assert not np.array_equal(result.mean, result.log_probs)
 
 
+def test_a_short_training_that_stopped_before_its_test_goes_on_with_its_mean(tmp_path: Path) -> None:
+    run, path = PublishedRun("causal", "joint", "small", epochs=1), tmp_path / "it.checkpoint"
+    learning = training._Training(run, data(), path, torch.device("cpu"))
+    training._train([learning], data(), lambda run, epoch, loss: None)
+    resumed = training._Training(run, data(), path, torch.device("cpu"))
+    np.testing.assert_array_equal(resumed.test(resumed.mean.module), resumed.test(resumed.network))
+
+
 def test_trainings_side_by_side_end_as_one_after_the_other(tmp_path: Path) -> None:
     runs = [PublishedRun("ctrgcn", "joint", "small", epochs=2), PublishedRun("causal", "bone", "small", epochs=3)]
     alone = train_published(runs, data(), tmp_path / "a")
