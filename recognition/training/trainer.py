@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
@@ -21,7 +21,6 @@ from ehar.data.scenario import split_parts
 from ehar.data.streams.data import StreamData
 from ehar.errors import DataError, ModelError, UsageError
 from ehar.files import as_json, check_folder, parse_json
-from ehar.processes import computed_ahead, cores
 from ehar.sensors.registry import load_sensor
 from ehar.world import PAPER, load_world
 from recognition.calibration import fit_temperature
@@ -33,8 +32,9 @@ from recognition.setting import load_recordings_of, with_length
 from recognition.storage import load_weights, recogniser_path, save_recogniser
 from recognition.torch_threads import one_torch_thread
 from recognition.training.arithmetic import arithmetic_on
+from recognition.training.batches import Batch, draw_batches
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
-from recognition.training.clips import Clips, ClipSource
+from recognition.training.clips import ClipSource
 from recognition.training.config import WINDOW, TrainingConfig
 from recognition.training.frame_weights import frame_weights
 from recognition.training.learner import Learner
@@ -52,7 +52,6 @@ from recognition.weight_files import description_path, recorded_run
 
 VALIDATION_CLIPS = 768
 VALIDATION_SEED = 1_000_003  # draws the same clips for every run on the same data
-DRAWING = 3  # processes that draw clips for a GPU, and batches that each has ready
 
 
 @dataclass(frozen=True)
@@ -134,27 +133,6 @@ def time_step(config: TrainingConfig, steps: int = 3) -> float:
             for _ in range(steps):
                 run._learn(next(batches))
             return (clock() - begin) / steps
-
-
-class _Drawing(NamedTuple):
-    """What the batches of a run are drawn from."""
-
-    source: ClipSource
-    seed: int
-    size: int
-
-
-class _Batch(NamedTuple):
-    """The clips of a step, and the generator that drew them, for what else is random in it."""
-
-    clips: Clips
-    rng: np.random.Generator
-
-
-def _draw_batch(drawing: _Drawing, step: int) -> _Batch:
-    """Draw the clips of a step: the seed and the step's number decide them."""
-    rng = np.random.default_rng((drawing.seed, step))
-    return _Batch(drawing.source.draw(rng, drawing.size), rng)
 
 
 class _Run:
@@ -286,16 +264,13 @@ class _Run:
         most = self.config.clips
         return most if self.runs_to_end else min(enough_clips(self.evaluations, self.clips), most)
 
-    def batches(self, steps: int) -> Generator["_Batch"]:
-        """Yield the batches of the steps from the present one to `steps`; for a GPU they are drawn ahead."""
-        how = _Drawing(self.source, self.config.conditions.seed, self.config.batch)
-        asked = range(self.step, steps)
-        if self.config.device == "cpu":
-            yield from (_draw_batch(how, step) for step in asked)
-        else:
-            yield from computed_ahead(_draw_batch, how, asked, workers=min(DRAWING, cores()), ahead=DRAWING**2)
+    def batches(self, steps: int) -> Generator[Batch]:
+        """Return the batches of the steps from the present one to `steps`, to be closed."""
+        seed, size = self.config.conditions.seed, self.config.batch
+        steps_left = range(self.step, steps)
+        return draw_batches(self.source, seed=seed, size=size, steps=steps_left, device=self.config.device)
 
-    def _learn(self, batch: "_Batch") -> float:
+    def _learn(self, batch: Batch) -> float:
         """Make one step and return its loss."""
         clips, rng = batch
         loss = self.learner.learn(clips, rng, step=self.step, steps=self.steps)
