@@ -171,7 +171,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
 
     Args:
         conditions: names of these five, or the objects themselves.
-        device: a torch device for our recogniser.
+        device: a torch device for our recogniser and our sensor.
 
     Raises:
         EharError: one of them is unknown, missing or malformed, or they do not fit each other.
@@ -191,7 +191,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
         raise UsageError(
             f"onset: expected unknown for {data.name}, whose episodes begin with their activity, got known"
         )
-    loaded = load_sensor(conditions.sensor, data, world)
+    loaded = load_sensor(conditions.sensor, data, world, device=None if device == "cpu" else device)
     named = replace(
         conditions,
         data=data.name if isinstance(conditions.data, MotionData | StreamData) else str(conditions.data),

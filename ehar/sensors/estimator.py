@@ -1,6 +1,10 @@
 """What a 2D pose estimator gets wrong: noise, joints hidden behind limbs, missing joints, left-right swaps."""
 
+from types import ModuleType
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 
 from ehar.arrays import BoolArray, FloatArray
 from ehar.camera import NEAR_PLANE, Camera, project
@@ -16,6 +20,7 @@ SWAP_PROBABILITY = 0.25  # for a person seen exactly edge-on
 SWAP_WIDTH = 0.4  # share of the body's width: if more is seen, sides are never confused; 24 degrees off edge-on
 OCCLUSION_MARGIN = 0.1  # [m], a bone hides a joint only if it is nearer by this much
 CHUNK_FRAMES = 64  # the temporary arrays of 64 frames fit in a core's cache
+DEVICE_FRAMES = 8192  # on a GPU; their temporary arrays take some hundred MiB
 
 
 class EstimatorSensor:
@@ -46,6 +51,8 @@ class EstimatorSensor:
         limb_radius: radius of the capsules around bones [m].
         trunk_radius: radius of the capsules around bones of the body's middle [m].
         occlusion_margin: how much nearer than a joint a bone must be to occlude it [m].
+        device: a torch device that computes, such as "cuda"; None means NumPy. What is sensed is the same, but that the
+            probability of a swap is rounded otherwise.
     """
 
     name = "estimator"
@@ -65,6 +72,7 @@ class EstimatorSensor:
         limb_radius: float = LIMB_RADIUS,
         trunk_radius: float = TRUNK_RADIUS,
         occlusion_margin: float = OCCLUSION_MARGIN,
+        device: str | None = None,
     ) -> None:
         """Create the sensor."""
         self.camera = camera or Camera()
@@ -79,6 +87,7 @@ class EstimatorSensor:
         self.limb_radius = limb_radius
         self.trunk_radius = trunk_radius
         self.occlusion_margin = occlusion_margin
+        self.device = device
 
     def sense(
         self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise, hidden: BoolArray | None = None
@@ -100,8 +109,9 @@ class EstimatorSensor:
         radii = self._capsule_radii(persons)
         cut = np.broadcast_to(False if hidden is None else hidden, (*leading, persons, joints))
         cut = cut.reshape(frames, persons, joints)
-        for begin in range(0, frames, CHUNK_FRAMES):
-            chunk = slice(begin, begin + CHUNK_FRAMES)
+        size = CHUNK_FRAMES if self.device is None else DEVICE_FRAMES
+        for begin in range(0, frames, size):
+            chunk = slice(begin, begin + size)
             joints_2d[chunk], confidence[chunk] = self._sense_chunk(
                 positions[chunk], viewpoint[chunk], SensorNoise(*(draw[chunk] for draw in draws)), radii, cut[chunk]
             )
@@ -110,31 +120,83 @@ class EstimatorSensor:
     def fingerprint(self) -> bytes:
         """Return what decides what it sees."""
         told = vars(self) | {"skeleton": (self.skeleton.joint_names, self.skeleton.bones)}
+        del told["device"]
         return repr(told).encode()
 
     def _sense_chunk(
         self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise, radii: FloatArray, hidden: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
         """Sense frames (n, ...); `radii` is a result of `_capsule_radii`."""
-        pixels, depth = project(positions, viewpoint, self.camera)
-        height = np.ptp(pixels, axis=2).max(axis=-1)  # (n, P)
-        occluded = self._occluded(pixels, depth, radii)
+        pixels, depth = project(positions, viewpoint, self.camera)  # by NumPy on any device: pixels are the same
+        told = (positions, pixels, depth, *noise, radii, hidden, *self._constants(positions.shape[1]))
+        if self.device is None:
+            joints_2d, confidence = self._with_errors(np, *told)
+            return joints_2d, confidence
+        import torch  # imported here: it takes seconds, and without a device nobody needs it
 
-        scale = np.sqrt((self.relative_noise * height) ** 2 + self.noise_floor**2)[:, :, None]
-        scale = np.where(occluded, self.occluded_noise * scale, scale).astype(np.float32)
-        joints_2d = pixels + scale[..., None] * noise.localisation
+        seen = self._with_errors(torch, *(torch.tensor(array, device=self.device) for array in told))
+        joints_2d, confidence = (part.cpu().numpy() for part in seen)
+        return joints_2d, confidence
 
-        outside = (pixels < 0) | (pixels >= np.array([self.camera.width, self.camera.height]))
-        missing = outside[..., 0] | outside[..., 1] | (depth < NEAR_PLANE) | hidden
-        missing |= noise.dropout < (1 - height / self.smallest_height)[:, :, None]
-        joints_2d[missing] = (self.camera.width / 2, self.camera.height / 2)
-        confidence = np.where(occluded, np.float32(self.occluded_confidence), np.float32(1.0))
-        confidence[missing] = 0.0
+    def _constants(self, persons: int) -> tuple[npt.NDArray[np.generic], ...]:
+        """Return the last arguments of `_with_errors`."""
+        mirror, joints = self.skeleton.mirror, len(self.skeleton.joint_names)
+        bones = (np.arange(persons)[:, None, None] * joints + self.skeleton.bone_indices).reshape(-1, 2)
+        left = np.flatnonzero(mirror > np.arange(joints))
+        middle = np.array((self.camera.width / 2, self.camera.height / 2), dtype=np.float32)
+        levels = np.array((1.0, self.occluded_confidence, 0.0), dtype=np.float32)
+        return np.ascontiguousarray(bones.T), mirror, np.stack((left, mirror[left])), middle, levels
 
-        mirror = self.skeleton.mirror
-        swapped = noise.swap < self._swap_probability(positions, pixels, depth)
-        joints_2d[swapped] = joints_2d[swapped][:, mirror]
-        confidence[swapped] = confidence[swapped][:, mirror]
+    def _with_errors(
+        self,
+        xp: ModuleType,
+        positions: Any,
+        pixels: Any,
+        depth: Any,
+        localisation: Any,
+        dropout: Any,
+        swap: Any,
+        radii: Any,
+        hidden: Any,
+        bones: Any,
+        mirror: Any,
+        pairs: Any,
+        middle: Any,
+        levels: Any,
+    ) -> tuple[Any, Any]:
+        """Return joints in the image (n, P, J, 2) and confidences (n, P, J), with the errors of an estimator.
+
+        Args:
+            xp: NumPy or torch; the two have the same names for all that is done here.
+            positions: (n, P, J, 3) joints [m], as all below an array of NumPy, or a tensor on one device.
+            pixels: (n, P, J, 2) where they are in the image [px].
+            depth: (n, P, J) how far they are along the optical axis [m].
+            localisation: (n, P, J, 2), as the next two a part of `SensorNoise`.
+            dropout: (n, P, J).
+            swap: (n, P).
+            radii: (P J, P bones, 1), see `_capsule_radii`.
+            hidden: (n, P, J) which joints an obstacle hides.
+            bones: (2, P bones) the joints at their ends, counted over all people.
+            mirror: (J,) each joint's partner on the other side.
+            pairs: (2, pairs) joints of the left side, and their partners.
+            middle: (2,) of the image [px].
+            levels: (3,) confidence of a joint in plain view, of an occluded and of a missing one.
+        """
+        height = xp.amax(xp.amax(pixels, 2) - xp.amin(pixels, 2), -1)  # (n, P)
+        occluded = self._occluded(xp, pixels, depth, radii, bones)
+        scale = xp.sqrt((self.relative_noise * height) ** 2 + self.noise_floor**2)[:, :, None]
+        scale = xp.where(occluded, self.occluded_noise * scale, scale)
+        joints_2d = pixels + scale[..., None] * localisation
+
+        x, y = pixels[..., 0], pixels[..., 1]
+        missing = (x < 0) | (x >= self.camera.width) | (y < 0) | (y >= self.camera.height) | (depth < NEAR_PLANE)
+        missing |= hidden | (dropout < (1 - height / self.smallest_height)[:, :, None])
+        joints_2d = xp.where(missing[..., None], middle, joints_2d)
+        confidence = xp.where(missing, levels[2], xp.where(occluded, levels[1], levels[0]))
+
+        swapped = (swap < self._swap_probability(xp, positions, pixels, depth, pairs))[..., None]
+        joints_2d = xp.where(swapped[..., None], joints_2d[:, :, mirror], joints_2d)
+        confidence = xp.where(swapped, confidence[:, :, mirror], confidence)
         return joints_2d, confidence
 
     def _capsule_radii(self, persons: int) -> FloatArray:
@@ -149,30 +211,27 @@ class EstimatorSensor:
         radii: FloatArray = np.where(own, 0.0, np.tile(radius, persons)).astype(np.float32)
         return radii[..., None]
 
-    def _occluded(self, pixels: FloatArray, depth: FloatArray, radii: FloatArray) -> BoolArray:
-        """Return which joints (n, P, J) lie behind a bone's capsule.
+    def _occluded(self, xp: ModuleType, pixels: Any, depth: Any, radii: Any, bones: Any) -> Any:
+        """Return which joints (n, P, J) lie behind a bone's capsule; arguments are as in `_with_errors`.
 
         Two conditions hold for such a joint. In the image, its distance to the bone is below the capsule's radius,
         projected at the depth of the bone's point nearest to the joint; inverse depth is linear along a projected
         segment. And this point is nearer to the camera than the joint, by `occlusion_margin`.
         """
-        frames, persons, joints, _ = pixels.shape
-        bones = (np.arange(persons)[:, None, None] * joints + self.skeleton.bone_indices).reshape(-1, 2)
+        frames, persons, joints = depth.shape
         # Frames last, so that the inner loops run over the many frames, not over the few bones.
-        columns = pixels.reshape(frames, persons * joints, 2).transpose(2, 1, 0)
-        x, y = np.ascontiguousarray(columns)
-        far = np.ascontiguousarray(depth.reshape(frames, persons * joints).T)
-        inverse_depth = 1 / np.maximum(far, np.float32(NEAR_PLANE))
-        begin, end = bones.T
+        x, y, far = (_transposed(xp, part.reshape(frames, -1)) for part in (pixels[..., 0], pixels[..., 1], depth))
+        inverse_depth = 1 / xp.clip(far, NEAR_PLANE, None)
+        begin, end = bones
         bone_x, bone_y = x[end] - x[begin], y[end] - y[begin]
-        inverse_length = 1 / np.maximum(bone_x**2 + bone_y**2, np.float32(1e-6))
+        inverse_length = 1 / xp.clip(bone_x**2 + bone_y**2, 1e-6, None)
 
         away_x = x[:, None] - x[begin]  # (P J, P bones, n), as all below
         away_y = y[:, None] - y[begin]
         along = away_x * bone_x
         along += away_y * bone_y
         along *= inverse_length
-        np.clip(along, 0, 1, out=along)
+        xp.clip(along, 0, 1, out=along)
         away_x -= along * bone_x
         away_y -= along * bone_y
         away_x *= away_x
@@ -180,26 +239,28 @@ class EstimatorSensor:
         away_x += away_y
         along *= inverse_depth[end] - inverse_depth[begin]
         along += inverse_depth[begin]  # the inverse depth of the bone's nearest point
-        before = along > (1 / np.maximum(far - np.float32(self.occlusion_margin), np.float32(NEAR_PLANE)))[:, None]
-        along *= radii * np.float32(self.camera.focal_length)
+        before = along > (1 / xp.clip(far - self.occlusion_margin, NEAR_PLANE, None))[:, None]
+        along *= radii * self.camera.focal_length
         along *= along
         before &= away_x < along
-        occluded: BoolArray = before.any(axis=1).T.reshape(frames, persons, joints)
-        return occluded
+        return before.any(1).T.reshape(frames, persons, joints)
 
-    def _swap_probability(self, positions: FloatArray, pixels: FloatArray, depth: FloatArray) -> FloatArray:
-        """Return the probability that left and right are confused, (n, P).
+    def _swap_probability(self, xp: ModuleType, positions: Any, pixels: Any, depth: Any, pairs: Any) -> Any:
+        """Return the probability that left and right are confused, (n, P); arguments are as in `_with_errors`.
 
         The body's width is the mean vector from the right to the left joints. The share of it that is seen is its
         length in the image, divided by its length there if it were parallel to the image.
         """
-        left = np.flatnonzero(self.skeleton.mirror > np.arange(len(self.skeleton.mirror)))
+        left, right = pairs
         if len(left) == 0:
-            return np.zeros(pixels.shape[:2], dtype=np.float32)
-        right = self.skeleton.mirror[left]
-        width = np.linalg.norm((positions[:, :, left] - positions[:, :, right]).mean(axis=2), axis=-1)
-        seen = np.linalg.norm((pixels[:, :, left] - pixels[:, :, right]).mean(axis=2), axis=-1)
-        full = width * self.camera.focal_length / np.maximum(depth.mean(axis=2), NEAR_PLANE)
-        share = seen / np.maximum(full, 1e-6)
-        probability: FloatArray = self.swap_probability * np.maximum(1 - share / self.swap_width, 0)
-        return probability
+            return xp.zeros_like(depth[..., 0])
+        width = xp.linalg.norm((positions[:, :, left] - positions[:, :, right]).mean(2), axis=-1)
+        seen = xp.linalg.norm((pixels[:, :, left] - pixels[:, :, right]).mean(2), axis=-1)
+        full = width * self.camera.focal_length / xp.clip(depth.mean(2), NEAR_PLANE, None)
+        share = seen / xp.clip(full, 1e-6, None)
+        return self.swap_probability * xp.clip(1 - share / self.swap_width, 0, None)
+
+
+def _transposed(xp: ModuleType, rows: Any) -> Any:
+    """Return the transpose of an array or tensor (n, m), laid out anew."""
+    return np.ascontiguousarray(rows.T) if xp is np else rows.T.contiguous()

@@ -16,9 +16,9 @@ from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import Sensor
 from ehar.world import PAPER, World
 
-SENSORS: dict[str, Callable[[Recordings, Camera], Sensor]] = {
-    "perfect": lambda data, camera: PerfectSensor(camera=camera),
-    "estimator": lambda data, camera: EstimatorSensor(skeleton=data.skeleton, camera=camera),
+SENSORS: dict[str, Callable[[Recordings, Camera, str | None], Sensor]] = {
+    "perfect": lambda data, camera, device: PerfectSensor(camera=camera),  # one product, and NumPy's on any device
+    "estimator": lambda data, camera, device: EstimatorSensor(skeleton=data.skeleton, camera=camera, device=device),
 }
 CONTRACT = Contract("sensor", Sensor, ("sense",), ("name", "camera"))
 
@@ -43,7 +43,7 @@ def make_sensor(sensor: str | Sensor, data: Recordings, world: World = PAPER) ->
     return load_sensor(sensor, data, world).sensor
 
 
-def load_sensor(sensor: str | Sensor, data: Recordings, world: World) -> LoadedSensor:
+def load_sensor(sensor: str | Sensor, data: Recordings, world: World, *, device: str | None = None) -> LoadedSensor:
     """Return the sensor that a name or an object means, with its name and hash for records.
 
     A constructor with arguments called `class_names`, `skeleton`, `persons` or `fps` is handed those of the data, one
@@ -54,6 +54,7 @@ def load_sensor(sensor: str | Sensor, data: Recordings, world: World) -> LoadedS
             `(argument=value, ...)`; or an object.
         data: the data whose joints it will see.
         world: the world whose camera it has.
+        device: a torch device that computes what a sensor of ehar sees; None means NumPy.
 
     Raises:
         UsageError: the name is unknown, or your own class cannot be made, is no sensor, has another camera, or cannot
@@ -61,7 +62,7 @@ def load_sensor(sensor: str | Sensor, data: Recordings, world: World) -> LoadedS
     """
     if isinstance(sensor, str):
         if sensor in SENSORS:
-            return LoadedSensor(SENSORS[sensor](data, world.camera), sensor)
+            return LoadedSensor(SENSORS[sensor](data, world.camera, device), sensor)
         spec = parse_spec(sensor)
         if spec is None or not spec.place:
             raise UsageError(f"unknown sensor {sensor!r}; expected one of: {', '.join(SENSORS)}, or {FORMS}")

@@ -125,9 +125,12 @@ def bench(
         shipped_weights: 1 if the streaming recogniser is the one that ships, 0 if it is untrained.
         device_recognised_frames_per_s: frames that the streaming recogniser takes in on the device, `Effort.batch`
             episodes at once, from what a sensor gave to calibrated probabilities, both in the CPU's memory.
-        device_sensed_and_recognised_frames_per_s: likewise with the sensor, which runs on one thread of the CPU.
+        device_sensed_and_recognised_frames_per_s: likewise with the estimator sensor, on the device too.
         device_training_clips_per_s: clips that the training of a recogniser takes in; the CPU draws them.
-        device_probability_difference: how far its probabilities differ at most from those on the CPU.
+        device_probability_difference: how far its probabilities differ at most from those on the CPU, where the
+            estimator sensor runs there too.
+        device_sensor_speedup: how many times as many frames of `Effort.batch` episodes that sensor takes on the device
+            as on one thread of the CPU.
 
     Raises:
         UsageError: there is no such device, or no report or no browser to open it with.

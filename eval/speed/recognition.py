@@ -65,12 +65,12 @@ def compare_forms(data: MotionData, size: Size, episodes: int, length: int) -> F
 
 def time_recogniser(data: MotionData, effort: Effort) -> FloatArray:
     """Return the seconds that sensing and recognising each frame of an episode take, (L,), medians over repeats."""
-    return np.asarray(time_frames(streaming_recogniser(data)[0], data, effort.episodes, effort).sum(axis=1))
+    recogniser = streaming_recogniser(data)[0]
+    return np.asarray(time_frames(recogniser, data, effort.episodes, effort, PerfectSensor()).sum(axis=1))
 
 
-def time_frames(recogniser: Recogniser, data: MotionData, episodes: int, effort: Effort) -> FloatArray:
+def time_frames(recogniser: Recogniser, data: MotionData, episodes: int, effort: Effort, sensor: Sensor) -> FloatArray:
     """Return the seconds that sensing, and then recognising, each frame takes, (L, 2), medians over repeats."""
-    sensor = PerfectSensor()
     positions, viewpoint, noise = _episodes(data, episodes, effort.length)
     seconds = np.empty((effort.repeats + 1, effort.length, 2))
     for repeat in range(len(seconds)):

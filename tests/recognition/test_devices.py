@@ -7,6 +7,7 @@ mixes devices, reads a number back from its own, or makes a tensor elsewhere.
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor, nn
@@ -15,6 +16,9 @@ from torch.utils._pytree import tree_leaves
 
 from ehar.camera import Camera
 from ehar.errors import UsageError
+from ehar.sensors.estimator import EstimatorSensor
+from ehar.sensors.sensor import draw_noise
+from ehar.world import PAPER
 from recognition.devices import check_device
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.features import features, with_view
@@ -82,6 +86,23 @@ def test_steps_forks_and_resets_stay_on_the_device() -> None:
         assert {logits.device, embedding.device, after.pooled.device} == {GPU}
         for block in after.blocks:
             assert {block.graph.total.device, block.graph.topology.device, *(h.device for h in block.history)} == {GPU}
+
+
+def test_the_estimator_stays_on_the_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    copied: list[torch.device] = []
+
+    def copy(tensor: Tensor) -> Tensor:
+        copied.append(tensor.device)
+        return torch.zeros(tensor.shape)
+
+    monkeypatch.setattr(Tensor, "cpu", copy)  # what has no numbers can't be copied
+    sensor = EstimatorSensor(skeleton=SPEC.skeleton, device=str(GPU))
+    positions = np.zeros((EPISODES, PERSONS, JOINTS, 3), dtype=np.float32)
+    noise = draw_noise(np.random.default_rng(0), (EPISODES,), PERSONS, JOINTS)
+    with OneDevice():
+        sensed = sensor.sense(positions, PAPER.sample_starts(np.random.default_rng(0), EPISODES), noise)
+    assert copied == [GPU, GPU]
+    assert sensed.confidence.shape == (EPISODES, PERSONS, JOINTS)
 
 
 def test_a_tensor_that_was_left_behind_is_found() -> None:

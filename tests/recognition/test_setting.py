@@ -27,6 +27,7 @@ from tests.helpers.own_recogniser import OWN
 from tests.helpers.random_networks import save_random_world
 from tests.helpers.settings import tiny_conditions
 from tests.helpers.streams import raising_streams
+from tests.helpers.tiny_benchmarks import HashedRecogniser
 
 LENGTH = 8
 
@@ -60,6 +61,16 @@ def test_what_names_mean(folder: Path) -> None:
     assert setting.form == "causal"
     assert setting.recogniser_sha256 == runner.recogniser.sha256
     assert setting.conditions == tiny_conditions(folder, length=LENGTH, track="px4-auto", part="policy")
+
+
+def test_the_estimator_is_on_the_recogniser_s_device(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("recognition.setting.check_device", lambda device: None)
+    monkeypatch.setattr("recognition.storage.load_recogniser", lambda *_, device: HashedRecogniser())
+    for device, expected in (("cpu", None), ("cuda:1", "cuda:1")):
+        conditions = tiny_conditions(folder, length=LENGTH, sensor="estimator")
+        sensor = load_setting(conditions, device=device).runner.sensor
+        assert isinstance(sensor, EstimatorSensor)
+        assert sensor.device == expected
 
 
 def test_a_recogniser_of_other_data_is_told_of(folder: Path, tmp_path: Path) -> None:

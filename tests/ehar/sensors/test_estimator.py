@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from ehar.arrays import read_only
 from ehar.camera import FOCAL_LENGTH, IMAGE_HEIGHT, IMAGE_WIDTH, Camera, project
 from ehar.data.skeleton import LIMB_RADIUS, TRUNK_RADIUS, Skeleton
+from ehar.sensors import estimator
 from ehar.sensors.estimator import (
     OCCLUDED_CONFIDENCE,
     OCCLUDED_NOISE,
@@ -212,6 +214,22 @@ def test_the_same_draws_give_the_same_and_others_do_not() -> None:
     np.testing.assert_array_equal(once.joints_2d, again.joints_2d)
     other = sensor.sense(positions, viewpoints, draw_noise(np.random.default_rng(9), (8,), 2, len(POSE)))
     assert not np.allclose(once.joints_2d, other.joints_2d, atol=0.1)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("skeleton", [SKELETON, Skeleton(SKELETON.joint_names, ())])
+def test_torch_senses_what_numpy_senses(skeleton: Skeleton, monkeypatch: pytest.MonkeyPatch) -> None:
+    positions, viewpoints, noise = crowd((200,))
+    hidden = np.random.default_rng(0).random(positions.shape[:-1]) < 0.1
+    draws = SensorNoise(*(read_only(part) for part in noise))  # as an episode hands them on
+    by_numpy, by_torch = (EstimatorSensor(skeleton=skeleton, device=device) for device in (None, "cpu"))
+    expected = by_numpy.sense(positions, viewpoints, draws, hidden)
+    monkeypatch.setattr(estimator, "DEVICE_FRAMES", 64)
+    sensed = by_torch.sense(positions, viewpoints, draws, hidden)
+    np.testing.assert_array_equal(sensed.confidence, expected.confidence)
+    np.testing.assert_allclose(sensed.joints_2d, expected.joints_2d, rtol=1e-6)
+    assert (sensed.confidence == 0).any()
+    assert by_torch.fingerprint() == by_numpy.fingerprint()  # as it decides nothing
 
 
 def test_a_skeleton_without_bones_hides_nothing() -> None:

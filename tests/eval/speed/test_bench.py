@@ -100,7 +100,8 @@ def test_a_training_takes_in_clips() -> None:
 @pytest.mark.usefixtures("short_trainings")
 def test_a_device_is_measured_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     figures = device_figures(tiny_data(sequences=24), "cpu", BRIEF)
-    assert figures.pop("device_probability_difference") == 0  # of the CPU from itself
+    assert 0 <= figures.pop("device_probability_difference") < 1e-5  # torch and NumPy round differently
+    assert 0 < figures.pop("device_sensor_speedup") < 1000
     for ending in ("", "_published_widths"):
         assert 0 < figures[f"device_sensed_and_recognised_frames_per_s{ending}"]
         assert (
