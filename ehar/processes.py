@@ -146,12 +146,13 @@ def _inherited(handed: Any) -> _Sent:
     return _Sent(handed.detach())
 
 
-def payload(what: Any, name: str) -> bytes:
+def payload(what: Any, name: str, otherwise: str = "--workers 1") -> bytes:
     """Return an object as bytes for a worker process; its class may be from a user's file or a notebook.
 
     Args:
         what: the object to send.
         name: its name in errors.
+        otherwise: the option without which nothing would be sent, for the error.
 
     Raises:
         UsageError: the object cannot be pickled.
@@ -164,7 +165,7 @@ def payload(what: Any, name: str) -> bytes:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise UsageError(
             f"{name} cannot be sent to a worker process: {reason}; expected no open files, locks or generators in it, "
-            "or --workers 1"
+            f"or {otherwise}"
         ) from error
 
 
@@ -245,7 +246,7 @@ class Processes:
 def computed_ahead(
     function: Callable[[Task, Batch], Result], task: Task, batches: Iterable[Batch], *, workers: int, ahead: int
 ) -> Generator[Result, None, None]:
-    """Yield `function(task, batch)` for each batch, in order; processes compute those that are asked for next.
+    """Yield `function(task, batch)` for each batch, in order; processes compute ahead what a GPU asks for next.
 
     Close it, if not all are asked for.
 
@@ -260,7 +261,7 @@ def computed_ahead(
         UsageError: the task cannot be sent to workers, or none could start.
         ModelError: a worker has ended by itself.
     """
-    sent = payload((function, task), "the data or the sensor")
+    sent = payload((function, task), "the data or the sensor", otherwise="--device cpu")
     with worker_pool(workers, _receive, sent=(sent,)) as pool:
         computed: deque[Future[Result]] = deque()
         for batch in batches:

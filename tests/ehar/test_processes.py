@@ -105,8 +105,12 @@ def test_each_process_uses_its_share_of_the_threads_and_shares_it_out(monkeypatc
 
 
 def test_what_cannot_be_sent_is_named() -> None:
-    with pytest.raises(UsageError, match=r"^planner x cannot be sent to a worker process: TypeError: .*lock"):
+    with pytest.raises(
+        UsageError, match=r"^planner x cannot be sent to a worker process: TypeError: .*lock.*--workers 1$"
+    ):
         payload(threading.Lock(), "planner x")
+    with pytest.raises(UsageError, match=r"^the data or the sensor cannot be sent .* or --device cpu$"):
+        next(computed_ahead(scaled, threading.Lock(), [1], workers=1, ahead=1))
 
 
 def test_a_worker_is_another_process_and_gets_what_is_sent(tmp_path: Path) -> None:
