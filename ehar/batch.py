@@ -14,7 +14,7 @@ from ehar.localisation import CentreMotion
 from ehar.obstacles.surroundings import Surroundings
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed, Sensor, SensorNoise, draw_noise
-from ehar.viewpoint import away_from, cartesian
+from ehar.viewpoint import away_from, cartesian, turned
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -146,7 +146,7 @@ class Batch:
             joints, noise = joints[:, None], noise.forked()
         if self.gaze is not None:
             place = cartesian(viewpoint)
-            joints = _turned(joints, place - self._gaze(frame, viewpoint), place).astype(np.float32)
+            joints = turned(joints, place - self._gaze(frame, viewpoint), place).astype(np.float32)
         return sense(sensor, joints, self.seen_from(frame, viewpoint), noise, where, self.hidden(frame, viewpoint))
 
     def _gaze(self, frame: int, viewpoint: FloatArray) -> FloatArray:
@@ -193,19 +193,6 @@ class Batch:
 
 def _joined(centres: Sequence[CentreMotion]) -> CentreMotion | None:
     return CentreMotion(*(np.concatenate(parts) for parts in zip(*centres, strict=True))) if centres else None
-
-
-def _turned(joints: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
-    """Return joints (..., P, J, 3) turned as the directions `begin` (..., 3) are on the shortest way to `end`.
-
-    Rodrigues' formula; no direction is opposite to its end.
-    """
-    one, other = (way / np.linalg.norm(way, axis=-1, keepdims=True) for way in (begin, end))
-    axis = np.cross(one, other)[..., None, None, :]
-    share = 1 / (1 + (one * other).sum(axis=-1))[..., None, None, None]
-    across = np.cross(axis, joints)
-    turned: FloatArray = joints + across + share * np.cross(axis, across)
-    return turned
 
 
 def noise_of(scenarios: Windows, episodes: int, rng: np.random.Generator) -> SensorNoise:

@@ -174,6 +174,19 @@ def away_from(viewpoint: FloatArray, gaze: FloatArray) -> FloatArray:
     return away
 
 
+def turned(vectors: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
+    """Return vectors (..., P, J, 3) turned as the directions `begin` (..., 3) are on the shortest way to `end`.
+
+    Rodrigues' formula; no direction is opposite to its end.
+    """
+    one, other = (way / np.linalg.norm(way, axis=-1, keepdims=True) for way in (begin, end))
+    axis = np.cross(one, other)[..., None, None, :]
+    share = 1 / (1 + (one * other).sum(axis=-1))[..., None, None, None]
+    across = np.cross(axis, vectors)
+    result: FloatArray = vectors + across + share * np.cross(axis, across)
+    return result
+
+
 def apply_moves(viewpoint: FloatArray, moves: IntArray, workspace: Workspace) -> FloatArray:
     """Return the viewpoints that grid moves lead to; a move out of the workspace leaves the camera where it is.
 

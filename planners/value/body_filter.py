@@ -8,7 +8,7 @@ from ehar.data.recordings import Recordings
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError
 from ehar.planner import Context, Observation
-from ehar.viewpoint import DISTANCE, POLAR, away_from, wrap_difference
+from ehar.viewpoint import DISTANCE, POLAR, away_from, cartesian, turned, wrap_difference
 
 RIGID_VARIATION = 0.15  # largest standard deviation of a trunk's width over its mean, over actors of all sizes
 LEAST_WIDTH = 0.05  # [m]; closer pairs say nothing about a direction
@@ -154,12 +154,7 @@ class BodyFilter:
         """See one more frame, as a planner does; the first one forgets what was before."""
         if observation.frame == 0:
             self.start(*observation.joints_2d.shape[:2])
-        seen = observation.joints_2d, observation.confidence
-        self._gaze = observation.gaze
-        if self._gaze is None:
-            self.update(*seen, observation.viewpoint)
-        else:
-            self.update(*seen, away_from(observation.viewpoint, self._gaze))
+        self.update(observation.joints_2d, observation.confidence, observation.viewpoint, observation.gaze)
 
     def start(self, episodes: int, persons: int) -> None:
         """Forget everything: B episodes of P persons who may be anywhere near the centre, facing anywhere."""
@@ -172,20 +167,32 @@ class BodyFilter:
         self._begun = False
         self._gaze = None
 
-    def update(self, joints_2d: FloatArray, confidence: FloatArray, viewpoint: FloatArray) -> None:
+    def update(
+        self,
+        joints_2d: FloatArray,
+        confidence: FloatArray,
+        viewpoint: FloatArray,
+        gaze: FloatArray | None = None,
+    ) -> None:
         """See one more frame.
 
         Args:
             joints_2d: (B, P, J, 2) [px].
             confidence: (B, P, J) in [0, 1], 0 where a joint is missing.
             viewpoint: (B, 3), the camera's viewpoint.
+            gaze: (B, 3) what the camera looks at, from the centre [m]; None means at the centre.
         """
+        self._gaze = gaze
         if self._begun:
             self.lateral_covariance = self.lateral_covariance + self.turning_noise
             self.movement = self.movement @ self.motion.T
             self.movement_covariance = self.motion @ self.movement_covariance @ self.motion.T + self.motion_noise
         self._begun = True
         axes = look_at_rotation(viewpoint)[:, None, :2]  # (B, 1, [right, down], 3), for all persons
+        if gaze is not None:
+            place = cartesian(viewpoint)
+            axes = turned(axes, place, place - gaze)  # as the camera is
+            viewpoint = away_from(viewpoint, gaze)
         lateral, lateral_variance = self.measure_lateral(joints_2d, confidence, viewpoint)
         position, position_variance = self.measure_position(joints_2d, confidence, viewpoint)
         still = np.zeros((*axes.shape[:2], 3))

@@ -15,7 +15,7 @@ from ehar.errors import DataError
 from ehar.planner import Observation
 from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensor import draw_noise
-from ehar.viewpoint import away_from, wrap_difference
+from ehar.viewpoint import away_from, cartesian, turned, wrap_difference
 from ehar.world import PAPER
 from planners.value.body_filter import UNIFORM_STD, BodyFilter, trunk_pairs
 from recognition.training.views import training_viewpoints
@@ -127,13 +127,15 @@ def test_a_camera_that_looks_beside_the_centre_measures_from_there():
     context = replace(tiny_context(), episodes=1, skeleton=SKELETON, frame_time=FRAME_TIME, length=None)
     body = BodyFilter.of(context, PAIRS)
     for frame, viewpoint in enumerate(arc(40, polar=0.9, turn=2.0)):
-        seen_from = away_from(viewpoint[None], gaze)
-        pixels, _ = project(people[None, frame], seen_from, Camera())
+        place = cartesian(viewpoint[None])
+        shown = turned(people[None, frame], place - gaze, place)  # for this camera, which is turned towards them
+        pixels, _ = project(shown, away_from(viewpoint[None], gaze), Camera())
         blank = np.zeros((1, 1))
         body.observe(
             Observation(frame, None, pixels, np.ones((1, 1, 6)), viewpoint[None], blank, blank, blank, blank, gaze=gaze)
         )
     np.testing.assert_allclose(body.position[0, 0], POSE.mean(axis=0) + gaze[0], atol=0.08)
+    assert abs(wrap_difference(body.facing[0, 0])) < np.radians(2)
 
 
 def random_frames(rng, episodes, frames, persons):
