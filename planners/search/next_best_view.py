@@ -1,6 +1,7 @@
 """The next-best-view planner: a receding-horizon optimal control problem over the gain field (nbv)."""
 
 import math
+from collections.abc import Iterable, Iterator
 from functools import lru_cache, partial
 from typing import Literal
 
@@ -170,11 +171,13 @@ class NextBestView(Planner):
                 scene=scenes[episode] if scenes else None,
                 flight_weights=self.flight_weights,
             )
-            off_plan = context.vehicle is not None and not _on_plan(self._plans[episode], elapsed, task)
-            start = stoppable(task, surely=False) if off_plan else task
-            plan = self._solved(start, found, episode, elapsed)
-            if off_plan and plan.status is SolveStatus.INFEASIBLE:
-                plan = self._solved(stoppable(task), found, episode, elapsed)
+            starts: Iterable[TrajectoryTask] = (
+                [task] if context.vehicle is None else _starts(self._plans[episode], elapsed, task)
+            )
+            for start in starts:
+                plan = self._solved(start, found, episode, elapsed)
+                if plan.status is not SolveStatus.INFEASIBLE:
+                    break
             self._plans[episode] = plan
             targets.append(self._targets(plan, int(np.flatnonzero(gains)[-1]) + 1))
         return np.stack(targets)
@@ -262,8 +265,20 @@ def scenes_of(value: ViewValue, observation: Observation, walking: FloatArray) -
     return [Scene.of(*each) for each in zip(value.situation.position, around, strangers, walking, strict=True)]
 
 
+def _starts(previous: Solution | None, elapsed: float, task: TrajectoryTask) -> Iterator[TrajectoryTask]:
+    """Yield the task of a flight as it is, and with slower starts, from those that ask for least to the surest.
+
+    A camera off its plan is where no plan may begin. One on its plan is between two nodes of it, and limits hold at
+    nodes: beside them a plan may exceed its share of a limit by a thousandth. Then no plan begins there either.
+    """
+    if _on_plan(previous, elapsed, task):
+        yield task
+    yield stoppable(task, surely=False)
+    yield stoppable(task)
+
+
 def _on_plan(previous: Solution | None, elapsed: float, task: TrajectoryTask) -> bool:
-    """Return whether the camera is where its previous plan led to; then a next plan exists."""
+    """Return whether the camera is where its previous plan led to."""
     if previous is None:
         return not (task.velocity.any() or task.acceleration.any())
     planned = moved_on(previous.trajectory, elapsed, task)

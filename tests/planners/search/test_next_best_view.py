@@ -27,7 +27,8 @@ from ehar.viewpoint import Workspace, wrap_difference
 from ehar.world import PAPER
 from planners.search import next_best_view
 from planners.search.next_best_view import NextBestView
-from planners.search.solver import SolveStatus
+from planners.search.solver import Solution, SolveStatus, TrajectorySolver
+from planners.search.task import TrajectoryTask
 from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch
 from planners.value.belief.clips import BeliefModel
 from planners.value.field import GainField
@@ -343,6 +344,27 @@ def test_what_is_planned_is_what_is_flown(name: str) -> None:
     assert planner.statistics.fallbacks == 0
     assert (cells_off(viewpoints[:2, -1], PEAK) < 3).all()
     assert (motion.telemetry.peak_jerk <= vehicle.jerk).all()
+
+
+def test_a_flight_that_no_plan_continues_goes_on_from_a_little_slower(monkeypatch: pytest.MonkeyPatch) -> None:
+    solve, refused, begun = TrajectorySolver.solve_best, [False], [np.zeros(3)]
+
+    def refusing(solver: TrajectorySolver, task: TrajectoryTask, *told: Any) -> Solution:
+        """Refuse the first try of each plan of a camera that moves."""
+        refused.append(bool(task.velocity.any()) and not refused[-1])
+        begun.append(task.position)
+        solution = solve(solver, task, *told)
+        return replace(solution, trajectory=task.hold(), status=SolveStatus.INFEASIBLE) if refused[-1] else solution
+
+    monkeypatch.setattr(TrajectorySolver, "solve_best", refusing)
+    motion = FlightMotion(vehicle=VEHICLES["tracking-drone"])
+    told = {"track": "tracking-drone", "vehicle": motion.vehicle, "follows": True}
+    batch = starting([[33, 2, 15]], length=100)
+    run(NextBestView(model=model_of(peak_weights(PEAK))), batch, motion=motion, **told)
+    again = np.flatnonzero(refused) + 1
+    assert len(again) >= 5
+    for one in again:
+        np.testing.assert_array_equal(begun[one], begun[one - 1])  # at once, and not after it has braked
 
 
 def test_in_streams_flights_are_planned_for_three_seconds() -> None:
