@@ -161,10 +161,14 @@ def cartesian(viewpoint: FloatArray) -> FloatArray:
 
 
 def spherical(position: FloatArray) -> FloatArray:
-    """Return the viewpoints (..., 3) of camera positions (..., 3) [m] around the centre: what `cartesian` undoes."""
+    """Return the viewpoints (..., 3) of camera positions (..., 3) [m] around the centre: what `cartesian` undoes.
+
+    At the centre itself the azimuth is 0, and the polar angle a right one.
+    """
     distance = np.linalg.norm(position, axis=-1)
     azimuth = wrap_azimuth(np.arctan2(position[..., 1], position[..., 0]))
-    return np.stack([distance, azimuth, np.arccos(position[..., 2] / distance)], axis=-1)
+    polar = np.arccos(position[..., 2] / np.maximum(distance, np.finfo(np.float64).tiny))
+    return np.stack([distance, azimuth, polar], axis=-1)
 
 
 def away_from(viewpoint: FloatArray, gaze: FloatArray) -> FloatArray:

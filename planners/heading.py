@@ -14,9 +14,11 @@ HEADING_TIME = 1.0  # [s]; a vehicle brakes for its target, so it approaches a n
 
 
 def axis_speeds(vehicle: Vehicle, viewpoint: FloatArray) -> FloatArray:
-    """Return a vehicle's highest speed along each axis of viewpoints (..., 3) alone [m/s], [rad/s], [rad/s].
+    """Return about how fast a vehicle is along each axis of viewpoints (..., 3) alone [m/s], [rad/s], [rad/s].
 
-    The rate of an angle is at most the speed divided by the present distance. The yaw rate limits the azimuth too.
+    It says how far to head, and limits nothing: the motion does that. The rate of an angle is the speed divided by the
+    distance, the azimuth's at most the yaw rate. So near the pole, where circles are small, the azimuth is faster than
+    that, and where the polar angle climbs or sinks, the vehicle may be slower.
     """
     speed = np.full(viewpoint.shape[:-1], vehicle.speed)
     rate = vehicle.speed / viewpoint[..., DISTANCE]

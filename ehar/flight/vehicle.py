@@ -160,7 +160,8 @@ def load_vehicle(name_or_path: str | Path) -> Vehicle:
     file, without `.json`, is the name of the vehicle.
 
     Raises:
-        UsageError: there is no such vehicle or file, or a key is missing, unknown, or not a positive number.
+        UsageError: there is no such vehicle or file, the file has the name of a vehicle of ehar, or a key is missing,
+            unknown, or not a positive number.
     """
     if isinstance(name_or_path, str) and name_or_path in VEHICLES:
         return VEHICLES[name_or_path]
@@ -169,5 +170,7 @@ def load_vehicle(name_or_path: str | Path) -> Vehicle:
         raise UsageError(
             f"unknown vehicle {str(name_or_path)!r}; expected one of: {', '.join(VEHICLES)}, or a .json file"
         )
+    if path.stem in VEHICLES:  # what is trained is kept under the name
+        raise UsageError(f"{path}: expected another name of a vehicle file, {path.stem!r} is a vehicle of ehar")
     held = read_json(path, VehicleFile, "a vehicle file", optional=("body",), wrong=UsageError)
     return held.vehicle(path.stem)

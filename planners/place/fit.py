@@ -16,6 +16,7 @@ from ehar.errors import DataError, EharError, UsageError
 from ehar.files import check_folder, json_text, read_json, write_text
 from ehar.processes import Engine, Processes
 from ehar.runner import Runner
+from ehar.track import IDEAL
 from planners.place.config import FixedBestConfig
 from planners.place.go_to_place import GoToPlace, Place
 from planners.place.people import trunk_of
@@ -113,6 +114,10 @@ def fit_fixed_best(
         EharError: data or recogniser are missing or do not fit, or a number is too small.
     """
     conditions = config.conditions
+    if conditions.track != IDEAL:
+        raise UsageError(
+            f"train fixed-best: expected the track {IDEAL!r}, one place is for all; got {conditions.track}"
+        )
     if config.workers < 1:
         raise UsageError(f"workers: expected at least 1, got {config.workers}")
     refuse_told_onsets(conditions)

@@ -33,6 +33,7 @@ from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, DistanceRange, vi
 REGULARISATION = 1e-5  # on the squared jerk: without gain and effort any trajectory would be a solution
 MOTION, CONTROL = 9, 3  # position, velocity, acceleration, behind which stand the sums; jerk
 INSIDE = 1e-5  # [m], [rad] from the bounds of the workspace: a flight keeps them exactly, a solver nearly
+LEAST_ROOM = 2e-7  # [m], [rad] between bounds, where the workspace has a single distance or polar angle
 VEHICLE_LIMITS = ("speed", "acceleration", "jerk", "climb_speed", "descent_speed")  # the yaw rate bounds a variable
 
 
@@ -240,7 +241,8 @@ class TrajectoryProblem:
             (DISTANCE, workspace.distance_min, workspace.distance_max),
             (POLAR, workspace.polar_min, workspace.polar_max),
         ):
-            room = min(inside, (most - least) / 2)
+            # Equal bounds would be equations too many, and fatrop solves other problems otherwise after one with them.
+            room = min(inside, (most - least - LEAST_ROOM) / 2)
             lower[:, axis], upper[:, axis] = (least + room) / self._unit[axis], (most - room) / self._unit[axis]
         lower[0, : self.state_size], upper[0, : self.state_size] = -np.inf, np.inf
         return lower.ravel()[:-CONTROL], upper.ravel()[:-CONTROL]

@@ -154,3 +154,8 @@ def test_a_place_in_space_is_the_viewpoint_that_it_came_from(distance: float, az
     viewpoint = np.array([distance, azimuth, polar])
     back = spherical(cartesian(viewpoint))
     np.testing.assert_allclose(wrap_difference(back - viewpoint), 0, atol=1e-6)
+
+
+@pytest.mark.filterwarnings("error")
+def test_the_centre_itself_is_a_viewpoint() -> None:
+    np.testing.assert_array_equal(spherical(np.zeros((2, 3))), [[0, 0, np.pi / 2]] * 2)

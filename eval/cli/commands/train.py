@@ -83,7 +83,7 @@ TRAIN = CommandGroup(
             flags={
                 **TRAINED_FROM,
                 "track": Flag("ideal, or a vehicle in which paths are flown."),
-                "length": Flag("frames of an episode.", hint="60; streams 8 s, flown 12 s"),
+                "length": Flag("frames of an episode.", hint="60; streams 8 s, flown 9 s"),
                 "seed": Flag("seed of episodes, forks and noise."),
             },
         ),

@@ -82,6 +82,13 @@ def test_what_is_no_vehicle_file(tmp_path: Path) -> None:
         load_vehicle(written(tmp_path, [1, 2]))
 
 
+def test_a_vehicle_file_can_t_take_the_name_of_a_vehicle_of_ehar(tmp_path: Path) -> None:
+    path = tmp_path / "px4-auto.json"
+    path.write_text(json.dumps(CONTENT))
+    with pytest.raises(UsageError, match=r"px4-auto\.json: expected another name of a vehicle file, 'px4-auto' is a"):
+        load_vehicle(path)
+
+
 def test_a_vehicle_is_plain_data() -> None:
     assert set(asdict(VEHICLES["px4-max"])) == {"name", *LIMITS, "body"}
 

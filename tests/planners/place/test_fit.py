@@ -213,6 +213,11 @@ def test_workers_decide_nothing(config: FixedBestConfig, monkeypatch: pytest.Mon
         (UsageError, {"workers": 0}, "workers: expected at least 1, got 0"),
         (UsageError, {"out": None}, "train fixed-best: expected --models DIR, or --out DIR"),
         (UsageError, {"sensor": "radar"}, "unknown sensor 'radar'"),
+        (
+            UsageError,
+            {"track": "px4-auto"},
+            "train fixed-best: expected the track 'ideal', one place is for all; got px4",
+        ),
         (UsageError, {"onset": "known"}, "onset: expected unknown in a training, got known"),
         (DataError, {"length": 21}, "expected validation sequences of at least 21 frames"),
     ],

@@ -367,6 +367,23 @@ def test_a_flight_that_no_plan_continues_goes_on_from_a_little_slower(monkeypatc
         np.testing.assert_array_equal(begun[one], begun[one - 1])  # at once, and not after it has braked
 
 
+def test_a_workspace_of_one_polar_angle_is_flown_in_without_a_word(capfd: pytest.CaptureFixture[str]) -> None:
+    def flight(workspace: Workspace) -> np.ndarray:
+        vehicle, planner = VEHICLES["px4-auto"], NextBestView(model=model_of(peak_weights(PEAK)))
+        batch = replace(starting([[33, 2, 15]]), starts=np.array([[8.0, 0.5, WORKSPACE.polar_max]]))
+        motion = FlightMotion(vehicle=vehicle, workspace=workspace)
+        told = {"track": vehicle.name, "vehicle": vehicle, "follows": True, "workspace": workspace}
+        viewpoints = run(planner, batch, motion=motion, **told).viewpoints
+        assert planner.statistics.fallbacks == 0
+        return viewpoints
+
+    before = flight(WORKSPACE)
+    level = flight(replace(WORKSPACE, polar_min=WORKSPACE.polar_max))
+    assert np.ptp(level[..., 1]) > 0.1
+    assert capfd.readouterr() == ("", "")  # CasADi warns of problems with more equations than variables
+    np.testing.assert_array_equal(flight(WORKSPACE), before)  # the solver is the same one
+
+
 def test_in_streams_flights_are_planned_for_three_seconds() -> None:
     setting = load_setting(Conditions(data="solo-stream", sensor="estimator", track="px4-auto"))
     data = setting.recordings
