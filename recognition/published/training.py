@@ -12,7 +12,6 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
-from torch.optim.swa_utils import AveragedModel
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.conditions import Form
@@ -28,6 +27,7 @@ from recognition.networks.spec import Network, build_network
 from recognition.published.clips import Stream, published_clip
 from recognition.published.epochs import Draw, Epoch, draw_epoch
 from recognition.training.arithmetic import arithmetic_on, quick_products
+from recognition.training.averages import equal_average
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.training.optimisers import PUBLISHED_EPOCHS, PUBLISHED_MOMENTUM, PUBLISHED_RATE, PUBLISHED_WARM_UP
 from recognition.training.recorded_step import RecordedStep
@@ -190,7 +190,7 @@ class _Training:
         )
         self.identity = as_json({**asdict(run), "data_sha256": data.sha256, "protocol": PROTOCOL})
         self.best, self.best_epoch = torch.empty(0), 0  # see `PublishedResult`
-        self.mean = AveragedModel(self.network, use_buffers=True)
+        self.mean = equal_average(self.network)
         self.recorded: RecordedStep | None = None  # on a GPU
         self.epoch = 0
         self.steps = 0  # of an epoch
@@ -304,12 +304,12 @@ class _Training:
         if not self.checkpoint.is_file():
             return
         try:
-            saved = load_checkpoint(self.checkpoint, str(self.device))
+            saved = load_checkpoint(self.checkpoint)
             same, epoch = saved.held["run"] == self.identity, int(saved.held["epoch"])
             if same:
                 self.network.load_state_dict(saved.states["network"])
                 self.optimiser.load_state_dict(saved.optimiser or {})
-                self.best, self.best_epoch = saved.states["best"]["log_probs"].cpu(), int(saved.held["best_epoch"])
+                self.best, self.best_epoch = saved.states["best"]["log_probs"], int(saved.held["best_epoch"])
                 if self._counts(epoch):
                     self.mean.load_state_dict(saved.states["mean"])
         except Exception as error:  # the damage decides its type

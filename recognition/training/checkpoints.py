@@ -41,19 +41,18 @@ def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     write_bytes(path, content)
 
 
-def load_checkpoint(path: Path, device: str = "cpu") -> Checkpoint:
-    """Read a checkpoint.
+def load_checkpoint(path: Path) -> Checkpoint:
+    """Read a checkpoint, with tensors of the CPU: who loads a state moves what belongs on a GPU, and no counters.
 
     Args:
         path: the file.
-        device: device of the tensors.
 
     Raises:
         Exception: the file is damaged, or is not a checkpoint; the damage decides the type of the error.
     """
     states: dict[str, dict[str, Tensor]] = {}
     moments: dict[int, dict[str, Tensor]] = {}
-    with safe_open(path, framework="pt", device=device) as file:
+    with safe_open(path, framework="pt") as file:
         held = dict(json.loads(file.metadata()[HELD]))
         for name in file.keys():
             tensor = file.get_tensor(name)

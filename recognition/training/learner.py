@@ -1,35 +1,34 @@
 """A network that learns: steps on clips, and a running average of its weights, which is what counts."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
-from torch.optim.swa_utils import AveragedModel
 
 from ehar.arrays import FloatArray
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import Network
 from recognition.training.arithmetic import quick_products
+from recognition.training.averages import late_average
 from recognition.training.clips import Clips
 from recognition.training.config import Optimiser
 from recognition.training.optimisers import make_optimiser, published_rate
 from recognition.training.recorded_step import RecordedStep
 
 WARM_UP = 150  # steps in which the learning rate rises; then it stays
-AVERAGING = 8.0  # how much late weights count in the average: about the last ninth of the steps
 GRADIENT_NORM = 1.0  # gradients are clipped to this norm
-PREFIXES = 10  # observation ratios at which the published form is validated: its prefixes are not cheap
+PREFIXES = 10  # on which the published form is validated, from the first frame to all: they are not cheap
 
 
 class Learner:
     """A network in training.
 
     With AdamW the learning rate is constant after a short rise, and the weights that count are a running average over
-    the steps: polynomial-decay averaging (Shamir and Zhang, ICML 2013, Sec. 4). So no length has to be known
-    beforehand. With the published optimiser the rate follows its schedule, and the last weights count.
+    the steps, see `recognition.training.averages`. So no length has to be known beforehand. With the published
+    optimiser the rate follows its schedule, and the last weights count.
 
     Args:
         network: the network, on the device where it learns.
@@ -55,7 +54,7 @@ class Learner:
         """Begin at the weights that the network has."""
         self.network = network
         self.device = next(network.parameters()).device
-        self.average = AveragedModel(network, multi_avg_fn=_towards_late, use_buffers=True)
+        self.average = late_average(network)
         self.optimiser = make_optimiser(network, optimiser, learning_rate=learning_rate, weight_decay=weight_decay)
         self._published, self._rate, self._batch = optimiser == "published", learning_rate, batch
         self._weights = None
@@ -128,7 +127,9 @@ class Learner:
         return network
 
     def logits(self, network: Network, features: Tensor) -> FloatArray:
-        """Return logits (N, L, K) after every frame; for the published form, a frame takes those of the next prefix.
+        """Return logits (N, L, K) after every frame; for the published form, a frame takes those of the last prefix.
+
+        So no frame knows more than it would know in an episode.
 
         Args:
             network: this network, with the weights that count or others.
@@ -143,9 +144,10 @@ class Learner:
                 if isinstance(network, CausalCTRGCN):
                     pieces.append(network(batch).cpu())
                 else:
-                    ends = np.unique(np.ceil(np.arange(1, PREFIXES + 1) / PREFIXES * length).astype(int))
+                    ends = np.unique(np.linspace(1, length, PREFIXES).round().astype(int))
                     known = [network(batch[:, :end].permute(0, 4, 1, 3, 2)).cpu() for end in ends]
-                    pieces.append(torch.stack([known[i] for i in np.searchsorted(ends, np.arange(1, length + 1))], 1))
+                    last = np.searchsorted(ends, np.arange(1, length + 1), side="right") - 1
+                    pieces.append(torch.stack([known[i] for i in last], 1))
         return torch.cat(pieces).numpy()
 
     def states(self) -> dict[str, Mapping[str, Tensor]]:
@@ -157,13 +159,3 @@ class Learner:
         self.network.load_state_dict(states["network"])
         self.average.load_state_dict(states["average"])
         self.optimiser.load_state_dict(optimiser or {})
-
-
-def _towards_late(average: Sequence[Tensor], present: Sequence[Tensor], averaged: Tensor | int) -> None:
-    """Move the running average one step on: late steps weigh more, the first ones are forgotten."""
-    share = float((AVERAGING + 1) / (averaged + AVERAGING + 1))
-    for mean, tensor in zip(average, present, strict=True):
-        if mean.is_floating_point():
-            mean.lerp_(tensor, share)
-        else:  # a counter of batches
-            mean.copy_(tensor)

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
@@ -86,17 +87,19 @@ def train_recogniser(
         planned: views that planners chose in episodes of the recogniser's part: half of the clips are seen from there.
 
     Raises:
-        UsageError: an option is unknown or below 1; `out` cannot be written to, or holds a checkpoint of another run;
+        UsageError: an option is unknown or wrong; `out` cannot be written to, or holds a checkpoint of another run;
             there are more folds than people, or other weights to start from.
         DataError: the data is malformed, has no training sequence of `length` frames, or does not name people who are
             to be left out.
         ModelError: the loss is not finite, the checkpoint is damaged, or `init` does not fit.
     """
-    for field in ("clips", "batch", "interval"):
-        if getattr(config, field) < 1:
-            raise UsageError(f"--{field}: got {getattr(config, field)}, expected at least 1")
-    if config.folds < 0:
-        raise UsageError(f"--folds: got {config.folds}, expected at least 0")
+    for field, least in (("clips", 1), ("batch", 1), ("interval", 1), ("folds", 0), ("threads", 0)):
+        if getattr(config, field) < least:
+            raise UsageError(f"--{field}: got {getattr(config, field)}, expected at least {least}")
+    if not 0 <= config.learning_rate < math.inf:
+        raise UsageError(f"--learning-rate: got {config.learning_rate}, expected a finite number, at least 0")
+    if not 0 <= config.weight_decay < math.inf:
+        raise UsageError(f"--weight-decay: got {config.weight_decay}, expected a finite number, at least 0")
     if config.folds and config.init is not None:
         raise UsageError("--folds: expected no --init: its weights may have learned from who is to be left out")
     check_device(config.device)
@@ -170,6 +173,11 @@ class _Run:
             left = leave_performers_out(data, learned, config.folds)[fold]
             learned, asked = left.learned, of_known_classes(data, left)
             planned = None if planned is None else planned.of(learned)
+            if planned is not None and not len(planned.sequence):
+                raise UsageError(
+                    f"--folds {config.folds}: got no planned episode of those whom fold {fold} learns from; expected "
+                    "planned runs of more people, or fewer folds"
+                )
         self.source = source(learned, augment=True, planned=planned)
         held_out = source(asked, augment=False)
         people = data.subjects[parts.validation]
@@ -335,7 +343,7 @@ class _Run:
         if not self.checkpoint.is_file():
             return
         try:
-            saved = load_checkpoint(self.checkpoint, str(self.device))
+            saved = load_checkpoint(self.checkpoint)
             held = parse_json(json.dumps(saved.held), _Held, "its JSON", "a checkpoint")
             same = held.run == as_json(self.identity)
             if same:

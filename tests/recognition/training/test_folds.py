@@ -10,6 +10,7 @@ import pytest
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.conditions import Conditions
+from ehar.data.any_source import load_recordings
 from ehar.data.motion_file import save_motion
 from ehar.data.recordings import Recordings
 from ehar.data.scenario import split_parts
@@ -20,6 +21,7 @@ from recognition.left_out import leave_people_out, leave_performers_out, of_know
 from recognition.storage import recogniser_path
 from recognition.training import trainer as training
 from recognition.training.config import TrainingConfig
+from recognition.training.planned_views import PlannedViews
 from recognition.training.trainer import train_recogniser
 from tests.helpers.fakes import tiny_data
 from tests.helpers.streams import raising_streams
@@ -171,4 +173,16 @@ def test_what_cannot_be_left_out_is_refused(config: TrainingConfig, tmp_path: Pa
     unnamed = replace(config.conditions, data=str(tmp_path / "unnamed.npz"))
     with pytest.raises(DataError, match="expected the names of all people who are trained on"):
         train_recogniser(replace(config, conditions=unnamed, folds=2))
+    assert not config.out.exists()
+
+
+def test_planned_episodes_of_too_few_people_are_refused_before_the_training(config: TrainingConfig) -> None:
+    data = load_recordings(str(config.conditions.data))
+    left = leave_performers_out(data, split_parts(data).recogniser, 2)
+    few = np.setdiff1d(left[0].learned, left[1].learned)[:1]  # of people whom the second fold leaves out
+    planned = PlannedViews(few, np.zeros(1, np.int64), np.tile([6.0, 0.0, 1.0], (1, 8, 1)))
+    with pytest.raises(
+        UsageError, match=r"^--folds 2: got no planned episode of those whom fold 1 learns from; expected"
+    ):
+        train_recogniser(replace(config, folds=2), planned=planned)
     assert not config.out.exists()

@@ -2,6 +2,7 @@
 
 import errno
 import json
+import math
 import os
 import pickle
 from collections.abc import Callable, Sequence
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 import torch
 from safetensors.torch import load_file
+from torch import nn
 
 from ehar.conditions import Conditions, Form
 from ehar.data.motion_data import MotionData
@@ -330,6 +332,24 @@ def test_the_weights_that_count_are_an_average_over_late_steps(config: TrainingC
     torch.testing.assert_close(run.learner.averaged.classify.weight, expected)
 
 
+class CountsFrames(nn.Module):
+    """A network of the published form that says how many frames it sees."""
+
+    def forward(self, clips: torch.Tensor) -> torch.Tensor:
+        """Return them for clips (N, C, T, J, P), as logits (N, 1)."""
+        return torch.full((len(clips), 1), float(clips.shape[2]))
+
+
+@pytest.mark.parametrize("length", [1, 4, 60])
+def test_the_published_form_is_validated_on_what_it_has_seen_and_no_more(config: TrainingConfig, length: int) -> None:
+    learner = training._Run(changed(config, form="ctrgcn")).learner
+    seen = learner.logits(CountsFrames(), torch.zeros(3, length, 2, 5, 4))[..., 0]  # type: ignore[arg-type]
+    now = np.arange(1, length + 1)
+    assert seen.shape == (3, length)
+    assert (seen <= now).all() and (seen > now - 1 - length / 9).all()
+    assert (seen[:, 0] == 1).all() and (seen[:, -1] == length).all()
+
+
 def test_only_the_recogniser_s_own_part_is_learnt_from(config: TrainingConfig, data_path: Path) -> None:
     run = training._Run(config)
     parts = split_parts(load_motion(data_path))
@@ -343,9 +363,17 @@ def test_unknown_options(config: TrainingConfig) -> None:
     assert not config.out.exists()
 
 
-@pytest.mark.parametrize(("field", "value"), [("clips", 0), ("batch", 0), ("interval", 0), ("length", 0)])
-def test_counts_below_one(config: TrainingConfig, field: str, value: int) -> None:
-    assert f"{field}: " in refusal(UsageError, config, **{field: value})
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        *(("clips", 0), ("batch", 0), ("interval", 0), ("length", 0), ("threads", -1), ("folds", -1)),
+        *(("learning_rate", value) for value in (-1.0, math.inf, math.nan)),
+        *(("weight_decay", value) for value in (-1.0, math.inf, math.nan)),
+    ],
+)
+def test_numbers_that_make_no_sense(config: TrainingConfig, field: str, value: float) -> None:
+    said = refusal(UsageError, config, **{field: value})
+    assert f"{field.replace('_', '-')}: " in said and f"got {value}" in said
 
 
 def test_data_without_a_sequence_as_long_as_a_clip(config: TrainingConfig) -> None:
