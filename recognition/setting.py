@@ -22,6 +22,7 @@ EPISODE = 30.0  # [s], the usual length of an episode of a stream
 ELSEWHERE = (
     "the recogniser was trained on other data, so people who are watched may be among those that it learned from"
 )
+OTHER_SENSOR = "the recogniser was trained with another version of your own sensor: its file has changed since"
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +40,7 @@ class Setting:
         trained_open: whether our recogniser was trained in the world without its obstacles and passers-by.
         trained_localisation: the localisation that our recogniser was trained with; None for your own, and in clips.
         trained_elsewhere: whether our recogniser was trained on other data, or on another version or fold of them.
+        sensor_changed: whether our recogniser was trained with another version of your own sensor.
     """
 
     conditions: Conditions
@@ -51,6 +53,7 @@ class Setting:
     trained_open: bool = False
     trained_localisation: Localisation | None = field(default=None, repr=False)
     trained_elsewhere: bool = field(default=False, repr=False)
+    sensor_changed: bool = field(default=False, repr=False)
 
     @property
     def world(self) -> World:
@@ -66,7 +69,8 @@ class Setting:
     def notes(self) -> tuple[str, ...]:
         """The lines that say how the recogniser was trained otherwise."""
         localised = localisation_note(self.world.localisation, {"recogniser": self.trained_localisation})
-        return (*filter(None, (self.length_note, localised)), *((ELSEWHERE,) * self.trained_elsewhere))
+        told = {ELSEWHERE: self.trained_elsewhere, OTHER_SENSOR: self.sensor_changed}
+        return (*filter(None, (self.length_note, localised)), *(line for line, holds in told.items() if holds))
 
     @property
     def track_sha256(self) -> str | None:
@@ -220,6 +224,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
         trained_open=opened,
         trained_localisation=localisation,
         trained_elsewhere=trained.data_sha256 not in (None, data.sha256),
+        sensor_changed=loaded.sha256 is not None and trained.sensor_sha256 not in (None, loaded.sha256),
     )
 
 

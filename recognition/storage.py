@@ -52,8 +52,17 @@ class RecogniserDescription:
     @property
     def data_sha256(self) -> str | None:
         """The hash of the data that it was trained on; None if that is not recorded."""
+        return self._recorded("data_sha256")
+
+    @property
+    def sensor_sha256(self) -> str | None:
+        """The hash of the file and arguments of your own sensor in its training; None for a sensor of ehar."""
+        return self._recorded("sensor_sha256")
+
+    def _recorded(self, key: str) -> str | None:
+        """Return a hash that its training recorded."""
         run = self.training.get("run")
-        told = run.get("data_sha256") if isinstance(run, dict) else None
+        told = run.get(key) if isinstance(run, dict) else None
         return told if isinstance(told, str) else None
 
     @property
@@ -138,7 +147,7 @@ def open_recogniser(
         made = StreamingRecogniser(network=network, spec=spec, temperature=temperature, sha256=digest, device=device)
     else:
         made = PrefixRecogniser(network=network, spec=spec, temperature=temperature, sha256=digest, device=device)
-    made.data_sha256 = description.data_sha256
+    made.data_sha256, made.sensor_sha256 = description.data_sha256, description.sensor_sha256
     return made
 
 

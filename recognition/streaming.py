@@ -27,6 +27,7 @@ class _Recogniser:
     """The part that both forms share: features from arrays, and calibrated log-probabilities."""
 
     data_sha256: str | None = None  # hash of the data that it was trained on; None if its files do not say
+    sensor_sha256: str | None = None  # hash of your own sensor in its training; None for a sensor of ehar
 
     def __init__(self, network: Module, spec: NetworkSpec, temperature: Temperature, sha256: str, device: str) -> None:
         self.spec = spec

@@ -19,7 +19,7 @@ from ehar.version import package_version
 from ehar.world import PAPER, World, by_name, load_world
 from eval.records.code import code_sha256
 from planners.own_planner import Origin, planner_source_sha256
-from recognition.setting import ELSEWHERE, Setting, length_note, localisation_note
+from recognition.setting import ELSEWHERE, OTHER_SENSOR, Setting, length_note, localisation_note
 
 CONFIG = "config.json"
 UNFINISHED = "unfinished"  # folder in that of a run: what is done while the run is not finished
@@ -75,6 +75,7 @@ class RunConfig:
         trained_localisations: in streams, the localisation in the training of the recogniser, the gain field, each
             agent and a fixed place, of those that were trained with another than the world's; None if none was.
         trained_elsewhere: whether the recogniser was trained on other data, or on another version or fold of them.
+        sensor_changed: whether the recogniser was trained with another version of your own sensor.
         folds: the runs that this one was made of, whose hashes are then hashed together; empty for a run of its own.
         trainings: folders of the runs of several trainings that this one was made of, likewise.
     """
@@ -98,6 +99,7 @@ class RunConfig:
     trained_open: bool = False
     trained_localisations: dict[str, Localisation] | None = None
     trained_elsewhere: bool = False
+    sensor_changed: bool = False
     folds: tuple[FoldConfig, ...] = ()
     trainings: tuple[str, ...] = ()
 
@@ -126,7 +128,7 @@ class RunConfig:
         """The lines that a reader of results must not miss."""
         opened = f"the recogniser was trained where nothing is in the way; in the world {self.world.name} something is"
         localised = localisation_note(self.world.localisation, self.trained_localisations or {})
-        told = {opened: self.trained_open, ELSEWHERE: self.trained_elsewhere}
+        told = {opened: self.trained_open, ELSEWHERE: self.trained_elsewhere, OTHER_SENSOR: self.sensor_changed}
         return (*filter(None, (self.length_note, localised)), *(line for line, holds in told.items() if holds))
 
     @property
@@ -163,7 +165,7 @@ KEYS = (  # of config.json, in the order of the file
     *("schema", "source", "data", "data_sha256", "models", "recogniser_sha256", "sensor", "views", "form", "track"),
     *("vehicle", "readout", "part", "gain_model_sha256", "starts", "seed", "length", "fps", "ideal", "planners"),
     *("versions", "recogniser", "sensor_sha256", "track_sha256", "world", "trained_lengths", "device", "onset"),
-    *("trained_open", "trained_localisations", "trained_elsewhere", "folds", "trainings"),
+    *("trained_open", "trained_localisations", "trained_elsewhere", "sensor_changed", "folds", "trainings"),
 )
 LATER: dict[str, Any] = {  # a file without one of these means its default
     "schema": SCHEMA,
@@ -178,6 +180,7 @@ LATER: dict[str, Any] = {  # a file without one of these means its default
     "trained_open": False,
     "trained_localisations": None,
     "trained_elsewhere": False,
+    "sensor_changed": False,
     "folds": (),
     "trainings": (),
 }
@@ -186,6 +189,7 @@ NEW = (
     "trained_open",
     "trained_localisations",
     "trained_elsewhere",
+    "sensor_changed",
     "folds",
     "trainings",
 )  # keys that a file has only where they say something else
@@ -216,6 +220,7 @@ def joined_config(configs: Sequence[RunConfig], **changes: Any) -> RunConfig:
         trained_open=any(config.trained_open for config in configs),
         trained_localisations=localised or None,
         trained_elsewhere=any(config.trained_elsewhere for config in configs),
+        sensor_changed=any(config.sensor_changed for config in configs),
         **changes,
     )
 
@@ -257,6 +262,7 @@ def run_config(
         trained_open=setting.trained_open,
         trained_localisations=others or None,
         trained_elsewhere=setting.trained_elsewhere,
+        sensor_changed=setting.sensor_changed,
     )
 
 

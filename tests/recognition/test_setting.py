@@ -20,7 +20,7 @@ from ehar.sensors.perfect import PerfectSensor
 from ehar.world import PAPER
 from eval.records.config import run_config
 from recognition.own_recogniser import resolve_recogniser
-from recognition.setting import ELSEWHERE, Setting, load_motion_of, load_setting
+from recognition.setting import ELSEWHERE, OTHER_SENSOR, Setting, load_motion_of, load_setting
 from recognition.streaming import StreamingRecogniser
 from tests.helpers.fakes import CLASS_NAMES, SKELETON, FakeRecogniser, tiny_data
 from tests.helpers.own_recogniser import OWN
@@ -88,6 +88,26 @@ def test_a_recogniser_of_other_data_is_told_of(folder: Path, tmp_path: Path) -> 
         assert (ELSEWHERE in setting.notes) == (ELSEWHERE in run_config(setting).warnings) == elsewhere
         assert run_config(setting).to_json().get("trained_elsewhere", False) == elsewhere
     assert not load(folder).trained_elsewhere  # its files do not say what it learned from
+
+
+def test_a_recogniser_of_another_version_of_your_own_sensor_is_told_of(folder: Path, tmp_path: Path) -> None:
+    sensor = tmp_path / "mine.py"
+    sensor.write_text("from ehar.sensors import PerfectSensor\nclass Mine(PerfectSensor):\n    name = 'mine'\n")
+    copied = tmp_path / "models"
+    shutil.copytree(folder / "models", copied)
+    for file in copied.glob("*"):
+        file.rename(file.with_name(file.name.replace("-perfect-", "-Mine-")))
+    told = {"models": copied, "sensor": f"{sensor}:Mine"}
+    (file,) = copied.glob("causal-*.json")
+    held = json.loads(file.read_text())
+    held["training"]["run"]["sensor_sha256"] = load(folder, **told).sensor_sha256
+    file.write_text(json.dumps(held))
+    for changed in (False, True):
+        setting = load(folder, **told)
+        assert setting.sensor_changed == changed
+        assert (OTHER_SENSOR in setting.notes) == (OTHER_SENSOR in run_config(setting).warnings) == changed
+        assert run_config(setting).to_json().get("sensor_changed", False) == changed
+        sensor.write_text(sensor.read_text() + "\n    def fingerprint(self):\n        return b'another one'\n")
 
 
 def test_objects_give_what_their_names_do_and_are_recorded_by_name(folder: Path) -> None:
