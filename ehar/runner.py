@@ -162,6 +162,8 @@ class Runner:
         if not isinstance(scenarios, StreamScenarios) or scenarios.limits is None:
             return
         chosen = np.arange(len(scenarios)) if chosen is None else chosen
+        if not len(chosen):
+            return
         most = LOST * self.world.workspace.distance_min
         behind = np.linalg.norm(scenarios.centres(chosen) - replace(scenarios, limits=None).centres(chosen), axis=-1)
         if behind.max() > most:

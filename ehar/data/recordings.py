@@ -1,7 +1,6 @@
 """Recorded motion in memory, whatever is known of its activities: sequences of joint positions."""
 
 import hashlib
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,6 +11,7 @@ from ehar.data.skeleton import Skeleton
 from ehar.errors import UsageError
 
 UNKNOWN_SUBJECT = -1
+MOST_RATE = 10_000  # frames per second; motion capture has up to 1,000
 SYNTHETIC = "(synthetic)"  # behind the name of motion that was generated, in titles
 
 
@@ -105,10 +105,10 @@ class Recordings:
         """Return positions and offsets at another frame rate.
 
         Raises:
-            UsageError: the rate is not above 0.
+            UsageError: the rate is not above 0, or too high to be meant.
         """
-        if not (math.isfinite(fps) and fps > 0):
-            raise UsageError(f"fps: got {fps}, expected frames per second above 0")
+        if not 0 < fps <= MOST_RATE:
+            raise UsageError(f"fps: got {fps}, expected frames per second above 0, and at most {MOST_RATE}")
         pieces = []
         for index in range(len(self.lengths)):
             motion = self.sequence(index)

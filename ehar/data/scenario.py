@@ -278,7 +278,7 @@ def _stream_parts_drawn(data: StreamData, rng: np.random.Generator) -> Parts:
         unit = streams
     if len(np.unique(unit[rest])) < LEAST_PEOPLE:
         raise DataError(f"{data.name}: expected at least {LEAST_PEOPLE} streams to train on, got {len(rest)}")
-    unseen = np.isin(unit, _drawn(rng, data, unit, rest, VALIDATION_SHARE)) & ~is_test
+    unseen = np.isin(unit, _drawn(rng, data, unit, rest, VALIDATION_SHARE, left=2)) & ~is_test
     rest = np.flatnonzero(~is_test & ~unseen)
     policy = np.isin(unit, _drawn(rng, data, unit, rest, 1 - RECOGNISER_SHARE)) & ~is_test & ~unseen
     if len(np.unique(unit[rest[~policy[rest]]])) < LEAST_KNOWN:
@@ -287,11 +287,16 @@ def _stream_parts_drawn(data: StreamData, rng: np.random.Generator) -> Parts:
     return Parts(known, np.flatnonzero(policy), np.flatnonzero(unseen), np.flatnonzero(is_test))
 
 
-def _drawn(rng: np.random.Generator, data: StreamData, unit: IntArray, streams: IntArray, share: float) -> IntArray:
-    """Draw units, of people or of streams, until they have a share of the frames of some streams; never all of them."""
+def _drawn(
+    rng: np.random.Generator, data: StreamData, unit: IntArray, streams: IntArray, share: float, *, left: int = 1
+) -> IntArray:
+    """Draw units, of people or of streams, until they have a share of the frames of some streams.
+
+    At least one is drawn, and so many are left.
+    """
     units = rng.permutation(np.unique(unit[streams]))
     frames = np.array([data.lengths[streams[unit[streams] == one]].sum() for one in units])
-    return units[: _nearest(np.cumsum(frames), share)]
+    return units[: _nearest(np.cumsum(frames), share, left)]
 
 
 def _shared_out(
@@ -315,9 +320,9 @@ def _shared_out(
     return np.isin(np.arange(len(data.lengths)), drawn[: _nearest(np.cumsum(data.lengths[drawn]), share)])
 
 
-def _nearest(upto: IntArray, share: float) -> int:
-    """Return how many of n, at least one and not all, come nearest to a share, by what the first 1 to n hold (n,)."""
-    return 1 + int(np.abs(upto[:-1] - share * upto[-1]).argmin())
+def _nearest(upto: IntArray, share: float, left: int = 1) -> int:
+    """Return how many of n come nearest to a share, by what the first 1 to n hold (n,); at least one, and some stay."""
+    return 1 + int(np.abs(upto[:-left] - share * upto[-1]).argmin())
 
 
 def part_of(data: MotionData | StreamData, part: str) -> IntArray:

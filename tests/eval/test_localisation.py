@@ -130,6 +130,11 @@ def test_the_centre_that_a_vehicle_follows_goes_after_it(folder: Path) -> None:
     assert any((followed[first : first + LENGTH] == centre).all() for first in range(len(followed) - LENGTH + 1))
 
 
+def test_flights_longer_than_all_streams_are_refused_in_one_line(folder: Path) -> None:
+    with pytest.raises(EharError, match=r"^[^\n]*expected [^\n]*$"):
+        make_stream_env(conditions=replace(told(folder, track="px4-auto"), length=100_000))
+
+
 def test_environments_see_people_there(folder: Path) -> None:
     seen = []
     for world in (str(folder / "worse.json"), "paper"):

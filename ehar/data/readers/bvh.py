@@ -18,7 +18,7 @@ from ehar.arrays import FloatArray
 from ehar.data.motion_data import MotionData
 from ehar.data.preparing.axes import Up, metres, up_rotation, upright
 from ehar.data.readers.names import compiled, label_of, visible_files
-from ehar.data.recordings import UNKNOWN_SUBJECT
+from ehar.data.recordings import MOST_RATE, UNKNOWN_SUBJECT
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError, UsageError
 
@@ -125,8 +125,9 @@ def read_bvh(file: Path) -> BvhFile:
     values = _parse_frames(file, lines, motion_line + 3, sum(len(joint.channels) for joint in joints))
     if len(values) != frames:
         raise DataError(f"{file}: got {len(values)} frames, expected the {frames:g} that it announces")
-    if not frame_time > 0:
-        raise DataError(f"{file}: line {motion_line + 3}: got frame time {frame_time:g}, expected seconds above 0")
+    if not frame_time >= 1 / MOST_RATE:
+        expected = f"expected seconds, at least {1 / MOST_RATE:g}"
+        raise DataError(f"{file}: line {motion_line + 3}: got frame time {frame_time:g}, {expected}")
     return BvhFile(
         joint_names=tuple(joint.name for joint in joints),
         parents=tuple(joint.parent for joint in joints),

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ehar.arrays import FloatArray
+from ehar.arrays import BoolArray, FloatArray
 from ehar.data.motion_data import MotionData
 from ehar.data.preparing.axes import Up, upright
 from ehar.data.skeleton import Skeleton
@@ -77,7 +77,8 @@ def prepare_expi(source: str | Path, *, unit: str = "mm", up: Up = "z") -> Motio
     if missing:
         problem = f"{len(missing)} of {len(names)} sequences have no mocap_cleaned.tsv: {', '.join(missing)}"
         raise DataError(f"{source}: {problem}; expected acro1 and acro2 of ExPI below it")
-    sequences = [read_sequence(file, unit=unit, up=up) for file in files]
+    sequences, gaps = zip(*(read_sequence(file, unit=unit, up=up) for file in files), strict=True)
+    lost = np.concatenate(gaps)
     labels = [
         label for split in (TRAIN, TEST) for label, numbers in enumerate(split.values()) for _ in range(len(numbers))
     ]
@@ -86,6 +87,7 @@ def prepare_expi(source: str | Path, *, unit: str = "mm", up: Up = "z") -> Motio
         positions=np.concatenate(sequences),
         offsets=np.cumsum([0, *map(len, sequences)]),
         labels=np.array(labels),
+        missing=lost if lost.any() else None,
         class_names=tuple(TRAIN),
         sequence_names=tuple(names),
         fps=FPS,
@@ -96,8 +98,8 @@ def prepare_expi(source: str | Path, *, unit: str = "mm", up: Up = "z") -> Motio
     )
 
 
-def read_sequence(file: Path, *, unit: str = "mm", up: Up = "z") -> FloatArray:
-    """Return the joints (T, 2, 18, 3) float32 [m] of one file.
+def read_sequence(file: Path, *, unit: str = "mm", up: Up = "z") -> tuple[FloatArray, BoolArray]:
+    """Return the joints (T, 2, 18, 3) float32 [m] of one file, and in which frames (T,) some were missing.
 
     The file has a header, then one row per frame. Commas separate the values, although the file ends in .tsv.
     """
@@ -106,8 +108,9 @@ def read_sequence(file: Path, *, unit: str = "mm", up: Up = "z") -> FloatArray:
     if not rows:
         raise DataError(f"{file}: got no frames, expected a header line and then {NUMBERS} numbers a row")
     values = np.array(rows)
+    gaps = np.isnan(values).any(axis=1)
     _fill_gaps(file, values)
-    return upright(values.reshape(len(rows), PERSONS, -1, 3), unit=unit, up=up)
+    return upright(values.reshape(len(rows), PERSONS, -1, 3), unit=unit, up=up), gaps
 
 
 def _parse_row(file: Path, number: int, line: str) -> list[float]:

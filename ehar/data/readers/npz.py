@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ehar.arrays import FloatArray
-from ehar.data.file_fields import FLOAT, INTEGER, Array, Fields, read_arrays
+from ehar.data.file_fields import BOOL, FLOAT, INTEGER, Array, Fields, read_arrays
 from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import SCHEMA, parse_motion
 from ehar.data.preparing.axes import Up, upright
@@ -49,6 +49,8 @@ def prepare_npz(
     held = fields.get("positions", FLOAT, "total_frames", "persons", "joints", 3)
     positions = without_empty_bodies(upright(held, unit=unit, up=up, of_camera="views" in arrays))
     arrays["positions"] = positions
+    if "missing" in arrays:
+        fields.get("missing", BOOL, len(positions))
     notes: tuple[str, ...] = ()
     if joints is not None:
         layout = LAYOUTS[joints]
@@ -80,9 +82,9 @@ def _keep_persons(fields: Fields, arrays: dict[str, Array], positions: FloatArra
     if persons < positions.shape[1] and np.ndim(arrays.get("subjects", 0)) == 2:
         del arrays["subjects"]  # nobody says who of them was kept
     for name in ("labels", "sequence_names", "split", "subjects", "views", "recorded_ms"):
-        if name in arrays and len(arrays[name]) == count:
+        if name in arrays and arrays[name].shape[:1] == (count,):
             arrays[name] = arrays[name][kept]
-    if "missing" in arrays and len(arrays["missing"]) == len(positions):
+    if "missing" in arrays:
         arrays["missing"] = arrays["missing"][np.repeat(kept, np.diff(offsets))]
     arrays["positions"] = np.concatenate(motions)
     arrays["offsets"] = np.cumsum([0, *map(len, motions)])

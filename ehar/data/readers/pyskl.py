@@ -120,6 +120,8 @@ def _sides(file: Path, splits: Any, split: str) -> dict[str, bool]:
     if not isinstance(train, list) or not isinstance(test, list):
         known = ", ".join(sorted(str(name) for name in held)) or "none"
         raise DataError(f"{file}: split: expected {split}_train, and {split}_val or {split}_test, got {known}")
+    if not all(isinstance(name, str) for name in (*train, *test)):
+        raise DataError(f"{file}: split: {split}: expected names of sequences only")
     return {**dict.fromkeys(train, False), **dict.fromkeys(test, True)}
 
 

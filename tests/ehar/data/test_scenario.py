@@ -1,10 +1,12 @@
 """Windows and splits."""
 
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
 
+from ehar.data import scenario
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import part_of, split_parts, strangers, windows
 from ehar.data.synthetic.sets import solo
@@ -228,3 +230,25 @@ def test_streams_of_one_person_are_parts_by_themselves() -> None:
     assert min(map(len, each)) > 0 and len(np.concatenate(each)) == 16
     with pytest.raises(DataError, match=r"expected at least 2 streams, of which one is the test, got 1$"):
         split_parts(replace(raising_streams(people=1), is_test=None))
+
+
+@pytest.mark.parametrize("order", list(permutations([6, 120, 12])))
+def test_streams_of_unlike_length_have_parts_too(order: tuple[int, ...]) -> None:
+    each = [raising_streams(people=1, seconds=seconds) for seconds in (*order, 12)]
+    begins = np.cumsum([0, *(len(one.positions) for one in each)])
+    data = replace(
+        raising_streams(people=4),
+        positions=np.concatenate([one.positions for one in each]),
+        offsets=begins,
+        segments=np.concatenate(
+            [one.segments + np.array([begin, begin, 0]) for one, begin in zip(each, begins[:-1], strict=True)]
+        ),
+        missing=np.zeros(begins[-1], dtype=bool),
+        is_test=np.arange(4) == 3,
+        subjects=np.full((4, 1), -1),
+        class_names=CLASS_NAMES,
+    )
+    for seed in range(20):
+        parts = scenario._stream_parts_drawn(data, np.random.default_rng(seed))
+        each_part = (parts.recogniser, parts.policy, parts.validation, parts.test)
+        assert sorted(np.concatenate(each_part)) == [0, 1, 2, 3]

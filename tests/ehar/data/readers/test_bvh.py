@@ -115,6 +115,7 @@ def test_a_root_that_the_body_moves_against_is_left_out(tmp_path: Path) -> None:
         ("Frames: 4", "Frames: 5", "got 4 frames, expected the 5"),
         ("Frames: 4", "Frame: 4", "line 22: got 'Frame: 4', expected 'Frames:' and a number"),
         ("Frame Time: 0.0333333", "Frame Time: 0", "line 23: got frame time 0"),
+        ("Frame Time: 0.0333333", "Frame Time: 1e-9", "line 23: got frame time 1e-09, expected seconds, at least"),
         ("0 0 0 30 0 0   0 0 60  1", "0 0 0 30 0 0   0 0 60", "line 27: got 9 numbers, expected 10"),
         ("0 0 0 30 0 0   0 0 60  1", "0 0 0 nan 0 0   0 0 60 1", "line 27: got 'nan', expected a finite number"),
     ],

@@ -113,8 +113,9 @@ def rows_with_gap(frames: int, begin: int, end: int, word: str) -> list[str]:
 
 @pytest.mark.parametrize("word", ["", " ", "NaN"])
 def test_gaps_are_filled_on_a_straight_line(tmp_path: Path, word: str) -> None:
-    joints = read_sequence(write(tmp_path / "f.tsv", rows_with_gap(10, 3, 7, word)))
+    joints, gaps = read_sequence(write(tmp_path / "f.tsv", rows_with_gap(10, 3, 7, word)))
     np.testing.assert_allclose(joints[:, 0, 1, 1], 0.01 * np.arange(10), atol=1e-6)
+    assert np.flatnonzero(gaps).tolist() == [3, 4, 5, 6]
 
 
 @pytest.mark.parametrize(

@@ -85,6 +85,25 @@ def test_broken_files(arrays: dict[str, np.ndarray], problem: str, tmp_path: Pat
         prepare_npz(write(tmp_path / "a.npz", **arrays))
 
 
+@pytest.mark.parametrize("persons", [None, 1])
+@pytest.mark.parametrize(
+    ("arrays", "problem"),
+    [
+        ({"missing": np.zeros(5, dtype=bool)}, r"missing: got shape \(5,\)"),
+        ({"missing": np.zeros(240)}, "missing: got dtype float64"),
+        ({"missing": np.array(False)}, r"missing: got shape \(\)"),
+        ({"labels": np.array(1)}, r"labels: got shape \(\)"),
+    ],
+)
+def test_what_is_beside_gaps_may_be_broken(
+    arrays: dict[str, np.ndarray], problem: str, persons: int | None, tmp_path: Path
+) -> None:
+    positions = tiny_data(persons=2).positions.copy()
+    positions[7, 0, 0] = np.nan
+    with pytest.raises(EharError, match=problem):
+        prepare_npz(write(tmp_path / "a.npz", positions=positions, **arrays), persons=persons)
+
+
 def test_wrong_options(tmp_path: Path) -> None:
     path = write(tmp_path / "a.npz")
     with pytest.raises(EharError, match="persons: got 0"):

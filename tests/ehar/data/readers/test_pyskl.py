@@ -116,6 +116,12 @@ def test_broken_files(content: Any, problem: str, tmp_path: Path) -> None:
     assert "\n" not in str(caught.value) and str(tmp_path) in str(caught.value)
 
 
+def test_a_split_that_names_no_sequences(tmp_path: Path) -> None:
+    split = {"xsub_train": [["S1"]], "xsub_val": []}
+    with pytest.raises(DataError, match=r"split: xsub: expected names of sequences only"):
+        prepare_pyskl(dump(tmp_path, {"annotations": [annotation()], "split": split}), split="xsub")
+
+
 def test_truncated_files_and_wrong_options(tmp_path: Path) -> None:
     file = dump(tmp_path, whole())
     with pytest.raises(DataError, match="expected xview_train, and xview_val or xview_test, got xsub_train, xsub_val"):

@@ -102,9 +102,10 @@ def test_a_rate_at_which_short_segments_have_no_room_is_refused() -> None:
         resampled([(10, 11), (11, 12), (12, 13), (13, 14)], 2.0)
 
 
-def test_a_rate_of_zero_is_refused() -> None:
-    with pytest.raises(UsageError, match="fps: got 0, expected frames per second above 0"):
-        tiny_streams().resampled(0)
+@pytest.mark.parametrize("rate", [0, 1e9, float("nan")])
+def test_a_rate_that_makes_no_sense_is_refused(rate: float) -> None:
+    with pytest.raises(UsageError, match=f"fps: got {rate}, expected frames per second above 0, and at most 10000"):
+        tiny_streams().resampled(rate)
 
 
 def test_a_file_holds_all_of_them(tmp_path: Path) -> None:
