@@ -16,9 +16,9 @@ from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import Sensor
 from ehar.world import PAPER, World
 
-SENSORS: dict[str, Callable[[Recordings, Camera, str | None], Sensor]] = {
-    "perfect": lambda data, camera, device: PerfectSensor(camera=camera),  # one product, and NumPy's on any device
-    "estimator": lambda data, camera, device: EstimatorSensor(skeleton=data.skeleton, camera=camera, device=device),
+SENSORS: dict[str, Callable[[Recordings, Camera], Sensor]] = {
+    "perfect": lambda data, camera: PerfectSensor(camera=camera),
+    "estimator": lambda data, camera: EstimatorSensor(skeleton=data.skeleton, camera=camera),
 }
 CONTRACT = Contract("sensor", Sensor, ("sense",), ("name", "camera"))
 
@@ -54,7 +54,7 @@ def load_sensor(sensor: str | Sensor, data: Recordings, world: World, *, device:
             `(argument=value, ...)`; or an object.
         data: the data whose joints it will see.
         world: the world whose camera it has.
-        device: a torch device that computes what a sensor of ehar sees; None means NumPy.
+        device: a torch device on which the estimator computes; None means NumPy, as it does for all other sensors.
 
     Raises:
         UsageError: the name is unknown, or your own class cannot be made, is no sensor, has another camera, or cannot
@@ -62,7 +62,10 @@ def load_sensor(sensor: str | Sensor, data: Recordings, world: World, *, device:
     """
     if isinstance(sensor, str):
         if sensor in SENSORS:
-            return LoadedSensor(SENSORS[sensor](data, world.camera, device), sensor)
+            made = SENSORS[sensor](data, world.camera)
+            if isinstance(made, EstimatorSensor):
+                made.device = device
+            return LoadedSensor(made, sensor)
         spec = parse_spec(sensor)
         if spec is None or not spec.place:
             raise UsageError(f"unknown sensor {sensor!r}; expected one of: {', '.join(SENSORS)}, or {FORMS}")
