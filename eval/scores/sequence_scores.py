@@ -52,14 +52,16 @@ def _interquartile_means(values: FloatArray, weights: FloatArray | IntArray) -> 
 
     Args:
         values: (n,).
-        weights: (R, n), how often each value is drawn, n in all.
+        weights: (R, n), how often each value is drawn. Where people are drawn, with sequences of their own, a resample
+            may have more values than another.
     """
     order = np.argsort(values)
-    cut = len(values) // 4
-    kept = np.clip(np.cumsum(weights[:, order], axis=1), cut, len(values) - cut) - float(cut)
+    drawn = weights.sum(axis=1, keepdims=True)  # (R, 1)
+    cut = drawn // 4
+    kept = np.clip(np.cumsum(weights[:, order], axis=1), cut, drawn - cut) - cut
     # Summation by parts: the number of kept values that are no higher than each value, times the step to the next.
     below: FloatArray = kept[:, :-1] @ np.diff(values[order])
-    means: FloatArray = values[order[-1]] - below / (len(values) - 2 * cut)
+    means: FloatArray = values[order[-1]] - below / (drawn - 2 * cut)[:, 0]
     return means
 
 
@@ -91,6 +93,6 @@ def resampled_improvements(won: FloatArray, counts: IntArray, draws: IntArray, o
         draws: (R, G), how often each training of the one planner is drawn.
         other: (R, H), how often each training of the other planner is drawn.
     """
-    by_training = won @ (counts.T / won.shape[2])
+    by_training = won @ (counts / counts.sum(axis=1, keepdims=True)).T  # people have unlike numbers of sequences
     chances: FloatArray = np.einsum("rg,rh,ghr->r", draws / won.shape[0], other / won.shape[1], by_training)
     return chances

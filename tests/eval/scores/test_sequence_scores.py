@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import mannwhitneyu, trim_mean
 
-from eval.scores.resampling.statistics import resample_counts
+from ehar.arrays import IntArray
+from eval.scores.resampling.statistics import resample_counts, two_stage_counts
 from eval.scores.sequence_scores import (
     accuracy_by_sequence,
     interquartile_mean,
@@ -34,12 +35,21 @@ def test_the_interquartile_mean_is_scipy_s_trimmed_mean(seed: int, trainings: in
     assert interquartile_mean(scores) == pytest.approx(trim_mean(scores.ravel(), 0.25))
 
 
+def counts_of(rng: np.random.Generator, sequences: int, resamples: int, people: bool) -> IntArray:
+    """Return how often each sequence is drawn, (resamples, sequences): alone, or with those of a person."""
+    if not people:
+        return resample_counts(rng, sequences, resamples)
+    return two_stage_counts(rng, np.array([0, 0, 0, 0, 1, 1, 2])[:sequences], resamples)
+
+
 @pytest.mark.parametrize("trainings", [1, 3])
-def test_resampled_interquartile_means_equal_those_of_scores_repeated(trainings: int) -> None:
+@pytest.mark.parametrize("people", [False, True])
+def test_resampled_interquartile_means_equal_those_of_scores_repeated(trainings: int, people: bool) -> None:
     rng = np.random.default_rng(3)
     scores = rng.random((trainings, 7))
     resamples = 1100  # more than are computed at a time
-    counts, draws = resample_counts(rng, 7, resamples), resample_counts(rng, trainings, resamples)
+    counts, draws = counts_of(rng, 7, resamples, people), resample_counts(rng, trainings, resamples)
+    assert (len(np.unique(counts.sum(axis=1))) > 1) == people
     fast = resampled_interquartile_means(scores, counts, draws)
     for resample in (*range(20), *range(1090, 1100)):
         drawn = np.repeat(np.repeat(scores, counts[resample], axis=1), draws[resample], axis=0)
@@ -55,10 +65,12 @@ def test_the_probability_of_improvement_is_mann_and_whitney_s_in_each_sequence()
     assert probability_of_improvement(wins(one, one)) == 0.5
 
 
-def test_resampled_improvements_equal_those_of_scores_repeated() -> None:
+@pytest.mark.parametrize("people", [False, True])
+def test_resampled_improvements_equal_those_of_scores_repeated(people: bool) -> None:
     rng = np.random.default_rng(5)
     one, other = rng.integers(0, 5, (2, 6)) / 4, rng.integers(0, 5, (3, 6)) / 4
-    counts, draws, others = (resample_counts(rng, size, 30) for size in (6, 2, 3))
+    counts = counts_of(rng, 6, 30, people)
+    draws, others = (resample_counts(rng, size, 30) for size in (2, 3))
     fast = resampled_improvements(wins(one, other), counts, draws, others)
     for resample in range(30):
         drawn = [
