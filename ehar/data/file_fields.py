@@ -32,6 +32,10 @@ def read_arrays(path: Path, schema: Set[str]) -> dict[str, Array]:
     """
     if not path.is_file():
         raise DataError(f"{path}: no such file; expected an .npz of motion data")
+    try:
+        path.open("rb").close()
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read: {error.strerror}") from error
     if not zipfile.is_zipfile(path):
         raise DataError(f"{path}: not an .npz file (an .npz is a zip archive of numpy arrays)")
     field = "the archive"

@@ -12,11 +12,12 @@ def blamed(actor: object, where: str) -> Iterator[None]:
     """Turn an error of a planner, a recogniser, a sensor or a motion into one line with its file and line.
 
     Raises:
-        EpisodeError: the code raised an error; an `EharError` is not changed.
+        EpisodeError: the code raised an error, or called `sys.exit`, which would end the command without a word; an
+            `EharError` is not changed.
     """
     try:
         yield
     except EharError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise EpisodeError(f"{where}: {failure(error, type(actor))}") from error

@@ -66,7 +66,7 @@ def construct(cls: type[Any], spec: ClassSpec, what: str, handed: Mapping[str, A
         return cls(**{**handed, **given}), given
     except EharError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise UsageError(f"{what}: its constructor raised {failure(error, cls)}") from error
 
 

@@ -131,7 +131,7 @@ def _has(made: Any, name: str) -> bool:
 def _copy(brought: Any, what: str) -> Any:
     try:
         return deepcopy(brought)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise UsageError(
             f"{what}: expected an object that can be copied: {failure(error, type(brought))}; {FORMS} is made anew"
         ) from error
@@ -140,7 +140,7 @@ def _copy(brought: Any, what: str) -> Any:
 def _construct(cls: type[Any], arguments: Mapping[str, Any], what: str) -> Any:
     try:
         return cls(**arguments)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise UsageError(f"{what}: its constructor raised {failure(error, cls)}") from error
 
 

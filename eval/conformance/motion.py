@@ -185,7 +185,7 @@ def _checks(make: Callable[[], Motion], errand: Errand, frame_time: float) -> li
             move(motion, mine.targets[:half])
             try:
                 copy = copy_of(motion)
-            except Exception as error:
+            except (Exception, SystemExit) as error:
                 return f"{name}: {type(error).__name__}: {error}"
             move(motion, mine.targets[:half])  # this must not move the copy
             rest = Way(*(array[half:] for array in way))

@@ -51,7 +51,7 @@ def _checks(planner: Planner, world: PlannerWorld) -> list[ContractCheck]:
     batch = world.batch.select(FIRST)
     try:
         copy_of = _copier(planner)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         return [
             ContractCheck(
                 "can be sent to a worker process",

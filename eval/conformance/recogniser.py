@@ -278,7 +278,7 @@ def _at_once(recogniser: Any, frames: Sequence[GivenFrame]) -> Stream:
 def _pickled(recogniser: Recogniser, frames: Sequence[GivenFrame], stream: Stream) -> str | None:
     try:
         copy = cloudpickle.loads(cloudpickle.dumps(recogniser))
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         return f"{type(error).__name__}: {error}"
     return difference_of(stream, Streamer(copy).stream(frames)[0], ("here", "from the copy"))
 

@@ -140,7 +140,7 @@ def _checks(sensor: Sensor, clip: Shown) -> list[ContractCheck]:
     def pickled() -> str | None:
         try:
             copy = cloudpickle.loads(cloudpickle.dumps(sensor))
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             return f"{type(error).__name__}: {error}"
         return _difference(stream, frames(clip, copy), ("here", "from the copy"), TOLERANCE)
 

@@ -32,7 +32,7 @@ from eval.running.choice import ModelPlace
 from eval.running.episodes import Episodes, cut_scenarios, random_starts
 from planners.registry import resolve_planner
 from planners.value.belief.filters import read_streams
-from recognition.setting import Setting, load_setting
+from recognition.setting import Setting, load_recordings_of, load_setting
 from recognition.streaming import StreamingRecogniser
 
 LATE = (0.05, 0.3)  # [s] that a late frame takes longer
@@ -268,6 +268,7 @@ def rehearse(
     if not 0 < minutes < np.inf:
         raise UsageError(f"minutes: expected a number above 0, got {minutes}")
     if not conditions.in_streams:
+        load_recordings_of(conditions)  # which tells of a file that is not there
         name = conditions.data.name if isinstance(conditions.data, MotionData) else conditions.data
         raise UsageError(f"{name}: expected streams, as `ehar data stitch` makes them, got trimmed sequences")
     if world is not None:

@@ -8,6 +8,7 @@ from typing import Literal, get_args
 
 from ehar.conditions import Conditions, Form
 from ehar.errors import UsageError
+from ehar.files import check_folder
 from ehar.processes import cores
 from ehar.track import IDEAL
 from recognition.devices import check_device
@@ -250,6 +251,8 @@ class AgentTrainingConfig:
         check_device(self.device)
         if self.tensorboard is not None and importlib.util.find_spec("tensorboard") is None:
             raise UsageError(f"--tensorboard {self.tensorboard}: expected TensorBoard to be installed, it is not")
+        if self.tensorboard is not None:
+            check_folder(self.tensorboard)
 
     def imitation(self, stage: Stage) -> ImitationSetting:
         """Return the imitation setting of a stage: `dagger` has its own, `il` and `il-ppo` have the one asked for."""

@@ -18,7 +18,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger, configure
 from torch import Tensor
 
-from ehar.errors import ModelError
+from ehar.errors import ModelError, UsageError
 from planners.agents.config import PPOSetting
 from planners.agents.episode_groups import MakeEnv
 from planners.agents.network import AgentNetwork
@@ -278,6 +278,8 @@ def _logger(tensorboard: str | None) -> Logger:
         return configure(tensorboard, ["tensorboard"])
     except (ImportError, AssertionError) as error:
         raise ModelError(f"{tensorboard}: expected TensorBoard to be installed, got: {error}") from error
+    except OSError as error:
+        raise UsageError(f"{tensorboard}: cannot be written: {error.strerror}") from error
 
 
 @contextmanager

@@ -46,8 +46,11 @@ def holds_streams(path: Path) -> bool:
     """Return whether a file is an archive with `segments`."""
     if not path.is_file() or not zipfile.is_zipfile(path):
         return False
-    with zipfile.ZipFile(path) as archive:
-        return "segments.npy" in archive.namelist()
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return "segments.npy" in archive.namelist()
+    except (zipfile.BadZipFile, OSError, ValueError):  # whoever reads it says what is wrong
+        return False
 
 
 def save_streams(path: str | Path, data: StreamData) -> None:

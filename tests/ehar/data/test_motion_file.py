@@ -1,5 +1,6 @@
 """Motion files: what is written is read back, and what is wrong ends in one line that says where."""
 
+import errno
 import os
 import re
 from collections.abc import Callable
@@ -12,11 +13,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ehar.data.any_source import load_recordings
 from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import load_motion, save_motion
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError, EharError
 from tests.helpers.examples import share_of_examples
+from tests.helpers.fakes import tiny_data
 from tests.helpers.places import SHARED
 
 DATA = SHARED
@@ -207,6 +210,27 @@ def test_object_arrays_are_never_unpickled(tmp_path: Path, field: str) -> None:
     message = error_of(lambda: load_motion(path))
     assert message.startswith(f"{path}: {field}: ") and "object array" in message
     assert not trace.exists()
+
+
+def test_a_damaged_directory_of_the_archive(tmp_path: Path) -> None:
+    path = tmp_path / "bad.npz"
+    save_motion(path, tiny_data())
+    content = bytearray(path.read_bytes())
+    begin = content.index(b"PK\x01\x02")  # the directory at the end of the archive
+    content[begin : begin + 20] = bytes(20)
+    path.write_bytes(content)
+    assert error_of(lambda: load_recordings(str(path))).startswith(f"{path}: the archive: cannot be read: ")
+
+
+def test_a_file_that_may_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "secret.npz"
+    save_motion(path, tiny_data())
+
+    def refuse(path: Path, mode: str) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refuse)
+    assert error_of(lambda: load_motion(path)) == f"{path}: cannot be read: Permission denied"
 
 
 def test_files_that_are_no_npz(tmp_path: Path) -> None:

@@ -148,6 +148,11 @@ class Broken(Still):
         return observation.viewpoint[:, 7]
 
 
+class Leaving(Still):
+    def act(self, observation: Observation) -> FloatArray:
+        sys.exit(0)  # without a word, and a shell would take it for a pass
+
+
 class LongSighted(Still):
     def reset(self, context: Context) -> None:
         self.pace = 1 / (context.length - 2)
@@ -179,6 +184,7 @@ DEFECTS = [
     ),
     (Lost(), "answers a batch of 7 with finite targets (7, 3)", r"frame 3: expected a finite target .* \[nan"),
     (Broken(), "answers a batch of 7 with finite targets (7, 3)", r"IndexError: .*test_planner.py, line \d+"),
+    (Leaving(), "answers a batch of 7 with finite targets (7, 3)", r"SystemExit: 0 \(.*test_planner.py, line \d+"),
     (LongSighted(), "runs episodes of 1 and of 2 frames", r"'still', reset: ZeroDivisionError: .*, line \d+\)$"),
     (Locked(), "can be sent to a worker process", r"TypeError: cannot pickle '_thread.lock' object"),
 ]  # fmt: skip

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ehar.conditions import Conditions
-from ehar.errors import UsageError
+from ehar.errors import DataError, UsageError
 from eval.live import rehearsal
 from eval.live.figures import Latencies
 from eval.live.rehearsal import EQUAL, rehearse
@@ -69,6 +69,20 @@ def test_where_people_are_is_a_number() -> None:
         live(models="", origin=(float("nan"), 0.0, 0.0))
     with pytest.raises(UsageError, match="--models: expected a folder of weights, got none; a built-in set"):
         live(source="frames.jsonl")
+
+
+def test_a_file_that_is_not_there_can_t_be_rehearsed(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"absent\.npz: no such file"):
+        rehearse(
+            Conditions(data=str(tmp_path / "absent.npz"), track="px4-auto"),
+            planner="no-act",
+            belief=None,
+            sure=0.9,
+            minutes=1,
+            loss=0,
+            outputs=lambda _: [],
+            note=print,
+        )
 
 
 def test_only_streams_are_rehearsed(tmp_path: Path) -> None:

@@ -253,6 +253,7 @@ def test_options_that_make_no_sense(config: AgentTrainingConfig, changes: dict[s
 def test_what_is_not_there(config: AgentTrainingConfig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     assert "--device cuda: expected a GPU" in refusal(UsageError, config, device="cuda")
+    assert "expected a folder that can be written to" in refusal(UsageError, config, tensorboard=Path(__file__))
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert "expected TensorBoard to be installed" in refusal(UsageError, config, tensorboard=Path("logs"))
     assert "estimator-moving" in refusal(ModelError, config, sensor="estimator")
