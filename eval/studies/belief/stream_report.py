@@ -124,6 +124,7 @@ class StreamBeliefReport:
                     "NLL: of the true class of each frame [nat], no activity among them; lower than the recogniser's.",
                     *STREAM_NOTES,
                     self._alarms_told(),
+                    "Intervals of lower by and sooner by are each for itself: they are not corrected together.",
                     *lines.footnotes,
                 ),
                 notice=lines.notice,
