@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ehar.conditions import Conditions
-from ehar.errors import DataError, UsageError
+from ehar.errors import DataError, EharError, UsageError
 from eval.live import rehearsal
 from eval.live.figures import Latencies
 from eval.live.rehearsal import EQUAL, rehearse
@@ -71,24 +71,17 @@ def test_where_people_are_is_a_number() -> None:
         live(source="frames.jsonl")
 
 
-def test_a_file_that_is_not_there_can_t_be_rehearsed(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"absent\.npz: no such file"):
+@pytest.mark.parametrize(
+    ("data", "error", "message"),
+    [
+        ("solo", UsageError, "expected streams, as `ehar data stitch` makes them, got trimmed sequences"),
+        ("absent.npz", DataError, r"absent\.npz: no such file"),
+    ],
+)
+def test_only_streams_that_are_there_are_rehearsed(data: str, error: type[EharError], message: str) -> None:
+    with pytest.raises(error, match=message):
         rehearse(
-            Conditions(data=str(tmp_path / "absent.npz"), track="px4-auto"),
-            planner="no-act",
-            belief=None,
-            sure=0.9,
-            minutes=1,
-            loss=0,
-            outputs=lambda _: [],
-            note=print,
-        )
-
-
-def test_only_streams_are_rehearsed(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="expected streams, as `ehar data stitch` makes them, got trimmed sequences"):
-        rehearse(
-            Conditions(data="solo", track="px4-auto"),
+            Conditions(data=data, track="px4-auto"),
             planner="no-act",
             belief=None,
             sure=0.9,
