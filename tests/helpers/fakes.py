@@ -115,6 +115,7 @@ class FakeRecogniser:
     """Adds up evidence: +quality(viewpoint) for the class whose joint is highest in the first person's image."""
 
     data_sha256: str | None = None
+    sensor_sha256: str | None = None
     class_names = CLASS_NAMES
     embedding_size = len(CLASS_NAMES)
 
