@@ -127,8 +127,8 @@ def bench(
             episodes at once, from what a sensor gave to calibrated probabilities, both in the CPU's memory.
         device_sensed_and_recognised_frames_per_s: likewise with the estimator sensor, on the device too.
         device_training_clips_per_s: clips that the training of a recogniser takes in; the CPU draws them.
-        device_probability_difference: how far its probabilities differ at most from those on the CPU, where the
-            estimator sensor runs there too.
+        device_probability_difference: how far its probabilities differ at most from those on the CPU; each
+            has an estimator sensor of its own.
         device_sensor_speedup: how many times as many frames of `Effort.batch` episodes that sensor takes on the device
             as on one thread of the CPU.
 
