@@ -1,10 +1,10 @@
 """What a 2D pose estimator gets wrong: noise, joints hidden behind limbs, missing joints, left-right swaps."""
 
+from functools import partial
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from ehar.arrays import BoolArray, FloatArray
 from ehar.camera import NEAR_PLANE, Camera, project
@@ -21,6 +21,50 @@ SWAP_WIDTH = 0.4  # share of the body's width: if more is seen, sides are never 
 OCCLUSION_MARGIN = 0.1  # [m], a bone hides a joint only if it is nearer by this much
 CHUNK_FRAMES = 64  # the temporary arrays of 64 frames fit in a core's cache
 DEVICE_FRAMES = 8192  # on a GPU; their temporary arrays take some hundred MiB
+
+Array = Any  # of NumPy, or a torch tensor on one device
+
+
+class _Frames(NamedTuple):
+    """What differs from frame to frame: people in the image, and the draws of their errors.
+
+    Args:
+        positions: (n, P, J, 3) joints [m].
+        pixels: (n, P, J, 2) where they are in the image [px].
+        depth: (n, P, J) how far they are along the optical axis [m].
+        localisation: (n, P, J, 2), as the next two a part of `SensorNoise`.
+        dropout: (n, P, J).
+        swap: (n, P).
+        hidden: (n, P, J) which joints an obstacle hides.
+    """
+
+    positions: Array
+    pixels: Array
+    depth: Array
+    localisation: Array
+    dropout: Array
+    swap: Array
+    hidden: Array
+
+
+class _Bodies(NamedTuple):
+    """What is the same in all frames: bodies, and the image.
+
+    Args:
+        radii: (P J, P bones, 1) radius of each bone as an occluder of each joint [m].
+        bones: (2, P bones) the joints at their ends, counted over all people.
+        mirror: (J,) each joint's partner on the other side.
+        pairs: (2, pairs) joints of the left side, and their partners.
+        middle: (2,) of the image [px].
+        levels: (3,) confidence of a joint in plain view, of an occluded and of a missing one.
+    """
+
+    radii: Array
+    bones: Array
+    mirror: Array
+    pairs: Array
+    middle: Array
+    levels: Array
 
 
 class EstimatorSensor:
@@ -96,26 +140,26 @@ class EstimatorSensor:
         *_, persons, joints, _ = positions.shape
         leading = np.broadcast_shapes(positions.shape[:-3], viewpoint.shape[:-1], noise.swap.shape[:-1])
         frames = int(np.prod(leading))
-        positions = np.broadcast_to(positions, (*leading, persons, joints, 3)).reshape(frames, persons, joints, 3)
-        viewpoint = np.broadcast_to(viewpoint, (*leading, 3)).reshape(frames, 3)
-        localisation = np.broadcast_to(noise.localisation, (*leading, persons, joints, 2))
-        draws = SensorNoise(
-            localisation.reshape(frames, persons, joints, 2),
-            np.broadcast_to(noise.dropout, (*leading, persons, joints)).reshape(frames, persons, joints),
-            np.broadcast_to(noise.swap, (*leading, persons)).reshape(frames, persons),
-        )
-        joints_2d = np.empty((frames, persons, joints, 2), dtype=np.float32)
-        confidence = np.empty((frames, persons, joints), dtype=np.float32)
-        radii = self._capsule_radii(persons)
-        cut = np.broadcast_to(False if hidden is None else hidden, (*leading, persons, joints))
-        cut = cut.reshape(frames, persons, joints)
+
+        def by_frame(values: Array, *shape: int) -> Array:
+            return np.broadcast_to(values, (*leading, *shape)).reshape(frames, *shape)
+
+        people = (persons, joints)
+        positions, viewpoint = by_frame(positions, *people, 3), by_frame(viewpoint, 3)
+        localisation, dropout = by_frame(noise.localisation, *people, 2), by_frame(noise.dropout, *people)
+        swap, cut = by_frame(noise.swap, persons), by_frame(False if hidden is None else hidden, *people)
+        joints_2d = np.empty((frames, *people, 2), dtype=np.float32)
+        confidence = np.empty((frames, *people), dtype=np.float32)
+        bodies = self._bodies(persons)
         size = CHUNK_FRAMES if self.device is None else DEVICE_FRAMES
         for begin in range(0, frames, size):
             chunk = slice(begin, begin + size)
-            joints_2d[chunk], confidence[chunk] = self._sense_chunk(
-                positions[chunk], viewpoint[chunk], SensorNoise(*(draw[chunk] for draw in draws)), radii, cut[chunk]
+            pixels, depth = project(positions[chunk], viewpoint[chunk], self.camera)  # on any device the same pixels
+            told = _Frames(
+                positions[chunk], pixels, depth, localisation[chunk], dropout[chunk], swap[chunk], cut[chunk]
             )
-        return Sensed(joints_2d.reshape(*leading, persons, joints, 2), confidence.reshape(*leading, persons, joints))
+            joints_2d[chunk], confidence[chunk] = self._on_device(told, bodies)
+        return Sensed(joints_2d.reshape(*leading, *people, 2), confidence.reshape(*leading, *people))
 
     def fingerprint(self) -> bytes:
         """Return what decides what it sees."""
@@ -123,80 +167,54 @@ class EstimatorSensor:
         del told["device"]
         return repr(told).encode()
 
-    def _sense_chunk(
-        self, positions: FloatArray, viewpoint: FloatArray, noise: SensorNoise, radii: FloatArray, hidden: BoolArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Sense frames (n, ...); `radii` is a result of `_capsule_radii`."""
-        pixels, depth = project(positions, viewpoint, self.camera)  # by NumPy on any device: pixels are the same
-        told = (positions, pixels, depth, *noise, radii, hidden, *self._constants(positions.shape[1]))
-        if self.device is None:
-            joints_2d, confidence = self._with_errors(np, *told)
-            return joints_2d, confidence
-        import torch  # imported here: it takes seconds, and without a device nobody needs it
-
-        seen = self._with_errors(torch, *(torch.tensor(array, device=self.device) for array in told))
-        joints_2d, confidence = (part.cpu().numpy() for part in seen)
-        return joints_2d, confidence
-
-    def _constants(self, persons: int) -> tuple[npt.NDArray[np.generic], ...]:
-        """Return the last arguments of `_with_errors`."""
+    def _bodies(self, persons: int) -> _Bodies:
+        """Return what is the same in all frames, as arrays of NumPy."""
         mirror, joints = self.skeleton.mirror, len(self.skeleton.joint_names)
         bones = (np.arange(persons)[:, None, None] * joints + self.skeleton.bone_indices).reshape(-1, 2)
         left = np.flatnonzero(mirror > np.arange(joints))
-        middle = np.array((self.camera.width / 2, self.camera.height / 2), dtype=np.float32)
-        levels = np.array((1.0, self.occluded_confidence, 0.0), dtype=np.float32)
-        return np.ascontiguousarray(bones.T), mirror, np.stack((left, mirror[left])), middle, levels
+        return _Bodies(
+            radii=self._capsule_radii(persons),
+            bones=np.ascontiguousarray(bones.T),
+            mirror=mirror,
+            pairs=np.stack((left, mirror[left])),
+            middle=np.array((self.camera.width / 2, self.camera.height / 2), dtype=np.float32),
+            levels=np.array((1.0, self.occluded_confidence, 0.0), dtype=np.float32),
+        )
 
-    def _with_errors(
-        self,
-        xp: ModuleType,
-        positions: Any,
-        pixels: Any,
-        depth: Any,
-        localisation: Any,
-        dropout: Any,
-        swap: Any,
-        radii: Any,
-        hidden: Any,
-        bones: Any,
-        mirror: Any,
-        pairs: Any,
-        middle: Any,
-        levels: Any,
-    ) -> tuple[Any, Any]:
+    def _on_device(self, frames: _Frames, bodies: _Bodies) -> tuple[FloatArray, FloatArray]:
+        """Compute `_with_errors` of arrays, and return arrays."""
+        if self.device is None:
+            joints_2d, confidence = self._with_errors(np, frames, bodies)
+            return joints_2d, confidence
+        import torch  # imported here: it takes seconds, and without a device nobody needs it
+
+        there = partial(torch.tensor, device=self.device)
+        seen = self._with_errors(torch, _Frames(*map(there, frames)), _Bodies(*map(there, bodies)))
+        joints_2d, confidence = (part.cpu().numpy() for part in seen)
+        return joints_2d, confidence
+
+    def _with_errors(self, xp: ModuleType, frames: _Frames, bodies: _Bodies) -> tuple[Array, Array]:
         """Return joints in the image (n, P, J, 2) and confidences (n, P, J), with the errors of an estimator.
 
-        Args:
-            xp: NumPy or torch; the two have the same names for all that is done here.
-            positions: (n, P, J, 3) joints [m], as all below an array of NumPy, or a tensor on one device.
-            pixels: (n, P, J, 2) where they are in the image [px].
-            depth: (n, P, J) how far they are along the optical axis [m].
-            localisation: (n, P, J, 2), as the next two a part of `SensorNoise`.
-            dropout: (n, P, J).
-            swap: (n, P).
-            radii: (P J, P bones, 1), see `_capsule_radii`.
-            hidden: (n, P, J) which joints an obstacle hides.
-            bones: (2, P bones) the joints at their ends, counted over all people.
-            mirror: (J,) each joint's partner on the other side.
-            pairs: (2, pairs) joints of the left side, and their partners.
-            middle: (2,) of the image [px].
-            levels: (3,) confidence of a joint in plain view, of an occluded and of a missing one.
+        `xp` is NumPy or torch: the two have the same names for all that is done here.
         """
+        pixels, depth = frames.pixels, frames.depth
         height = xp.amax(xp.amax(pixels, 2) - xp.amin(pixels, 2), -1)  # (n, P)
-        occluded = self._occluded(xp, pixels, depth, radii, bones)
+        occluded = self._occluded(xp, frames, bodies)
         scale = xp.sqrt((self.relative_noise * height) ** 2 + self.noise_floor**2)[:, :, None]
         scale = xp.where(occluded, self.occluded_noise * scale, scale)
-        joints_2d = pixels + scale[..., None] * localisation
+        joints_2d = pixels + scale[..., None] * frames.localisation
 
         x, y = pixels[..., 0], pixels[..., 1]
         missing = (x < 0) | (x >= self.camera.width) | (y < 0) | (y >= self.camera.height) | (depth < NEAR_PLANE)
-        missing |= hidden | (dropout < (1 - height / self.smallest_height)[:, :, None])
-        joints_2d = xp.where(missing[..., None], middle, joints_2d)
-        confidence = xp.where(missing, levels[2], xp.where(occluded, levels[1], levels[0]))
+        missing |= frames.hidden | (frames.dropout < (1 - height / self.smallest_height)[:, :, None])
+        joints_2d = xp.where(missing[..., None], bodies.middle, joints_2d)
+        plain, behind, none = bodies.levels
+        confidence = xp.where(missing, none, xp.where(occluded, behind, plain))
 
-        swapped = (swap < self._swap_probability(xp, positions, pixels, depth, pairs))[..., None]
-        joints_2d = xp.where(swapped[..., None], joints_2d[:, :, mirror], joints_2d)
-        confidence = xp.where(swapped, confidence[:, :, mirror], confidence)
+        swapped = (frames.swap < self._swap_probability(xp, frames, bodies))[..., None]
+        joints_2d = xp.where(swapped[..., None], joints_2d[:, :, bodies.mirror], joints_2d)
+        confidence = xp.where(swapped, confidence[:, :, bodies.mirror], confidence)
         return joints_2d, confidence
 
     def _capsule_radii(self, persons: int) -> FloatArray:
@@ -211,18 +229,19 @@ class EstimatorSensor:
         radii: FloatArray = np.where(own, 0.0, np.tile(radius, persons)).astype(np.float32)
         return radii[..., None]
 
-    def _occluded(self, xp: ModuleType, pixels: Any, depth: Any, radii: Any, bones: Any) -> Any:
+    def _occluded(self, xp: ModuleType, frames: _Frames, bodies: _Bodies) -> Array:
         """Return which joints (n, P, J) lie behind a bone's capsule; arguments are as in `_with_errors`.
 
         Two conditions hold for such a joint. In the image, its distance to the bone is below the capsule's radius,
         projected at the depth of the bone's point nearest to the joint; inverse depth is linear along a projected
         segment. And this point is nearer to the camera than the joint, by `occlusion_margin`.
         """
-        frames, persons, joints = depth.shape
+        pixels, depth = frames.pixels, frames.depth
+        count, persons, joints = depth.shape
         # Frames last, so that the inner loops run over the many frames, not over the few bones.
-        x, y, far = (_transposed(xp, part.reshape(frames, -1)) for part in (pixels[..., 0], pixels[..., 1], depth))
+        x, y, far = (_transposed(xp, part.reshape(count, -1)) for part in (pixels[..., 0], pixels[..., 1], depth))
         inverse_depth = 1 / xp.clip(far, NEAR_PLANE, None)
-        begin, end = bones
+        begin, end = bodies.bones
         bone_x, bone_y = x[end] - x[begin], y[end] - y[begin]
         inverse_length = 1 / xp.clip(bone_x**2 + bone_y**2, 1e-6, None)
 
@@ -240,18 +259,19 @@ class EstimatorSensor:
         along *= inverse_depth[end] - inverse_depth[begin]
         along += inverse_depth[begin]  # the inverse depth of the bone's nearest point
         before = along > (1 / xp.clip(far - self.occlusion_margin, NEAR_PLANE, None))[:, None]
-        along *= radii * self.camera.focal_length
+        along *= bodies.radii * self.camera.focal_length
         along *= along
         before &= away_x < along
-        return before.any(1).T.reshape(frames, persons, joints)
+        return before.any(1).T.reshape(count, persons, joints)
 
-    def _swap_probability(self, xp: ModuleType, positions: Any, pixels: Any, depth: Any, pairs: Any) -> Any:
+    def _swap_probability(self, xp: ModuleType, frames: _Frames, bodies: _Bodies) -> Array:
         """Return the probability that left and right are confused, (n, P); arguments are as in `_with_errors`.
 
         The body's width is the mean vector from the right to the left joints. The share of it that is seen is its
         length in the image, divided by its length there if it were parallel to the image.
         """
-        left, right = pairs
+        positions, pixels, depth = frames.positions, frames.pixels, frames.depth
+        left, right = bodies.pairs
         if len(left) == 0:
             return xp.zeros_like(depth[..., 0])
         width = xp.linalg.norm((positions[:, :, left] - positions[:, :, right]).mean(2), axis=-1)
@@ -261,6 +281,6 @@ class EstimatorSensor:
         return self.swap_probability * xp.clip(1 - share / self.swap_width, 0, None)
 
 
-def _transposed(xp: ModuleType, rows: Any) -> Any:
+def _transposed(xp: ModuleType, rows: Array) -> Array:
     """Return the transpose of an array or tensor (n, m), laid out anew."""
     return np.ascontiguousarray(rows.T) if xp is np else rows.T.contiguous()
