@@ -34,6 +34,8 @@ NOISY, BROKEN = 0.3, 0.8  # how far bones spread, relative to their lengths; dep
 SEEN, MIRRORED = 0.6, 0.3  # share of the ways of toes, noses or knees that point ahead
 SLOWEST, FASTEST = 0.1, 15.0  # [m/s] of the fastest joint in the fastest tenth of frames; sets have 1.7 to 3.7
 RATES = (4.0, 250.0)  # [1/s]
+JUMP = 1.0  # [m] from a joint to the middle of where it is a frame before and a frame after; in sets up to 0.8
+HARDEST = 100.0  # [m/s^2], which allows more than that below 8 frames a second
 _FORMAT = "fits the format"
 _ARRAYS = "optional arrays have their names"
 _RIGHT_SIDE_UP = "head above feet: z is up"
@@ -122,6 +124,7 @@ def check_bodies(data: Recordings, given: ReadWith) -> Conformance:
         _upright(data, given),
         _sides(data, given),
         _rate(data, given),
+        _jumps(data),
     )
     return Conformance(f"data {data.title}", checks)
 
@@ -336,6 +339,27 @@ def _rate(data: Recordings, given: ReadWith) -> ContractCheck:
         return ContractCheck(f"{name}: {told}", True)
     expected = f"{SLOWEST:g} to {FASTEST:g} m/s, and {RATES[0]:g} to {RATES[1]:g} frames/s"
     return ContractCheck(name, False, told, expected, given.mend("--fps RATE, once the unit is right"))
+
+
+def _jumps(data: Recordings) -> ContractCheck:
+    """Check that no joint is elsewhere for a single frame, as where a tracker took something else for it."""
+    limit = max(JUMP, HARDEST / data.fps**2 / 2)
+    frames, farthest, told = 0, limit, ""
+    for index in range(len(data.lengths)):
+        motion = data.sequence(index)
+        if len(motion) < 3:
+            continue
+        off = np.linalg.norm(motion[1:-1] - (motion[:-2] + motion[2:]) / 2, axis=-1)  # (T - 2, P, J)
+        frames += int((off > limit).any(axis=(1, 2)).sum())
+        if off.max() > farthest:
+            farthest = float(off.max())
+            frame, _, joint = np.unravel_index(int(off.argmax()), off.shape)
+            sequence, name = data.sequence_names[index], data.skeleton.joint_names[int(joint)]
+            told = f"{name} by {farthest:.2g} m in frame {int(frame) + 1} of sequence {sequence!r}"
+    if not frames:
+        return ContractCheck("no joint is elsewhere for a single frame", True)
+    share = frames / len(data.positions)
+    return ContractCheck(f"joints jump in {100 * share:.2g} % of frames", True, f"farthest {told}", doubtful=True)
 
 
 def _ahead(positions: FloatArray, parts: Mapping[str, int]) -> FloatArray | None:
