@@ -117,7 +117,8 @@ $(eval $(call planner_weights,perfect,moving))
 $(eval $(call planner_weights,perfect,paper))
 
 # The weights that ship in recognition/weights and planners/weights, trained anew into models.
-weights: $(foreach set,duo solo,$(foreach seen,estimator-moving perfect-moving,models/$(set)/planners-$(seen)))
+weights: $(foreach set,duo solo,$(foreach seen,estimator-moving perfect-moving,models/$(set)/planners-$(seen))) \
+  models/solo-stream/planners models/duo-stream/planners
 
 # Recognisers that learned for fewer clips, and their planners: curve-duo-15000.
 CURVE_CLIPS := 7500 15000 30000 60000
@@ -216,30 +217,24 @@ runs/trainings-$(1)/table.md: $$(OF_SOLO:%=runs/$(1)-%/table.md)
 endef
 $(foreach world,$(IN_THE_WAY),$(eval $(call in_the_way,$(world))))
 
-define in_the_way_of_streams
+# Streams among them, with nbv's nearest rivals: on the grid, and flown.
+AMONG := no-act h-rotate front fixed-best nbv-search nbv
+define among
 $$(SYNTHETIC:%=runs/$(1)-%/table.md): runs/$(1)-%/table.md: models/%/planners
-	$$(BENCHMARK) no-act h-rotate near-level front fixed-best nbv --data $$* --sensor estimator --world $(1) --models models/$$* \
-	  --starts 3 --out $$(@D)
+	$$(BENCHMARK) $$(AMONG) --data $$* --sensor estimator --world $(1) --models models/$$* --starts 3 --out $$(@D)
 endef
-$(foreach world,$(IN_THE_WAY),$(eval $(call in_the_way_of_streams,$(world))))
-
-# Flown among them, with nbv's nearest rivals.
-AMONG := no-act h-rotate front fixed-best nbv-search nbv --data solo-stream --sensor estimator --models models/solo-stream --starts 3
-$(IN_THE_WAY:%=runs/among-%/table.md): runs/among-%/table.md: models/solo-stream/planners
-	$(BENCHMARK) $(AMONG) --world $* --out $(@D)
-
 define flown_among
-$$(IN_THE_WAY:%=runs/among-%-$(1)/table.md): runs/among-%-$(1)/table.md: runs/among-%/table.md
-	$$(BENCHMARK) $$(AMONG) --world $$* --track $(1) --ideal $$(<D) --out $$(@D)
+$$(SYNTHETIC:%=runs/$(1)-%-$(2)/table.md): runs/$(1)-%-$(2)/table.md: runs/$(1)-%/table.md
+	$$(BENCHMARK) $$(AMONG) --data $$* --sensor estimator --world $(1) --models models/$$* --starts 3 \
+	  --track $(2) --ideal $$(<D) --out $$(@D)
 endef
-$(foreach vehicle,$(FLYING),$(eval $(call flown_among,$(vehicle))))
+$(foreach world,$(IN_THE_WAY),$(eval $(call among,$(world)))$(foreach track,$(FLYING),$(eval $(call flown_among,$(world),$(track)))))
 
-# Looking at recorded people: utkinect, and what is stitched of hdm05 and sbu, everybody tested once. Most of sbu's streams
-# are shorter than 30 s.
-RECORDED := sbu-stream hdm05-stream utkinect
+# Looking at recorded people: utkinect, and what is stitched of the others, everybody tested once. Most of sbu's streams are
+# shorter than 30 s.
+RECORDED := sbu-stream hdm05-stream utkinect kindergator-stream
 NUMBERS := 0 1 2
 FOLDS := $(foreach set,$(RECORDED),$(NUMBERS:%=$(set)-%))
-KINDERGATOR := $(NUMBERS:%=kindergator-stream-%)
 LOOKING := no-act h-rotate near-level front fixed-best nbv-greedy nbv-search nbv
 whole = $(or $(filter-out --data,$($(1))),streams/$(1).npz)
 rate = $(if $(filter hdm05-stream-%,$(1)),--fps 30)$(if $(filter kindergator-stream-%,$(1)),--fps 10)
@@ -255,10 +250,10 @@ define fold_of
 streams/$(1)-$(2).npz: $(filter streams/%,$(call whole,$(1))) | setup
 	$$(EHAR) data fold $(call whole,$(1)) --number $(2) --out $$@
 endef
-$(foreach set,$(RECORDED) kindergator-stream,$(foreach number,$(NUMBERS),$(eval $(call fold_of,$(set),$(number)))))
+$(foreach set,$(RECORDED),$(foreach number,$(NUMBERS),$(eval $(call fold_of,$(set),$(number)))))
 
-# Activities of kindergator last 5 s: its recognisers learn on windows of 8 s. No planner of ours looks at it in streams.
-$(FOLDS:%=$(STREAM_RECOGNISER)) $(KINDERGATOR:%=$(STREAM_RECOGNISER)): $(STREAM_RECOGNISER): streams/%.npz
+# Activities of kindergator last 5 s: its recognisers learn on windows of 8 s.
+$(FOLDS:%=$(STREAM_RECOGNISER)): $(STREAM_RECOGNISER): streams/%.npz
 	$(EHAR) train recogniser --data $< $(call rate,$*) $(if $(filter kindergator-%,$*),--length 80) --sensor estimator --out $(@D)
 
 $(FOLDS:%=models/%/planners): models/%/planners: $(STREAM_RECOGNISER)
@@ -267,7 +262,7 @@ $(FOLDS:%=models/%/planners): models/%/planners: $(STREAM_RECOGNISER)
 	touch $@
 
 # No vehicle keeps up with all people of hdm05: tracking-drone does with those of folds 1 and 2.
-FLOWN := sbu-stream utkinect
+FLOWN := sbu-stream utkinect kindergator-stream
 define looked_at
 $$(FOLDS:%=runs/looked-%-$(1)/table.md): runs/looked-%-$(1)/table.md: models/%/planners
 	$$(BENCHMARK) $$(LOOKING) $$(call looked,$$*) --world $(1) --out $$(@D)
@@ -300,7 +295,8 @@ $(foreach world,paper $(IN_THE_WAY),$(eval $(call two_folds,$(world))))
 # What learned in flight: a gain field, and agents that copy flights of an oracle. Flights take them where there are any, so
 # they have a folder of their own.
 COMMA := ,
-ALOFT := solo-stream $(foreach set,$(FLOWN),$(NUMBERS:%=$(set)-%))
+TAUGHT_ALOFT := sbu-stream utkinect
+ALOFT := solo-stream $(foreach set,$(TAUGHT_ALOFT),$(NUMBERS:%=$(set)-%))
 aloft = $(if $(filter $(1),$(FOLDS)),--data streams/$(1).npz,--data $(1)) --sensor estimator --track px4-auto --models models/$(1)-flown
 $(ALOFT:%=models/%-flown/planners): models/%-flown/planners: models/%/planners
 	mkdir -p $(@D) && cp models/$*/causal-* models/$*/fixed-best-* $(@D)
@@ -313,7 +309,7 @@ define learned_aloft
 $$(ALOFT:%=runs/aloft-%-$(1)/table.md): runs/aloft-%-$(1)/table.md: models/%-flown/planners
 	$$(BENCHMARK) $$(ALOFT_PLANNERS) $$(if $$(filter solo-stream,$$*),ppo il-ppo dagger oracle oracle-lookahead) $$(call aloft,$$*) $$(call lasting,$$*) --world $(1) --starts 3 --out $$(@D)
 
-$$(FLOWN:%=runs/aloft-%-$(1)/table.md): runs/aloft-%-$(1)/table.md: $$(NUMBERS:%=runs/aloft-\%-%-$(1)/table.md)
+$$(TAUGHT_ALOFT:%=runs/aloft-%-$(1)/table.md): runs/aloft-%-$(1)/table.md: $$(NUMBERS:%=runs/aloft-\%-%-$(1)/table.md)
 	$$(EHAR) study folds $$(^:/table.md=) --out $$(@D)
 endef
 $(foreach world,paper room,$(eval $(call learned_aloft,$(world))))
@@ -379,8 +375,8 @@ $(SYNTHETIC:%=runs/knowledge-%/table.md): runs/knowledge-%/table.md: models/%/pl
 	$(EHAR) study ablation $(call stream_data,$*) --sensor estimator --models models/$* --starts $(STARTS) --groups knowledge --out $(@D)
 
 # What the belief wins, and what an unknown onset costs: three trainings of synthetic streams, or three folds of recorded ones.
-HEARD := $(SYNTHETIC) $(RECORDED) kindergator-stream
-HEARD_ONCE := $(SEEDED) $(FOLDS) $(KINDERGATOR)
+HEARD := $(SYNTHETIC) $(RECORDED)
+HEARD_ONCE := $(SEEDED) $(FOLDS)
 heard = $(if $(filter $(1),$(SEEDED)),$(call seeded,$(1)) --models models/$(1),$(call watched,$(1)))
 HOW := belief known unknown
 $(HEARD_ONCE:%=runs/belief-%/table.md): runs/belief-%/table.md: $(STREAM_RECOGNISER)
@@ -424,15 +420,12 @@ $(foreach words,recogniser belief,$(eval $(call decided_in_streams,$(words))))
 $(RECORDED:%=runs/decided-%/table.md): runs/decided-%/table.md: runs/looked-%-paper/table.md
 	$(EHAR) study decide $(<D) --planners no-act nbv --out $(@D)
 
-runs/decided-kindergator-stream/table.md: runs/unknown-kindergator-stream/table.md
-	$(EHAR) study decide $(<D) --planners no-act --out $(@D)
-
 # The film of the README: the episode in which nbv's gain over front is the median, and of it the most activities.
 docs/figures/stream.gif: runs/watched-utkinect-px4-auto/table.md
 	$(EHAR) replay $(<D) typical --planners nbv front --since 8 --until 18 --out $@
 
 # The film of passers-by: three seconds of the episode in which nbv gains most over a camera that only follows.
-docs/figures/crowd.gif: runs/among-crowd-px4-auto/table.md
+docs/figures/crowd.gif: runs/crowd-solo-stream-px4-auto/table.md
 	$(EHAR) replay $(<D) gain --planners nbv no-act --since 11.5 --until 14.5 --out $@
 
 # The film of a join: an episode of Kinder-Gator in which one motion leads to the next from 17.1 to 17.8 s.
@@ -543,11 +536,12 @@ docs/results/streams.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watc
 docs/results/couple-streams.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-duo-stream$(track:.=)/table.md)
 	$(call page,$@,Streams of couples,ehar benchmark $(WATCHING) --data duo-stream --sensor estimator --models models/duo-stream,$^)
 
-docs/results/obstacle-streams.md: $(foreach world,$(IN_THE_WAY),$(SYNTHETIC:%=runs/$(world)-%/table.md))
-	$(call page,$@,Things in the way in streams,ehar benchmark no-act nbv --data solo-stream --sensor estimator --world room --starts 3,$^)
+tracks_among = $(foreach world,$(IN_THE_WAY),$(foreach track,. $(FLYING:%=-%.),runs/$(world)-$(1)$(track:.=)/table.md))
+docs/results/obstacle-streams.md: $(call tracks_among,duo-stream)
+	$(call page,$@,Things in the way in streams,ehar benchmark $(AMONG) --data duo-stream --sensor estimator --world room --starts 3,$^)
 
-docs/results/obstacle-flights.md: $(foreach world,$(IN_THE_WAY),$(FLYING:%=runs/among-$(world)-%/table.md))
-	$(call page,$@,Flying among things in the way,ehar benchmark no-act h-rotate fixed-best nbv-search nbv --data solo-stream --sensor estimator,$^)
+docs/results/obstacle-flights.md: $(call tracks_among,solo-stream)
+	$(call page,$@,Flying among things in the way,ehar benchmark $(AMONG) --data solo-stream --sensor estimator --world crowd --starts 3,$^)
 
 docs/results/utkinect.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-utkinect$(track:.=)/table.md)
 	$(call page,$@,Streams of a real Kinect,ehar benchmark $(WATCHING) --data utkinect.npz --sensor estimator,$^)
@@ -556,8 +550,15 @@ docs/results/recorded-streams.md: $(foreach world,paper $(IN_THE_WAY),$(RECORDED
 	$(call side_by_side,nbv,Looking at recorded people)
 
 docs/results/recorded-flights.md: $(foreach world,paper $(IN_THE_WAY),$(foreach track,$(FLYING),$(FLOWN:%=runs/looked-%-$(world)-$(track)/table.md)) \
-  runs/looked-two-$(world)-tracking-drone/table.md) $(foreach world,paper room,$(FLOWN:%=runs/aloft-%-$(world)/table.md))
+  runs/looked-two-$(world)-tracking-drone/table.md) $(foreach world,paper room,$(TAUGHT_ALOFT:%=runs/aloft-%-$(world)/table.md))
 	$(call side_by_side,nbv,Flying around recorded people)
+
+WORLDS := paper $(IN_THE_WAY)
+docs/results/glance.md: $(foreach track,. $(FLYING:%=-%.),$(SYNTHETIC:%=runs/watched-%$(track:.=)/table.md)) \
+  $(foreach set,$(SYNTHETIC),$(call tracks_among,$(set))) $(foreach world,$(WORLDS),$(RECORDED:%=runs/looked-%-$(world)/table.md)) \
+  $(foreach world,$(WORLDS),$(foreach track,$(FLYING),$(FLOWN:%=runs/looked-%-$(world)-$(track)/table.md)) \
+  runs/looked-two-$(world)-tracking-drone/table.md)
+	$(call side_by_side,nbv,nbv at a glance)
 
 docs/results/stream-trainings.md: $(foreach set,$(SYNTHETIC),$(foreach world,room paper,$(foreach track,. -px4-auto.,runs/seeded-$(set)-$(world)$(track:.=)/table.md)))
 	$(call page,$@,Three trainings of streams,ehar study trainings runs/seeded-solo-stream-0-room runs/seeded-solo-stream-1-room,$^)
@@ -603,7 +604,7 @@ docs/results/deciding.md: $(foreach set,hdm05 sbu solo,runs/rules-$(set)-estimat
 	$(call page,$@,When to answer,ehar study decide runs/rules-hdm05-estimator --fitted-on runs/fitting-hdm05,\
 	  $(foreach set,hdm05 sbu solo,runs/deciding-$(set)/table.md))
 
-DECIDED := $(foreach words,recogniser belief,$(SYNTHETIC:%=$(words)-%)) $(RECORDED) kindergator-stream
+DECIDED := $(foreach words,recogniser belief,$(SYNTHETIC:%=$(words)-%)) $(RECORDED)
 docs/results/deciding-streams.md: $(DECIDED:%=runs/decided-%/table.md)
 	cp runs/decided-recogniser-solo-stream/deciding.png docs/results/deciding-stream.png
 	cp runs/decided-belief-solo-stream/deciding.png docs/results/deciding-stream-believed.png
@@ -646,7 +647,8 @@ docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/t
 # Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), kindergator in clips, and what stood
 # before (mended).
 PAGES := planners nbv indoor obstacles exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding deciding-streams \
-  streams couple-streams obstacle-streams obstacle-flights recorded-streams recorded-flights stream-trainings knowledge stream-belief onsets utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
+  glance streams couple-streams obstacle-streams obstacle-flights recorded-streams recorded-flights stream-trainings knowledge stream-belief onsets \
+  utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
 results: left
 	@$(MAKE) --no-print-directory pages
 

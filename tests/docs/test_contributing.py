@@ -96,7 +96,7 @@ def test_a_reader_is_a_command(copied: Path) -> None:
         np.savetxt(copied / "recordings" / f"{name}.csv", rows, delimiter=",")
     assert "rows" in ehar(copied, "data", "prepare", "--help")
     said = ehar(copied, "data", "prepare", "rows", "recordings", "rows.npz", "--fps", "30")
-    assert said.startswith("rows.npz: 6 sequences of 2 classes, 30 frames/s\n") and "10 passed" in said
+    assert said.startswith("rows.npz: 6 sequences of 2 classes, 30 frames/s\n") and "11 passed" in said
 
 
 def test_a_metric_a_sensor_and_a_figure_are_in_a_run(copied: Path) -> None:

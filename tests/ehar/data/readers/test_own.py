@@ -48,7 +48,7 @@ def mine(tmp_path: Path, own_modules: None) -> Path:
 def test_a_reader_on_the_command_line(mine: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source, out = str(mine.with_name("which.txt")), mine.with_name("mine.npz")
     main(["data", "prepare", "own", f"{mine}:Mine", "--scale", "100", source, str(out), "--unit", "cm"])
-    assert "10 passed" in capsys.readouterr().out
+    assert "11 passed" in capsys.readouterr().out
     np.testing.assert_allclose(load_motion(out).positions, load_data("solo").positions, atol=1e-5)
     with pytest.raises(SystemExit) as ended:
         main(["data", "prepare", "own", f"{mine}:Mine", "--scale", "1000", source, str(out)])
@@ -66,7 +66,7 @@ def test_the_page_about_it_shows_a_reader_that_works(
         np.savetxt(recordings / f"{name}.txt", body.sequence(index).reshape(body.lengths[index], -1))
     out = tmp_path / "mine.npz"
     main(["data", "prepare", "own", f"{tmp_path}/mine.py:Rows", "--fps", "25", str(recordings), str(out)])
-    assert "10 passed" in capsys.readouterr().out
+    assert "11 passed" in capsys.readouterr().out
     data = load_motion(out)
     assert data.class_names == ("jump", "walk") and data.labels.tolist() == [0, 1, 1]
     assert data.fps == 25
