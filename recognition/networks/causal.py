@@ -14,7 +14,7 @@ from recognition.networks.layers import (
     CausalTemporalConvolution,
     GraphState,
 )
-from recognition.networks.pointwise import Pointwise
+from recognition.networks.pointwise import Pointwise, before_norm
 
 WEIGHING = 16  # hidden units of what weighs frames
 LEAST_WEIGHT = 1e-6  # of a frame: the sum of weights, by which is divided, is never zero
@@ -105,7 +105,7 @@ class CausalBlock(nn.Module):
             self.residual = (
                 nn.Identity()
                 if inputs == outputs
-                else nn.Sequential(Pointwise(inputs, outputs), nn.BatchNorm2d(outputs))
+                else nn.Sequential(before_norm(Pointwise(inputs, outputs)), nn.BatchNorm2d(outputs))
             )
 
     def _join(self, temporal: Tensor, x: Tensor) -> Tensor:

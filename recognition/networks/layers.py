@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from recognition.networks.fading import Fading
-from recognition.networks.pointwise import Pointwise, bias_of, product_of
+from recognition.networks.pointwise import Pointwise, before_norm, bias_of, product_of
 
 KERNEL = 5  # Chen et al. 2021, Sec. 3.4: temporal kernels of 5 frames ...
 DILATIONS = (1, 2)  # ... at two dilations,
@@ -73,7 +73,9 @@ class CausalGraphConvolution(nn.Module):
         self.topology = nn.Parameter(partition.clone())
         self.norm = nn.BatchNorm2d(outputs)
         self.residual = (
-            nn.Identity() if inputs == outputs else nn.Sequential(Pointwise(inputs, outputs), nn.BatchNorm2d(outputs))
+            nn.Identity()
+            if inputs == outputs
+            else nn.Sequential(before_norm(Pointwise(inputs, outputs)), nn.BatchNorm2d(outputs))
         )
         nn.init.constant_(self.norm.weight, 1e-6)  # as published: a block starts as its residual
 
@@ -87,19 +89,23 @@ class CausalGraphConvolution(nn.Module):
         source = product_of(self.relate_source.weight[:, :, 0], bias_of(self.relate_source), mean)
         relation = torch.tanh(target[:, :, None] - source[..., None]).view(n, relations, j * j)
         weight, shared = self.refinement()
-        refined = torch.baddbmm(shared.expand(n, -1, -1), weight.expand(n, -1, -1), relation)
+        refined = weight.expand(n, -1, -1) @ torch.cat([relation, shared.expand(n, -1, -1)], dim=1)
         return refined.view(n, self.outputs, 3 * j, j)
 
     def refinement(self) -> tuple[Tensor, Tensor]:
-        """Return what `refined` multiplies the relations with, (3 C_out, 3 R), and what it adds, (3 C_out, J J)."""
+        """Return what `refined` multiplies relations with, (3 C_out, 3 R + 4), and four more relations, (4, J J).
+
+        These are the same for all: the shared topology of each subset, and ones for the bias.
+        """
         # We scale the small weight instead of the large refinement, and add within the product. Each saves a pass over
-        # the refinement. Each subset refines its own relations, as in a grouped convolution; a weight with zeros
-        # between the groups makes it one product.
+        # the refinement, and the second another for its gradient. Each subset refines its own relations, as in a
+        # grouped convolution; a weight with zeros between the groups makes it one product.
         grouped = (self.refine.weight * self.strength).view(3, self.outputs, self.relations)
         weight = torch.diag_embed(grouped.permute(1, 2, 0)).permute(0, 2, 3, 1).reshape(-1, 3 * self.relations)
-        bias = (bias_of(self.refine) * self.strength).view(3, self.outputs, 1, 1)
-        shared = (self.topology.transpose(-1, -2)[:, None] + bias).transpose(0, 1).reshape(-1, self.joints**2)
-        return weight, shared
+        own = torch.eye(3, device=weight.device).repeat(self.outputs, 1)
+        bias = (bias_of(self.refine) * self.strength).view(3, self.outputs).t().reshape(-1, 1)
+        shared = self.topology.transpose(-1, -2).flatten(1)
+        return torch.cat([weight, own, bias], dim=1), torch.cat([shared, torch.ones_like(shared[:1])])
 
     def beside(self) -> tuple[Tensor, Tensor]:
         """Return the weight (3 C_out, C_in) and the bias (3 C_out,) of the values, by channel and then by subset.
@@ -159,10 +165,11 @@ class CausalTemporalConvolution(nn.Module):
         """Create the layer."""
         super().__init__()
         self.branch = channels // 4
-        self.reduce = Pointwise(channels, channels)
+        self.reduce = before_norm(Pointwise(channels, channels))
         self.reduce_norm = nn.BatchNorm2d(channels)
         self.convolutions = nn.ModuleList(
-            nn.Conv2d(self.branch, self.branch, (KERNEL, 1), dilation=(dilation, 1)) for dilation in DILATIONS
+            before_norm(nn.Conv2d(self.branch, self.branch, (KERNEL, 1), dilation=(dilation, 1)))
+            for dilation in DILATIONS
         )
         self.norm = nn.BatchNorm2d(3 * self.branch)
 

@@ -21,6 +21,12 @@ class Pointwise(nn.Conv2d):
         return product_of(self.weight.flatten(1), bias_of(self), x)
 
 
+def before_norm(convolution: nn.Module) -> nn.Module:
+    """Return a convolution in front of a batch norm, which takes any bias away again: so its bias needs no gradient."""
+    bias_of(convolution).requires_grad_(False)
+    return convolution
+
+
 def product_of(weight: Tensor, bias: Tensor, x: Tensor) -> Tensor:
     """Apply a weight (C_out, C_in) and a bias (C_out,) to the channels of x (N, C_in, T, J)."""
     # Shapes instead of len(): a call of len() on a tensor costs as much as a small product.

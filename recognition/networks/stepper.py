@@ -170,12 +170,12 @@ class _GraphStep(nn.Module):
 
     def refined(self, mean: Tensor) -> Tensor:
         """Return the topologies (n, C_out, 3 J, J) for a mean input (n, C_in, J)."""
-        n, j, relations = mean.shape[0], self.joints, self.refine.shape[1]
+        n, j, relations = mean.shape[0], self.joints, self.refine.shape[1] - len(self.shared)
         both = product_of(self.related, self.related_bias, mean) * 2
         relation = both[:, :relations, None] - both[:, relations:, :, None]
         # tanh(x) = 2 sigmoid(2 x) - 1; torch's tanh takes ten times as long as its sigmoid.
         relation = relation.sigmoid_().mul_(2).sub_(1).view(n, relations, j * j)
-        refined = torch.baddbmm(self.shared.expand(n, -1, -1), self.refine.expand(n, -1, -1), relation)
+        refined = self.refine.expand(n, -1, -1) @ torch.cat([relation, self.shared.expand(n, -1, -1)], dim=1)
         return refined.view(n, self.outputs, 3 * j, j)
 
     def _fresh(self, total: Tensor, count: Tensor) -> Tensor:

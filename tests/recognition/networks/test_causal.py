@@ -220,6 +220,31 @@ def test_the_graph_convolution_by_hand() -> None:
     assert_close(layer(x.transpose(2, 3)).transpose(2, 3), torch.relu(layer.norm(product) + x))
 
 
+@pytest.mark.parametrize("fading", [False, True])
+def test_biases_that_do_not_learn_are_those_that_a_norm_takes_away(fading: bool) -> None:
+    fresh = CausalCTRGCN(
+        classes=CLASSES,
+        channels=CHANNELS,
+        partition=torch.from_numpy(partition(SKELETON)),
+        widths=(8, 12),
+        fading=fading,
+    )
+    randomised(fresh)
+    x = clips(episodes=4)
+    before = fresh.train()(x)
+    still = {name for name, parameter in fresh.named_parameters() if not parameter.requires_grad}
+    for name, parameter in fresh.named_parameters():
+        if name in still:
+            parameter.data += torch.linspace(-3, 3, len(parameter))
+    torch.testing.assert_close(fresh(x), before, rtol=0, atol=1e-4)
+    # Each block has them in its temporal convolution; a change of width has one around it, and one around both.
+    temporal = {f"blocks.{block}.temporal.{part}.bias" for block in (0, 1) for part in ("reduce", "convolutions.0")}
+    assert temporal < still and all(name.endswith("bias") for name in still)
+    assert len(still) == 2 * 3 + 3
+    learned = [name for name, parameter in fresh.named_parameters() if parameter.requires_grad]
+    assert {"blocks.0.graph.value.bias", "blocks.0.temporal.norm.bias", "classify.bias"} < set(learned)
+
+
 def test_the_temporal_convolution_looks_back_as_far_as_its_history() -> None:
     layer = CausalTemporalConvolution(channels=8)
     randomised(layer)
