@@ -125,12 +125,14 @@ class CausalGraphConvolution(nn.Module):
         begins = [count - 1 for count in range(1, frames + 1) if refreshes(count, fading=self.fading is not None)]
         topologies = self._topologies(x, begins)
         # Frames that share a topology are cut out of the input, not of the values, which are three times as large.
+        # A piece has to be copied for the product. With a channel of ones it brings the bias along, and its gradient.
         weight, bias = self.beside()
+        weight = torch.cat([weight, bias[:, None]], dim=1).expand(n, -1, -1)
         pieces = []
         lengths = np.diff([*begins, frames]).tolist()
         for topology, piece in zip(topologies, torch.split(x, lengths, dim=3), strict=True):
-            values = product_of(weight, bias, piece).view(n, self.outputs, 3 * j, -1)
-            pieces.append(topology.transpose(-1, -2) @ values)
+            values = weight @ torch.cat([piece, torch.ones_like(piece[:, :1])], dim=1).flatten(2)
+            pieces.append(topology.transpose(-1, -2) @ values.view(n, self.outputs, 3 * j, -1))
         return self.finish(torch.cat(pieces, dim=3), x)
 
     def _topologies(self, x: Tensor, begins: list[int]) -> Tensor:
