@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from ehar.arrays import FloatArray
 from ehar.errors import ModelError
-from recognition.networks.pointwise import Pointwise, bias_of, product_of
+from recognition.networks.pointwise import Pointwise, before_norm, bias_of, product_of
 from recognition.networks.sizes import PUBLISHED_STRIDES, PUBLISHED_WIDTHS
 
 BRANCHES = 4
@@ -55,7 +55,7 @@ class SpatialUnit(nn.Module):
         self.bn = nn.BatchNorm2d(out_channels)
         self.down: nn.Module = nn.Identity()
         if in_channels != out_channels:
-            self.down = nn.Sequential(Pointwise(in_channels, out_channels), nn.BatchNorm2d(out_channels))
+            self.down = nn.Sequential(before_norm(Pointwise(in_channels, out_channels)), nn.BatchNorm2d(out_channels))
 
     def forward(self, x: Tensor) -> Tensor:
         """Convolve x (N, C, T, V) over joints, add the residual and activate, to (N, C', T, V)."""
@@ -101,6 +101,7 @@ class TemporalConvolution(nn.Module):
             padding=(dilation * (kernel - 1) // 2, 0),
             dilation=(dilation, 1),
         )
+        before_norm(self.conv)
         self.bn = nn.BatchNorm2d(out_channels)
 
     def forward(self, x: Tensor) -> Tensor:
@@ -121,7 +122,7 @@ class TemporalUnit(nn.Module):
         width = channels // BRANCHES
 
         def reduced(*rest: nn.Module) -> nn.Sequential:
-            return nn.Sequential(Pointwise(channels, width), nn.BatchNorm2d(width), nn.ReLU(), *rest)
+            return nn.Sequential(before_norm(Pointwise(channels, width)), nn.BatchNorm2d(width), nn.ReLU(), *rest)
 
         def dilated(dilation: int) -> nn.Sequential:
             return reduced(
@@ -129,7 +130,7 @@ class TemporalUnit(nn.Module):
             )
 
         pooled = reduced(nn.MaxPool2d((3, 1), stride=(stride, 1), padding=(1, 0)), nn.BatchNorm2d(width))
-        point = nn.Sequential(nn.Conv2d(channels, width, 1, stride=(stride, 1)), nn.BatchNorm2d(width))
+        point = nn.Sequential(before_norm(nn.Conv2d(channels, width, 1, stride=(stride, 1))), nn.BatchNorm2d(width))
         self.branches = nn.ModuleList([dilated(1), dilated(2), pooled, point])
 
     def forward(self, x: Tensor) -> Tensor:

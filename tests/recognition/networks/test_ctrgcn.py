@@ -140,7 +140,19 @@ def test_published_network_takes_short_clips(frames):
 def test_a_single_frame_trains():
     network = small_network().train()
     network(noise(4, 3, 1, 5, 2)).sum().backward()
-    assert all(parameter.grad is not None for parameter in network.parameters())
+    still = {name for name, parameter in network.named_parameters() if parameter.grad is None}
+    assert still and all(name.endswith("bias") for name in still)
+
+
+def test_biases_that_do_not_learn_are_those_that_a_norm_takes_away():
+    network = randomised(small_network()).train()
+    x = noise(4, 3, 8, 5, 2)
+    before = network(x)
+    still = [parameter for parameter in network.parameters() if not parameter.requires_grad]
+    assert still
+    for parameter in still:
+        parameter.data += torch.linspace(-3, 3, len(parameter))
+    torch.testing.assert_close(network(x), before, rtol=0, atol=1e-4)
 
 
 @pytest.mark.parametrize("persons", [1, 3])
