@@ -14,7 +14,7 @@ from recognition.networks.layers import (
     CausalTemporalConvolution,
     GraphState,
 )
-from recognition.networks.pointwise import Pointwise, before_norm
+from recognition.networks.pointwise import normed
 
 WEIGHING = 16  # hidden units of what weighs frames
 LEAST_WEIGHT = 1e-6  # of a frame: the sum of weights, by which is divided, is never zero
@@ -102,11 +102,7 @@ class CausalBlock(nn.Module):
         self.temporal = CausalTemporalConvolution(channels=outputs)
         self.residual: nn.Module | None = None
         if residual:
-            self.residual = (
-                nn.Identity()
-                if inputs == outputs
-                else nn.Sequential(before_norm(Pointwise(inputs, outputs)), nn.BatchNorm2d(outputs))
-            )
+            self.residual = nn.Identity() if inputs == outputs else normed(inputs, outputs)
 
     def _join(self, temporal: Tensor, x: Tensor) -> Tensor:
         return torch.relu(temporal if self.residual is None else temporal + self.residual(x))

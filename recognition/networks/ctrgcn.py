@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from ehar.arrays import FloatArray
 from ehar.errors import ModelError
-from recognition.networks.pointwise import Pointwise, before_norm, bias_of, product_of
+from recognition.networks.pointwise import Pointwise, before_norm, bias_of, normed, product_of
 from recognition.networks.sizes import PUBLISHED_STRIDES, PUBLISHED_WIDTHS
 
 BRANCHES = 4
@@ -55,7 +55,7 @@ class SpatialUnit(nn.Module):
         self.bn = nn.BatchNorm2d(out_channels)
         self.down: nn.Module = nn.Identity()
         if in_channels != out_channels:
-            self.down = nn.Sequential(before_norm(Pointwise(in_channels, out_channels)), nn.BatchNorm2d(out_channels))
+            self.down = normed(in_channels, out_channels)
 
     def forward(self, x: Tensor) -> Tensor:
         """Convolve x (N, C, T, V) over joints, add the residual and activate, to (N, C', T, V)."""
@@ -122,7 +122,7 @@ class TemporalUnit(nn.Module):
         width = channels // BRANCHES
 
         def reduced(*rest: nn.Module) -> nn.Sequential:
-            return nn.Sequential(before_norm(Pointwise(channels, width)), nn.BatchNorm2d(width), nn.ReLU(), *rest)
+            return nn.Sequential(*normed(channels, width), nn.ReLU(), *rest)
 
         def dilated(dilation: int) -> nn.Sequential:
             return reduced(

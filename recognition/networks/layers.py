@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from recognition.networks.fading import Fading
-from recognition.networks.pointwise import Pointwise, before_norm, bias_of, product_of
+from recognition.networks.pointwise import Pointwise, before_norm, bias_of, normed, product_of
 
 KERNEL = 5  # Chen et al. 2021, Sec. 3.4: temporal kernels of 5 frames ...
 DILATIONS = (1, 2)  # ... at two dilations,
@@ -72,11 +72,7 @@ class CausalGraphConvolution(nn.Module):
         self.strength = nn.Parameter(torch.zeros(1))
         self.topology = nn.Parameter(partition.clone())
         self.norm = nn.BatchNorm2d(outputs)
-        self.residual = (
-            nn.Identity()
-            if inputs == outputs
-            else nn.Sequential(before_norm(Pointwise(inputs, outputs)), nn.BatchNorm2d(outputs))
-        )
+        self.residual = nn.Identity() if inputs == outputs else normed(inputs, outputs)
         nn.init.constant_(self.norm.weight, 1e-6)  # as published: a block starts as its residual
 
     def refined(self, mean: Tensor) -> Tensor:
@@ -194,8 +190,8 @@ class CausalTemporalConvolution(nn.Module):
             )
         # The padding is zero, and an activated branch is never below zero, so the pool may see the padding too.
         outputs.append(functional.max_pool2d(functional.pad(pooled, (POOL - 1, 0)), (1, POOL), stride=1))
-        normed = self.norm(torch.cat(outputs, dim=1))
-        if normed.requires_grad and normed.device.type == "cpu":
+        back = self.norm(torch.cat(outputs, dim=1))
+        if back.requires_grad and back.device.type == "cpu":
             # The gradient is a slice of that of all branches, and batch norm is slow to go back from a slice there.
-            normed.register_hook(torch.Tensor.contiguous)
-        return torch.cat([normed, present], dim=1)
+            back.register_hook(torch.Tensor.contiguous)
+        return torch.cat([back, present], dim=1)

@@ -27,6 +27,11 @@ def before_norm(convolution: nn.Module) -> nn.Module:
     return convolution
 
 
+def normed(inputs: int, outputs: int) -> nn.Sequential:
+    """Return a 1 x 1 convolution and its batch norm."""
+    return nn.Sequential(before_norm(Pointwise(inputs, outputs)), nn.BatchNorm2d(outputs))
+
+
 def product_of(weight: Tensor, bias: Tensor, x: Tensor) -> Tensor:
     """Apply a weight (C_out, C_in) and a bias (C_out,) to the channels of x (N, C_in, T, J)."""
     # Shapes instead of len(): a call of len() on a tensor costs as much as a small product.
