@@ -14,6 +14,8 @@ from torch import Tensor, nn
 from ehar.conditions import Conditions
 from ehar.errors import EharError, ModelError
 from ehar.files import read_json, replacing, shortened
+from ehar.flight.vehicle import LIMITS, Vehicle
+from ehar.track import load_track
 from ehar.world import World, load_world
 
 if TYPE_CHECKING:
@@ -69,6 +71,29 @@ def check_world(path: Path, trained: World, conditions: Conditions) -> None:
             f"{path}: trained in the world {trained}, asked for {asked}; "
             f"expected that world, or weights that are trained with --world {conditions.world_name}"
         )
+
+
+def check_vehicle(path: Path, trained: Vehicle | None, conditions: Conditions) -> None:
+    """Raise a ModelError that names what differs, unless what learned in flight learned with the conditions' vehicle.
+
+    Names of weights tell vehicles apart. But two vehicle files may have one name, and a file may have changed. A body
+    decides nothing that is learned.
+
+    Args:
+        path: the weights.
+        trained: the vehicle of the training; None if nothing flew, or before it was recorded.
+        conditions: conditions whose track the weights are to be used on.
+    """
+    asked = None if trained is None else load_track(conditions.track, load_world(conditions.world).workspace).vehicle
+    if trained is None or asked is None:
+        return
+    for limit in LIMITS:
+        before, now = getattr(trained, limit), getattr(asked, limit)
+        if before != now:
+            raise ModelError(
+                f"{path}: learned with another vehicle that is called {trained.name!r}: its {limit} was {before:g}, "
+                f"now it is {now:g}; train again, or give the other vehicle file another name"
+            )
 
 
 def check_trained_for(path: Path, what: str, trained: str, given: str, again: str) -> None:

@@ -208,6 +208,7 @@ class StageRun:
                 "history": history,
             },
             world=world.setting.world,
+            vehicle=world.setting.runner.track.vehicle,
         )
 
     def _save_checkpoint(self, progress: "PPOProgress") -> None:

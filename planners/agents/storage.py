@@ -12,6 +12,7 @@ from ehar.data.recordings import Recordings
 from ehar.data.streams.data import StreamData
 from ehar.errors import ModelError
 from ehar.files import read_json
+from ehar.flight.vehicle import Vehicle
 from ehar.track import IDEAL
 from ehar.world import LATER as OBSTACLES
 from ehar.world import PAPER, World
@@ -21,6 +22,7 @@ from planners.shipped import weights_folder
 from recognition.weight_files import (
     check_files,
     check_trained_for,
+    check_vehicle,
     check_world,
     description_path,
     files_sha256,
@@ -29,7 +31,7 @@ from recognition.weight_files import (
     save_weights,
 )
 
-LATER = ("streams", *OBSTACLES)  # fields that descriptions from before streams and obstacles do not have
+LATER = ("streams", "vehicle", *OBSTACLES)  # fields that older descriptions do not have
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,7 @@ class AgentDescription:
         classes: names of the data's classes.
         training: how it was trained; kept for people, and to tell one run from another.
         world: the world of the training.
+        vehicle: the vehicle that flew; None on the grid.
     """
 
     spec: AgentSpec
@@ -53,6 +56,7 @@ class AgentDescription:
     classes: tuple[str, ...]
     training: dict[str, Any]
     world: World = PAPER
+    vehicle: Vehicle | None = None
 
     @property
     def length(self) -> int | None:
@@ -105,6 +109,7 @@ def save_agent(
     recogniser_sha256: str,
     history: dict[str, Any],
     world: World = PAPER,
+    vehicle: Vehicle | None = None,
 ) -> None:
     """Save an agent, and beside it a description of its data, its recogniser and its training.
 
@@ -115,6 +120,7 @@ def save_agent(
         recogniser_sha256: hash of the recogniser that it was trained with.
         history: how it was trained; only the length is read back with the agent.
         world: the world that it was trained in.
+        vehicle: the vehicle that flew; None on the grid.
     """
     description = AgentDescription(
         spec=network.spec,
@@ -124,6 +130,7 @@ def save_agent(
         classes=data.class_names,
         training=history,
         world=world,
+        vehicle=vehicle,
     )
     save_weights(path, network_bytes(network), description)
 
@@ -175,7 +182,7 @@ def open_stream_agent(
 
 
 def _description(path: Path, conditions: Conditions) -> AgentDescription:
-    """Read what lies beside an agent's weights, and check that it is of the conditions' world."""
+    """Read what lies beside an agent's weights, and check that it is of the conditions' world and vehicle."""
     check_files(
         path,
         f"an agent, as made by `ehar train agent {conditions.options} {conditions.models_option}`",
@@ -183,6 +190,7 @@ def _description(path: Path, conditions: Conditions) -> AgentDescription:
     what = "an agent, as `ehar train agent` writes it"
     held = read_json(description_path(path), AgentDescription, what, wrong=ModelError, optional=LATER)
     check_world(path, held.world, conditions)
+    check_vehicle(path, held.vehicle, conditions)
     return held
 
 

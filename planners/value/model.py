@@ -13,6 +13,7 @@ from ehar.conditions import Conditions
 from ehar.data.recordings import Recordings
 from ehar.errors import ModelError
 from ehar.files import read_json
+from ehar.flight.vehicle import Vehicle
 from ehar.localisation import Localisation
 from ehar.track import IDEAL
 from ehar.world import LATER, PAPER, World
@@ -24,6 +25,7 @@ from planners.value.situation import STREAM_LOOKAHEAD, USUAL_MEMORY
 from recognition.weight_files import (
     check_files,
     check_trained_for,
+    check_vehicle,
     check_world,
     description_path,
     files_sha256,
@@ -82,6 +84,7 @@ class GainDescription:
         stream_belief: the parameters of the belief in streams; None in clips.
         memory: time that a view counts for in a stream [s].
         lookahead: time over which the shares of activities are expected in a stream [s].
+        vehicle: the vehicle that flew; None on the grid.
     """
 
     recogniser_sha256: str
@@ -93,6 +96,7 @@ class GainDescription:
     stream_belief: StreamBeliefModel | None = None
     memory: float = USUAL_MEMORY
     lookahead: float = STREAM_LOOKAHEAD
+    vehicle: Vehicle | None = None
 
     @property
     def length(self) -> int | None:
@@ -116,7 +120,13 @@ def used_gain_model(directory: Path, conditions: Conditions) -> Path:
 
 
 def save_gain_model(
-    path: Path, model: GainModel, *, recogniser_sha256: str, history: dict[str, Any], world: World = PAPER
+    path: Path,
+    model: GainModel,
+    *,
+    recogniser_sha256: str,
+    history: dict[str, Any],
+    world: World = PAPER,
+    vehicle: Vehicle | None = None,
 ) -> None:
     """Save a model, and beside it a description of its recogniser and its training.
 
@@ -126,6 +136,7 @@ def save_gain_model(
         recogniser_sha256: hash of the recogniser whose outputs it was trained on.
         history: how it was trained; kept for people; only the length is read back.
         world: the world that it was trained in.
+        vehicle: the vehicle that flew; None on the grid.
     """
     tensors = {
         f"{name}.{matrix}": np.ascontiguousarray(getattr(field, matrix))
@@ -142,6 +153,7 @@ def save_gain_model(
         stream_belief=model.belief if isinstance(model.belief, StreamBeliefModel) else None,
         memory=model.memory,
         lookahead=model.lookahead,
+        vehicle=vehicle,
     )
     save_weights(path, save(tensors), description)
 
@@ -155,7 +167,7 @@ def load_gain_model(conditions: Conditions, data: Recordings, recogniser_sha256:
         recogniser_sha256: hash of the recogniser that it will work with.
 
     Raises:
-        ModelError: the files are missing or malformed, or belong to another recogniser or another world.
+        ModelError: the files are missing or malformed, or belong to another recogniser, world or vehicle.
     """
     path = used_gain_model(weights_folder(conditions, data), conditions)
     return open_gain_model(path, conditions, len(data.skeleton.joint_names), recogniser_sha256)
@@ -178,7 +190,7 @@ def open_gain_model(path: Path, conditions: Conditions, joint_count: int, recogn
         f"a gain field, as made by `ehar train gain-field {conditions.options} {conditions.models_option}`",
     )
     file, what = description_path(path), "a gain field, as `ehar train gain-field` writes it"
-    later = (*LATER, "stream_belief", "memory", "lookahead", "learned")
+    later = (*LATER, "stream_belief", "memory", "lookahead", "learned", "vehicle")
     description = read_json(file, GainDescription, what, optional=later, wrong=ModelError)
     belief = description.stream_belief or description.belief
     if belief is None:
@@ -188,6 +200,7 @@ def open_gain_model(path: Path, conditions: Conditions, joint_count: int, recogn
         got = str(description.trunk)[:80]
         raise ModelError(f"{file}: trunk: expected pairs of joints 0 to {len(joints) - 1}, got {got}")
     check_world(path, description.world, conditions)
+    check_vehicle(path, description.vehicle, conditions)
     check_trained_for(
         path, "recogniser", description.recogniser_sha256, recogniser_sha256, "train the gain field again"
     )

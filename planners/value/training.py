@@ -224,7 +224,14 @@ def train_gain_field(
         "sensor_sha256": setting.sensor_sha256,
     }
     history |= {name: value for name, value in own.items() if value is not None}
-    save_gain_model(path, model, recogniser_sha256=setting.recogniser_sha256, history=history, world=world)
+    save_gain_model(
+        path,
+        model,
+        recogniser_sha256=setting.recogniser_sha256,
+        history=history,
+        world=world,
+        vehicle=setting.runner.track.vehicle,
+    )
     return trained
 
 

@@ -17,6 +17,7 @@ from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.data.skeleton import Skeleton
 from ehar.errors import ModelError
+from ehar.flight.vehicle import VEHICLES
 from planners.agents.agent import Agent
 from planners.agents.storage import agent_name, agent_path, agent_seeds, load_agent, save_agent
 from tests.helpers.agents import random_observation, save_untrained, untrained_agent
@@ -73,6 +74,17 @@ def test_a_missing_file_is_named_with_what_makes_it(tmp_path: Path, missing: str
     with pytest.raises(ModelError, match=rf"{path.name}: no such file: .*`ehar train agent --data X.npz ") as error:
         load(tmp_path)
     assert f"--sensor perfect --views moving --models {tmp_path}`" in str(error.value)
+
+
+def test_an_agent_of_a_vehicle_is_refused_to_another_one_of_its_name(tmp_path: Path) -> None:
+    mine = replace(VEHICLES["px4-auto"], name="mine")
+    told = Conditions(data=DATA, models=tmp_path, track=mine)
+    path = agent_path(tmp_path, "il", told, 0)
+    save_agent(path, untrained_agent().network, DATA, recogniser_sha256="fake", history={}, vehicle=mine)
+    load_agent(told, DATA, "il", recogniser_sha256="fake", seed=0)
+    faster = replace(told, track=replace(mine, speed=2 * mine.speed))
+    with pytest.raises(ModelError, match=f"{path.name}: learned with another vehicle that is called 'mine': its speed"):
+        load_agent(faster, DATA, "il", recogniser_sha256="fake", seed=0)
 
 
 OTHER_MOTION = replace(DATA, positions=DATA.positions + np.float32(0.001))

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from safetensors.numpy import load_file, save_file
 
 from ehar.conditions import Conditions
 from ehar.errors import ModelError
+from ehar.flight.vehicle import VEHICLES
 from planners.value.belief.clips import BeliefModel
 from planners.value.model import FULL, GainModel, gain_model_path, load_gain_model, save_gain_model
 from tests.helpers.fakes import tiny_data
@@ -47,6 +49,27 @@ def refusal(path: Path, **changes: Any) -> str:
     message = str(caught.value)
     assert "\n" not in message
     return message
+
+
+def test_a_field_of_a_vehicle_is_refused_to_another_one_of_its_name(tmp_path: Path) -> None:
+    mine = replace(VEHICLES["px4-auto"], name="mine")
+    path = gain_model_path(tmp_path, Conditions(track=mine))
+    save_gain_model(path, MODEL, recogniser_sha256=HASH, history={}, vehicle=mine)
+    load(path, track=mine)
+    load(path, track=replace(mine, body=None))
+    assert refusal(path, track=replace(mine, jerk=2.5)) == (
+        f"{path}: learned with another vehicle that is called 'mine': its jerk was {mine.jerk:g}, now it is 2.5; train "
+        "again, or give the other vehicle file another name"
+    )
+
+
+def test_a_field_of_before_vehicles_were_recorded_is_loaded(tmp_path: Path) -> None:
+    path = gain_model_path(tmp_path, Conditions(track="px4-auto"))
+    save_gain_model(path, MODEL, recogniser_sha256=HASH, history={})
+    told = json.loads(path.with_suffix(".json").read_text())
+    del told["vehicle"]
+    path.with_suffix(".json").write_text(json.dumps(told))
+    load(path, track="px4-auto")
 
 
 def test_what_is_saved_is_loaded(path: Path) -> None:

@@ -289,6 +289,7 @@ def test_a_field_that_is_learned_in_flight_is_that_of_its_vehicle(config: GainTr
     assert weights_path(flying).name == "gain-field-perfect-moving-tracking-drone.safetensors"
     (_, of_grid), (_, of_vehicle) = written(config), written(flying)
     assert (of_vehicle["training"]["track"], "track" in of_grid["training"]) == ("tracking-drone", False)
+    assert (of_vehicle["vehicle"]["name"], of_grid["vehicle"]) == ("tracking-drone", None)
     assert of_grid["training"]["unseen_people"] != of_vehicle["training"]["unseen_people"]
     used = [loaded(changed(config, track=track)).sha256 for track in ("ideal", "px4-auto", "tracking-drone")]
     assert used[0] == used[1] != used[2]
