@@ -16,7 +16,8 @@ from ehar.files import read_json
 from ehar.flight.vehicle import Vehicle
 from ehar.localisation import Localisation
 from ehar.track import IDEAL
-from ehar.world import LATER, PAPER, World
+from ehar.world import LATER as OBSTACLES
+from ehar.world import PAPER, World
 from planners.shipped import weights_folder
 from planners.value.belief.clips import BeliefModel
 from planners.value.belief.streams import StreamBeliefModel
@@ -33,6 +34,8 @@ from recognition.weight_files import (
 )
 
 FULL = "full"
+# Fields that older descriptions do not have.
+LATER = (*OBSTACLES, "stream_belief", "memory", "lookahead", "learned", "vehicle")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -190,8 +193,7 @@ def open_gain_model(path: Path, conditions: Conditions, joint_count: int, recogn
         f"a gain field, as made by `ehar train gain-field {conditions.options} {conditions.models_option}`",
     )
     file, what = description_path(path), "a gain field, as `ehar train gain-field` writes it"
-    later = (*LATER, "stream_belief", "memory", "lookahead", "learned", "vehicle")
-    description = read_json(file, GainDescription, what, optional=later, wrong=ModelError)
+    description = read_json(file, GainDescription, what, optional=LATER, wrong=ModelError)
     belief = description.stream_belief or description.belief
     if belief is None:
         raise ModelError(f"{file}: belief: expected the parameters of one, got null")

@@ -44,8 +44,8 @@ def test_a_longer_episode_saves_more_operations() -> None:
     data = tiny_data(frames=20)
     ratios = [compare_forms(data, "small", 1, length).flops_ratio for length in (1, 2, 20)]
     # On one frame the forms differ by little; of T frames the published one sees (T + 1) / 2 times as many.
-    assert 0.5 < ratios[0] < 2
-    assert ratios[0] < ratios[1] < 2 * ratios[0]
+    assert 0.4 < ratios[0] < 2
+    assert ratios[0] < ratios[1] < 2.5 * ratios[0]
     assert ratios[2] > 8  # of at most 10.5: refreshing topologies costs the streaming form some
 
 
