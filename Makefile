@@ -207,6 +207,7 @@ SYNTHETIC := solo-stream duo-stream
 
 # Things in the way: three trainings of the open world.
 IN_THE_WAY := room crowd
+WORLDS := paper $(IN_THE_WAY)
 OF_SOLO := solo solo-1 solo-2
 define in_the_way
 $$(OF_SOLO:%=runs/$(1)-%/table.md): runs/$(1)-%/table.md: models/%/planners-estimator-moving
@@ -270,7 +271,7 @@ $$(FOLDS:%=runs/looked-%-$(1)/table.md): runs/looked-%-$(1)/table.md: models/%/p
 $$(RECORDED:%=runs/looked-%-$(1)/table.md): runs/looked-%-$(1)/table.md: $$(NUMBERS:%=runs/looked-\%-%-$(1)/table.md)
 	$$(EHAR) study folds $$(^:/table.md=) --out $$(@D)
 endef
-$(foreach world,paper $(IN_THE_WAY),$(eval $(call looked_at,$(world))))
+$(foreach world,$(WORLDS),$(eval $(call looked_at,$(world))))
 
 define flown_through
 $$(FOLDS:%=runs/looked-%-$(1)-$(2)/table.md): runs/looked-%-$(1)-$(2)/table.md: runs/looked-%-$(1)/table.md
@@ -280,7 +281,7 @@ $$(FLOWN:%=runs/looked-%-$(1)-$(2)/table.md): runs/looked-%-$(1)-$(2)/table.md: 
   $$(NUMBERS:%=runs/looked-\%-%-$(1)-$(2)/table.md)
 	$$(EHAR) study folds $$(patsubst %/table.md,%,$$(wordlist 2,9,$$^)) --ideal $$(<D) --out $$(@D)
 endef
-$(foreach track,$(FLYING),$(foreach world,paper $(IN_THE_WAY),$(eval $(call flown_through,$(world),$(track)))))
+$(foreach track,$(FLYING),$(foreach world,$(WORLDS),$(eval $(call flown_through,$(world),$(track)))))
 
 define two_folds
 runs/looked-two-$(1)/table.md: runs/looked-hdm05-stream-1-$(1)/table.md runs/looked-hdm05-stream-2-$(1)/table.md
@@ -290,7 +291,7 @@ runs/looked-two-$(1)-tracking-drone/table.md: runs/looked-two-$(1)/table.md \
   runs/looked-hdm05-stream-1-$(1)-tracking-drone/table.md runs/looked-hdm05-stream-2-$(1)-tracking-drone/table.md
 	$$(EHAR) study folds $$(patsubst %/table.md,%,$$(wordlist 2,3,$$^)) --ideal $$(<D) --out $$(@D)
 endef
-$(foreach world,paper $(IN_THE_WAY),$(eval $(call two_folds,$(world))))
+$(foreach world,$(WORLDS),$(eval $(call two_folds,$(world))))
 
 # What learned in flight: a gain field, and agents that copy flights of an oracle. Flights take them where there are any, so
 # they have a folder of their own.
@@ -546,14 +547,13 @@ docs/results/obstacle-flights.md: $(call tracks_among,solo-stream)
 docs/results/utkinect.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-utkinect$(track:.=)/table.md)
 	$(call page,$@,Streams of a real Kinect,ehar benchmark $(WATCHING) --data utkinect.npz --sensor estimator,$^)
 
-docs/results/recorded-streams.md: $(foreach world,paper $(IN_THE_WAY),$(RECORDED:%=runs/looked-%-$(world)/table.md))
+docs/results/recorded-streams.md: $(foreach world,$(WORLDS),$(RECORDED:%=runs/looked-%-$(world)/table.md))
 	$(call side_by_side,nbv,Looking at recorded people)
 
-docs/results/recorded-flights.md: $(foreach world,paper $(IN_THE_WAY),$(foreach track,$(FLYING),$(FLOWN:%=runs/looked-%-$(world)-$(track)/table.md)) \
+docs/results/recorded-flights.md: $(foreach world,$(WORLDS),$(foreach track,$(FLYING),$(FLOWN:%=runs/looked-%-$(world)-$(track)/table.md)) \
   runs/looked-two-$(world)-tracking-drone/table.md) $(foreach world,paper room,$(TAUGHT_ALOFT:%=runs/aloft-%-$(world)/table.md))
 	$(call side_by_side,nbv,Flying around recorded people)
 
-WORLDS := paper $(IN_THE_WAY)
 docs/results/glance.md: $(foreach track,. $(FLYING:%=-%.),$(SYNTHETIC:%=runs/watched-%$(track:.=)/table.md)) \
   $(foreach set,$(SYNTHETIC),$(call tracks_among,$(set))) $(foreach world,$(WORLDS),$(RECORDED:%=runs/looked-%-$(world)/table.md)) \
   $(foreach world,$(WORLDS),$(foreach track,$(FLYING),$(FLOWN:%=runs/looked-%-$(world)-$(track)/table.md)) \
