@@ -208,10 +208,10 @@ def test_a_joint_that_is_elsewhere_for_one_frame_is_a_warning_that_says_where() 
 
 
 def test_a_body_that_moves_on_does_not_jump() -> None:
-    def turned(positions: np.ndarray) -> np.ndarray:
+    def walked(positions: np.ndarray) -> np.ndarray:
         return positions + np.arange(len(positions))[:, None, None, None] * np.array((0.2, 0, 0))
 
-    assert "joints jump" not in str(check_data(changed(few(), turned)))
+    assert "joints jump" not in str(check_data(changed(few(), walked)))
 
 
 def test_nan_is_a_failed_check_and_its_advice_mends_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
