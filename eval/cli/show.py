@@ -113,10 +113,9 @@ def save_data(
         mirror: change the sign of x, for bodies whose left is right.
         skeleton: map joints to those of a pose estimator, by their names.
     """
-    from eval.conformance.data import (
-        ReadWith,
-        check_bodies,
-    )  # imported here: it brings scipy, which `ehar --help` does not need
+    # Imported here: it brings scipy, which `ehar --help` does not need.
+    from eval.conformance.advice import ReadWith
+    from eval.conformance.data import check_bodies
 
     data = mended(data, fps=fps, mirror=mirror, skeleton=skeleton)
     save_motion(_npz(out), data)

@@ -8,6 +8,8 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.errors import EharError
 
+FEW = 0.05  # share of sequences, or of frames, that may be odd without a failure
+
 
 @dataclass(frozen=True)
 class ContractCheck:

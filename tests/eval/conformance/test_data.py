@@ -201,9 +201,7 @@ def test_a_joint_that_is_elsewhere_for_one_frame_is_a_warning_that_says_where() 
     found = check_data(changed(data, thrown))
     told = [check for check in found.checks if check.doubtful]
     assert found.passed and len(told) == 1, str(found)
-    assert (
-        told[0].name == f"joints jump in {100 * 4 / len(data.positions):.2g} % of frames"
-    )  # of the farther one also before and after
+    assert told[0].name == f"joints jump in {100 * 2 / len(data.positions):.2g} % of frames"
     assert told[0].got == f"farthest {joint} by 2.5 m in frame 7 of sequence {data.sequence_names[3]!r}"
 
 
