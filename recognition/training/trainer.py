@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,29 +16,21 @@ from torch import Tensor
 from torch.nn import functional
 
 from ehar.arrays import FloatArray
-from ehar.data.motion_data import MotionData
-from ehar.data.recordings import UNKNOWN_SUBJECT
-from ehar.data.scenario import split_parts
-from ehar.data.streams.data import StreamData
-from ehar.errors import DataError, ModelError, UsageError
+from ehar.errors import ModelError, UsageError
 from ehar.files import as_json, check_folder, parse_json
-from ehar.sensors.registry import load_sensor
-from ehar.world import PAPER, load_world
+from ehar.world import PAPER
 from recognition.calibration import fit_temperature
 from recognition.devices import check_device
 from recognition.freed_memory import keep_freed_memory
-from recognition.left_out import leave_performers_out, of_known_classes
 from recognition.networks.spec import Network, NetworkSpec
-from recognition.setting import load_recordings_of, with_length
 from recognition.storage import load_weights, recogniser_path, save_recogniser
 from recognition.torch_threads import one_torch_thread
 from recognition.training.arithmetic import arithmetic_on
 from recognition.training.batches import Batch, draw_batches
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
-from recognition.training.clips import ClipSource
-from recognition.training.config import WINDOW, TrainingConfig
-from recognition.training.frame_weights import frame_weights
+from recognition.training.config import TrainingConfig
 from recognition.training.learner import Learner
+from recognition.training.material import Material, gather
 from recognition.training.planned_views import PlannedViews
 from recognition.training.recorded_step import FIRST_STEPS
 from recognition.training.stopping import (
@@ -50,9 +42,6 @@ from recognition.training.stopping import (
     next_evaluation,
 )
 from recognition.weight_files import description_path, recorded_run
-
-VALIDATION_CLIPS = 768
-VALIDATION_SEED = 1_000_003  # draws the same clips for every run on the same data
 
 
 @dataclass(frozen=True)
@@ -142,59 +131,16 @@ class _Run:
     """One training run: its data, network, optimiser and evaluations; of a fold, one that leaves people out."""
 
     def __init__(self, config: TrainingConfig, planned: PlannedViews | None = None, fold: int | None = None) -> None:
-        data = load_recordings_of(config.conditions)
-        if isinstance(data, MotionData) and len(data.class_names) < 2:
-            raise DataError(
-                f"{data.name}: expected at least 2 classes to tell apart, got {data.class_names[0]!r} alone"
-            )
-        config = replace(config, conditions=with_length(config.conditions, data, WINDOW))
-        self.config = config
-        parts = split_parts(data)
-        world = load_world(config.conditions.world)
-        loaded = load_sensor(config.conditions.sensor, data, world)
-
-        def source(sequences: Any, augment: bool, planned: PlannedViews | None = None) -> ClipSource:
-            return ClipSource(
-                data=data,
-                sequences=sequences,
-                length=config.conditions.frames,
-                sensor=loaded.sensor,
-                views=config.conditions.views,
-                form=config.conditions.form,
-                augment=augment,
-                world=world,
-                planned=planned,
-            )
-
-        # If no sequence of the validation part is long enough, we validate on the recogniser's own part.
-        has_own = bool((data.lengths[parts.validation] >= config.conditions.frames).any())
-        learned, asked = parts.recogniser, parts.validation if has_own else parts.recogniser
-        if fold is not None:
-            left = leave_performers_out(data, learned, config.folds)[fold]
-            learned, asked = left.learned, of_known_classes(data, left)
-            planned = None if planned is None else planned.of(learned)
-            if planned is not None and not len(planned.sequence):
-                raise UsageError(
-                    f"--folds {config.folds}: got no planned episode of those whom fold {fold} learns from; expected "
-                    "planned runs of more people, or fewer folds"
-                )
-        self.source = source(learned, augment=True, planned=planned)
-        held_out = source(asked, augment=False)
-        people = data.subjects[parts.validation]
-        if not has_own:
-            self.validated_on = "its own training sequences"
-        elif (people == UNKNOWN_SUBJECT).any():
-            self.validated_on = "other sequences, of people whom the data do not name"
-        else:
-            known = np.isin(people, data.subjects[parts.recogniser])
-            who = "people it knows" if known.all() else "people it knows and people it does not"
-            self.validated_on = f"other sequences of {who}" if known.any() else "people it does not know"
-        self.validation = held_out.draw(np.random.default_rng(VALIDATION_SEED), VALIDATION_CLIPS)
-        self.weights = frame_weights(data, learned) if isinstance(data, StreamData) else None
+        material = gather(config, planned, fold)
+        self.config = config = material.config
+        self.material = material
         self.spec = NetworkSpec.of(
-            data, form=config.conditions.form, size=config.size, length=config.conditions.frames, world=world
+            material.data,
+            form=config.conditions.form,
+            size=config.size,
+            length=config.conditions.frames,
+            world=material.world,
         )
-        self.data_title = data.title
         self.device = torch.device(config.device)
         network: Network = self.spec.build(config.conditions.seed).to(self.device)
         if config.init is not None:
@@ -205,19 +151,9 @@ class _Run:
             learning_rate=config.learning_rate,
             weight_decay=config.weight_decay,
             batch=config.batch,
-            class_weights=self.weights,
+            class_weights=material.weights,
         )
-        self.identity = _identify(config, data.sha256)
-        if loaded.sha256 is not None:
-            self.identity["sensor_sha256"] = loaded.sha256
-        if planned is not None:
-            self.identity["planned_sha256"] = planned.sha256
-        if fold is not None:
-            self.identity["without"] = fold
-        if self.weights is not None:
-            self.identity["no_activity_weight"] = float(self.weights[-1])
-        if not world.agrees_with(PAPER):
-            self.identity["world"] = as_json(world.to_json())
+        self.identity = _identify(material, fold)
         self.steps = max(1, config.clips // config.batch)
         self.step = 0
         self.evaluations: list[Evaluation] = []
@@ -255,7 +191,7 @@ class _Run:
                     self.best = _copied(self.learner.averaged)
                     self._save_checkpoint()
                 report(self.clips, steps * self.config.batch, None)
-        return self.learner.logits(self.learner.averaged, self.validation.features)
+        return self.learner.logits(self.learner.averaged, self.material.validation.features)
 
     @property
     def clips(self) -> int:
@@ -276,7 +212,7 @@ class _Run:
         """Return the batches of the steps from the present one to `steps`, to be closed."""
         seed, size = self.config.conditions.seed, self.config.batch
         steps_left = range(self.step, steps)
-        return draw_batches(self.source, seed=seed, size=size, steps=steps_left, device=self.config.device)
+        return draw_batches(self.material.source, seed=seed, size=size, steps=steps_left, device=self.config.device)
 
     def _learn(self, batch: Batch) -> float:
         """Make one step and return its loss."""
@@ -290,9 +226,9 @@ class _Run:
     def _evaluate(self) -> None:
         """Evaluate the averaged weights on the validation clips, and remember the best."""
         network = self.learner.averaged
-        logits = torch.from_numpy(self.learner.logits(network, self.validation.features))
-        labels = self.validation.frame_labels
-        weight = None if self.weights is None else torch.from_numpy(self.weights.astype(np.float32))
+        logits = torch.from_numpy(self.learner.logits(network, self.material.validation.features))
+        labels = self.material.validation.frame_labels
+        weight = None if self.material.weights is None else torch.from_numpy(self.material.weights.astype(np.float32))
         nll = float(functional.cross_entropy(logits.flatten(0, 1), labels.flatten(), weight=weight))
         right = (logits.argmax(dim=-1) == labels).float()
         accuracy = float(right.mean() if weight is None else (right * weight[labels]).sum() / weight[labels].sum())
@@ -312,15 +248,15 @@ class _Run:
         network.load_state_dict(self.best)
         begun = self.config.init is not None
         outcome = conclude(self.evaluations, self.clips, runs_to_end=self.runs_to_end, begun=begun)
-        said = [self.learner.logits(network, self.validation.features)]
+        said = [self.learner.logits(network, self.material.validation.features)]
         # As long as the weights that are kept have learned, not as long as it took to see that no more was gained.
         said += [fold.answer_after(outcome.best.step, report) for fold in self.folds]
-        labels = [run.validation.labels.numpy() for run in (self, *self.folds)]
-        temperature = fit_temperature(np.concatenate(said), np.concatenate(labels), self.weights)
+        labels = [run.material.validation.labels.numpy() for run in (self, *self.folds)]
+        temperature = fit_temperature(np.concatenate(said), np.concatenate(labels), self.material.weights)
         history = {
-            "data": self.data_title,
+            "data": self.material.data.title,
             "run": self.identity,
-            "validated_on": self.validated_on,
+            "validated_on": self.material.validated_on,
             **({"calibrated_on": f"these, and people left out in {len(self.folds)} folds"} if self.folds else {}),
             "stopped": outcome.reason,
             "cut_short": outcome.cut_short,
@@ -368,8 +304,9 @@ def _copied(network: Network) -> dict[str, Tensor]:
 NOT_DECISIVE = ("conditions", "out", "threads", "device", "init")  # their decisive parts are added in `_identify`
 
 
-def _identify(config: TrainingConfig, data_sha256: str) -> dict[str, Any]:
+def _identify(material: Material, fold: int | None) -> dict[str, Any]:
     """Return everything that decides the result of a run, for JSON; paths and the device do not."""
+    config, planned, weights = material.config, material.planned, material.weights
     told, own = vars(config.conditions), vars(config)
     identity = {name: told[name] for name in ("views", "form", "length", "fps", "seed")}
     identity |= {name: value for name, value in own.items() if name not in NOT_DECISIVE}
@@ -378,8 +315,19 @@ def _identify(config: TrainingConfig, data_sha256: str) -> dict[str, Any]:
     if config.optimiser != "published":
         del identity["clips"]  # they only end the training: with more of them, a checkpoint goes on
     identity["sensor"] = config.conditions.sensor_name
-    init_sha256 = None if config.init is None else hashlib.sha256(config.init.read_bytes()).hexdigest()
-    return {**identity, "data_sha256": data_sha256, "init_sha256": init_sha256}
+    identity["data_sha256"] = material.data.sha256
+    identity["init_sha256"] = None if config.init is None else hashlib.sha256(config.init.read_bytes()).hexdigest()
+    if material.sensor_sha256 is not None:
+        identity["sensor_sha256"] = material.sensor_sha256
+    if planned is not None:
+        identity["planned_sha256"] = planned.sha256
+    if fold is not None:
+        identity["without"] = fold
+    if weights is not None:
+        identity["no_activity_weight"] = float(weights[-1])
+    if not material.world.agrees_with(PAPER):
+        identity["world"] = as_json(material.world.to_json())
+    return identity
 
 
 def _refuse_finished(path: Path, identity: dict[str, Any]) -> None:

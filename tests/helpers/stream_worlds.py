@@ -6,7 +6,7 @@ import pytest
 
 from ehar.conditions import Conditions
 from ehar.data.streams.file import save_streams
-from recognition.training import trainer as training
+from recognition.training import material
 from recognition.training.config import TrainingConfig
 from recognition.training.trainer import train_recogniser
 from tests.helpers.streams import raising_streams
@@ -16,7 +16,7 @@ def save_stream_world(folder: Path) -> Path:
     """Write raising.npz, and models for it; return the folder."""
     save_streams(folder / "raising.npz", raising_streams())
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(training, "VALIDATION_CLIPS", 24)
+        patch.setattr(material, "VALIDATION_CLIPS", 24)
         conditions = Conditions(data=str(folder / "raising.npz"), length=40)
         train_recogniser(
             TrainingConfig(conditions=conditions, out=folder / "models", clips=480, batch=16, interval=160, threads=1)

@@ -14,7 +14,7 @@ from ehar.errors import UsageError
 from eval.running.planned import planned_views
 from eval.running.run import read_run
 from eval.running.training import train_recogniser
-from recognition.training import trainer
+from recognition.training import material
 from recognition.training.config import TrainingConfig
 from recognition.weight_files import recorded_run
 from tests.helpers.fakes import tiny_data
@@ -64,7 +64,7 @@ def test_runs_of_two_lengths_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_training_says_what_it_saw(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trainer, "VALIDATION_CLIPS", 8)
+    monkeypatch.setattr(material, "VALIDATION_CLIPS", 8)
     folder = looked(tmp_path / "run")
     config = TrainingConfig(conditions=TOLD, out=tmp_path / "usual", clips=64, interval=32)
     usual = train_recogniser(config).paths[0]

@@ -15,7 +15,7 @@ from eval.speed.on_device import device_figures
 from eval.speed.peak import frame_gflop, peak_figures
 from eval.speed.recognition import compare_forms, frame_ratios, time_training, time_world
 from recognition.networks.sizes import SMALL_WIDTHS
-from recognition.training import trainer
+from recognition.training import material
 from recognition.training.arithmetic import has_bfloat16
 from tests.helpers.fakes import tiny_data
 
@@ -88,7 +88,7 @@ def test_a_frame_takes_the_operations_that_are_counted() -> None:
 @pytest.fixture
 def short_trainings(monkeypatch: pytest.MonkeyPatch) -> None:
     """Trainings of few clips and one thread: beside other tests, threads wait for each other longer than they work."""
-    monkeypatch.setattr(trainer, "VALIDATION_CLIPS", 8)
+    monkeypatch.setattr(material, "VALIDATION_CLIPS", 8)
     monkeypatch.setattr("eval.speed.recognition.WORKERS", 1)
 
 

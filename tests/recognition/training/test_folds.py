@@ -12,15 +12,16 @@ from ehar.arrays import FloatArray, IntArray
 from ehar.conditions import Conditions
 from ehar.data.any_source import load_recordings
 from ehar.data.motion_file import save_motion
-from ehar.data.recordings import Recordings
 from ehar.data.scenario import split_parts
 from ehar.data.streams.file import save_streams
 from ehar.errors import DataError, UsageError
 from recognition.calibration import Temperature, fit_temperature
 from recognition.left_out import leave_people_out, leave_performers_out, of_known_classes
 from recognition.storage import recogniser_path
+from recognition.training import material
 from recognition.training import trainer as training
 from recognition.training.config import TrainingConfig
+from recognition.training.material import gather
 from recognition.training.planned_views import PlannedViews
 from recognition.training.trainer import train_recogniser
 from tests.helpers.fakes import tiny_data
@@ -31,7 +32,7 @@ PEOPLE = 8
 
 @pytest.fixture(autouse=True)
 def few_validation_clips(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(training, "VALIDATION_CLIPS", 24)
+    monkeypatch.setattr(material, "VALIDATION_CLIPS", 24)
 
 
 @pytest.fixture
@@ -124,17 +125,17 @@ def test_streams_are_asked_too(tmp_path: Path) -> None:
 
 
 def test_people_who_are_left_out_are_asked_and_not_learned_from(config: TrainingConfig) -> None:
-    run = [training._Run(replace(config, folds=3), None, number) for number in range(3)]
-    data: Recordings = run[0].source._data
-    people = data.subjects[split_parts(data).recogniser]  # type: ignore[arg-type]
+    folds = [gather(replace(config, folds=3), fold=number) for number in range(3)]
+    data = folds[0].data
+    people = data.subjects[split_parts(data).recogniser]
     asked = []
-    for fold in run:
+    for fold in folds:
         learned = set(data.subjects[fold.source._sequences, 0])
         held = set(data.subjects[fold.validation.sequences, 0])
         assert held and not learned & held
         asked += held
     assert sorted(asked) == sorted(np.unique(people))
-    assert len({fold.path for fold in run}) == 3
+    assert len({training._Run(replace(config, folds=3), None, number).path for number in range(3)}) == 3
 
 
 def test_what_nobody_else_shows_is_not_asked() -> None:

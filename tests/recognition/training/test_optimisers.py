@@ -9,7 +9,7 @@ import torch
 from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
 from recognition.storage import recogniser_path
-from recognition.training import stopping, trainer
+from recognition.training import material, stopping
 from recognition.training.config import TrainingConfig
 from recognition.training.optimisers import make_optimiser, published_rate
 from recognition.training.trainer import train_recogniser
@@ -36,7 +36,7 @@ def test_the_published_optimiser() -> None:
 
 
 def test_a_training_says_what_optimised_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trainer, "VALIDATION_CLIPS", 24)
+    monkeypatch.setattr(material, "VALIDATION_CLIPS", 24)
     save_motion(tmp_path / "tiny.npz", tiny_data())
     told = Conditions(data=str(tmp_path / "tiny.npz"), length=8, form="ctrgcn", views="paper")
     config = TrainingConfig(conditions=told, out=tmp_path, clips=48, batch=8, optimiser="published", threads=1)
@@ -45,7 +45,7 @@ def test_a_training_says_what_optimised_it(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_the_published_schedule_runs_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trainer, "VALIDATION_CLIPS", 24)
+    monkeypatch.setattr(material, "VALIDATION_CLIPS", 24)
     monkeypatch.setattr(stopping, "LEAST_CLIPS", 8)
     monkeypatch.setattr(stopping, "WORTH", 2.0)  # nothing gains so much: the other optimiser stops as early as it can
     save_motion(tmp_path / "tiny.npz", tiny_data())

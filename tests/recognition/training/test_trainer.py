@@ -23,7 +23,7 @@ from ehar.data.motion_file import load_motion, save_motion
 from ehar.data.scenario import split_parts
 from ehar.errors import DataError, EharError, ModelError, UsageError
 from recognition.storage import load_recogniser, recogniser_path
-from recognition.training import stopping
+from recognition.training import material, stopping
 from recognition.training import trainer as training
 from recognition.training.checkpoints import load_checkpoint, save_checkpoint
 from recognition.training.config import TrainingConfig
@@ -44,7 +44,7 @@ def data_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def few_validation_clips(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(training, "VALIDATION_CLIPS", 24)
+    monkeypatch.setattr(material, "VALIDATION_CLIPS", 24)
 
 
 @pytest.fixture
@@ -353,8 +353,8 @@ def test_the_published_form_is_validated_on_what_it_has_seen_and_no_more(config:
 def test_only_the_recogniser_s_own_part_is_learnt_from(config: TrainingConfig, data_path: Path) -> None:
     run = training._Run(config)
     parts = split_parts(load_motion(data_path))
-    assert set(run.source._sequences) == set(parts.recogniser)
-    assert not set(run.source._sequences) & set(parts.test)
+    assert set(run.material.source._sequences) == set(parts.recogniser)
+    assert not set(run.material.source._sequences) & set(parts.test)
 
 
 def test_unknown_options(config: TrainingConfig) -> None:
