@@ -97,7 +97,10 @@ class Forker(Planner):
         if context.length is None:
             shares, last = STREAM_SPANS, max(self.length - 1 - frames_to_come(context), 0)
         spans = [sorted(int(share * last) for share in span) for span in shares]
-        self._at = {int(context.rng.integers(low, high + 1)) for low, high in spans}
+        # Spans share their ends, and two forks at one frame would be one: each begins behind the one before.
+        ends = [-1, *(high for _, high in spans[:-1])]
+        begins = [min(max(low, end + 1), high) for (low, high), end in zip(spans, ends, strict=True)]
+        self._at = {int(context.rng.integers(low, high + 1)) for low, (_, high) in zip(begins, spans, strict=True)}
         self._wanders = context.rng.random(context.episodes) < WANDER
         self._goal = random_viewpoints(context.rng, (context.episodes,), context.workspace)
         self.forks: list[dict[str, Any]] = []

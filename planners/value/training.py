@@ -13,7 +13,7 @@ from safetensors.numpy import load_file, save
 from ehar.arrays import IntArray
 from ehar.data.motion_data import MotionData
 from ehar.data.recordings import UNKNOWN_SUBJECT, Recordings
-from ehar.data.scenario import split_parts, strangers
+from ehar.data.scenario import people_together, split_parts, strangers
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.errors import DataError, UsageError
 from ehar.files import check_folder, write_bytes
@@ -52,7 +52,8 @@ from planners.value.view_basis import DistanceRange
 from recognition.setting import load_setting, refuse_loss, refuse_told_onsets, with_length
 
 LEAST_LENGTH = 3  # frames of an episode: views along a path spread only if there are two to come
-ROLLOUTS = 4  # counts what decides rollouts beside their key, so that none of before a change are read
+ROLLOUTS = 5  # counts what decides rollouts beside their key, so that none of before a change are read
+OTHER_SEED = 1_000_003  # added to the seed of rollouts of the same people that no field is fitted on
 FIRST_BATCHES = 12  # of rollouts; then twice as many, and so on
 UNSEEN_BATCHES = 6  # on the validation part: they tell when more rollouts gain nothing, and fit the belief with as many
 WORTH = 0.001  # rollouts go on while twice as many gain at least this probability on the validation part
@@ -65,7 +66,8 @@ class GainTraining:
     Args:
         path: the weights.
         fits: the fields, with their scores in cross-validation.
-        unseen: the scores of the full field on the validation part, by the number of batches.
+        unseen: the scores of the full field on other rollouts, by the number of batches.
+        scored_on: whose rollouts these are.
         second_round: the scores there at forks of the planner's own paths: of the field before the second round,
             and of that after it.
         cut_short: whether more rollouts would have been worth it, or nobody knows.
@@ -74,6 +76,7 @@ class GainTraining:
     path: Path
     fits: dict[str, Fit]
     unseen: dict[int, Scores]
+    scored_on: str
     second_round: tuple[Scores, Scores]
     cut_short: bool
 
@@ -84,7 +87,8 @@ class GainTraining:
         gained = ""
         if len(batches) > 1:
             gain = self.unseen[batches[-1]].chosen_gain - self.unseen[batches[-2]].chosen_gain
-            gained = f"{batches[-1]} batches instead of {batches[-2]} gained {100 * gain:.2f} points on validation"
+            gained = f"{batches[-1]} batches instead of {batches[-2]} gained {100 * gain:.2f} points"
+            gained += f" on {self.scored_on}"
         if not self.cut_short:
             return f"it had learned: {gained}"
         return f"cut short at {batches[-1]} batches: {gained or 'too few to tell what more bring'}"
@@ -161,7 +165,7 @@ def train_gain_field(
     key += "" if world.agrees_with(PAPER) else f" {world.to_json()}"
     key += "" if not flown else f" {setting.runner.track.vehicle}"
     rollouts = _Rollouts(config, path, key, report, engine or Processes(config.workers))
-    unseen_task = replace(task, sequences=_unseen_sequences(task, sequences))
+    unseen_task, scored_on = _unseen(task)
     unseen = rollouts.run(unseen_task, rollouts.few, "validation rollouts", "unseen")
     heard = join([rollouts.run(task, rollouts.few, "rollouts", ""), unseen])
     belief = _fitted_belief(data, policy, heard, DistanceRange.of(world.workspace))
@@ -200,7 +204,7 @@ def train_gain_field(
         report("regressions", len(fits), len(variants))
         fits[name] = full if name == FULL else fit(collection, parts)
     report("regressions", len(variants), len(variants))
-    trained = GainTraining(path, fits, scores, (before, after), not _has_learned(scores))
+    trained = GainTraining(path, fits, scores, scored_on, (before, after), not _has_learned(scores))
     model = model_of({name: fit.field for name, fit in fits.items()})
     told = setting.conditions
     history: dict[str, Any] = {
@@ -215,6 +219,7 @@ def train_gain_field(
         "seed": told.seed,
         "data_sha256": data.sha256,
         "cross_validation": {name: {"penalties": fit.penalties, **fit.scores._asdict()} for name, fit in fits.items()},
+        "scored_on": scored_on,
         "unseen_people": {str(count): found._asdict() for count, found in scores.items()},
         "second_round": {"before": before._asdict(), "after": after._asdict(), "kept": collection is both},
     }
@@ -235,13 +240,19 @@ def train_gain_field(
     return trained
 
 
-def _unseen_sequences(task: CollectionTask, policy: IntArray) -> IntArray:
-    """Return the sequences of the validation part that are long enough; those of the policy part if there are none."""
+def _unseen(task: CollectionTask) -> tuple[CollectionTask, str]:
+    """Return a task of rollouts that no field is fitted on, and whose they are.
+
+    They are of the sequences of the validation part that are long enough. If there are none, other rollouts of the
+    policy part are all that is left.
+    """
     data = task.runner.data
     assert isinstance(data, MotionData | StreamData)
     validation = split_parts(data).validation
     long_enough = validation[data.lengths[validation] >= task.length]
-    return long_enough if len(long_enough) else policy
+    if len(long_enough):
+        return replace(task, sequences=long_enough), "validation"
+    return replace(task, seed=task.seed + OTHER_SEED), "other rollouts of the same people"
 
 
 def _fitted_belief(
@@ -263,12 +274,15 @@ def _fitted_belief(
 
 
 def _performers(data: Recordings, sequences: IntArray) -> IntArray:
-    """Return who performs in each sequence, as numbers (E,); the sequences, if they are unknown or all the same."""
+    """Return who performs in each sequence, as numbers (E,); the sequences, if they are unknown or all the same.
+
+    Couples who share a person are one group, if that leaves several (`people_together`).
+    """
     people = np.sort(data.subjects[sequences], axis=1)
     if (people == UNKNOWN_SUBJECT).any():
         return sequences
-    groups: IntArray = np.unique(people, axis=0, return_inverse=True)[1].ravel()
-    return groups if groups.any() else sequences
+    groups = people_together(people)
+    return groups if np.ptp(groups) else sequences
 
 
 def _has_learned(scores: Mapping[int, Scores]) -> bool:

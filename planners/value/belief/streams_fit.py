@@ -82,8 +82,8 @@ def learn_chain(streams: StreamData, part: IntArray, known: IntArray) -> StreamB
         gap_rate=float(1 / gap_mean),
         share=tuple(_shares(spans, count, pooled).tolist()),
         learned=tuple((learned / learned.sum()).tolist()),
-        phases=likeliest_phases(spans.seconds, by_others / times[spans.classes]),
-        gap_phases=likeliest_phases(spans.gaps, np.full(len(spans.gaps), gap_mean)),
+        phases=likeliest_phases(spans.seconds, by_others / times[spans.classes], streams.fps),
+        gap_phases=likeliest_phases(spans.gaps, np.full(len(spans.gaps), gap_mean), streams.fps),
     )
 
 
@@ -130,19 +130,25 @@ def likeliest_smoothing(pairs: FloatArray, usual: FloatArray) -> float:
     return SMOOTHINGS[int(np.flatnonzero(total > total.max() - TIE)[-1])]  # of several, the one that claims least
 
 
-def likeliest_phases(seconds: FloatArray, means: FloatArray) -> int:
+def likeliest_phases(seconds: FloatArray, means: FloatArray, fps: float) -> int:
     """Return the number of phases, up to `MOST_PHASES`, under which durations with these means are likeliest.
 
-    The sum of n phases of the rate n / mean has the Erlang distribution, the gamma distribution of shape n.
+    With n phases, each of which is left with the probability p = n / (mean fps) in a frame, a duration has the variance
+    (1 - p) mean^2 / n. It is scored as the gamma distribution of that mean and variance, of shape n / (1 - p). So many
+    phases that a frame is longer than one of them are not for the chain: durations could not vary.
 
     Args:
         seconds: (N,), the durations [s]; if there are none, the answer is 1.
         means: (N,), what each is expected to be [s].
+        fps: frames per second of the chain.
     """
-    shape = np.arange(1, MOST_PHASES + 1)[:, None]
+    phases = np.arange(1, MOST_PHASES + 1)[:, None]
+    left = phases / (means * fps)
+    shape = phases / np.maximum(1 - left, 1e-9)
     scale = means / shape
     log_likelihood = (shape - 1) * np.log(seconds) - seconds / scale - shape * np.log(scale) - gammaln(shape)
-    return int(log_likelihood.sum(axis=1).argmax()) + 1
+    total = np.where((left < 1).all(axis=1), log_likelihood.sum(axis=1), -np.inf)
+    return int(total.argmax()) + 1
 
 
 def fit_evidence(

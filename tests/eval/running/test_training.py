@@ -67,7 +67,8 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         assert config.conditions.directory is not None
         found = {12: Scores(0.1, 0.01, 0.05), 24: Scores(0.1, 0.0105, 0.05)}
         path = config.conditions.directory / f"{GAIN_FIELD}.safetensors"
-        return GainTraining(path, {}, found, (Scores(0.1, 0.02, 0.05), Scores(0.1, 0.03, 0.05)), cut_short=False)
+        rounds = (Scores(0.1, 0.02, 0.05), Scores(0.1, 0.03, 0.05))
+        return GainTraining(path, {}, found, "validation", rounds, cut_short=False)
 
     def fixed_best(config: FixedBestConfig, report: object, note: object) -> FixedPlaceFit:
         heard.append("fixed-best")

@@ -116,7 +116,7 @@ def test_the_order_of_real_recordings_is_learned() -> None:
 def test_durations_that_come_twice_each_do_not_seem_to_vary_less_than_they_do() -> None:
     """Durations without a memory have one phase; beside means that they are half of, they seem to have more."""
     classes = np.tile(np.arange(20), 2)
-    frames = np.ceil(np.random.default_rng(0).exponential(20, len(classes))).astype(int)
+    frames = np.ceil(np.random.default_rng(2).exponential(20, len(classes))).astype(int)
     ends = np.cumsum(frames)
     tiny = tiny_streams()
     streams = replace(
@@ -132,7 +132,7 @@ def test_durations_that_come_twice_each_do_not_seem_to_vary_less_than_they_do() 
     )
     learned = learn_chain(streams, np.array([0]), np.array([0]))
     spans = spans_of(streams, np.array([0]))
-    assert likeliest_phases(spans.seconds, 1 / np.array(learned.rates)[spans.classes]) > 1
+    assert likeliest_phases(spans.seconds, 1 / np.array(learned.rates)[spans.classes], streams.fps) > 1
     assert learned.phases == 1
 
 
@@ -154,7 +154,20 @@ def test_streams_without_a_gap_are_learned_from() -> None:
 @pytest.mark.parametrize("phases", [1, 3, 8])
 def test_the_number_of_phases_is_found(phases: int) -> None:
     means = np.random.default_rng(1).uniform(1, 5, 3000)
-    assert likeliest_phases(np.random.default_rng(0).gamma(phases, means / phases), means) == phases
+    drawn = np.random.default_rng(0).gamma(phases, means / phases)
+    assert likeliest_phases(drawn, means, 1000.0) == phases
+
+
+@pytest.mark.parametrize("fps", [8.0, 15.0, 25.0])
+def test_phases_are_those_of_the_chain_at_its_frame_rate(fps: float) -> None:
+    """A phase is left at frames alone, so that few phases of a few frames each vary as little as many would."""
+    rng, mean = np.random.default_rng(0), 0.53
+    frames = 4 + rng.negative_binomial(4, 4 / (mean * fps), 3000)  # 4 phases, each left with this probability
+    assert likeliest_phases(frames / fps, np.full(3000, mean), fps) == 4
+
+
+def test_a_phase_is_no_shorter_than_a_frame() -> None:
+    assert likeliest_phases(np.full(100, 0.5), np.full(100, 0.5), 8.0) == 3  # 4 of 4 frames could not vary
 
 
 def test_each_part_is_worth_something_where_it_is_true() -> None:
