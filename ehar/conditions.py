@@ -170,7 +170,8 @@ class Conditions:
         parts = [self.data_option, f"--sensor {quote(sensor)} --views {self.views}"]
         parts += [f"--world {quote(self.world_name)}"] if self.world_name != PAPER.name else []
         parts += [f"--form {self.form}"] if self.form != Conditions.form else []
-        parts += [f"--length {self.length}"] if self.length not in (None, USUAL_LENGTH) else []
+        usual = None if self.in_streams else USUAL_LENGTH
+        parts += [f"--length {self.length}"] if self.length not in (None, usual) else []
         parts += [f"--fps {self.fps:g}"] if self.fps is not None else []
         parts += [f"--recogniser {quote(_named(self.recogniser))}"] if self.recogniser is not None else []
         return " ".join(parts)

@@ -268,8 +268,10 @@ def _checked(target: FloatArray, planner: Planner, batch: Batch, frame: int) -> 
     finite = np.isfinite(targets).reshape(len(targets), -1).all(axis=1)
     if not finite.all():
         bad = int(np.argmin(finite))
+        vectors = targets[bad].reshape(-1, 3)
+        wrong = vectors[int(np.argmin(np.isfinite(vectors).all(axis=1)))]
         raise EpisodeError(
             f"planner {planner.name!r}, episode {batch.names[bad]!r}, frame {frame}: "
-            f"expected a finite target viewpoint, got {targets[bad, ..., :3].reshape(-1, 3)[0].tolist()}"
+            f"expected a finite {'path' if paths else 'target viewpoint'}, got {wrong.tolist()}"
         )
     return targets

@@ -146,9 +146,10 @@ class Runner:
         """Return scenarios as `followed` does, of which any may be drawn.
 
         Raises:
-            UsageError: as `check_followed`, which looks at windows that do not overlap.
+            UsageError: as `check_followed`, which looks at windows that overlap as little as they cover all frames.
         """
-        self.check_followed(scenarios, np.flatnonzero(scenarios.first % scenarios.length == 0))
+        last = np.append(np.diff(scenarios.sequence) != 0, True)[: len(scenarios)]
+        self.check_followed(scenarios, np.flatnonzero((scenarios.first % scenarios.length == 0) | last))
         return self.followed(scenarios)
 
     def check_followed(self, scenarios: Scenarios | StreamScenarios, chosen: IntArray | None = None) -> None:

@@ -81,7 +81,8 @@ class Workspace:
             raise UsageError(f"workspace: expected a distance_step above 0, got {self.distance_step:g} m")
         turns = 2 * math.pi / self.angle_step if self.angle_step > 0 else 0.5
         deep = (self.distance_max - self.distance_min) / self.distance_step
-        if deep * turns * max(turns * (self.polar_max - self.polar_min) / (2 * math.pi), 1) > MOST_CELLS:
+        down = turns * (self.polar_max - self.polar_min) / (2 * math.pi)
+        if (deep + 1) * turns * (down + 1) > MOST_CELLS:
             raise UsageError(
                 f"workspace: expected a grid of at most {MOST_CELLS:,} cells, got more, by steps of "
                 f"{self.distance_step:g} m and {step:g} deg"

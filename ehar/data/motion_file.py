@@ -9,6 +9,7 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray
 from ehar.data.file_fields import (
     BOOL,
+    FLOAT,
     INTEGER,
     SHARED,
     Array,
@@ -73,7 +74,8 @@ def parse_motion(fields: Fields, *, name: str, notes: tuple[str, ...] = ()) -> M
     held = fields.get("labels", INTEGER, "sequences")
     count = len(held)
     missing = fields.get("missing", BOOL, "total_frames") if "missing" in fields.arrays else None
-    if missing is not None and len(missing) != len(fields.arrays.get("positions", missing)):
+    frames = len(fields.get("positions", FLOAT, "total_frames", "persons", "joints", 3))
+    if missing is not None and len(missing) != frames:
         raise fields.error("missing", f"got {len(missing)} frames, expected as many as positions have")
     shared = parse_shared(fields, sequences=count, missing=missing)
     sequence_names, class_names = shared["sequence_names"], shared["class_names"]

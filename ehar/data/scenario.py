@@ -1,5 +1,6 @@
 """Scenarios: labelled windows of L frames, cut from sequences that are split into four parts."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import overload
 
@@ -150,7 +151,7 @@ def advised_length(data: MotionData | StreamData, usual: int = USUAL_LENGTH) -> 
     lengths = [data.lengths]
     if not isinstance(data, StreamData):
         lengths = [data.lengths[data.labels == label] for label in range(len(data.class_names))]
-    kept = [np.sort(some)[int((1 - KEPT_SHARE) * len(some))] for some in lengths if len(some)]
+    kept = [np.sort(some)[len(some) - math.ceil(KEPT_SHARE * len(some) - 1e-9)] for some in lengths if len(some)]
     return int(np.clip(min(kept), LEAST_LENGTH, usual))
 
 

@@ -65,9 +65,10 @@ class GridControls:
 
     def targets(self, actions: npt.NDArray[Any], viewpoint: FloatArray, where: str) -> FloatArray:
         """Return the neighbouring cells (B, 3) that moves (B,) lead to."""
-        if actions.shape != viewpoint.shape[:1] or ((actions < 0) | (actions >= len(MOVES))).any():
+        whole = actions.dtype.kind in "iu"
+        if not whole or actions.shape != viewpoint.shape[:1] or ((actions < 0) | (actions >= len(MOVES))).any():
             raise EpisodeError(
-                f"{where}: expected {len(viewpoint)} moves from 0 to {len(MOVES) - 1}, got {actions.tolist()}"
+                f"{where}: expected {len(viewpoint)} whole moves from 0 to {len(MOVES) - 1}, got {actions.tolist()}"
             )
         space = self.motion.workspace
         if self._obstacles:

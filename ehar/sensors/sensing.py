@@ -62,8 +62,8 @@ def _sensed(
     """Sense joints that are all known, and check the result; see `sense`."""
     where = f"sensor {type(sensor).__name__}" + (f", {frame}" if frame else "")
     with blamed(sensor, where):
-        told = () if hidden is None else (hidden,)  # a sensor of your own need not know of obstacles elsewhere
-        sensed: Any = sensor.sense(positions, viewpoint, noise, *told)
+        told = {} if hidden is None else {"hidden": hidden}  # a sensor of your own need not know of obstacles elsewhere
+        sensed: Any = sensor.sense(positions, viewpoint, noise, **told)
     if not isinstance(sensed, tuple) or len(sensed) != 2:
         raise EpisodeError(f"{where}: expected Sensed(joints_2d, confidence), got {type(sensed).__name__}")
     leading = np.broadcast_shapes(positions.shape[:-3], viewpoint.shape[:-1])

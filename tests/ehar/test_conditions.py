@@ -93,6 +93,14 @@ def test_weights_are_named_after_what_was_seen(sensor: Any) -> None:
     assert conditions.options == "--data duo --sensor estimator --views paper"
 
 
+@pytest.mark.parametrize(
+    ("data", "length", "told"),
+    [("duo", 60, False), ("duo", 90, True), ("duo-stream", 60, True), ("duo-stream", None, False)],
+)
+def test_a_length_is_told_unless_it_is_the_usual_one(data: str, length: int | None, told: bool) -> None:
+    assert (f"--length {length}" in Conditions(data=data, length=length).options) == told
+
+
 def test_the_folder_of_weights_is_a_path_or_none() -> None:
     assert Conditions().directory is None
     assert Conditions(models="weights").directory == Conditions(models=Path("weights")).directory == Path("weights")

@@ -242,5 +242,11 @@ def test_a_path_is_followed_by_what_can_and_headed_for_by_what_cannot() -> None:
     grid = run(ahead).viewpoints
     first = run(lambda observation: ahead(observation)[:, 0, 0]).viewpoints
     np.testing.assert_array_equal(grid, first)
-    with pytest.raises(EpisodeError, match=r"expected a finite target viewpoint, got \[nan"):
-        run(lambda observation: np.full((EPISODES, 4, 3, 3), np.nan))
+
+    def broken(observation: Observation) -> FloatArray:
+        path = ahead(observation)
+        path[1, 2, 1, 0] = np.nan
+        return path
+
+    with pytest.raises(EpisodeError, match=r"expected a finite path, got \[nan, 0\.0, 0\.0\]"):
+        run(broken)

@@ -1,6 +1,6 @@
 """The runner sets up what a rollout by hand would: the same context, the same batch, the same record."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -135,6 +135,21 @@ def test_a_motion_that_is_handed_in_carries_the_camera_and_bounds_the_planner() 
     batch.starts[2, 0] = 14.0
     with pytest.raises(EpisodeError, match="expected a start viewpoint within"):
         made.roll(planner, batch, np.random.default_rng(9), GridMotion(workspace=NARROW))
+
+
+def test_people_who_get_away_behind_the_last_whole_window_are_told_of() -> None:
+    data = raising_streams()
+    frames, length = int(data.lengths[0]), 2 * int(data.lengths[0]) // 3
+    positions = data.positions.copy()
+    run = frames // 4  # of the last third, which no window that begins at a multiple of its length shows
+    positions[frames - run : frames] += np.linspace(0, 60, run)[:, None, None, None] * np.float32((1, 0, 0))
+    made = Runner(
+        replace(data, positions=positions), FakeRecogniser(), PerfectSensor(), track=load_track("tracking-drone")
+    )
+    with pytest.raises(UsageError, match=f"too slow for the people of '{data.sequence_names[0]}'"):
+        made.followed_everywhere(windows(made.data, np.arange(len(data.lengths)), length, 1))
+    unmoved = Runner(data, FakeRecogniser(), PerfectSensor(), track=load_track("tracking-drone"))
+    unmoved.followed_everywhere(windows(data, np.arange(len(data.lengths)), length, 1))
 
 
 def test_around_people_who_walk_a_vehicle_has_what_following_them_leaves() -> None:

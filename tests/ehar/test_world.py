@@ -157,6 +157,7 @@ def test_a_world_file(tmp_path: Path) -> None:
         ({"camera": {"width": 320, "height": 240, "focal_length": 1e300}}, "focal_length: expected at most 1e\\+06"),
         ({"distance_step": 1e-9}, "expected a grid of at most 100,000,000 cells, got more, by steps of 1e-09 m"),
         ({"distance_step": 1e-320}, "expected a grid of at most 100,000,000 cells"),
+        ({"distance_step": 1e4, "angle_step_deg": 0.0036}, "expected a grid of at most 100,000,000 cells, got more"),
         ({"distance_step": 1e300}, "distance_step: expected at most 10000"),
         ({"angle_step_deg": 0.001}, "expected a grid of at most 100,000,000 cells, got more"),
         ({"angle_step_deg": 1e-320}, "expected a grid of at most 100,000,000 cells, got more"),

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 from ehar.data.skeleton import Skeleton
+from ehar.errors import UsageError
 
 Layout = Literal["coco17", "kinect20", "ntu25", "smpl22", "body12"]
 
@@ -66,3 +67,15 @@ LAYOUTS: Mapping[Layout, Skeleton] = {
     "smpl22": SMPL22,
     "body12": BODY12,
 }
+
+
+def layout_of(name: str) -> Skeleton:
+    """Return the skeleton of a layout.
+
+    Raises:
+        UsageError: there is none of this name.
+    """
+    layout = next((skeleton for known, skeleton in LAYOUTS.items() if known == name), None)
+    if layout is None:
+        raise UsageError(f"joints: got {name!r}, expected names, or one of {', '.join(LAYOUTS)}")
+    return layout

@@ -1,6 +1,5 @@
 """A folder of arrays, .npy or .csv, and a small JSON beside them that says what they are."""
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,16 +12,16 @@ from ehar.arrays import FloatArray
 from ehar.data.motion_data import MotionData
 from ehar.data.preparing.axes import Up, metres, up_rotation, upright
 from ehar.data.preparing.gaps import without_empty_bodies
-from ehar.data.preparing.layouts import LAYOUTS
+from ehar.data.preparing.layouts import layout_of
 from ehar.data.readers.assembly import Clip, assemble
-from ehar.data.readers.names import visible_files
+from ehar.data.readers.names import LABEL, compiled, visible_files
 from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError
 from ehar.files import read_json
 
 SIDECAR = "ehar.json"
-_FIELDS = {"label": r".+?", "subject": r"\d+", "split": "train|test"}
+_FIELDS = {**LABEL, "subject": r"\d+", "split": "train|test"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,17 +59,14 @@ class ArraysFile:
             raise DataError(f"bones: {got}, expected pairs of joints from 0 to {len(joints) - 1}")
         if len(set(joints)) < len(joints):
             raise DataError("joints: expected names that all differ")
-        if "{label}" not in self.pattern:
-            raise DataError(f"pattern: got {self.pattern!r}, expected {{label}} in it")
+        compiled(self.pattern, _FIELDS)
 
     @property
     def skeleton(self) -> Skeleton:
         """The skeleton of one person."""
         if not isinstance(self.joints, str):
             return Skeleton(self.joints, self.bones)
-        layout = next((skeleton for name, skeleton in LAYOUTS.items() if name == self.joints), None)
-        if layout is None:
-            raise DataError(f"joints: got {self.joints!r}, expected names, or one of {', '.join(LAYOUTS)}")
+        layout = layout_of(self.joints)
         return Skeleton(layout.joint_names, self.bones or layout.bones)
 
 
@@ -94,7 +90,7 @@ def prepare_arrays(source: str | Path, *, unit: str = "m", up: Up = "z") -> Moti
     """
     source = Path(source)
     told = read_json(source / SIDECAR, ArraysFile, "a description of arrays", defaults=True)
-    pattern = _compiled(told.pattern)
+    pattern = compiled(told.pattern, _FIELDS)
     files = visible_files(source, ".npy", ".csv")
     if not files:
         raise DataError(f"{source}: got no .npy and no .csv, expected a folder that holds some")
@@ -175,15 +171,3 @@ def _number(cell: str) -> float | None:
         return float(cell) if cell else float("nan")
     except ValueError:
         return None
-
-
-def _compiled(pattern: str) -> re.Pattern[str]:
-    """Return the pattern of file names as a regular expression."""
-    pieces = re.split(r"\{(\w+)\}", pattern)
-    fields = [f"(?P<{name}>{_FIELDS[name]})" if name in _FIELDS else ".+?" for name in pieces[1::2]]
-    try:
-        return re.compile(
-            "".join(re.escape(literal) + field for literal, field in zip(pieces[0::2], [*fields, ""], strict=True))
-        )
-    except re.error as error:
-        raise DataError(f"{SIDECAR}: pattern: got {pattern!r}, expected each name in braces once") from error

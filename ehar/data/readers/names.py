@@ -1,9 +1,12 @@
 """Which files of a folder a reader takes, and their class, by their names."""
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from ehar.errors import DataError, UsageError
+
+LABEL = {"label": ".+"}
 
 
 def visible_files(source: str | Path, *endings: str) -> list[Path]:
@@ -38,19 +41,22 @@ def matching_files(source: str | Path, ending: str, expected: str) -> list[Path]
     return files
 
 
-def compiled(pattern: str) -> re.Pattern[str]:
-    """Return the pattern of a file's name as a regular expression with the group `label`.
+def compiled(pattern: str, known: Mapping[str, str] = LABEL) -> re.Pattern[str]:
+    """Return the pattern of a file's name as a regular expression with groups, of which `label` is one.
 
     Args:
-        pattern: {label} is the class, other words in braces match anything.
+        pattern: {label} is the class, other words in braces that are not known match anything.
+        known: regular expressions of the words that have a group; a label is as long as the rest allows.
 
     Raises:
-        UsageError: {label} is not in it once.
+        UsageError: {label} is not in it once, or another known word is in it twice.
     """
     pieces = re.split(r"\{(\w+)\}", pattern)
-    if pieces[1::2].count("label") != 1:
-        raise UsageError(f"pattern: got {pattern!r}, expected {{label}} in it once")
-    fields = [r"(?P<label>.+)" if field == "label" else ".+?" for field in pieces[1::2]]
+    for word in known:
+        count = pieces[1::2].count(word)
+        if count > 1 or (word == "label" and not count):
+            raise UsageError(f"pattern: got {pattern!r}, expected {{{word}}} in it once")
+    fields = [f"(?P<{field}>{known[field]})" if field in known else ".+?" for field in pieces[1::2]]
     literals = [re.escape(piece) for piece in pieces[0::2]]
     return re.compile("".join(literal + field for literal, field in zip(literals, [*fields, ""], strict=True)))
 

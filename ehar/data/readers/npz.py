@@ -11,7 +11,7 @@ from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import SCHEMA, parse_motion
 from ehar.data.preparing.axes import Up, upright
 from ehar.data.preparing.gaps import without_empty_bodies
-from ehar.data.preparing.layouts import LAYOUTS, Layout
+from ehar.data.preparing.layouts import Layout, layout_of
 from ehar.data.readers.bodies import most_moving
 from ehar.errors import DataError, UsageError
 
@@ -53,7 +53,7 @@ def prepare_npz(
         fields.get("missing", BOOL, len(positions))
     notes: tuple[str, ...] = ()
     if joints is not None:
-        layout = LAYOUTS[joints]
+        layout = layout_of(joints)
         if positions.shape[2] != len(layout.joint_names):
             expected = f"expected {len(layout.joint_names)} of {joints}"
             raise DataError(f"{path}: positions: got {positions.shape[2]} joints, {expected}")

@@ -4,6 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
 from ehar.data.motion_data import MotionData
 from ehar.data.preparing.axes import Up, upright
 from ehar.errors import DataError, EharError
@@ -50,4 +52,8 @@ def prepare_own(reader: str, source: str | Path, *, unit: str = "m", up: Up = "z
         raise DataError(f"{own.what}: read raised {failure(error, type(own.made))}") from error
     if not isinstance(data, MotionData):
         raise DataError(f"{own.what}: read returned {type(data).__name__}, expected an ehar.MotionData")
-    return replace(data, positions=upright(data.positions, unit=unit, up=up))
+    shape = np.shape(data.positions)
+    if len(shape) != 4 or shape[3] != 3:
+        raise DataError(f"{own.what}: read returned positions {shape}, expected (frames, persons, joints, 3)")
+    of_camera = data.views is not None
+    return replace(data, positions=upright(data.positions, unit=unit, up=up, of_camera=of_camera))

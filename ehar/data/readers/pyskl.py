@@ -14,7 +14,7 @@ from ehar.arrays import FloatArray
 from ehar.data.motion_data import MotionData
 from ehar.data.preparing.axes import Up, upright
 from ehar.data.preparing.gaps import without_empty_bodies
-from ehar.data.preparing.layouts import LAYOUTS, Layout
+from ehar.data.preparing.layouts import Layout, layout_of
 from ehar.data.readers.assembly import Clip, assemble
 from ehar.data.readers.pickles import load_arrays
 from ehar.errors import DataError
@@ -61,7 +61,7 @@ def prepare_pyskl(
         raise DataError(f"{file}: annotations: missing, expected a dict with a list of them, and `split`")
     tests = None if split is None else _sides(file, content.get("split"), split)
     names = _class_names(classes)
-    layout = LAYOUTS[joints]
+    layout = layout_of(joints)
 
     def clips() -> Iterator[Clip]:
         for index, annotation in enumerate(annotations):

@@ -25,9 +25,9 @@ def placed(motion: FloatArray, end: FloatArray, skeleton: Skeleton) -> FloatArra
 def join(before: FloatArray, after: FloatArray, skeleton: Skeleton, fps: float) -> FloatArray:
     """Return the frames (n, P, J, 3) between two recordings (T, P, J, 3) and (S, P, J, 3); the second is in its place.
 
-    Bones turn from where they were to where they will be, as fast at both ends as they turned there, and keep their
-    lengths. The lowest joint stays as high above the ground as it was and will be. A join takes the shortest of the
-    `DURATIONS` in which no joint is faster than `FAST`, or else the longest.
+    Bones turn from where they were to where they will be, at both ends n / (n + 1) times as fast as they turned there,
+    and keep their lengths. The lowest joint stays as high above the ground as it was and will be. A join takes the
+    shortest of the `DURATIONS` in which no joint is faster than `FAST`, or else the longest.
     """
     for seconds in DURATIONS:
         between = _between(before, after, skeleton, max(1, round(seconds * fps) - 1))

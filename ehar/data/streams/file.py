@@ -9,6 +9,7 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.file_fields import (
     BOOL,
+    FLOAT,
     INTEGER,
     SHARED,
     Array,
@@ -71,7 +72,7 @@ def save_streams(path: str | Path, data: StreamData) -> None:
 
 
 def _parse(fields: Fields, *, name: str) -> StreamData:
-    frames = len(fields.arrays.get("positions", ()))
+    frames = len(fields.get("positions", FLOAT, "total_frames", "persons", "joints", 3))
     missing = np.zeros(frames, dtype=bool)
     if "missing" in fields.arrays:
         missing = fields.get("missing", BOOL, frames)

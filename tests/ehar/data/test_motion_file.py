@@ -176,6 +176,7 @@ def changed(field: str, index: Any, value: Any) -> Arrays:
         (good_arrays() | {"subjects": np.zeros((4, 3), dtype=int)}, "subjects", "expected (4, 2)"),
         (good_arrays() | {"subjects": np.array([0, 0, 0, -2])}, "subjects", "got -2"),
         (good_arrays() | {"license": np.array(["a", "b"])}, "license", "expected ()"),
+        (good_arrays() | {"positions": np.float32(1), "missing": np.zeros(4, dtype=bool)}, "positions", "got shape ()"),
     ],
 )
 def test_bad_arrays_are_named(tmp_path: Path, arrays: Arrays, field: str, words: str) -> None:

@@ -132,12 +132,12 @@ def test_actions_are_the_paper_s_moves() -> None:
             assert turn == pytest.approx(sign * np.radians(3.6) if axis == "azimuth" else 0.0, abs=1e-5)
 
 
-@pytest.mark.parametrize("action", [-1, 7])
-def test_a_move_that_is_none_of_the_seven(action: int) -> None:
+@pytest.mark.parametrize("action", [np.int64(-1), np.int64(7), np.float64(1.5), np.float64(3.0), np.float64(np.nan)])
+def test_a_move_that_is_none_of_the_seven(action: np.number[Any]) -> None:
     env = EpisodeEnv(task())
     env.reset(seed=0)
-    with pytest.raises(EpisodeError, match=rf"frame 1: expected 1 moves from 0 to 6, got \[{action}\]"):
-        env.step(np.int64(action))
+    with pytest.raises(EpisodeError, match=rf"frame 1: expected 1 whole moves from 0 to 6, got \[{action}\]"):
+        env.step(action)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("sensor", ["perfect", "estimator"])

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
+from ehar.arrays import BoolArray, FloatArray
 from ehar.camera import Camera, project
 from ehar.errors import UsageError
 from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.registry import make_sensor
-from ehar.sensors.sensor import draw_noise
+from ehar.sensors.sensing import sense
+from ehar.sensors.sensor import Sensed, SensorNoise, draw_noise
 from ehar.world import PAPER
 from tests.helpers.fakes import SKELETON, tiny_data
 
@@ -48,3 +50,33 @@ def test_sensors_by_name() -> None:
     assert estimator.skeleton is SKELETON
     with pytest.raises(UsageError, match="unknown sensor 'radar'; expected one of: perfect, estimator"):
         make_sensor("radar", tiny_data())
+
+
+def test_a_sensor_s_own_is_told_by_name_what_is_hidden() -> None:
+    """It may have other arguments before that one."""
+    given: list[object] = []
+
+    class Blurs(PerfectSensor):
+        def sense(  # type: ignore[override]
+            self,
+            positions: FloatArray,
+            viewpoint: FloatArray,
+            noise: SensorNoise,
+            blur: float = 0.0,
+            *,
+            hidden: BoolArray | None = None,
+        ) -> Sensed:
+            given.append((blur, hidden))
+            return super().sense(positions, viewpoint, noise, hidden)
+
+    positions = np.zeros((2, 1, 6, 3))
+    hidden = np.zeros((2, 1, 6), dtype=bool)
+    hidden[0, 0, 3] = True
+    sensed = sense(
+        Blurs(),
+        positions,
+        np.full((2, 3), (8.0, 0.0, 1.5)),
+        draw_noise(np.random.default_rng(0), (2,), 1, 6),
+        hidden=hidden,
+    )
+    assert given == [(0.0, hidden)] and sensed.confidence[0, 0, 3] == 0 and sensed.confidence[1].all()

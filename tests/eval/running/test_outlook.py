@@ -54,6 +54,10 @@ def test_an_advised_length_keeps_most_of_every_class() -> None:
     assert advised_length(tiny_data(frames=3)) == 8  # nor too short to watch
     one = shortened(DATA, np.flatnonzero(DATA.labels == 2)[:1], 9)
     assert advised_length(one) == 20  # of 20 sequences of this class, 19 remain
+    ten = np.flatnonzero(DATA.labels == 2)[:10]
+    few = replace(DATA, labels=np.where(DATA.labels == 2, 1, DATA.labels))
+    few = replace(few, labels=np.where(np.isin(np.arange(len(few.labels)), ten), 2, few.labels))
+    assert advised_length(shortened(few, ten[:1], 9)) == 20  # of 10 sequences 9 are nine tenths
     three = shortened(DATA, np.flatnonzero(DATA.labels == 2)[:3], 9)
     assert advised_length(three) == 9
 

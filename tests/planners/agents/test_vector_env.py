@@ -259,7 +259,7 @@ def test_an_error_in_a_worker_is_raised_here() -> None:
     env.close()
     env = adapter(workers=1)
     env.reset()
-    with pytest.raises(EpisodeError, match="frame 1: expected 6 moves from 0 to 6"):
+    with pytest.raises(EpisodeError, match="frame 1: expected 6 whole moves from 0 to 6"):
         env.step(np.full(6, 7))
     env.close()
     env = AgentVecEnv(refusing, num_envs=4, seed=0, workers=1)

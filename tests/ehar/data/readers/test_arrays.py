@@ -101,6 +101,12 @@ def test_a_header_and_empty_cells(tmp_path: Path) -> None:
     np.testing.assert_allclose(walk[2, 0, 1], (JOINTS[1, 1] + JOINTS[3, 1]) / 2, atol=1e-6)  # the whole joint is lost
 
 
+def test_a_class_may_have_several_words(tmp_path: Path) -> None:
+    arrays = {"pick_up_01.npy": JOINTS, "pick_down_01.npy": JOINTS}
+    data = prepare_arrays(folder(tmp_path, arrays=arrays, pattern="{label}_{number}.npy"))
+    assert data.class_names == ("pick_down", "pick_up")
+
+
 @pytest.mark.parametrize(
     ("told", "problem"),
     [
@@ -113,7 +119,8 @@ def test_a_header_and_empty_cells(tmp_path: Path) -> None:
         ({"fps": 0}, "fps: expected a number above 0, got 0"),
         ({"fps": "30"}, "fps: expected a number, got '30'"),
         ({"pattern": "{name}.npy"}, r"pattern: got '\{name\}.npy', expected \{label\} in it"),
-        ({"pattern": "{label}{label}"}, "expected each name in braces once"),
+        ({"pattern": "{label}{label}"}, r"expected \{label\} in it once"),
+        ({"pattern": "{label}_{subject}{subject}"}, r"expected \{subject\} in it once"),
         ({"pattern": "x_{label}.npy"}, "a name that does not fit the pattern"),
         ({"persons": 0}, "persons: expected at least 1"),
         ({"person": 2}, "unknown person"),

@@ -33,6 +33,11 @@ class Lies:
     def read(self, source):
         return "data"
 
+class Flat:
+    def read(self, source):
+        data = load_data("solo")
+        return replace(data, positions=data.positions[..., :2])
+
 class Empty:
     pass
 """
@@ -77,6 +82,7 @@ def test_the_page_about_it_shows_a_reader_that_works(
     [
         ("Breaks", r"read raised ZeroDivisionError: division by zero \(.*mine\.py, line 15\)"),
         ("Lies", r"read returned str, expected an ehar\.MotionData"),
+        ("Flat", r"read returned positions \(\d+, 1, \d+, 2\), expected \(frames, persons, joints, 3\)"),
         ("Empty", r"missing: read"),
         ("Nobody", "expected a class 'Nobody'"),
         ("Mine(scale='x')", "scale: expected float, got 'x'"),
@@ -86,6 +92,22 @@ def test_what_a_reader_does_wrong(name: str, problem: str, mine: Path) -> None:
     with pytest.raises(EharError, match=problem) as caught:
         prepare_own(f"{mine}:{name}", mine.with_name("which.txt"))
     assert "\n" not in str(caught.value)
+
+
+def test_joints_in_a_camera_s_axes_stay_in_them(tmp_path: Path, own_modules: None) -> None:
+    """As other readers turn them: x to the camera's right, y away from it."""
+    (tmp_path / "seen.py").write_text(
+        "import numpy as np\n"
+        "from dataclasses import replace\n"
+        "from ehar import load_data\n\n"
+        "class Seen:\n"
+        "    def read(self, source):\n"
+        "        data = load_data('solo')\n"
+        "        return replace(data, views=np.zeros(len(data.labels), dtype=int))\n"
+    )
+    turned = prepare_own(f"{tmp_path}/seen.py:Seen", tmp_path, up="y").positions
+    across, up, toward = np.moveaxis(load_data("solo").positions, -1, 0)
+    np.testing.assert_allclose(turned, np.stack([-across, toward, up], axis=-1), atol=1e-6)
 
 
 def test_its_own_errors_stay(mine: Path) -> None:

@@ -197,6 +197,7 @@ def without_class_in_test(held: Arrays) -> None:
         (all_missing, "missing: got no frame of sequence 'morning' that is not missing"),
         (with_leap, "got a person who moves 3.0 m into frame 10 of sequence 'evening'; expected at most 1 m"),
         (lambda held: held.pop("segments"), "segments: missing; the file holds"),
+        (lambda held: held.update(positions=np.float32(1)), "positions: got shape (), expected"),
     ],
 )
 def test_bad_files_are_named_in_one_line(tmp_path: Path, change: Callable[[Arrays], None], message: str) -> None:
