@@ -192,7 +192,9 @@ class Loop:
             except DataError as error:
                 with self._changed:
                     self._counts[UNREADABLE] += 1
-                    self._notes.append(f"{UNREADABLE}: {error}")
+                    self._notes = [*self._notes, f"{UNREADABLE}: {error}"][-BACKLOG:]
+                    self._decided = self._decided or not self._watcher.setpoints.begun  # so that somebody hears of it
+                    self._changed.notify_all()
                 continue
             if self._hears is not None:
                 self._hears(answer)

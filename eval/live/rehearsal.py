@@ -280,7 +280,7 @@ def rehearse(
         raise UsageError(f"world {setting.world.name}: expected one in which nothing is in the way of a rehearsal")
     streams, recogniser, vehicle = setting.recordings, setting.runner.recogniser, setting.runner.track.vehicle
     if not 0 <= loss < 0.5:
-        raise UsageError(f"loss: expected a share of frames from 0 to 0.5, got {loss}")
+        raise UsageError(f"loss: expected a share of frames from 0 to below 0.5, got {loss}")
     assert isinstance(streams, StreamData) and isinstance(recogniser, StreamingRecogniser) and vehicle is not None
     place = ModelPlace.of(setting)
     chosen, _ = resolve_planner(planner, place.load_gain_model, place.load_agent, place.load_fixed_place)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ehar.conditions import Conditions
 from ehar.errors import UsageError
+from ehar.flight.vehicle import load_vehicle
 from ehar.planner import Planner
 from eval.live import rehearsal
 from eval.live.figures import LoopFigures
@@ -40,7 +41,7 @@ def live(
     rehearse: str | None = None,
     minutes: float = MINUTES,
     loss: float = LOSS,
-    world: str | Path | None = None,
+    world: str | None = None,
 ) -> LoopFigures | rehearsal.Rehearsal:
     """Watch people through a pose estimator, and say where the camera should fly, until there are no more frames.
 
@@ -67,6 +68,7 @@ def live(
     if not np.isfinite(origin).all():
         raise UsageError(f"origin: expected three finite numbers, got {' '.join(map(str, origin))}")
     _check_used(rehearse, mavlink, source=source, minutes=minutes, loss=loss, origin=origin)
+    flown = load_vehicle(vehicle)
     with ExitStack() as stack:
         stack.enter_context(one_torch_thread())
 
@@ -87,7 +89,7 @@ def live(
 
         if rehearse is not None:
             return rehearsal.rehearse(
-                Conditions(data=rehearse, models=models, sensor=sensor, views=views, track=vehicle),
+                Conditions(data=rehearse, models=models, sensor=sensor, views=views, track=flown),
                 planner=planner,
                 belief=belief,
                 sure=sure,
@@ -101,7 +103,7 @@ def live(
             raise UsageError("--models: expected a folder of weights, got none; a built-in set is rehearsed without")
         watcher = Watcher(
             models=models,
-            vehicle=vehicle,
+            vehicle=flown,
             planner=planner,
             sensor=sensor,
             views=views,

@@ -1,6 +1,7 @@
 """Where frames come from, and where lines go: standard input, a file or UDP; standard output."""
 
 import json
+import math
 import re
 import socket
 import sys
@@ -13,6 +14,7 @@ from threading import Condition, Thread
 from typing import TextIO
 
 from ehar.errors import UsageError
+from eval.live.clock import PAUSE
 
 LARGEST = 65_535  # bytes of a datagram
 LOOK_UP = 0.1  # [s], how often a wait for datagrams ends to see whether it should go on
@@ -73,17 +75,25 @@ def _paced(lines: list[str], going: Callable[[], bool]) -> Iterator[str]:
     before: float | None = None
     due = time.monotonic()
     for line in lines:
-        try:
-            at = float(json.loads(line)["time"])
-        except (ValueError, TypeError, KeyError):
-            at = before if before is not None else 0.0
-        due += 0.0 if before is None else min(max(at - before, 0.0), LONGEST_WAIT)
-        before = at
+        at = _time_of(line)
+        if at is not None:
+            due += 0.0 if before is None else min(max(at - before, 0.0), LONGEST_WAIT)
+            # A frame that is out of order is waited for no more; a clock that goes far back begins anew.
+            before = at if before is None or at > before or before - at > PAUSE else before
         while going() and (left := due - time.monotonic()) > 0:
             time.sleep(min(left, LOOK_UP))
         if not going():
             return
         yield line
+
+
+def _time_of(line: str) -> float | None:
+    """Return the time of a frame, or None if the line has none; what is wrong with it is said by who reads it."""
+    try:
+        at = float(json.loads(line)["time"])
+    except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
+        return None
+    return at if math.isfinite(at) else None
 
 
 class Outbox:

@@ -40,6 +40,19 @@ def test_the_recogniser_sees_its_own_rate_whatever_the_camera_has(fps: float) ->
     assert shown == pytest.approx(20 * FPS, abs=6)
 
 
+@pytest.mark.parametrize("times", [2, 3, 4])
+def test_of_a_camera_that_is_some_times_as_fast_every_so_many_frames_are_watched(times: int) -> None:
+    """Its clock trembles by a millisecond."""
+    rng = np.random.default_rng(0)
+    clock = FrameClock(15.0)
+    watched = [
+        number
+        for number in range(400)
+        if clock.take(number / (15 * times) + (0.001 * rng.standard_normal() if number else 0.0)).shares
+    ]
+    assert set(np.diff(watched[1:])) == {times}
+
+
 def test_doubled_and_late_order_are_refused_and_change_nothing() -> None:
     clock = FrameClock(FPS)
     clock.take(0.0), clock.take(2 / FPS)

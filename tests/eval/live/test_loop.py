@@ -200,6 +200,22 @@ def test_frames_arrive_by_datagrams(folder: Path) -> None:
     assert figures.counts["frames"] == 8 and figures.counts["unreadable"] == 1
 
 
+def test_times_that_are_none_or_out_of_order_do_not_change_the_pace_of_the_others(tmp_path: Path) -> None:
+    file = tmp_path / "frames.jsonl"
+    file.write_text("".join(f'{{"time": {at}}}\n' for at in (0, "NaN", 0.2, 0.1, "1e999", 0.3)))
+    begin = time.monotonic()
+    came = [time.monotonic() - begin for _ in lines_of(str(file), lambda: True)]
+    assert [round(at, 1) for at in came] == [0.0, 0.0, 0.2, 0.2, 0.2, 0.3]
+
+
+def test_where_no_frame_can_be_read_a_line_says_why(folder: Path) -> None:
+    log = Log()
+    figures = Loop(watcher_of(folder), [log.take]).run(paced("{", "[1]"))
+    assert figures.counts["unreadable"] == 2 and figures.setpoints == 0
+    assert any("line 1: expected the JSON of a frame" in note for note in log.notes)
+    assert all(line["setpoint"] is None for line in log.lines)
+
+
 def test_a_file_is_played_at_the_pace_of_its_times(tmp_path: Path) -> None:
     file = tmp_path / "frames.jsonl"
     file.write_text('{"time": 5.0}\nnonsense\n{"time": 5.2}\n{"time": 4.0}\n{"time": 4.1}\n')

@@ -1,4 +1,4 @@
-"""What `ehar live` is told and nothing would come of is refused."""
+"""What `ehar live` is told and nothing would come of, or does not exist, is refused."""
 
 from typing import Any
 
@@ -12,6 +12,8 @@ from eval.live.start import live
     ("options", "message"),
     [
         ({"rehearse": "solo-stream", "source": "frames.jsonl"}, "--source: expected no --rehearse"),
+        ({"rehearse": "solo-stream", "vehicle": "ideal"}, "unknown vehicle 'ideal'; expected one of: px4-auto"),
+        ({"rehearse": "solo-stream", "world": "room", "models": None}, "world room: expected one in which nothing"),
         ({"minutes": 2.0}, "--minutes: expected --rehearse beside it"),
         ({"loss": 0.5}, "--loss: expected --rehearse beside it"),
         ({"origin": (1.0, 0.0, 0.0)}, "--origin: expected --mavlink"),
@@ -19,4 +21,4 @@ from eval.live.start import live
 )
 def test_an_option_that_nothing_comes_of_is_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(UsageError, match=message):
-        live(models="models", **options)
+        live(**({"models": "models"} | options))
