@@ -117,8 +117,9 @@ def _stretch(replay: "EpisodeReplay", since: float, until: float | None) -> "Epi
     """
     lasts = replay.frames / replay.fps
     end = until if until is not None else since + STRETCH if replay.of_streams else lasts
-    frames = round(since * replay.fps), min(round(end * replay.fps), replay.frames)
-    if not 0 <= frames[0] < frames[1] - 1:
+    told = 0 <= since < lasts and end > since  # neither is NaN, and only the end may be infinite
+    frames = (round(since * replay.fps), round(min(end, lasts) * replay.fps)) if told else (0, 0)
+    if not frames[0] < frames[1] - 1:
         raise UsageError(f"--since, --until: expected two times from 0 to {lasts:g} s, got {since:g} and {end:g}")
     return replay if frames == (0, replay.frames) else replay.cut(*frames)
 

@@ -170,8 +170,9 @@ def _table_notes(data: ReportData) -> Iterable[str]:
             "Figures of planners with several training seeds are means over them, ± the standard deviation over seeds; "
             "their intervals draw seeds too."
         )
+    frames = "frames of each activity, each activity alike" if data.of_streams else "frames"
     yield (
-        f"Mean acc: accuracy over all frames{' of activities' if data.of_streams else ''}. IQM: its interquartile mean "
+        f"Mean acc: accuracy over all {frames}. IQM: its interquartile mean "
         "over sequences. Gap closed: 0 is no-act, 100 the oracle. NLL and ECE: how much probabilities can be trusted; "
         "late: from half of an activity on. ms/step: planning time of one frame."
     )

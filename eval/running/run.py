@@ -202,12 +202,11 @@ class Run:
 
 
 def write_records(out: Path, config: RunConfig, records: Mapping[str, EpisodeRecords], summary: Summary | None) -> None:
-    """Write a run; without a summary, it counts as incomplete."""
+    """Write a run; without a summary, which is written last, it counts as incomplete."""
+    (out / SUMMARY).unlink(missing_ok=True)
     write_text(out / CONFIG, [json_text(config.to_json())])
     write_text(out / EPISODES, episode_lines(records))
-    if summary is None:
-        (out / SUMMARY).unlink(missing_ok=True)
-    else:
+    if summary is not None:
         write_text(out / SUMMARY, [json_text(summary.to_json())])
 
 

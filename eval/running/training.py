@@ -37,6 +37,8 @@ class _Run:
     data_sha256: str | None = None
     size: str | None = None
     interval: int | None = None
+    seed: int | None = None
+    length: int | None = None
 
 
 @dataclass(frozen=True)
@@ -290,6 +292,13 @@ def has_recogniser(config: TrainAllConfig) -> bool:
             f"{description}: trained on another data set: its sha256 was {shortened(sha256)}..., that of {data.name} "
             f"is {shortened(data.sha256)}...: remove it to train again, or choose another --out"
         )
+    length = with_length(config.told, data, WINDOW).frames
+    for name, found, expected in (("seed", run.seed, config.told.seed), ("length", run.length, length)):
+        if found not in (None, expected):
+            raise ModelError(
+                f"{description}: trained with --{name} {found}, asked for {expected}: remove it to train again, or "
+                "choose another --out"
+            )
     tiny = run.interval == TINY_INTERVAL
     if run.interval is not None and tiny != (config.setting == "tiny"):
         raise ModelError(

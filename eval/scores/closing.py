@@ -65,11 +65,11 @@ def _found(summary: Summary) -> str:
 
 
 def _accuracy(planner: PlannerSummary, summary: Summary) -> str:
-    """Return the accuracy over all frames, in streams over those of activities, and its interval, in percent."""
+    """Return the mean accuracy over frames, in streams over those of activities, and its interval, in percent."""
     ends = planner.acc_mean_ci95
     interval = "" if ends is None else f" [{ends[0]:.1f}, {ends[1]:.1f}]"
-    of_what = "frames" if summary.activities is None else "frames of activities"
-    return f"{planner.acc_mean:.1f} % of all {of_what}{interval}"
+    of_what = "all frames" if summary.activities is None else "the frames of a mean activity"
+    return f"{planner.acc_mean:.1f} % of {of_what}{interval}"
 
 
 def _rivals(summary: Summary, name: str) -> list[_Rival]:

@@ -26,12 +26,13 @@ def contradiction(config: RunConfig, records: Mapping[str, EpisodeRecords], epis
     """
     known = {planner.name for planner in config.planners}
     reference = next(iter(records.values()))
-    count, length = reference.predicted.shape
+    count = len(reference.label)
     scenarios, left = divmod(count, config.conditions.starts)
     for name, held in records.items():
         if name not in known:
             return f"{EPISODES}: {name}: got a planner that is not in {CONFIG}, expected {', '.join(sorted(known))}"
-        if held.predicted.shape[1] != config.conditions.frames:
+        length = held.predicted.shape[1]
+        if length != config.conditions.frames:
             return f"{EPISODES}: {name}: got episodes of {length} frames, expected {config.conditions.frames}"
     if left or (episodes is not None and len(episodes) != count):
         expected = f"a multiple of the {config.conditions.starts} starts" if episodes is None else str(len(episodes))

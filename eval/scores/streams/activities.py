@@ -39,6 +39,8 @@ def activities(records: EpisodeRecords) -> EpisodeRecords:
         subjects=records.subjects[episode],
         **{name: held[episode[:, None], at] for name, held in frames.items() if held is not None},
         flight=None,
+        contacts=None,
+        tracking_error=None,
     )
 
 

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
+from ehar.errors import UsageError
+
 _CALL = re.compile(r"bin/ehar\s+(.*)", flags=re.DOTALL)
 _LOOP = re.compile(r"for (\w+) in ([^;]*); do(.*?)\bdone\b", flags=re.DOTALL)
 _ENDS = re.compile(r"&&|\|\||[;|\n]|\bdo\b")
@@ -50,14 +52,21 @@ class Asked:
 
 
 def read_commands(text: str) -> list[Asked]:
-    """Return the commands of ehar in a shell's text, in order; loops over words are run through."""
+    """Return the commands of ehar in a shell's text, in order; loops over words are run through.
+
+    Raises:
+        UsageError: a command has a quote that does not end; one around `;`, `|` or `&&` counts as such.
+    """
     text = text.replace("\\\n", " ")
     text = _LOOP.sub(lambda loop: _unrolled(*loop.groups()), text)
     found = []
     for piece in _ENDS.split(text):
         call = _CALL.search(piece.strip())
         if call is not None:
-            found.append(_asked(shlex.split(call[1], comments=True)))
+            try:
+                found.append(_asked(shlex.split(call[1], comments=True)))
+            except ValueError as error:  # a quote that does not end, as those around ; or | do here
+                raise UsageError(f"got the command {piece.strip()[:80]!r}, expected quotes that end") from error
     return found
 
 

@@ -41,7 +41,8 @@ class Score:
         acc_end: accuracy [%] after all frames.
         nll: of the true class [nat], mean over frames.
         ece_late: calibration error, 0 to 1, of the frames from `CALIBRATED_FROM` on.
-        nll_calibrated: the same with temperatures that were fitted on the people of other folds; None with one fold.
+        nll_calibrated: the same with temperatures that were fitted on the people of other folds; None with one fold, or
+            where everybody performs with somebody of another fold.
         ece_calibrated: likewise.
         gain: accuracy minus that of the usual training [points].
         gain_ci95: its interval, corrected for all rows of the data set; None where there can be none.
@@ -117,17 +118,24 @@ def _right(log_probs: FloatArray, labels: IntArray) -> BoolArray:
     return np.asarray(log_probs.argmax(axis=-1) == labels[:, None])
 
 
-def _calibrated(said: Sequence[FloatArray], folds: Sequence[Answered]) -> FloatArray:
-    """Return each fold's log-probabilities with the temperatures that the other folds' people ask for."""
+def _calibrated(said: Sequence[FloatArray], folds: Sequence[Answered]) -> FloatArray | None:
+    """Return each fold's log-probabilities with the temperatures that the other folds' people ask for.
+
+    A couple of whom each is left out in another fold is in both. So clips of other folds that show anybody of the own
+    one are left out; None where no clip remains.
+    """
     length = said[0].shape[1]
     ratio = np.arange(1, length + 1) / length
     pieces = []
-    for own in range(len(folds)):
-        others = [number for number in range(len(folds)) if number != own]
-        fitted = fit_temperature(
-            np.concatenate([said[number] for number in others]),
-            np.concatenate([folds[number].labels for number in others]),
-        )
+    for own, fold in enumerate(folds):
+        others = [
+            (said[number][apart], other.labels[apart])
+            for number, other in enumerate(folds)
+            if number != own and (apart := ~np.isin(other.subjects, fold.subjects).any(axis=1)).any()
+        ]
+        if not others:
+            return None
+        fitted = fit_temperature(*(np.concatenate(parts) for parts in zip(*others, strict=True)))
         pieces.append(log_softmax(said[own] / fitted.at(ratio)[:, None], axis=-1))
     return np.concatenate(pieces)
 
@@ -143,7 +151,8 @@ def _score(
     """Return the figures of a row."""
     labels = np.concatenate([fold.labels for fold in folds])
     plain = _sure(np.concatenate(said), labels, right)
-    calibrated = _sure(_calibrated(said, folds), labels, right) if len(folds) > 1 else (None, None)
+    by_others = _calibrated(said, folds)
+    calibrated = (None, None) if by_others is None else _sure(by_others, labels, right)
     accuracy = float(mean_acc(right).mean())
     return Score(
         row=name,

@@ -162,6 +162,11 @@ def test_an_own_recogniser_is_made_again(tmp_path: Path, monkeypatch: pytest.Mon
         (["0", "--out", "/absent/a.gif"], "/absent/a.gif: expected a file in a folder that is there, /absent is not"),
         (["0", "--slower", "0"], "--slower: expected a number above 0, got 0"),
         (["0", "--slower", "nan"], "--slower: expected a number above 0, got nan"),
+        (["0", "--since", "nan"], "--since, --until: expected two times from 0 to 0.4 s, got nan and 0.4"),
+        (
+            ["0", "--since", "0", "--until", "nan"],
+            "--since, --until: expected two times from 0 to 0.4 s, got 0 and nan",
+        ),
         (["0", "--planners", "oracle", "no-act", "v-rotate"], f"{TWO}, got oracle, no-act, v-rotate"),
         (["0", "--planners", "oracle", "oracle"], f"{TWO}, got oracle, oracle"),
         (["0", "--planners", "nbv"], "no planner 'nbv'; expected one of: no-act, v-rotate, nbv-greedy, oracle"),

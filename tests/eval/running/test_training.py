@@ -98,6 +98,16 @@ def test_tiny_is_a_first_try_of_what_planners_need_most(tmp_path: Path, calls: l
     assert usual.agents.stage_names == ("il", "ppo", "il-ppo", "dagger")
 
 
+@pytest.mark.parametrize(("changes", "told"), [({"seed": 1}, "--seed 0, asked for 1"), ({"length": 30}, "--length 60")])
+def test_a_recogniser_of_another_seed_or_length_is_not_taken_for_this_one(
+    tmp_path: Path, changes: dict[str, int], told: str
+) -> None:
+    copy(RECOGNISERS / "duo", RECOGNISER, tmp_path)
+    assert has_recogniser(TrainAllConfig(conditions=DUO, out=tmp_path))
+    with pytest.raises(ModelError, match=f"trained with {told}.*: remove it to train again, or choose another --out"):
+        has_recogniser(TrainAllConfig(conditions=replace(DUO, **changes), out=tmp_path))  # type: ignore[arg-type]
+
+
 def test_a_first_try_is_not_taken_for_a_training_nor_a_training_for_a_first_try(
     tmp_path: Path, calls: list[str]
 ) -> None:

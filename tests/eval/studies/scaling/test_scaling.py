@@ -166,3 +166,8 @@ def test_the_commands_of_make_results_are_found() -> None:
     assert sum(map(len, needs_of(found).values())) > len(found)
     rules = (ROOT / "Makefile").read_text()
     assert "\nresults: left\n\t@$(MAKE) --no-print-directory pages\n" in rules
+
+
+def test_a_quote_that_does_not_end_is_one_line() -> None:
+    with pytest.raises(UsageError, match=r"got the command \".*it's\.npz\", expected quotes that end"):
+        read_commands("bin/ehar benchmark --data it's.npz")

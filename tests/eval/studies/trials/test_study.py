@@ -1,6 +1,7 @@
 """The study of trials: what is done is kept, and the table says what each change is worth."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from ehar.errors import UsageError
 from eval.cli.main import main
 from eval.scores.metrics import mean_acc
 from eval.studies.trials import study
-from eval.studies.trials.scores import Answered, score_set
+from eval.studies.trials.scores import Answered, _calibrated, score_set
 from eval.studies.trials.study import trials
 from recognition.trials import trial
 from recognition.trials.changes import CHANGES, USUAL, Change
@@ -135,13 +136,16 @@ def test_bad_options_are_refused(motion: Path, tmp_path: Path) -> None:
     assert not out.exists()
 
 
-def answered(rng: np.random.Generator, sharper: float = 1.0) -> Answered:
-    """Return 60 clips of 5 people, of which "varied motion" is right more often than the usual training."""
+def answered(rng: np.random.Generator, sharper: float = 1.0, first: int = 0) -> Answered:
+    """Return 60 clips of 5 people, of which "varied motion" is right more often than the usual training.
+
+    People are numbered from `first` on.
+    """
     labels = rng.integers(3, size=60)
     true = np.eye(3)[labels][:, None] * np.ones((1, 8, 1))
     noise = rng.standard_normal((60, 8, 3))
     logits = {USUAL: sharper * (1.0 * true + noise), "varied motion": sharper * (2.0 * true + noise)}
-    person = np.arange(60) % 5
+    person = first + np.arange(60) % 5
     return Answered(logits, labels, np.array([f"sequence-{i % 15}" for i in range(60)]), person[:, None])
 
 
@@ -162,9 +166,24 @@ def test_rows_are_scored_against_the_usual_training() -> None:
 
 
 def test_temperatures_of_other_folds_calibrate_whoever_is_too_sure() -> None:
-    folds = [answered(np.random.default_rng(seed), sharper=4.0) for seed in range(3)]
+    folds = [answered(np.random.default_rng(seed), sharper=4.0, first=5 * seed) for seed in range(3)]
     row = score_set("tiny", folds).rows[0]
     assert row.ece_calibrated is not None and row.ece_calibrated < 0.5 * row.ece_late
     assert row.nll_calibrated is not None and row.nll_calibrated < row.nll
     alone = score_set("tiny", folds[:1]).rows[0]
     assert alone.ece_calibrated is None and alone.nll_calibrated is None
+
+
+def test_nobody_s_temperatures_are_fitted_on_people_who_are_scored() -> None:
+    """A couple of whom each is left out in another fold is in both."""
+    folds = [answered(np.random.default_rng(seed), sharper=4.0, first=4 * seed) for seed in range(2)]  # 4 is in both
+    shared, unmoved = score_set("tiny", folds).rows[0], folds[1].logits[USUAL].copy()
+    logits = {name: said.copy() for name, said in folds[1].logits.items()}
+    logits[USUAL][folds[1].subjects[:, 0] == 4] *= 100
+    changed = [folds[0], replace(folds[1], logits=logits)]
+    fitted = _calibrated([fold.logits[USUAL] for fold in changed], changed)
+    before = _calibrated([folds[0].logits[USUAL], unmoved], folds)
+    assert shared.ece_calibrated is not None and fitted is not None and before is not None
+    np.testing.assert_array_equal(fitted[:60], before[:60])
+    same = [answered(np.random.default_rng(seed)) for seed in range(2)]
+    assert score_set("tiny", same).rows[0].ece_calibrated is None
