@@ -51,7 +51,7 @@ class Demonstrations:
     Args:
         recognition: (N, ...) float16, the inputs of f^A.
         vision: (N, ...) float16, the inputs of f^V.
-        position: (N, 4) float16, in flight (N, 7), the inputs of f^P.
+        position: (N, 4) float16, in flight (N, 7), the inputs of f^P; 6 more where something is in the way.
         values: (N, 7), the worth of each move. For the oracle, it is the log-probability of the true label after the
             move [nat]. For the look-ahead teacher, it is a sum over frames of the true label's probability, plus
             `ON_TOP` for each frame where this label is on top.

@@ -218,7 +218,7 @@ class _Rollouts(BaseCallback):
         self.progress, self.keep, self.validate, self.patience = progress, keep, validate, setting.patience
         self.seed, self.critic_rollouts, self.frames = seed, critic_rollouts, moves * setting.num_envs
         self.total, self.every = rollouts_of(setting, moves), max(1, round(setting.evaluate_every / self.frames))
-        self.first, self.begin = progress.rollouts, time.perf_counter()
+        self.first, self.begin, self.ended = progress.rollouts, time.perf_counter(), False
 
     def _on_rollout_start(self) -> None:
         """Note the update that has just ended, and begin the next rollout."""
@@ -235,12 +235,13 @@ class _Rollouts(BaseCallback):
             parameter.requires_grad_(name.startswith("critic.") or not critic_only)
 
     def _on_step(self) -> bool:
-        """Return whether to go on."""
-        return not stopped_getting_better(self.progress.scores, self.patience)
+        """Return whether to go on; a rollout in which it ended is not learned from."""
+        self.ended = stopped_getting_better(self.progress.scores, self.patience)
+        return not self.ended
 
     def _on_training_end(self) -> None:
-        """Note the last update, unless training ended at the beginning of a rollout."""
-        if self._updated():
+        """Note the last update, unless training ended in a rollout."""
+        if self._updated() and not self.ended:
             self._note()
 
     def _updated(self) -> bool:

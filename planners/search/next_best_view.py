@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Literal
+from typing import get_args
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from planners.search.costs import FlightShares
 from planners.search.guess import moved_on, states_at, trajectory_along
 from planners.search.limits import camera_limits
 from planners.search.scene import Scene, SceneSize
-from planners.search.solver import Solution, SolverStatistics, SolveStatus, TrajectorySolver
+from planners.search.solver import Solution, SolverName, SolverStatistics, SolveStatus, TrajectorySolver
 from planners.search.start import stoppable
 from planners.search.task import TrajectoryTask
 from planners.search.view_search import Search, search_ways
@@ -55,7 +56,7 @@ class NextBestView(Planner):
         name: name of the planner in reports.
 
     Raises:
-        UsageError: a number is too small or not finite, or the model has no such field.
+        UsageError: a number is too small, not whole or not finite, or there is no such solver or field.
     """
 
     def __init__(
@@ -68,15 +69,17 @@ class NextBestView(Planner):
         noise_weight: float = 0.0,
         distance_weight: float = 0.0,
         replan: int = 10,
-        solver: Literal["fatrop", "ipopt"] = "fatrop",
+        solver: SolverName = "fatrop",
         max_iterations: int | None = None,
         variant: str = FULL,
         name: str = "nbv",
     ) -> None:
         """Create the planner; the problem is built with the first plan, once in each process."""
         for option, value in (("horizon", horizon), ("replan", replan), ("max_iterations", max_iterations)):
-            if value is not None and value < 1:
-                raise UsageError(f"{name}: expected {option} of at least 1, got {value}")
+            if value is not None and not (isinstance(value, int) and value >= 1):
+                raise UsageError(f"{name}: expected a whole {option} of at least 1, got {value}")
+        if solver not in get_args(SolverName):
+            raise UsageError(f"{name}: expected the solver {' or '.join(get_args(SolverName))}, got {solver!r}")
         flight = {"energy_weight": energy_weight, "noise_weight": noise_weight, "distance_weight": distance_weight}
         for option, weight in {"effort_weight": effort_weight, **flight}.items():
             if not 0 <= weight < math.inf:
@@ -87,12 +90,17 @@ class NextBestView(Planner):
         self._solver_options = (solver, max_iterations)
         self._value = ViewValue(model, variant=variant)
         self._scene: SceneSize | None = None  # that of the last plan
-        self._statistics = SolverStatistics()
+        self._begin_counting()
 
     @property
     def statistics(self) -> SolverStatistics:
         """The statistics of all plans since the last reset."""
         return self._statistics
+
+    def _begin_counting(self) -> None:
+        """Count plans anew: a plan of an episode may take several tries, from several states."""
+        self._tries = SolverStatistics()
+        self._statistics = SolverStatistics(solve_seconds=self._tries.solve_seconds)
 
     def reset(self, context: Context) -> None:
         """Forget plans and episodes; the problem stays built.
@@ -118,7 +126,7 @@ class NextBestView(Planner):
             least, most = (round(time / context.frame_time / DEFAULT_HORIZON) for time in horizon)
             frames = min(max(frames, least), max(most, 1))
         self._node_frames = math.ceil(frames * self.horizon / self._nodes)
-        self._statistics = SolverStatistics()
+        self._begin_counting()
         if context.world.is_open:  # elsewhere the first frame says how many people there are
             self._solver()
 
@@ -126,7 +134,7 @@ class NextBestView(Planner):
         """Return the solver of the problem of the last plan, which counts for this planner from now on."""
         flown = self._context.vehicle is not None
         solver = _solver_of(self._nodes, *self._solver_options, self._value.span, flown, self._scene, self._body)
-        solver.statistics = self._statistics
+        solver.statistics = self._tries
         return solver
 
     def compile(self) -> bool:
@@ -174,10 +182,13 @@ class NextBestView(Planner):
             starts: Iterable[TrajectoryTask] = (
                 [task] if context.vehicle is None else _starts(self._plans[episode], elapsed, task)
             )
+            seconds = 0.0
             for start in starts:
                 plan = self._solved(start, found, episode, elapsed)
+                seconds += plan.seconds
                 if plan.status is not SolveStatus.INFEASIBLE:
                     break
+            self._statistics.add(replace(plan, seconds=seconds))
             self._plans[episode] = plan
             targets.append(self._targets(plan, int(np.flatnonzero(gains)[-1]) + 1))
         return np.stack(targets)
@@ -233,7 +244,7 @@ class NextBestView(Planner):
 @lru_cache(maxsize=4)
 def _solver_of(
     nodes: int,
-    solver: Literal["fatrop", "ipopt"],
+    solver: SolverName,
     max_iterations: int | None,
     span: DistanceRange,
     flown: bool,

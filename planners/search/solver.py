@@ -35,6 +35,7 @@ PATIENCE = 500  # plans before the problem is compiled: as much work, about, as 
 ACCEPTED = 2  # what fatrop returns where it ends at the acceptable tolerance
 DERIVED = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l")  # functions that fatrop calls
 START_TOLERANCE = 1e-6  # [m], [rad]: how far outside the workspace the camera may already be
+SolverName = Literal["fatrop", "ipopt"]
 
 
 class SolveStatus(StrEnum):
@@ -96,7 +97,7 @@ class TrajectorySolver:
         self,
         *,
         horizon: int = 15,
-        solver: Literal["fatrop", "ipopt"] = "fatrop",
+        solver: SolverName = "fatrop",
         max_iterations: int | None = None,
         seeds: int = 1,
         span: DistanceRange = PAPER_RANGE,

@@ -10,7 +10,7 @@ from ehar.errors import EpisodeError, UsageError
 from ehar.obstacles.free_space import needed_clearance
 from ehar.planner import Context, Observation, Planner
 from ehar.viewpoint import MOVES, cartesian
-from planners.heading import move_target
+from planners.heading import HEADING_TIME, move_target
 from planners.search.pace import pace_of
 from planners.search.ways import Ways, free_spaces
 from planners.value.model import GainModel
@@ -52,7 +52,8 @@ class NextBestViewGreedy(Planner):
             clear = self._value.obstacles.clearance(places) >= needed_clearance(there, self._context.workspace)
             there = np.where(clear[..., None], there, here)
         values = np.einsum("bmk,bk->bm", basis_at(there, self._value.span), self._value.weights)
-        values *= self._value.seen(there, self._context.frame_time)
+        ahead = self._context.frame_time if self._context.vehicle is None else HEADING_TIME
+        values *= self._value.seen(there, ahead)
         _check_finite(values, self.name, observation.frame)
         best = np.argmax(values + 1e-12 * (MOVES == 0).all(axis=1), axis=1)  # a tie is no reason to move
         chosen: FloatArray = there[np.arange(len(best)), best]

@@ -232,11 +232,39 @@ def test_a_planner_that_has_planned_can_be_sent_and_problems_are_built_once(monk
         ("energy_weight", -1.0),
         ("noise_weight", float("nan")),
         ("distance_weight", -0.5),
+        ("horizon", 2.5),
+        ("replan", float("nan")),
     ],
 )
 def test_numbers_that_make_no_sense(option: str, value: Any) -> None:
     with pytest.raises(UsageError, match=rf"^nbv: expected .*{option}.* at least \d, got {value}"):
         NextBestView(model=model_of(peak_weights(PEAK)), **{option: value})
+
+
+def test_an_unknown_solver() -> None:
+    with pytest.raises(UsageError, match=r"^nbv: expected the solver fatrop or ipopt, got 'snopt'"):
+        NextBestView(model=model_of(peak_weights(PEAK)), solver="snopt")  # type: ignore[arg-type]
+
+
+def test_a_plan_that_takes_several_tries_is_counted_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where none begins at the state that the camera has, the next begins at one near it."""
+    solve = TrajectorySolver.solve_best
+    tries = []
+
+    def first_fails(self: TrajectorySolver, task: TrajectoryTask, *told: Any) -> Solution:
+        solution = solve(self, task, *told)
+        tries.append(solution.seconds)
+        return solution if len(tries) % 2 == 0 else replace(solution, status=SolveStatus.INFEASIBLE)
+
+    monkeypatch.setattr(TrajectorySolver, "solve_best", first_fails)
+    monkeypatch.setattr(next_best_view, "_starts", lambda previous, elapsed, task: [task, task])
+    planner, vehicle = NextBestView(model=model_of(peak_weights(PEAK))), VEHICLES["px4-auto"]
+    motion = FlightMotion(vehicle=vehicle)
+    run(planner, starting(EVERYWHERE[:1], length=22), motion=motion, track=vehicle.name, vehicle=vehicle)
+    assert len(tries) == 6
+    assert planner.statistics.counts == {SolveStatus.OPTIMAL: 3} and planner.statistics.fallbacks == 0
+    np.testing.assert_allclose(planner.statistics.plan_seconds, np.reshape(tries, (3, 2)).sum(axis=1))
+    assert len(planner.statistics.solve_seconds) >= 6
 
 
 @pytest.mark.parametrize("make", PLANNERS)

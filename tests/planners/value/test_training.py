@@ -234,6 +234,28 @@ def test_fields_learn_from_the_policy_part_and_the_belief_from_validation_as_wel
     assert set.union(*run[1:4], *run[5:]) <= set(parts.policy.tolist())
 
 
+def test_where_nobody_is_left_for_validation_other_rollouts_score_a_field(
+    config: GainTrainingConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run: list[tuple[CollectionTask, int]] = []
+
+    def watched(task: CollectionTask, index: int) -> Collection:
+        run.append((task, index))
+        return collect_batch(task, index)
+
+    parts = replace(split_parts(motion(config)), validation=np.empty(0, dtype=np.int64))
+    monkeypatch.setattr(gain_training, "split_parts", lambda data: parts)
+    monkeypatch.setattr(gain_collection, "collect_batch", watched)
+    training = train_gain_field(config, searching, silent)
+    (of_score, first), (of_fit, other) = run[0], run[1]
+    assert first == other == 0
+    np.testing.assert_array_equal(of_score.sequences, of_fit.sequences)
+    scored, fitted = collect_batch(of_score, 0), collect_batch(of_fit, 0)
+    assert (scored.viewpoints[:, 0] != fitted.viewpoints[:, 0]).any()
+    assert training.scored_on == "other rollouts of the same people"
+    assert training.reason.endswith("the same people") or training.cut_short
+
+
 def scripted(monkeypatch: pytest.MonkeyPatch, chosen: list[float]) -> None:
     """Let the field pick paths that gain this much on unseen people, with 1, 2, 4, ... batches."""
     left = iter(chosen)
