@@ -174,7 +174,7 @@ def check_scored(scenarios: Scenarios | StreamScenarios) -> None:
     if not len(activity_frames(np.where(labels == len(data.class_names), NO_ACTIVITY, labels))[0]):
         raise DataError(
             f"{data.name}: expected an activity that begins and ends within an episode of {length} frames "
-            f"({length / data.fps:g} s), got none in {len(scenarios)}: a longer --length has some"
+            f"({length / data.fps:g} s), got none in {len(scenarios)} episodes: a longer --length has some"
         )
 
 

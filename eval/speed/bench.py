@@ -16,7 +16,7 @@ import torch
 from ehar.data.any_source import load_recordings
 from ehar.data.source import load_data
 from ehar.data.streams.data import StreamData
-from ehar.files import write_text
+from ehar.files import check_folder, write_text
 from eval.render.tables import Table
 from eval.speed.effort import DATA, WORKERS, Effort
 from eval.speed.on_device import device_figures
@@ -133,10 +133,11 @@ def bench(
             as on one thread of the CPU.
 
     Raises:
-        UsageError: there is no such device, or no report or no browser to open it with.
+        UsageError: there is no such device, `out` cannot be written, or there is no report, or no browser for it.
     """
     effort = effort or Effort()
     check_device(device)
+    check_folder(Path(out).parent)
     if device != "cpu":
         return _written(out, device_figures(load_data(DATA), device, effort))
     opened = {} if report is None else {"report_interactive_s": time_report(Path(report))}  # first: it may be missing

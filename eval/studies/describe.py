@@ -51,7 +51,7 @@ def describe(
         title=title_of(held),
         header=header,
         rows=tuple(rows),
-        footnotes=tuple(_footnotes(held, needed)),
+        footnotes=(*_footnotes(held, needed), *([f"A picture of skeletons: {figure}"] if figure is not None else [])),
         bold=frozenset((whole, column) for column in range(len(header))),
     )
 

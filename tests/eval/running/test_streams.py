@@ -327,7 +327,7 @@ def test_streams_that_are_too_short(folder: Path) -> None:
 
 def test_episodes_in_which_no_activity_begins_and_ends(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(
-        DataError, match=r"begins and ends within an episode of 8 frames \(0.8 s\), got none in 30: a lon"
+        DataError, match=r"begins and ends within an episode of 8 frames \(0.8 s\), got none in 30 episodes: a lon"
     ):
         watched(folder, "no-act", length=8, out=tmp_path / "run")
     assert not list(tmp_path.iterdir())
