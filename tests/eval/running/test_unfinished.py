@@ -298,6 +298,23 @@ def test_a_full_disk_ends_in_one_line_and_loses_nothing(
     assert bytes_of(out) == never_stopped
 
 
+def test_a_run_that_ends_while_it_takes_the_place_of_another_does_not_pass_for_either(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(PLANNERS, out=tmp_path)
+    move = Path.replace
+
+    def full(path: Path, target: Path) -> Path:
+        if path.name == EPISODES and path.parent.name == "whole":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return move(path, target)
+
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(UsageError, match="cannot be written: No space left on device"):
+        run(PLANNERS, out=tmp_path)
+    assert (tmp_path / EPISODES).is_file() and not (tmp_path / SUMMARY).exists()
+
+
 def test_a_folder_that_cannot_be_written_to_ends_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refused(*_: Any) -> int:
         raise OSError(errno.EROFS, "Read-only file system")

@@ -122,6 +122,12 @@ def test_refuses_a_device_that_is_not_there(tmp_path: Path) -> None:
         bench(tmp_path / "bench.json", BRIEF, device="tpu")
 
 
+def test_a_place_that_cannot_be_written_to_is_told_of_before_anything_is_measured(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="expected a folder that can be written to"):
+        bench(tmp_path / "file" / "bench.json", BRIEF)
+
+
 def test_targets_are_bounds_from_their_side() -> None:
     assert TARGETS["time_ratio"].met(10.0)
     assert not TARGETS["time_ratio"].met(9.9)
