@@ -9,15 +9,17 @@ from torch import Tensor
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.conditions import Form
 from ehar.data.motion_data import MotionData
-from ehar.data.scenario import draw_scenarios, localised, scenarios_at
+from ehar.data.scenario import Scenarios, draw_scenarios, localised, scenarios_at
 from ehar.data.skeleton_tree import parents
 from ehar.data.streams.data import StreamData
+from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.surroundings import surroundings_of
 from ehar.errors import DataError
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensor, draw_noise
 from ehar.world import PAPER, World
 from recognition.networks.features import features, with_view
+from recognition.training.in_the_way import hide
 from recognition.training.planned_views import PlannedViews
 from recognition.training.views import recorded_viewpoints, training_viewpoints
 
@@ -56,6 +58,7 @@ class ClipSource:
         augment: whether bodies are scaled.
         world: the world that cameras are in, and in which people are localised.
         planned: views that planners chose in episodes of these sequences.
+        in_the_way: whether things are drawn between people and cameras, in half of the clips.
     """
 
     def __init__(
@@ -70,6 +73,7 @@ class ClipSource:
         augment: bool,
         world: World = PAPER,
         planned: PlannedViews | None = None,
+        in_the_way: bool = False,
     ) -> None:
         """Collect the sequences that are long enough.
 
@@ -86,7 +90,7 @@ class ClipSource:
             )
         self._data, self._sequences, self._length = data, long_enough, length
         self._sensor, self._views, self._form, self._augment, self._world = sensor, views, form, augment, world
-        self._planned = planned
+        self._planned, self._in_the_way = planned, in_the_way
         self._parents = torch.from_numpy(parents(data.skeleton))
 
     def draw(self, rng: np.random.Generator, clips: int) -> Clips:
@@ -109,10 +113,22 @@ class ClipSource:
             viewpoints = training_viewpoints(self._views, self._world, rng, usual, self._length)
         if self._planned is not None:
             viewpoints = np.concatenate([viewpoints, chosen.viewpoints])
-        around = surroundings_of(scenarios, every, self._world, rng)
-        hidden = None if around is None else around.hide(viewpoints, positions, slice(None))
+        hidden = self._hidden(scenarios, positions, viewpoints, rng)
         seen = self._see(positions, viewpoints, rng, hidden)
         return Clips(seen, torch.from_numpy(scenarios.labels.astype(np.int64)), scenarios.sequence, viewpoints)
+
+    def _hidden(
+        self,
+        scenarios: Scenarios | StreamScenarios,
+        positions: FloatArray,
+        viewpoints: FloatArray,
+        rng: np.random.Generator,
+    ) -> BoolArray | None:
+        """Return which joints are hidden by what is in the way, (B, L, P, J); None if nothing is."""
+        if self._in_the_way:
+            return hide(scenarios, self._world, viewpoints, positions, rng)
+        around = surroundings_of(scenarios, np.arange(len(positions)), self._world, rng)
+        return None if around is None else around.hide(viewpoints, positions, slice(None))
 
     def _see(
         self, positions: FloatArray, viewpoints: FloatArray, rng: np.random.Generator, hidden: BoolArray | None

@@ -30,6 +30,7 @@ class TrainingConfig:
         folds: number of groups of people; each is left out of one more training, as long as this one, and asked about.
             So temperatures are fitted on more people than those of the validation part; with 0 on these alone.
         init: .safetensors file of the same shape to start from, instead of random weights.
+        in_the_way: whether pillars, boxes and passers-by hide joints in half of the clips; the world is open.
         device: torch device, cpu or cuda.
         threads: number of CPU threads of torch; with 0, torch decides.
     """
@@ -45,5 +46,6 @@ class TrainingConfig:
     interval: int = 2_500
     folds: int = 0
     init: Path | None = None
+    in_the_way: bool = False
     device: str = "cpu"
     threads: int = 0

@@ -17,6 +17,7 @@ from recognition.setting import load_recordings_of, with_length
 from recognition.training.clips import Clips, ClipSource
 from recognition.training.config import WINDOW, TrainingConfig
 from recognition.training.frame_weights import frame_weights
+from recognition.training.in_the_way import check_room
 from recognition.training.planned_views import PlannedViews
 
 VALIDATION_CLIPS = 768
@@ -68,6 +69,8 @@ def gather(config: TrainingConfig, planned: PlannedViews | None = None, fold: in
     conditions = config.conditions
     parts = split_parts(data)
     world = load_world(conditions.world)
+    if config.in_the_way:
+        check_room(world)
     loaded = load_sensor(conditions.sensor, data, world)
 
     def source(sequences: IntArray, augment: bool, planned: PlannedViews | None = None) -> ClipSource:
@@ -81,6 +84,7 @@ def gather(config: TrainingConfig, planned: PlannedViews | None = None, fold: in
             augment=augment,
             world=world,
             planned=planned,
+            in_the_way=config.in_the_way,
         )
 
     # If no sequence of the validation part is long enough, we validate on the recogniser's own part.

@@ -312,6 +312,8 @@ def _identify(material: Material, fold: int | None) -> dict[str, Any]:
     identity |= {name: value for name, value in own.items() if name not in NOT_DECISIVE}
     if not config.folds:
         del identity["folds"]  # as in files from before there were any
+    if not config.in_the_way:
+        del identity["in_the_way"]
     if config.optimiser != "published":
         del identity["clips"]  # they only end the training: with more of them, a checkpoint goes on
     identity["sensor"] = config.conditions.sensor_name
