@@ -37,7 +37,7 @@ class Setting:
         sensor_sha256: hash of the file and arguments of your own sensor; None for a sensor of ehar.
         trained_length: number of frames of the clips that the recogniser was trained on; None for your own.
         device: torch device of our recogniser.
-        trained_open: whether our recogniser was trained in the world without its obstacles and passers-by.
+        trained_open: whether the world has something in the way, and the training of our recogniser had nothing.
         trained_localisation: the localisation that our recogniser was trained with; None for your own, and in clips.
         trained_elsewhere: whether our recogniser was trained on other data, or on another version or fold of them.
         sensor_changed: whether our recogniser was trained with another version of your own sensor.
@@ -211,7 +211,7 @@ def load_setting(conditions: Conditions, *, device: str = "cpu") -> Setting:
     trained = load_recogniser(told, data, device=device)  # whose errors suggest what was told
     runner = Runner(data, trained, loaded.sensor, track, world, conditions.onset)
     length = None if trained.spec.fading else trained.spec.length  # what fades is not meant for one length
-    opened = not world.is_open and trained.spec.world.is_open
+    opened = not world.is_open and trained.spec.world.is_open and not trained.in_the_way
     localisation = trained.spec.world.localisation if isinstance(data, StreamData) else None
     return Setting(
         conditions=named,

@@ -4,7 +4,7 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
-from typing import Any
+from typing import Any, TypeVar
 
 from ehar.conditions import Conditions
 from ehar.data.recordings import Recordings
@@ -23,6 +23,8 @@ from recognition.weight_files import (
     network_bytes,
     save_weights,
 )
+
+Told = TypeVar("Told")
 
 SHIPPED = Path(__file__).parent / "weights"
 LATER = ("fading", *OBSTACLES)  # fields that descriptions from before streams and obstacles do not have
@@ -52,18 +54,23 @@ class RecogniserDescription:
     @property
     def data_sha256(self) -> str | None:
         """The hash of the data that it was trained on; None if that is not recorded."""
-        return self._recorded("data_sha256")
+        return self._recorded("data_sha256", str)
 
     @property
     def sensor_sha256(self) -> str | None:
         """The hash of the file and arguments of your own sensor in its training; None for a sensor of ehar."""
-        return self._recorded("sensor_sha256")
+        return self._recorded("sensor_sha256", str)
 
-    def _recorded(self, key: str) -> str | None:
-        """Return a hash that its training recorded."""
+    @property
+    def in_the_way(self) -> bool:
+        """Whether things were in the way in its training, in a world that has none."""
+        return self._recorded("in_the_way", bool) or False
+
+    def _recorded(self, key: str, kind: type[Told]) -> Told | None:
+        """Return what its training recorded."""
         run = self.training.get("run")
         told = run.get(key) if isinstance(run, dict) else None
-        return told if isinstance(told, str) else None
+        return told if isinstance(told, kind) else None
 
     @property
     def temperature(self) -> Temperature:
@@ -148,6 +155,7 @@ def open_recogniser(
     else:
         made = PrefixRecogniser(network=network, spec=spec, temperature=temperature, sha256=digest, device=device)
     made.data_sha256, made.sensor_sha256 = description.data_sha256, description.sensor_sha256
+    made.in_the_way = description.in_the_way
     return made
 
 

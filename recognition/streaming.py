@@ -28,6 +28,7 @@ class _Recogniser:
 
     data_sha256: str | None = None  # hash of the data that it was trained on; None if its files do not say
     sensor_sha256: str | None = None  # hash of your own sensor in its training; None for a sensor of ehar
+    in_the_way: bool = False  # whether things were in the way in its training, in a world that has none
 
     def __init__(self, network: Module, spec: NetworkSpec, temperature: Temperature, sha256: str, device: str) -> None:
         self.spec = spec

@@ -71,7 +71,7 @@ class RunConfig:
         trained_lengths: number of frames of an episode in the training of the recogniser, the gain field, each
             agent and a fixed place, as far as they are known; None in runs from before it was recorded.
         device: torch device of the recogniser; another one rounds otherwise.
-        trained_open: whether the recogniser was trained in the world without its obstacles and passers-by.
+        trained_open: whether the world has something in the way, and the training of the recogniser had nothing.
         trained_localisations: in streams, the localisation in the training of the recogniser, the gain field, each
             agent and a fixed place, of those that were trained with another than the world's; None if none was.
         trained_elsewhere: whether the recogniser was trained on other data, or on another version or fold of them.

@@ -44,6 +44,7 @@ class SweepConfig:
         seeds: the agents' training seeds, by name: 7 8 9.
         setting: tiny, a first try in a minute or two; quick, for 2 CPU cores; paper, as published, for a GPU: it takes
             --views paper, and trains no field.
+        in_the_way: whether recognisers learn with pillars, boxes and passers-by in the way, in an open world.
         workers: number of processes.
         engine: processes of this machine, or ray: a cluster whose machines share `out` and the data.
         address: address of a running Ray cluster, or auto; None starts one here.
@@ -55,6 +56,7 @@ class SweepConfig:
     out: Path
     seeds: tuple[int, ...] = (0,)
     setting: Effort = "quick"
+    in_the_way: bool = False
     workers: int = field(default_factory=cores)
     engine: EngineName = "processes"
     address: str | None = None
@@ -101,6 +103,7 @@ class SweepConfig:
                 out=self.out if len(self.data) == 1 else self.out / name,
                 seeds=self.seeds,
                 setting=self.setting,
+                in_the_way=self.in_the_way,
                 workers=workers,
                 device=self.device,
             )

@@ -39,6 +39,7 @@ class _Run:
     interval: int | None = None
     seed: int | None = None
     length: int | None = None
+    in_the_way: bool = False
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,7 @@ class TrainAllConfig:
         seeds: the agents' training seeds, by name: 7 8 9.
         setting: tiny, a first try in a minute or two: recogniser, field and il; quick, for 2 CPU cores; paper, as
             published, for a GPU: it takes --views paper, and trains no field.
+        in_the_way: whether the recogniser learns with pillars, boxes and passers-by in the way, in an open world.
         workers: number of processes; results do not depend on it.
         device: device of the recogniser's and of PPO's network: cpu or cuda.
     """
@@ -84,6 +86,7 @@ class TrainAllConfig:
     out: Path
     seeds: tuple[int, ...] = (0,)
     setting: Effort = "quick"
+    in_the_way: bool = False
     workers: int = field(default_factory=cores)
     device: str = "cpu"
 
@@ -118,6 +121,7 @@ class TrainAllConfig:
             batch=PUBLISHED_BATCH if paper else TrainingConfig.batch,
             clips=PAPER_CLIPS if paper else TINY_CLIPS if tiny else TrainingConfig.clips,
             interval=TINY_INTERVAL if tiny else TrainingConfig.interval,
+            in_the_way=self.in_the_way,
             device=self.device,
         )
 
@@ -299,6 +303,11 @@ def has_recogniser(config: TrainAllConfig) -> bool:
                 f"{description}: trained with --{name} {found}, asked for {expected}: remove it to train again, or "
                 "choose another --out"
             )
+    if run.in_the_way != config.in_the_way:
+        raise ModelError(
+            f"{description}: trained {'with' if run.in_the_way else 'without'} --in-the-way, asked for a training "
+            f"{'with' if config.in_the_way else 'without'} it: remove it to train again, or choose another --out"
+        )
     tiny = run.interval == TINY_INTERVAL
     if run.interval is not None and tiny != (config.setting == "tiny"):
         raise ModelError(

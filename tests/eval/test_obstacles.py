@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from shutil import copytree
 from typing import Any
 
 import numpy as np
@@ -114,6 +115,16 @@ def test_weights_of_the_open_world_will_do_and_that_is_said_aloud(lab: Path, run
     assert not opened.config.warnings and opened.records["no-act"].contacts is None
     assert "frames near" not in opened.summary.tables()[0].header
     assert "near_frames" not in opened.summary.to_json()["planners"][0]
+
+
+def test_weights_that_met_things_in_the_way_need_no_warning(lab: Path, tmp_path: Path) -> None:
+    copytree(lab / "models", tmp_path / "models")
+    for description in (tmp_path / "models").glob("causal-*.json"):
+        held = json.loads(description.read_text())
+        held["training"].setdefault("run", {})["in_the_way"] = True
+        description.write_text(json.dumps(held))
+    assert load_setting(told(lab)).trained_open
+    assert not load_setting(told(lab, models=str(tmp_path / "models"))).trained_open
 
 
 def test_weights_of_a_world_with_obstacles_are_not_those_of_the_open_one(lab: Path, tmp_path: Path) -> None:

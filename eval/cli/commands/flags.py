@@ -23,4 +23,5 @@ TRAINED_ANEW = {  # flags of trainings of a recogniser
     **SENSED,
     "data": Flag(default=REQUIRED),
     "views": Flag("cameras to train on: moving, paper (32 static), or recorded."),
+    "in_the_way": Flag("things hide joints in half of the clips."),
 }

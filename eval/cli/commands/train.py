@@ -62,7 +62,6 @@ TRAIN = CommandGroup(
                 "interval": Flag("clips between checkpoints, and first evaluations."),
                 "init": Flag(".safetensors of the same shape to start from.", hint="none"),
                 "folds": Flag("groups of people left out to calibrate on."),
-                "in_the_way": Flag("things hide joints in half of the clips."),
                 "planned": Flag(
                     "runs whose planners show where to look.",
                     metavar="RUN",

@@ -108,6 +108,22 @@ def test_a_recogniser_of_another_seed_or_length_is_not_taken_for_this_one(
         has_recogniser(TrainAllConfig(conditions=replace(DUO, **changes), out=tmp_path))  # type: ignore[arg-type]
 
 
+def test_a_recogniser_that_met_nothing_in_the_way_is_not_taken_for_one_that_did(tmp_path: Path) -> None:
+    copy(RECOGNISERS / "duo", RECOGNISER, tmp_path)
+    usual = TrainAllConfig(conditions=DUO, out=tmp_path)
+    asked = replace(usual, in_the_way=True)
+    assert asked.recogniser.in_the_way and not usual.recogniser.in_the_way
+    with pytest.raises(ModelError, match="trained without --in-the-way, asked for a training with it: remove it"):
+        has_recogniser(asked)
+    description = tmp_path / f"{RECOGNISER}.json"
+    held = json.loads(description.read_text())
+    held["training"]["run"]["in_the_way"] = True
+    description.write_text(json.dumps(held))
+    assert has_recogniser(asked)
+    with pytest.raises(ModelError, match="trained with --in-the-way, asked for a training without it: remove it"):
+        has_recogniser(usual)
+
+
 def test_a_first_try_is_not_taken_for_a_training_nor_a_training_for_a_first_try(
     tmp_path: Path, calls: list[str]
 ) -> None:
