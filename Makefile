@@ -184,9 +184,15 @@ utkinect := --data $(DATA)/utkinect.npz
 stream_data = $(or $($(1)),--data $(1))
 WATCHING := no-act h-rotate near-level front side fixed-best nbv-greedy nbv-search nbv oracle
 
+# The recognisers that ship learn in the open first, and then go on with things in the way.
 STREAM_RECOGNISER := models/%/causal-estimator-moving.safetensors
-$(STREAMS:%=$(STREAM_RECOGNISER)): $(STREAM_RECOGNISER): | setup
-	$(EHAR) train recogniser $(call stream_data,$*) --sensor estimator --out $(@D)
+OPEN_RECOGNISER := models/%/open/causal-estimator-moving.safetensors
+SHIPPED_STREAMS := solo-stream duo-stream
+models/utkinect/causal-estimator-moving.safetensors $(SHIPPED_STREAMS:%=$(OPEN_RECOGNISER)): | setup
+	$(EHAR) train recogniser $(call stream_data,$(word 2,$(subst /, ,$@))) --sensor estimator --out $(@D)
+
+$(SHIPPED_STREAMS:%=$(STREAM_RECOGNISER)): $(STREAM_RECOGNISER): $(OPEN_RECOGNISER)
+	$(EHAR) train recogniser $(call stream_data,$*) --sensor estimator --in-the-way --init $< --out $(@D)
 
 $(STREAMS:%=models/%/planners): models/%/planners: $(STREAM_RECOGNISER)
 	$(EHAR) train gain-field $(call stream_data,$*) --sensor estimator --models $(@D)
