@@ -130,7 +130,8 @@ def planner_source_sha256(planner: Planner) -> str | None:
 
 
 def _no_planner(what: str, missing: list[str]) -> str:
-    return f"{what}: expected what ehar.planner.Planner has, missing: {', '.join(missing)}"
+    advice = "" if missing == ["act"] else "; a class that derives from ehar.Planner has all but act"
+    return f"{what}: expected what ehar.planner.Planner has, missing: {', '.join(missing)}{advice}"
 
 
 def _qualified(annotation: Any) -> str:

@@ -159,7 +159,11 @@ def test_two_settings_of_one_class_have_two_names(own: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("Incomplete", "expected what ehar.planner.Planner has, missing: reset, act"),
+        (
+            "Incomplete",
+            "expected what ehar.planner.Planner has, missing: reset, act; "
+            "a class that derives from ehar.Planner has all but act",
+        ),
         ("Nameless", "expected what ehar.planner.Planner has, missing: name"),
         ("Still", "expected what ehar.planner.Planner has, missing: act"),
         ("Planner", "expected what ehar.planner.Planner has, missing: act"),
