@@ -89,6 +89,8 @@ class Ring(Planner):
         return observation.viewpoint
 """
 
+DERIVE = "; a class that derives from ehar.Planner has all but act"
+
 
 pytestmark = pytest.mark.usefixtures("own_modules")
 
@@ -159,15 +161,11 @@ def test_two_settings_of_one_class_have_two_names(own: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (
-            "Incomplete",
-            "expected what ehar.planner.Planner has, missing: reset, act; "
-            "a class that derives from ehar.Planner has all but act",
-        ),
-        ("Nameless", "expected what ehar.planner.Planner has, missing: name"),
+        ("Incomplete", f"expected what ehar.planner.Planner has, missing: reset, act{DERIVE}"),
+        ("Nameless", f"expected what ehar.planner.Planner has, missing: name{DERIVE}"),
         ("Still", "expected what ehar.planner.Planner has, missing: act"),
         ("Planner", "expected what ehar.planner.Planner has, missing: act"),
-        ("Path", "expected what ehar.planner.Planner has, missing: reset, act"),
+        ("Path", f"expected what ehar.planner.Planner has, missing: reset, act{DERIVE}"),
         ("Data", "expected its argument radius: float, got none; "
             "give it as --radius VALUE after it, or as Data(radius=...)"),
         ("Mine(radius=5)", "unknown argument 'radius'; it takes none"),
