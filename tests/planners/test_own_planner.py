@@ -91,7 +91,6 @@ class Ring(Planner):
 
 DERIVE = "; a class that derives from ehar.Planner has all but act"
 
-
 pytestmark = pytest.mark.usefixtures("own_modules")
 
 
