@@ -116,6 +116,7 @@ class FakeRecogniser:
 
     data_sha256: str | None = None
     sensor_sha256: str | None = None
+    in_the_way = False
     class_names = CLASS_NAMES
     embedding_size = len(CLASS_NAMES)
 

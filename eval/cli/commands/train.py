@@ -58,7 +58,7 @@ TRAIN = CommandGroup(
                 "form": Flag("causal streams; ctrgcn, as published, is trained on prefixes."),
                 "length": Flag("frames of a clip.", hint="60; streams 4 s"),
                 "seed": Flag("seed of initial weights, clips and dropout."),
-                "clips": Flag("the most training clips; with adamw it stops once it has learned."),
+                "clips": Flag("the most training clips; adamw stops once it has learned."),
                 "interval": Flag("clips between checkpoints, and first evaluations."),
                 "init": Flag(".safetensors of the same shape to start from.", hint="none"),
                 "folds": Flag("groups of people left out to calibrate on."),
