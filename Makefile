@@ -433,7 +433,7 @@ docs/figures/stream.gif: runs/watched-utkinect-px4-auto/table.md
 
 # The film of passers-by: three seconds of the episode in which nbv gains most over a camera that only follows.
 docs/figures/crowd.gif: runs/crowd-solo-stream-px4-auto/table.md
-	$(EHAR) replay $(<D) gain --planners nbv no-act --since 15.5 --until 18.5 --out $@
+	$(EHAR) replay $(<D) gain --planners nbv no-act --since 18 --until 21 --out $@
 
 # The film of a join: an episode of Kinder-Gator in which one motion leads to the next from 17.1 to 17.8 s.
 docs/figures/join.gif: runs/unknown-kindergator-stream-0/table.md
