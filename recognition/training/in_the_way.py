@@ -16,7 +16,7 @@ SHARE = 0.5  # of the clips; the others show that nothing is hidden in the open
 TOGETHER = 8  # clips that see the same things, from places of their own
 
 NEAREST = 0.8  # [m], from the people's centre to the middle of a thing
-CEILING = 6.5  # [m] above the floor: cameras look past no pillar's top
+CEILING = 6.5  # [m] above the floor: level cameras do not look over a pillar
 MOST_PILLARS, RADIUS = 3, (0.1, 0.6)  # [m]
 MOST_BOXES, WIDTH, HEIGHT = 2, (0.4, 2.0), (0.5, 2.0)  # [m]
 MOST_PASSERS = 4
