@@ -72,12 +72,17 @@ class World:
             )
         if self.passers_by > MOST_PASSERS:
             raise UsageError(f"world {self.name}: passers_by: expected at most {MOST_PASSERS}, got more")
-        if self.passers_by < 0 or (self.passers_by and self.passing_reach < LEAST_REACH):
+        if self.passers_by < 0 or (self.passers_by and not self.has_passing_room):
             raise UsageError(
                 f"world {self.name}: passers_by: expected at least 0, and 0 unless distance_min is at least "
                 f"{LEAST_REACH + PASSER_ROOM:g} m, as they pass between people and cameras; got {self.passers_by} and "
                 f"{self.workspace.distance_min:g} m"
             )
+
+    @property
+    def has_passing_room(self) -> bool:
+        """Whether there is room for passers-by between people and cameras."""
+        return self.workspace.distance_min >= LEAST_REACH + PASSER_ROOM
 
     @property
     def passing_reach(self) -> float:

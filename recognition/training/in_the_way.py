@@ -26,7 +26,7 @@ def check_room(world: World) -> None:
     """Raise UsageError if a world has things of its own, or no room for any between people and cameras."""
     if not world.is_open:
         raise UsageError(f"--in-the-way: expected an open world, {world.name} has obstacles or passers-by of its own")
-    if world.passing_reach < LEAST_REACH:
+    if not world.has_passing_room:
         raise UsageError(
             f"--in-the-way: expected a world with distance_min of at least {LEAST_REACH + PASSER_ROOM:g} m, as things "
             f"stand between people and cameras; {world.name} has {world.workspace.distance_min:g} m"
@@ -87,6 +87,6 @@ def _draw_box(world: World, rng: np.random.Generator) -> Box:
 
 def _draw_place(world: World, reach: float, rng: np.random.Generator) -> tuple[float, float]:
     """Draw where a thing stands [m]: as a clip begins, nearer to people than level cameras that keep the margin."""
-    distance = rng.uniform(NEAREST, max(world.workspace.distance_min - MARGIN - reach, NEAREST))
+    distance = rng.uniform(NEAREST, world.workspace.distance_min - MARGIN - reach)
     angle = rng.uniform(0, 2 * np.pi)
     return float(distance * np.cos(angle)), float(distance * np.sin(angle))

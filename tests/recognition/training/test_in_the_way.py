@@ -16,7 +16,7 @@ from ehar.errors import UsageError
 from ehar.obstacles.shapes import MARGIN, Cylinder, Obstacles
 from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import cartesian
-from ehar.world import CROWD, INDOOR, PAPER, ROOM, World
+from ehar.world import CROWD, INDOOR, LEAST_REACH, PAPER, PASSER_ROOM, ROOM, World
 from recognition.networks.features import JOINT_CHANNELS
 from recognition.storage import recogniser_path
 from recognition.training import in_the_way, material
@@ -40,16 +40,19 @@ LENGTH = 10
 CLIPS = 800
 
 
-def many_worlds() -> list[World]:
-    return [draw_world(PAPER, np.random.default_rng(seed)) for seed in range(300)]
+def many_worlds(world: World = PAPER) -> list[World]:
+    return [draw_world(world, np.random.default_rng(seed)) for seed in range(300)]
 
 
-def test_things_stand_between_people_and_cameras() -> None:
+@pytest.mark.parametrize("nearest", [PAPER.workspace.distance_min, LEAST_REACH + PASSER_ROOM])
+def test_things_stand_between_people_and_cameras(nearest: float) -> None:
+    opened = replace(PAPER, workspace=replace(PAPER.workspace, distance_min=nearest))
+    check_room(opened)
     around = np.linspace(0, 2 * np.pi, 90)
-    cameras = cartesian(np.stack([np.full(90, PAPER.workspace.distance_min), around, np.full(90, np.pi / 2)], axis=-1))
-    for world in many_worlds():
+    cameras = cartesian(np.stack([np.full(90, nearest), around, np.full(90, np.pi / 2)], axis=-1))
+    for world in many_worlds(opened):
         assert world.obstacles.clearance(cameras).min() > MARGIN - 1e-6
-        assert replace(world, obstacles=PAPER.obstacles, passers_by=0) == PAPER  # all else stays
+        assert replace(world, obstacles=opened.obstacles, passers_by=0) == opened  # all else stays
 
 
 def test_there_are_as_many_as_it_says() -> None:
