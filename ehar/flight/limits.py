@@ -4,7 +4,7 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
 from ehar.flight.kinematics import CartesianMotion, SphericalState, local_motion
-from ehar.flight.profile import JerkProfile
+from ehar.flight.profile import SAMPLES, JerkProfile
 from ehar.flight.vehicle import Vehicle
 from ehar.viewpoint import AZIMUTH, Workspace
 
@@ -69,14 +69,19 @@ def motion_shares(vehicle: Vehicle, motion: CartesianMotion, turn: FloatArray) -
 def keeps_limits(profile: JerkProfile, vehicle: Vehicle, workspace: Workspace) -> BoolArray:
     """Return which flights keep the vehicle's limits and stay in the workspace until they are at rest, (B,).
 
-    Flights are sampled at every change of jerk. In between, a flight bends only as fast as the camera goes round, so it
-    is sampled nine times in the time that it takes for one radian. Most flights that break a limit break it near a
-    change of jerk: the first pass looks only there and leaves few flights for the second.
+    Where flights turn back is exact, and how fast they turn: near the vertical axis azimuths change fast. All else is
+    sampled, at every change of jerk. In between, a flight bends only as fast as the camera goes round, so it
+    is sampled nine times in the time that it takes for one radian; and a speed v between samples that are t apart is at
+    most j t^2 / 8 above them, for the vehicle's jerk j. Most flights that break a limit break it near a change of jerk:
+    the first pass looks only there and leaves few flights for the second.
     """
     turn = min(float(np.sqrt(max(workspace.distance_min, 1e-3) / vehicle.acceleration)), 1 / vehicle.yaw_rate)
+    slowest = min(vehicle.speed, vehicle.climb_speed, vehicle.descent_speed)
+    apart = min(turn / 9, float(np.sqrt(8 * (1 - HEADROOM) * slowest / vehicle.jerk)))
     lowest, highest = profile.extremes()
     keeps = workspace.contains(lowest) & workspace.contains(highest)
-    for longest in (np.inf, turn / 3):
+    keeps &= profile.fastest()[:, AZIMUTH] <= HEADROOM * vehicle.yaw_rate
+    for longest in (np.inf, (SAMPLES - 1) * apart):
         left = np.flatnonzero(keeps)
         for first in range(0, len(left), BLOCK):
             rows = left[first : first + BLOCK]

@@ -155,6 +155,13 @@ class JerkProfile:
         every = np.concatenate([self.viewpoint, turned[0], turned[1]], axis=1)
         return every.min(axis=1), every.max(axis=1)
 
+    def fastest(self) -> FloatArray:
+        """Return the greatest rate of each coordinate, in either direction, (B, 3): exact, not sampled."""
+        v, a, j = self.velocity[:, :-1], self.acceleration[:, :-1], self.jerk[:, :-1]
+        t = np.divide(-a, j, out=np.zeros_like(a), where=j != 0)  # when the acceleration is 0
+        t = np.clip(t, 0, np.diff(self.times, axis=1))
+        return np.abs(np.concatenate([self.velocity, v + t * (a + t * j / 2)], axis=1)).max(axis=1)
+
     def select(self, flights: IntArray | BoolArray) -> "JerkProfile":
         """Return some of the flights."""
         return JerkProfile(*(getattr(self, field.name)[flights] for field in fields(self)))

@@ -7,10 +7,10 @@ import pytest
 
 from ehar.flight.kinematics import SphericalState
 from ehar.flight.limits import keeps_limits, limit_shares
-from ehar.flight.profile import JerkProfile
+from ehar.flight.profile import JerkProfile, Phases, phases_to_rest
 from ehar.flight.time_optimal import AxisLimits, TimeOptimal
 from ehar.flight.vehicle import LIMITS, VEHICLES, Vehicle
-from ehar.viewpoint import Workspace
+from ehar.viewpoint import AZIMUTH, DISTANCE, Workspace
 
 GENEROUS = Vehicle(
     name="generous", speed=100, acceleration=100, jerk=100, climb_speed=100, descent_speed=100, yaw_rate=100
@@ -54,6 +54,24 @@ def test_a_flight_out_of_the_workspace() -> None:
     assert keeps_limits(out, GENEROUS, Workspace()).all()
     assert not keeps_limits(out, GENEROUS, Workspace(distance_max=8.999)).any()
     assert not keeps_limits(out, GENEROUS, Workspace(polar_max=0.999)).any()
+
+
+@pytest.mark.parametrize("name", ["climb_speed", "yaw_rate"])
+@pytest.mark.parametrize(("peak", "kept"), [(0.99, True), (1.004, False)])
+def test_a_rate_that_is_greatest_between_samples(name: str, peak: float, kept: bool) -> None:
+    """Straight above people: at first a constant jerk makes one axis faster and then slower again, symmetrically."""
+    vehicle = replace(GENEROUS, **{name: 1.0}, acceleration=1.0, jerk=2.1)
+    axis, jerk, duration = (DISTANCE, 2.0, 0.6) if name == "climb_speed" else (AZIMUTH, 2000.0, 0.02)
+    one, rest = np.eye(3)[axis], np.zeros((1, 3))
+    slower = Phases(np.full((1, 1, 3), duration), -jerk * one[None, None])
+    first, push = peak - jerk * duration**2 / 8, jerk * duration / 2
+    start = SphericalState(np.array([[6.0, 0, 0]]), first * one[None], push * one[None], rest)
+    turned = JerkProfile.from_phases(start, slower).at(np.array([[duration / 3, duration / 2]])).velocity[0, :, axis]
+    assert turned[1] == pytest.approx(peak) and turned[0] < 0.995
+    end = start._replace(acceleration=-start.acceleration)
+    stop = phases_to_rest(end, np.array([2 * first / push]))
+    flown = JerkProfile.from_phases(start, Phases.joined([slower, stop]))
+    assert keeps_limits(flown, vehicle, Workspace()).all() == kept
 
 
 def test_many_flights_are_checked_one_by_one() -> None:
