@@ -160,7 +160,9 @@ class JerkProfile:
         v, a, j = self.velocity[:, :-1], self.acceleration[:, :-1], self.jerk[:, :-1]
         t = np.divide(-a, j, out=np.zeros_like(a), where=j != 0)  # when the acceleration is 0
         t = np.clip(t, 0, np.diff(self.times, axis=1))
-        return np.abs(np.concatenate([self.velocity, v + t * (a + t * j / 2)], axis=1)).max(axis=1)
+        rates = np.concatenate([self.velocity, v + t * (a + t * j / 2)], axis=1)
+        fastest: FloatArray = np.abs(rates).max(axis=1)
+        return fastest
 
     def select(self, flights: IntArray | BoolArray) -> "JerkProfile":
         """Return some of the flights."""
