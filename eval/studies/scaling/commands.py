@@ -4,6 +4,7 @@ import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import PurePath
 
 from ehar.errors import UsageError
@@ -33,13 +34,13 @@ class Asked:
         words = self.options.get(name)
         return words[0] if words else usual
 
-    @property
+    @cached_property
     def written(self) -> str | None:
         """The folder that it writes to; None if nobody waits for it."""
         folder = self.option("out", self.option("models") if self.kind.startswith("train") else None)
         return None if folder is None else str(PurePath(folder))
 
-    @property
+    @cached_property
     def named(self) -> frozenset[str]:
         """All words that may be folders which it reads."""
         return frozenset(str(PurePath(word)) for words in (self.places, *self.options.values()) for word in words)
