@@ -1,7 +1,9 @@
 import math
+import multiprocessing
 import sys
 from collections.abc import Callable, Iterator
 from functools import cache
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +24,13 @@ settings.register_profile("default", derandomize=True, deadline=None, database=N
 settings.register_profile("fuzz", max_examples=2000, deadline=None, print_blob=True)
 settings.load_profile("default")
 
+PRELOADED = [
+    "eval.running.benchmark",
+    "planners.agents.training",
+    "planners.value.training",
+    "recognition.training.trainer",
+]
+
 
 @pytest.fixture(autouse=True, scope="session")
 def one_thread() -> Iterator[None]:
@@ -31,6 +40,26 @@ def one_thread() -> Iterator[None]:
         for name in THREADS:
             patch.setenv(name, "1")
         yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def workers_import_once() -> Iterator[None]:
+    """Fork workers from a process that has imported what they need; spawned, each of a hundred would take 2 s for it.
+
+    They are told all else as spawned ones are, and see as little of this process, but they have the environment of the
+    first of them. `spawned_workers` are as users have them, and so are those of scripts that tests run.
+    """
+    forking = get_context("forkserver")
+    forking.set_forkserver_preload(PRELOADED)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(multiprocessing, "get_context", lambda kind: forking if kind == "spawn" else get_context(kind))
+        yield
+
+
+@pytest.fixture
+def spawned_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Spawn workers, each with the environment of its time."""
+    monkeypatch.setattr(multiprocessing, "get_context", get_context)
 
 
 @pytest.fixture(autouse=True, scope="session")

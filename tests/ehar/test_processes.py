@@ -21,6 +21,8 @@ from ehar.processes import (
     worker_pool,
 )
 
+pytestmark = pytest.mark.usefixtures("spawned_workers")
+
 
 def keep(folder: Path, text: str) -> None:
     (folder / str(os.getpid())).write_text(text)

@@ -117,6 +117,7 @@ def test_a_run_that_is_killed_twenty_times_ends_in_the_same_bytes(
 
 @pytest.mark.slow
 @needs_proc
+@pytest.mark.usefixtures("spawned_workers")
 def test_workers_end_with_a_driver_that_is_killed_and_leave_no_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, never_stopped: dict[str, bytes]
 ) -> None:
