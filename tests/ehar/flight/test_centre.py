@@ -85,8 +85,10 @@ def test_shares_in_the_world_by_hand() -> None:
     assert shares[2] == pytest.approx(np.hypot(10 * 0.2**3, 0.5) / 4)
 
 
-def test_limits_hold_in_the_world_in_whole_streams() -> None:
-    excess = worst_stream_excess(np.random.default_rng(0), 50, 40)
+@share_of_examples(0.01)
+@given(seeds, st.booleans())
+def test_limits_hold_in_the_world_in_whole_streams(seed: int, paths: bool) -> None:
+    excess = worst_stream_excess(np.random.default_rng(seed), 50, 40, paths=paths)
     assert excess.limits < 1e-6
     assert excess.workspace == 0
 
