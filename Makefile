@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 RUN := $(VENV)/bin/
+# Extras of pyproject.toml that are installed; .ci/run asks for more.
 EXTRAS ?= dev
 
 .PHONY: setup benchmark test fuzz lint docs weights results pages left clean
