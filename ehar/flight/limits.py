@@ -70,10 +70,10 @@ def keeps_limits(profile: JerkProfile, vehicle: Vehicle, workspace: Workspace) -
     """Return which flights keep the vehicle's limits and stay in the workspace until they are at rest, (B,).
 
     Where flights turn back is exact, and how fast they turn: near the vertical axis azimuths change fast. All else is
-    sampled, at every change of jerk. In between, a flight bends only as fast as the camera goes round, so it
-    is sampled nine times in the time that it takes for one radian; and a speed v between samples that are t apart is at
-    most j t^2 / 8 above them, for the vehicle's jerk j. Most flights that break a limit break it near a change of jerk:
-    the first pass looks only there and leaves few flights for the second.
+    sampled, at every change of jerk. In between, a flight bends only as fast as the camera goes round, so it is sampled
+    nine times in the time that it takes for one radian; and no speed is more than j t^2 / 8 above those of samples that
+    are t apart, for the vehicle's jerk j. Most flights that break a limit break it near a change of jerk: the first
+    pass looks only there and leaves few flights for the second.
     """
     turn = min(float(np.sqrt(max(workspace.distance_min, 1e-3) / vehicle.acceleration)), 1 / vehicle.yaw_rate)
     slowest = min(vehicle.speed, vehicle.climb_speed, vehicle.descent_speed)
