@@ -60,7 +60,8 @@ def test_a_flight_out_of_the_workspace() -> None:
 @pytest.mark.parametrize(("peak", "kept"), [(0.99, True), (1.004, False)])
 def test_a_rate_that_is_greatest_between_samples(name: str, peak: float, kept: bool) -> None:
     """Straight above people: at first a constant jerk makes one axis faster and then slower again, symmetrically."""
-    vehicle = replace(GENEROUS, **{name: 1.0}, acceleration=1.0, jerk=2.1)
+    slow = replace(GENEROUS, acceleration=1.0, jerk=2.1, yaw_rate=0.5)  # so a radian takes it 2 s
+    vehicle = replace(slow, **{name: 1.0})
     axis, jerk, duration = (DISTANCE, 2.0, 0.6) if name == "climb_speed" else (AZIMUTH, 2000.0, 0.02)
     one, rest = np.eye(3)[axis], np.zeros((1, 3))
     slower = Phases(np.full((1, 1, 3), duration), -jerk * one[None, None])
