@@ -24,6 +24,7 @@ settings.register_profile("default", derandomize=True, deadline=None, database=N
 settings.register_profile("fuzz", max_examples=2000, deadline=None, print_blob=True)
 settings.load_profile("default")
 
+# Modules that workers of tests import: all that takes long.
 PRELOADED = [
     "eval.running.benchmark",
     "planners.agents.training",

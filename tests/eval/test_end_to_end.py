@@ -61,11 +61,11 @@ def test_train_then_benchmark_twice(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["duo", "solo"])
 def test_the_synthetic_sets_leave_something_to_win(name: str) -> None:
-    """On people of the validation part."""
-    few = benchmark(["no-act", "oracle"], Conditions(data=name, part="validation"), workers=1).summary
-    stays = few.planner("no-act").acc_mean
+    """Asked of the validation part, which is small: the oracle takes eight times as long as a camera that stays."""
+    summary = benchmark(["no-act", "oracle"], Conditions(data=name, part="validation"), workers=1).summary
+    stays = summary.planner("no-act").acc_mean
     assert 60 <= stays <= 85
-    assert few.planner("oracle").acc_mean >= stays + 1.5
+    assert summary.planner("oracle").acc_mean >= stays + 1.5
 
 
 @pytest.mark.slow
