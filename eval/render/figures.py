@@ -52,16 +52,10 @@ def draw_accuracy(
     axes.set_ylim(low, high)
     ends = {name: 100 * float(curve[-1]) for name, curve in curves.items()}
     for name, height in _spread(ends, gap=0.05 * (high - low), high=high).items():
-        axes.annotate(
-            f"{name} (privileged)" if name in privileged else name,
-            (100, ends[name]),
-            (106, height),
-            annotation_clip=False,
-            va="center",
-            fontsize=8.5,
-            color=styles[name].colour,
-            arrowprops={"arrowstyle": "-", "color": styles[name].colour, "linewidth": 0.6, "relpos": (0, 0.5)},
-        )
+        colour = styles[name].colour
+        axes.plot([100, 105], [ends[name], height], color=colour, linewidth=0.6, clip_on=False)
+        label = f"{name} (privileged)" if name in privileged else name
+        axes.text(106, height, label, va="center", fontsize=8.5, color=colour)
     axes.set_xlabel(f"observed share of the {watched} [%]")
     axes.set_ylabel("accuracy [%]")
     axes.set_title(title, fontsize=9.5, loc="left")
@@ -90,6 +84,11 @@ def shortened(text: str, longest: int) -> str:
 def save_figure(figure: Figure, stem: Path) -> None:
     """Write `stem`.png and `stem`.svg atomically, without dates or random identifiers in them."""
     FigureCanvasAgg(figure)
+    # Each savefig would find the layout again, and draw twice for it: the same one holds for both files.
+    engine = figure.get_layout_engine()
+    assert engine is not None
+    engine.execute(figure)
+    figure.set_layout_engine("none")
     metadata = {".png": {"Software": None}, ".svg": {"Date": None, "Creator": None}}
     with matplotlib.rc_context({"svg.hashsalt": "ehar", "svg.fonttype": "none"}):
         for suffix, entries in metadata.items():
