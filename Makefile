@@ -10,7 +10,7 @@ EXTRAS ?= dev
 setup: $(VENV)/.installed
 
 # torch first and by itself: its exact version decides which build the index hands out. pip would take half of its time
-# to compile all modules on one core. All cores do it here, without packages' own tests, nearly a fifth of it;
+# to compile all modules on one core. All cores do it here, without packages' own tests, nearly a fifth of the work;
 # a few files are templates and cannot be compiled.
 $(VENV)/.installed: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "ehar needs Python 3.11 or newer, this is " + sys.version)'
