@@ -115,9 +115,11 @@ class Learner:
                 logits = self.network(seen).flatten(0, 1)
             else:
                 logits = self.network(seen.permute(0, 4, 1, 3, 2))
-        return functional.cross_entropy(
-            logits.float(), labels.flatten(), weight=self._weights, label_smoothing=self._smoothing
-        )
+        return self._cross_entropy(logits.float(), labels)
+
+    def _cross_entropy(self, logits: Tensor, labels: Tensor) -> Tensor:
+        """Return the mean cross-entropy of logits (B * L, K) against labels (B, L); for the published form (B,)."""
+        return functional.cross_entropy(logits, labels.flatten(), weight=self._weights, label_smoothing=self._smoothing)
 
     @property
     def averaged(self) -> Network:

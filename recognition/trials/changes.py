@@ -19,6 +19,7 @@ class Change:
         varied: whether it learns from variations of the motion too.
         trunks: whether it learns from people who are turned at the waist too.
         smoothing: share of the probability that the loss spreads over all classes.
+        late: whether frames count in the loss by how many have been seen.
         next_pose: weight of a second loss: how far off the next frame's joints are foretold [1 / m^2].
         stream: the only part of the input that is left; None leaves all of it. "motion" is the way of joints and bones
             from frame to frame.
@@ -32,6 +33,7 @@ class Change:
     varied: bool = False
     trunks: bool = False
     smoothing: float = 0.0
+    late: bool = False
     next_pose: float = 0.0
     stream: Stream | None = None
     pretrained: bool = False
@@ -52,6 +54,7 @@ CHANGES: dict[str, Change] = {
     "varied motion": Change(varied=True),
     "turned trunks": Change(trunks=True),
     "smoothed labels": Change(smoothing=SMOOTHING),
+    "late frames": Change(late=True),
     "next pose": Change(next_pose=NEXT_POSE),
     "joint": Change(stream="joint"),
     "bone": Change(stream="bone"),
@@ -84,6 +87,7 @@ ROWS: tuple[Row, ...] = (
     Row("varied motion", ("varied motion",), "half of the clips mirrored, of another pace and size, with other limbs"),
     Row("turned trunks", ("turned trunks",), "most clips of people who are turned at the waist by up to 15 degrees"),
     Row("smoothed labels", ("smoothed labels",), f"{SMOOTHING:g} of the label is spread over all classes"),
+    Row("late frames", ("late frames",), "a frame counts in the loss by the number of frames seen"),
     Row("next pose", ("next pose",), "a second head foretells the next frame's joints"),
     Row("pre-trained", ("pre-trained",), "begins with what the other sets taught"),
     Row("motion beside", (USUAL, "motion"), "a second network sees motion alone; probabilities are averaged"),

@@ -21,7 +21,7 @@ from recognition.training.clips import Clips, ClipSource
 from recognition.training.learner import Learner
 from recognition.trials.changes import Change
 from recognition.trials.inputs import changed_input, channels_of
-from recognition.trials.next_pose import NextPoseLearner
+from recognition.trials.losses import LateFramesLearner, NextPoseLearner
 
 VARIATIONS = 8  # of each sequence, where motion is varied
 HELD_CLIPS = 1024  # of the people who were left out
@@ -127,7 +127,9 @@ def fits(own: dict[str, Tensor], name: str, kept: Tensor) -> bool:
 
 def make_learner(network: CausalCTRGCN, change: Change) -> Learner:
     """Return the learner of a trial."""
-    kind = partial(NextPoseLearner, weight=change.next_pose) if change.next_pose else Learner
+    kind: Callable[..., Learner] = LateFramesLearner if change.late else Learner
+    if change.next_pose:
+        kind = partial(NextPoseLearner, weight=change.next_pose)
     return kind(
         network,
         optimiser="adamw",
