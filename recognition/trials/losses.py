@@ -59,5 +59,7 @@ class LateFramesLearner(Learner):
     def _cross_entropy(self, logits: Tensor, labels: Tensor) -> Tensor:
         """Return the weighted mean over frames, of logits (B * L, K) against labels (B, L)."""
         seen = torch.arange(1, labels.shape[1] + 1, device=logits.device)
-        each = functional.cross_entropy(logits, labels.flatten(), reduction="none").view(labels.shape)
+        each = functional.cross_entropy(
+            logits, labels.flatten(), reduction="none", label_smoothing=self._smoothing
+        ).view(labels.shape)
         return (each * seen).sum(dim=1).mean() / seen.sum()
