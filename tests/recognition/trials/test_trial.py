@@ -98,6 +98,10 @@ def test_late_frames_count_by_how_many_have_been_seen() -> None:
     assert loss == pytest.approx(np.average(each, axis=1, weights=[1, 2, 3, 4]).mean())
     usual = make_learner(network(), Change())
     assert float(usual._cross_entropy(logits.flatten(0, 1), labels)) == pytest.approx(each.mean())
+    smoothed = make_learner(network(), Change(late=True, smoothing=0.3))
+    spread = 0.7 * each - 0.3 * torch.log_softmax(logits, dim=-1).mean(dim=-1).numpy()
+    loss = float(smoothed._cross_entropy(logits.flatten(0, 1), labels))
+    assert loss == pytest.approx(np.average(spread, axis=1, weights=[1, 2, 3, 4]).mean())
 
 
 def test_frames_alike_have_one_weight_before_and_after_learning() -> None:
