@@ -16,8 +16,10 @@ from ehar.errors import DataError, UsageError
 def fold(data: str | Path | MotionData | StreamData, *, number: int, folds: int = 3) -> MotionData | StreamData:
     """Return a set whose test part is that of a fold; all others are for training.
 
-    The set's own test part is fold 0. The people of the rest are dealt out to the other folds, who has most frames
-    first, each to the fold that has the fewest. People who perform together stay together, as in the parts of streams.
+    The set's own test part is fold 0, if its people are nowhere else. The people of the rest are dealt out to the other
+    folds, who has most frames first, each to the fold that has the fewest. A set that was divided by something else, by
+    cameras or by who acts first, has all its people dealt out. People who perform together stay together, as in the
+    parts of streams.
 
     Args:
         data: sequences or streams, in memory or as `load_recordings` takes them; all have to name who performs.
@@ -55,18 +57,19 @@ def _fold_of(data: MotionData | StreamData, folds: int) -> IntArray:
     """Return the fold that each sequence is tested in, (sequences,)."""
     found = np.full(len(data.lengths), -1)
     found[split_parts(data).test] = 0
-    rest = np.flatnonzero(found)
     group = people_together(data.subjects)
+    own = int(not np.isin(group[found == 0], group[found != 0]).any())  # folds that its own split makes: one or none
+    rest = np.flatnonzero(found) if own else np.arange(len(found))
     groups, of_rest = np.unique(group[rest], return_inverse=True)
-    if not 2 <= folds <= len(groups) + 1:
+    if not 2 <= folds <= len(groups) + own:
         raise UsageError(
-            f"--folds: got {folds}, expected 2 to {len(groups) + 1}, as {data.name} trains on {len(groups)} "
-            "people, or groups of people who perform together"
+            f"--folds: got {folds}, expected 2 to {len(groups) + own}, as {data.name} has {len(groups)} people, or "
+            f"groups of people who perform together{' outside its own test part' if own else ''}"
         )
     frames = np.bincount(of_rest, weights=data.lengths[rest])
-    held = np.zeros(folds - 1)
+    held = np.zeros(folds - own)
     for one in np.argsort(-frames, kind="stable"):
         least = int(held.argmin())
-        found[rest[of_rest == one]] = 1 + least
+        found[rest[of_rest == one]] = own + least
         held[least] += frames[one]
     return found

@@ -212,9 +212,9 @@ def people_together(subjects: IntArray) -> IntArray:
     """Return the group of each stream's people, (S,), from who performs, (S, P).
 
     A group is everybody who performs together, or with the same others. If there are fewer than `LEAST_KNOWN` groups,
-    it is those who perform in a stream.
+    it is those who perform in a stream, whoever of them is named first.
     """
-    _, couple = np.unique(subjects, axis=0, return_inverse=True)
+    _, couple = np.unique(np.sort(subjects, axis=1), axis=0, return_inverse=True)
     group = couple.copy()
     for person in np.unique(subjects):
         joined = np.unique(group[(subjects == person).any(axis=1)])

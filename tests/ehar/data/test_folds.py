@@ -33,13 +33,27 @@ def test_every_sequence_is_tested_once_and_nobody_is_tested_by_who_learned_from_
     assert max(frames) - min(frames) <= longest
 
 
-def test_people_who_all_perform_with_each_other_are_divided_as_couples() -> None:
+def test_people_who_all_perform_with_each_other_are_divided_as_couples_whoever_acts_first() -> None:
     streams = load_recordings("solo-stream")
-    ring = np.stack([streams.subjects[:, 0] % 6, (streams.subjects[:, 0] + 1) % 6], axis=1)
-    data = replace(streams, subjects=ring, is_test=np.isin(ring[:, 0], (0, 1)))
-    tested = [split_parts(fold(data, number=number)).test for number in range(3)]
-    couples = [{tuple(couple) for couple in ring[test].tolist()} for test in tested]
-    assert not couples[0] & couples[1] and not couples[1] & couples[2] and len(set.union(*couples)) == 6
+    first = streams.subjects[:, 0] % 6
+    ring = np.stack([first, (first + 1) % 6], axis=1)
+    ring[20:] = ring[20:, ::-1]  # each couple in both orders
+    for own in (np.isin(ring.min(axis=1), (0, 1)), np.isin(ring[:, 0], (0, 1))):  # the second has couples on both sides
+        data = replace(streams, subjects=ring, is_test=own)
+        tested = [split_parts(fold(data, number=number)).test for number in range(3)]
+        couples = [{frozenset(couple) for couple in ring[test].tolist()} for test in tested]
+        assert sum(map(len, couples)) == len(set.union(*couples)) == 6
+        np.testing.assert_array_equal(np.sort(np.concatenate(tested)), np.arange(len(ring)))
+
+
+def test_a_set_that_is_not_divided_by_people_has_all_of_them_dealt_out() -> None:
+    """As by cameras: each person is on both sides of the set's own split."""
+    solo = load_recordings("solo")
+    data = replace(solo, is_test=np.arange(len(solo.lengths)) % 3 == 0)
+    for number in range(2):
+        parts = split_parts(fold(data, number=number, folds=2))
+        others = np.concatenate([parts.recogniser, parts.policy, parts.validation])
+        assert not set(data.subjects[parts.test].flat) & set(data.subjects[others].flat)
 
 
 def test_the_motion_stays_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -59,7 +73,7 @@ def test_the_motion_stays_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture
         (["--number", "3"], "--number: got 3, expected 0 to 2"),
         (["--number", "-1"], "--number: got -1, expected 0 to 2"),
         (["--number", "0", "--folds", "1"], "--folds: got 1, expected 2 to 21"),
-        (["--number", "0", "--folds", "22"], "--folds: got 22, expected 2 to 21, as solo trains on 20 people"),
+        (["--number", "0", "--folds", "22"], "--folds: got 22, expected 2 to 21, as solo has 20 people"),
         (["--number", "0", "--out", "fold.txt"], "expected a path that ends in .npz"),
     ],
 )
