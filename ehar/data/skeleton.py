@@ -15,7 +15,7 @@ TRUNK_RADIUS = 0.12  # [m], for bones between two joints of the body's middle: s
 _LEFT_TO_RIGHT = (
     (r"^(.*[_\-. :])?left([_\-. ]?.*)$", "right"),
     (r"^(.*[_\-. ])l$()", "r"),
-    (r"^()l([_\-. ]?.+)$", "r"),
+    (r"^()l([_\-. ]?.+)$", "r"),  # of joints alone: to lead is not the other side of to read
 )
 
 
@@ -46,6 +46,12 @@ class Skeleton:
         """
         return read_only(counterparts(self.joint_names))
 
+    @cached_property
+    def pairs(self) -> IntArray:
+        """The joints that are each other's mirror image, (pairs, 2) of [left, right], whichever comes first."""
+        found = sorted((left, right) for left, right, _ in _pairs(self.joint_names))
+        return read_only(np.array(found, dtype=np.int64).reshape(-1, 2))
+
     def bone_radii(self, limb: float = LIMB_RADIUS, trunk: float = TRUNK_RADIUS) -> FloatArray:
         """Return the radius [m] of a capsule around each bone, (bones,): that of a limb, or of the body's middle."""
         middle = self.mirror == np.arange(len(self.mirror))
@@ -57,18 +63,23 @@ class Skeleton:
 
         Without joints on two sides it is 0: nobody can say how such a body is turned.
         """
-        left = np.flatnonzero(self.mirror > np.arange(len(self.mirror)))
-        if len(left) == 0:
+        if len(self.pairs) == 0:
             return np.zeros(joints.shape[:-2])
-        to_left = (joints[..., left, :] - joints[..., self.mirror[left], :]).mean(axis=-2)
+        left, right = self.pairs.T
+        to_left = (joints[..., left, :] - joints[..., right, :]).mean(axis=-2)
         heading: FloatArray = np.arctan2(-to_left[..., 0], to_left[..., 1])  # forward is left x up
         return heading
 
 
-def counterparts(names: Sequence[str]) -> IntArray:
-    """Return the index of each name's counterpart on the other side, left for right, or its own index, (N,)."""
+def counterparts(names: Sequence[str], *, joints: bool = True) -> IntArray:
+    """Return the index of each name's counterpart on the other side, left for right, or its own index, (N,).
+
+    Args:
+        names: N names.
+        joints: whether they name joints, of which `lhip` is a left one; no class is one by its first letter.
+    """
     other = np.arange(len(names))
-    for left, right, _ in _pairs(names):
+    for left, right, _ in _pairs(names, joints=joints):
         other[left], other[right] = right, left
     return other
 
@@ -81,11 +92,11 @@ def sides(names: Sequence[str]) -> list[tuple[str, str]]:
     return found
 
 
-def _pairs(names: Sequence[str]) -> Iterator[tuple[int, int, str]]:
+def _pairs(names: Sequence[str], *, joints: bool = True) -> Iterator[tuple[int, int, str]]:
     """Yield the indices of a left and a right name, and what is left of them without the side."""
     index = {name.lower(): i for i, name in enumerate(names)}
     for name, left in index.items():
-        for pattern, right_word in _LEFT_TO_RIGHT:
+        for pattern, right_word in _LEFT_TO_RIGHT if joints else _LEFT_TO_RIGHT[:2]:
             match = re.match(pattern, name)
             right = index.get(f"{match[1] or ''}{right_word}{match[2]}") if match else None
             if match is not None and right is not None:

@@ -22,7 +22,7 @@ SIZES = (0.93, 1.07)  # times as large
 LIMBS = 0.1  # a bone is up to this share longer or shorter
 TURN = np.radians(15)  # people are turned at the waist by up to this angle
 DRIFT = 0.05  # a moment comes earlier or later by up to this share of the whole
-_SIDES = re.compile(r"left|right", re.IGNORECASE)
+_SIDES = re.compile(r"left|right|clockwise", re.IGNORECASE)
 
 
 def with_variations(
@@ -31,7 +31,8 @@ def with_variations(
     """Return some sequences of a data set, each followed by variations of it.
 
     The first, third, ... variation is mirrored: x changes its sign, left and right joints swap, and a class with "left"
-    in its name becomes the one with "right". A class with a side in its name but no counterpart is not mirrored.
+    in its name becomes the one with "right". A class with a side in its name but no counterpart is not mirrored, nor is
+    one that goes clockwise.
 
     Args:
         data: all sequences.
@@ -171,7 +172,7 @@ def _one_stream(data: StreamData, index: int) -> StreamData:
 
 def _in_a_mirror(class_names: tuple[str, ...]) -> tuple[IntArray, BoolArray]:
     """Return the class that each becomes in a mirror, and whether it can be mirrored, both (K,)."""
-    class_of_mirrored = counterparts(class_names)
+    class_of_mirrored = counterparts(class_names, joints=False)
     one_sided = np.array([_SIDES.search(name) is not None for name in class_names])
     return class_of_mirrored, ~one_sided | (class_of_mirrored != np.arange(len(one_sided)))
 

@@ -171,12 +171,11 @@ class EstimatorSensor:
         """Return what is the same in all frames, as arrays of NumPy."""
         mirror, joints = self.skeleton.mirror, len(self.skeleton.joint_names)
         bones = (np.arange(persons)[:, None, None] * joints + self.skeleton.bone_indices).reshape(-1, 2)
-        left = np.flatnonzero(mirror > np.arange(joints))
         return _Bodies(
             radii=self._capsule_radii(persons),
             bones=np.ascontiguousarray(bones.T),
             mirror=mirror,
-            pairs=np.stack((left, mirror[left])),
+            pairs=np.ascontiguousarray(self.skeleton.pairs.T),
             middle=np.array((self.camera.width / 2, self.camera.height / 2), dtype=np.float32),
             levels=np.array((1.0, self.occluded_confidence, 0.0), dtype=np.float32),
         )

@@ -8,7 +8,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from ehar.arrays import BoolArray, FloatArray, IntArray
+from ehar.arrays import FloatArray, IntArray
 from ehar.data.motion_data import MotionData
 from ehar.data.skeleton import Skeleton
 from ehar.data.streams.data import StreamData
@@ -98,17 +98,7 @@ def _shown(data: MotionData | StreamData, label: int) -> tuple[str, IntArray, Fl
 
 def _facing(joints: FloatArray, skeleton: Skeleton) -> float:
     """Return the azimuth [rad] that the first person of (P, J, 3) faces; 0 if no joints are named left and right."""
-    left = np.flatnonzero(_is_left(skeleton))
-    if not left.size:
-        return 0.0
-    to_left = (joints[0, left] - joints[0, skeleton.mirror[left]]).sum(axis=0)
-    return float(np.arctan2(-to_left[0], to_left[1]))  # forward is left x up
-
-
-def _is_left(skeleton: Skeleton) -> BoolArray:
-    # Of two mirrored names, `left` sorts before `right` and `l` before `r`.
-    names = [name.lower() for name in skeleton.joint_names]
-    return np.array([name < names[other] for name, other in zip(names, skeleton.mirror, strict=True)])
+    return float(skeleton.heading(joints[0]))
 
 
 def _project(points: FloatArray, azimuth: float) -> FloatArray:
@@ -121,8 +111,7 @@ def _project(points: FloatArray, azimuth: float) -> FloatArray:
 
 def _draw(axis: Axes, joints: FloatArray, skeleton: Skeleton) -> None:
     """Draw the persons (P, J, 2) of one frame, the first on top."""
-    left = _is_left(skeleton)
-    right = left[skeleton.mirror] & ~left
+    left, right = (np.isin(np.arange(len(skeleton.joint_names)), side) for side in skeleton.pairs.T)
     start, end = skeleton.bone_indices.T
     sides = np.select([left[start] | left[end], right[start] | right[end]], [1, 2], default=0)
     axis.axhline(0.0, color=EDGE, linewidth=THIN, zorder=0)

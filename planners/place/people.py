@@ -5,7 +5,7 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.data.skeleton import Skeleton
 from ehar.planner import Context, Observation
-from planners.value.body_filter import BodyFilter, mirrored_pairs
+from planners.value.body_filter import BodyFilter
 
 KNOWN = 0.5  # least length of a mean direction that counts; for one person, a standard deviation of 67 degrees
 LEAST_APART = 0.2  # [m], root mean square distance from the middle; closer people stand on no line
@@ -19,7 +19,7 @@ def trunk_of(skeleton: Skeleton) -> IntArray:
     bones alone say so, no motion is looked at. If there is no such pair, all mirrored pairs are taken. A skeleton
     without mirrored joints has none.
     """
-    pairs, mirror = mirrored_pairs(skeleton), skeleton.mirror
+    pairs, mirror = skeleton.pairs, skeleton.mirror
     middle = np.flatnonzero(mirror == np.arange(len(mirror)))
     ends = np.concatenate([skeleton.bone_indices, skeleton.bone_indices[:, ::-1]])
     inner = ends[np.isin(ends[:, 1], middle) | (mirror[ends[:, 0]] == ends[:, 1]), 0]

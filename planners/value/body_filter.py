@@ -5,7 +5,6 @@ import numpy as np
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.camera import Camera, look_at_rotation
 from ehar.data.recordings import Recordings
-from ehar.data.skeleton import Skeleton
 from ehar.errors import DataError
 from ehar.planner import Context, Observation
 from ehar.viewpoint import DISTANCE, POLAR, away_from, cartesian, turned, wrap_difference
@@ -28,14 +27,6 @@ LEAST_DEVIATION = 1e-6  # [m], keeps the covariance regular if the noise is set 
 UNIFORM_STD = float(np.pi / np.sqrt(3))  # [rad], the standard deviation of a uniform angle
 
 
-def mirrored_pairs(skeleton: Skeleton) -> IntArray:
-    """Return the joints that are each other's mirror image, (pairs, 2) of [left, right]."""
-    names, mirror = skeleton.joint_names, skeleton.mirror
-    # The names of two mirrored joints first differ where one says "l" or "left", the other "r" or "right".
-    left = np.array([j for j, other in enumerate(mirror) if names[j].lower() < names[other].lower()], dtype=np.int64)
-    return np.stack([left, mirror[left]], axis=1)
-
-
 def trunk_pairs(data: Recordings, sequences: IntArray) -> IntArray:
     """Return the pairs of joints that make up the trunk, (pairs, 2) of [left, right].
 
@@ -49,7 +40,7 @@ def trunk_pairs(data: Recordings, sequences: IntArray) -> IntArray:
     Raises:
         DataError: the skeleton has no mirrored joints that are apart, or there are no sequences.
     """
-    pairs = mirrored_pairs(data.skeleton)
+    pairs = data.skeleton.pairs
     if len(pairs) == 0 or len(sequences) == 0:
         raise DataError(
             f"{data.name}: expected sequences, and joints named left and right, to tell which way people face; "

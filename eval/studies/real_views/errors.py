@@ -157,11 +157,8 @@ def _off(difference: FloatArray) -> FloatArray:
 
 def _turned(truth: FloatArray, skeleton: Skeleton) -> FloatArray:
     """Return the angle between the way that a person faces and the way to the camera, seen from above, (n,) [rad]."""
-    left = np.flatnonzero(skeleton.mirror > np.arange(len(skeleton.mirror)))
-    to_left = (truth[:, left] - truth[:, skeleton.mirror[left]]).mean(axis=1)
-    faces = np.arctan2(-to_left[:, 0], to_left[:, 1])  # forward is left x up
     to_camera = np.arctan2(*(-truth.mean(axis=1)[:, [1, 0]].T))
-    turned: FloatArray = np.abs(wrap_difference(faces - to_camera))
+    turned: FloatArray = np.abs(wrap_difference(skeleton.heading(truth) - to_camera))
     return turned
 
 
