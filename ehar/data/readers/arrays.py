@@ -152,7 +152,7 @@ def _npy(file: Path) -> np.ndarray:
 
 def _rows(file: Path) -> np.ndarray:
     """Return the numbers of a .csv, (T, N); a first line of words is a header, and an empty cell is NaN."""
-    lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
+    lines = file.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     cells = [[cell.strip() for cell in line.split(",")] for line in lines if line.strip()]
     first = 1 if cells and not any(_number(cell) is not None for cell in cells[0]) else 0
     rows: list[list[float]] = []

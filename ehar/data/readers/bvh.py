@@ -115,7 +115,7 @@ def read_bvh(file: Path) -> BvhFile:
     Raises:
         DataError: the file is not a BVH file, or does not hold the frames that it announces.
     """
-    lines = file.read_text(encoding="utf-8", errors="replace").rstrip().splitlines()
+    lines = file.read_text(encoding="utf-8-sig", errors="replace").rstrip().splitlines()
     motion_line = next((i for i, line in enumerate(lines) if line.strip().upper() == "MOTION"), None)
     if not lines or lines[0].strip().upper() != "HIERARCHY" or motion_line is None:
         raise DataError(f"{file}: not a BVH file; expected a HIERARCHY and a MOTION section")

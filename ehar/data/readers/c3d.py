@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 
 from ehar.arrays import FloatArray
 from ehar.data.motion_data import MotionData
-from ehar.data.preparing.axes import Up, metres, up_rotation, upright
+from ehar.data.preparing.axes import UNITS, Up, metres, up_rotation, upright
 from ehar.data.readers.assembly import Clip, assemble
 from ehar.data.readers.names import compiled, label_of, visible_files
 from ehar.data.skeleton import Skeleton
@@ -55,7 +55,7 @@ class Markers:
         names: N names.
         positions: (T, N, 3) in the file's unit and axes; NaN where a marker is lost.
         fps: frames per second.
-        unit: unit of length that the file says; empty if it says none.
+        unit: unit of length that the file says: m, cm, mm or another word; empty if it says none.
     """
 
     names: tuple[str, ...]
@@ -96,7 +96,7 @@ def prepare_c3d(
     for file, markers in zip(files, held, strict=True):
         if abs(markers.fps / held[0].fps - 1) > SAME_RATE:
             raise DataError(f"{file}: got {markers.fps:g} frames a second, expected {held[0].fps:g} as in {files[0]}")
-        if markers.unit in ("m", "cm", "mm") and markers.unit != unit and unit in ("m", "cm", "mm"):
+        if markers.unit in UNITS and markers.unit != unit and unit in UNITS:
             overruled = f"--unit {metres(unit):g} if the file is wrong"
             raise DataError(
                 f"{file}: POINT:UNITS: got {markers.unit}, expected {unit}; --unit {markers.unit} reads it, {overruled}"
@@ -117,6 +117,8 @@ def prepare_c3d(
     ]
     others = sum(len(markers.names) - len(shared) for markers in held)
     notes = [f"{others} markers are not in all files and are left out"] if others else []
+    strange = sorted({markers.unit for markers in held} - {*UNITS, ""})
+    notes += [f"POINT:UNITS: {', '.join(strange)} is no unit that is known, {unit} is taken"] if strange else []
     return assemble(
         clips,
         name=source.name,
@@ -129,9 +131,11 @@ def prepare_c3d(
 
 def nearest_bones(positions: FloatArray) -> tuple[tuple[int, int], ...]:
     """Return the bones of the least spanning tree between markers (T, N, 3), by their median distances."""
-    apart = np.linalg.norm(positions[:, :, None] - positions[:, None], axis=-1)
-    seen = np.isfinite(apart)
-    median = np.where(seen.any(axis=0), np.nanmedian(np.where(seen.any(axis=0), apart, 0.0), axis=0), np.inf)
+    median = np.full(positions.shape[1:2] * 2, np.nan)
+    for marker in range(len(median)):  # one at a time: all at once take gigabytes for minutes of motion
+        apart = np.linalg.norm(positions - positions[:, [marker]], axis=-1)
+        together = np.isfinite(apart).any(axis=0)
+        median[marker, together] = np.nanmedian(apart[:, together], axis=0)
     median = np.where(np.isfinite(median), np.maximum(median, 1e-9), 1e3)  # scipy takes 0 for no way
     first, second = minimum_spanning_tree(median).nonzero()
     return tuple(sorted((int(min(pair)), int(max(pair))) for pair in zip(first, second, strict=True)))
@@ -160,7 +164,7 @@ def read_c3d(file: Path) -> Markers:
                 arrays["positions"],
                 [str(label).rpartition(":")[2].strip() for label in arrays["labels"]],
             )
-            fps, unit = float(arrays["fps"]), str(arrays["units"]).strip()
+            fps, unit = float(arrays["fps"]), _unit(str(arrays["units"]).strip())
     if len(labels) < positions.shape[1] or not len(positions):
         frames, markers = positions.shape[:2]
         raise DataError(
@@ -174,6 +178,12 @@ def read_c3d(file: Path) -> Markers:
         twice = next(name for name in names if names.count(name) > 1)
         raise DataError(f"{file}: POINT:LABELS: got {twice!r} twice, expected a name for each marker of one person")
     return Markers(names, positions[:, named], fps, unit)
+
+
+def _unit(word: str) -> str:
+    """Return m, cm or mm for a word that means it, such as `Meters`; any other word as it is."""
+    match = re.fullmatch(r"(milli|centi|)met(?:er|re)s?|([mc]?)m", word, re.IGNORECASE)
+    return word if match is None else f"{(match[1] or match[2] or '')[:1].lower()}m"
 
 
 def _check_size(file: Path) -> None:

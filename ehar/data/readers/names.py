@@ -62,12 +62,12 @@ def compiled(pattern: str, known: Mapping[str, str] = LABEL) -> re.Pattern[str]:
 
 
 def label_of(file: Path, regex: re.Pattern[str], pattern: str) -> str:
-    """Return the class of a file by its name.
+    """Return the class of a file by its name, whose ending may be in capitals.
 
     Raises:
         DataError: the name does not fit the pattern.
     """
-    match = regex.fullmatch(file.name)
+    match = regex.fullmatch(file.name) or regex.fullmatch(file.stem + file.suffix.lower())
     if match is None:
         raise DataError(f"{file}: got a name that does not fit the pattern {pattern!r}")
     return match["label"]

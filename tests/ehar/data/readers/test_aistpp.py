@@ -48,6 +48,13 @@ def test_centimetres_with_y_up_become_metres_with_z_up(tmp_path: Path) -> None:
     np.testing.assert_allclose(joints[1, 16], [1.0, -3.0, 2.0])
 
 
+@pytest.mark.parametrize("protocol", range(2, pickle.HIGHEST_PROTOCOL + 1))
+def test_arrays_of_every_protocol_are_read(tmp_path: Path, protocol: int) -> None:
+    points = keypoints()
+    file = dump(tmp_path / "a.pkl", {"keypoints3d_optim": points}, protocol)
+    np.testing.assert_allclose(read_keypoints(file), points[..., [0, 2, 1]] * [0.01, -0.01, 0.01], rtol=1e-6)
+
+
 def test_the_change_of_axes_mirrors_nothing(tmp_path: Path) -> None:
     points = np.zeros((1, 17, 3))
     points[0, :3] = 100.0 * np.eye(3)

@@ -167,6 +167,12 @@ def test_frame_times_of_few_digits(tmp_path: Path, frame_time: str, fps: float) 
     assert clip.fps == pytest.approx(fps, rel=1e-5)
 
 
+def test_an_ending_in_capitals_and_a_mark_of_the_byte_order(tmp_path: Path) -> None:
+    (tmp_path / "WALK_A_1.BVH").write_text(ARM, encoding="utf-8-sig")
+    data = prepare_bvh(tmp_path)
+    assert data.class_names == ("WALK",) and data.lengths.tolist() == [4]
+
+
 def test_real_sample(tmp_path: Path) -> None:
     if not SAMPLE.is_dir():
         pytest.skip(f"{SAMPLE} is absent")

@@ -121,6 +121,19 @@ def test_what_does_not_fit_is_named(tmp_path: Path) -> None:
         prepare_c3d(tmp_path, unit="m")
 
 
+@pytest.mark.parametrize(("word", "unit"), [("Meters", "m"), ("millimetres", "mm"), ("MM", "mm"), ("centimeter", "cm")])
+def test_units_in_words(tmp_path: Path, word: str, unit: str) -> None:
+    save(tmp_path / "walk_1.c3d", unit=word)
+    assert prepare_c3d(tmp_path, unit=unit).lengths.tolist() == [FRAMES]
+    with pytest.raises(DataError, match=f"POINT:UNITS: got {unit}, expected"):
+        prepare_c3d(tmp_path, unit="mm" if unit == "m" else "m")
+
+
+def test_a_unit_that_is_not_known_is_told(tmp_path: Path) -> None:
+    save(tmp_path / "walk_1.c3d", unit="in")
+    assert "POINT:UNITS: in is no unit that is known, 0.0254 is taken" in prepare_c3d(tmp_path, unit="0.0254").notes
+
+
 def test_without_the_library_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(c3d, "find_spec", lambda _: None)
     with pytest.raises(UsageError, match=r"pip install -e '\.\[c3d\]'"):
