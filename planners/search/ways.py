@@ -9,8 +9,9 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.errors import UsageError
 from ehar.obstacles.free_space import FreeSpace
+from ehar.obstacles.shapes import MARGIN
 from ehar.planner import Context, Observation
-from ehar.viewpoint import AZIMUTH, wrap_difference
+from ehar.viewpoint import AZIMUTH, cartesian, wrap_difference
 from planners.heading import free_space, known_obstacles
 
 NEVER = 1e6  # times as long as the straight way, where there is no way
@@ -84,6 +85,8 @@ class Ways:
     def to(goals: FloatArray, here: FloatArray, spaces: Sequence[FreeSpace | None] = ()) -> "Ways":
         """Return the shortest free ways to goals (B, G, 3); a goal that is not free stands for the nearest free cell.
 
+        A camera that keeps the margin may stay where it is, though its cell as a whole is not free.
+
         Args:
             goals: (B, G, 3).
             here: (B, 3).
@@ -93,14 +96,19 @@ class Ways:
         if not any(spaces):
             return Ways(here, goals, longer)
         nearest = [goal if space is None else space.nearest(goal) for goal, space in zip(goals, spaces, strict=True)]
-        ways = Ways(here, np.stack(nearest), longer)
+        clear = [
+            space is None or space.obstacles.clearance(cartesian(place)) >= MARGIN
+            for place, space in zip(here, spaces, strict=True)
+        ]
+        stays = (goals == here[:, None]).all(axis=-1) & np.array(clear)[:, None]
+        ways = Ways(here, np.where(stays[..., None], goals, np.stack(nearest)), longer)
         along = here[:, None, None] + SIGHTS[:, None] * ways.straight[:, :, None]
         detours: list[Detours | None] = []
         for episode, space in enumerate(spaces):
             if space is None:
                 detours.append(None)
                 continue
-            blocked = np.flatnonzero(~space.is_free(along[episode]).all(axis=-1))
+            blocked = np.flatnonzero(~space.is_free(along[episode]).all(axis=-1) & ~stays[episode])
             cells = space.ways(space.nearest(here[episode]), ways.goals[episode, blocked])
             steps = (np.diff(cells, axis=1) != 0).any(axis=2).sum(axis=1)
             moves = np.maximum(np.abs(ways.straight[episode, blocked] / space.workspace.step).sum(axis=-1), 1)

@@ -14,8 +14,9 @@ from ehar.planner import Context, Observation, Planner
 from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import MOVES, Workspace, wrap_difference
-from ehar.world import PAPER, World
+from ehar.world import PAPER, World, load_world
 from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch, search_ways
+from planners.value.belief.streams import StreamBeliefModel
 from planners.value.situation import frame_gains
 from planners.value.view_basis import BASIS_SIZE, PAPER_RANGE, field_value, mean_direction, view_basis
 from planners.value.view_value import GRID, ViewValue, coarse_grid
@@ -153,6 +154,24 @@ def test_greedy_stays_at_the_peak() -> None:
         planner, batch, FakeRecogniser(), PerfectSensor(), GridMotion(), tiny_context(episodes=1, length=5)
     ).viewpoints
     np.testing.assert_array_equal(viewpoints[0], np.tile(peak, (5, 1)))
+
+
+def test_where_all_views_are_alike_no_camera_moves_in_a_room() -> None:
+    """In a stream cells are large there, and few of them are free as a whole."""
+    world, streams, frames = load_world("room"), 40, 12
+    batch = tiny_batch(episodes=streams, length=frames)
+    batch = replace(
+        batch,
+        labels=np.repeat(batch.labels[:, None], frames, axis=1),
+        starts=world.sample_starts(np.random.default_rng(0), streams),
+        surroundings=Surroundings(world.obstacles, np.zeros((streams, frames, 3))),
+    )
+    context = replace(tiny_context(episodes=streams), length=None, world=world, workspace=world.workspace)
+    model = replace(model_of(np.zeros(BASIS_SIZE)), belief=StreamBeliefModel.believing((1 / 3, 1 / 3, 1 / 3)))
+    planner = NextBestViewSearch(model=model)
+    motion = GridMotion(workspace=world.workspace)
+    found = rollout(planner, batch, FakeRecogniser(), PerfectSensor(), motion, context).viewpoints
+    np.testing.assert_array_equal(found, np.repeat(found[:, :1], frames, axis=1))
 
 
 def test_a_search_is_made_every_frame_or_more_rarely() -> None:
