@@ -22,7 +22,8 @@ GAP_SECONDS = 1.0  # the prior mean of a gap: joins of stitched streams last 0.5
 STEPS = 40  # most steps of L-BFGS
 
 # Means and standard deviations of a normal prior on the parameters of the evidence. The prior weighs as much as one
-# stream. It is centred on the recogniser's increments as they are, so scarce data changes little.
+# rollout, of which a stream has many. It is centred on the recogniser's increments as they are, so scarce data changes
+# little.
 WEIGHT_PRIOR = (0.0, 0.5)  # the constant of view_weights
 SLOPE_PRIOR = (0.0, 0.5)  # the others
 KEPT_PRIOR = (3.0, 2.0)  # the logit of kept
