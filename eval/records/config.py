@@ -114,6 +114,11 @@ class RunConfig:
         return f"{len(self.made_of)} {'trainings' if self.trainings else 'folds'}"
 
     @property
+    def data_hashes(self) -> tuple[str, ...]:
+        """The hashes of the data that episodes are from: of a run of folds one for each."""
+        return tuple(fold.data_sha256 for fold in self.folds) or (self.data_sha256,)
+
+    @property
     def world(self) -> World:
         """The world of the run."""
         return load_world(self.conditions.world)

@@ -321,8 +321,7 @@ def class_names(run: Run, note: Callable[[str], None], source: str | Path | None
     place = conditions.data if source is None else source
     try:
         data = load_recordings(str(place), fps=conditions.fps)
-        known = {run.config.data_sha256, *(fold.data_sha256 for fold in run.config.folds)}
-        reason = None if data.sha256 in known else f"{place}: not the data of the run"
+        reason = None if data.sha256 in run.config.data_hashes else f"{place}: not the data of the run"
     except EharError as error:
         if source is not None:
             raise

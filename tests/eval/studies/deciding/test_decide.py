@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ehar.data.any_source import load_recordings
+from ehar.data.motion_file import save_motion
 from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import DataError, EharError, UsageError
 from eval.cli.main import main
@@ -18,6 +20,7 @@ from eval.scores.deciding.fit import seen_in
 from eval.scores.deciding.rules import decide as rules_decide
 from eval.studies.deciding.decide import decide
 from eval.studies.folds import take_together
+from tests.helpers.fakes import tiny_data
 from tests.helpers.made_records import make_records, make_stream_records, write_finished
 
 FPS = 10.0
@@ -144,6 +147,26 @@ def test_rules_of_folds_are_fitted_on_the_other_folds(tmp_path: Path) -> None:
         decide(tmp_path / "folds", fitted_on=each[0])
     with pytest.raises(UsageError, match="expected --fitted-on, a run on another part"):
         decide(each[0])
+
+
+def test_folds_of_clips_take_the_frame_rate_of_their_data(tmp_path: Path) -> None:
+    each = []
+    for fold in range(2):
+        data = tmp_path / f"{fold}.npz"
+        save_motion(data, tiny_data(sequences=12 + fold, fps=FPS))
+        made = {name: make_records(10 * fold + row, skill=row, episodes=40) for row, name in enumerate(SOON)}
+        records = {
+            name: replace(held, sequence=tuple(f"{one} of {fold}" for one in held.sequence))
+            for name, held in made.items()
+        }
+        planners = tuple(PlannerConfig(name, privileged=False, implementation="none") for name in records)
+        told = {"source": str(data), "data_sha256": load_recordings(data).sha256, "planners": planners}
+        each.append(write_finished(tmp_path / str(fold), records, recogniser_sha256=str(fold), **told))
+    take_together(each, out=tmp_path / "folds")
+    found = decide(tmp_path / "folds")
+    assert found.found.courses["nbv"][0][-1] == pytest.approx(4 / FPS)  # the last of 4 frames
+    with pytest.raises(DataError, match=r"solo: expected the data of .*folds, got others"):
+        decide(tmp_path / "folds", data="solo")
 
 
 def test_planners_can_be_named(tmp_path: Path) -> None:
