@@ -329,4 +329,6 @@ def class_names(run: Run, note: Callable[[str], None], source: str | Path | None
     if reason is None:
         return data.class_names
     note(f"classes are numbered, as their names cannot be read: {reason}")
-    return tuple(f"class {label}" for label in range(max(int(held.label.max()) for held in run.records.values()) + 1))
+    # a class may be answered and never shown
+    last = max(int(named.max()) for held in run.records.values() for named in (held.label, held.predicted))
+    return tuple(f"class {label}" for label in range(last + 1))

@@ -165,6 +165,13 @@ def test_data_that_has_gone_leaves_a_report_without_replays(tmp_path: Path) -> N
     assert any("the report has no replays" in note for note in log.notes)
 
 
+def test_without_data_a_class_that_is_only_answered_is_shown(tmp_path: Path) -> None:
+    held = make_records(1)
+    records = {"no-act": replace(held, predicted=np.full_like(held.predicted, 4))}
+    shown = embedded(report_of(written_run(tmp_path, hover(records))), "report")["grouped"]["focus"]["no-act"]
+    assert np.shape(shown["confusion"]["data"][0]["z"]) == (5, 5)
+
+
 def test_data_that_has_moved_is_found_where_it_lies_now(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -179,3 +180,10 @@ def test_classes_are_numbered_aloud_where_the_data_is_gone(tmp_path: Path) -> No
     back = read_run(write_finished(tmp_path, three_planners(), source=str(tmp_path / "gone.npz")))
     assert class_names(back, notes.append) == ("class 0", "class 1", "class 2")
     assert len(notes) == 1 and "gone.npz" in notes[0]
+
+
+def test_a_class_that_is_answered_and_never_shown_is_numbered_too(tmp_path: Path) -> None:
+    held = make_records(2)
+    records = {"no-act": make_records(1), "mine": replace(held, predicted=np.where(held.predicted == 2, 4, 1))}
+    back = read_run(write_finished(tmp_path, records, source=str(tmp_path / "gone.npz")))
+    assert class_names(back, lambda _: None) == tuple(f"class {label}" for label in range(5))
