@@ -14,10 +14,11 @@ MOST = 8  # episodes
 MOST_STREAMS = 4  # episodes of streams, each of which lasts as long as many clips
 RULE = (
     "chosen after the fact, so they illustrate and prove nothing: those in which {planner} gains most and loses most "
-    "against {other}, the one in which its gain is the median, and those in which planners' accuracies spread most"
+    "against {other}, the one in which its gain is nearest to the median, and those in which planners' "
+    "accuracies spread most"
 )
 RULE_ALONE = "chosen after the fact: those in which the accuracies of planners spread most"
-OF_CLIPS = ", of different classes as far as there are enough"  # follows a rule
+OF_CLIPS = ", first of classes that are not shown yet"  # follows a rule
 
 
 class ChosenEpisode(NamedTuple):
@@ -41,9 +42,10 @@ def choose_planners(names: Sequence[str], lead: str | None) -> tuple[str, ...]:
 def choose_episodes(
     records: Mapping[str, EpisodeRecords], planner: str | None, other: str | None, *, most: int = MOST
 ) -> tuple[ChosenEpisode, ...]:
-    """Return the most telling episodes, none twice, and of different classes until every class has one.
+    """Return the most telling episodes, none twice.
 
-    A stream shows many classes, so those of streams are not told apart by them.
+    The best, worst and typical one are chosen among all episodes. Then come those in which planners differ most, each
+    of a class with the fewest so far. A stream shows many classes, so those of streams are not told apart by them.
 
     Args:
         records: records on the same episodes, by record name.
@@ -54,41 +56,34 @@ def choose_episodes(
     accuracy = np.stack([mean_acc(episodes.correct) for episodes in records.values()])
     label = next(iter(records.values())).label
     label = label if label.ndim == 1 else np.zeros(len(label), dtype=np.int64)
-    free = np.ones(len(label), dtype=bool)
+    left = np.ones(len(label), dtype=bool)
     chosen: list[ChosenEpisode] = []
 
-    def take(preference: FloatArray, why: str, numbers: FloatArray) -> None:
-        """Take the free episode that is preferred most, the first of equal ones, and bar its class."""
-        if free.any() and len(chosen) < most:
-            best = int(np.where(free, preference, -np.inf).argmax())
+    def take(among: BoolArray, preference: FloatArray, why: str, numbers: FloatArray) -> None:
+        """Take the episode among some that is preferred most, the first of equal ones."""
+        if among.any() and len(chosen) < most:
+            best = int(np.where(among, preference, -np.inf).argmax())
             chosen.append(ChosenEpisode(best, why.format(numbers[best])))
-            free[:] = _free(label, [one.episode for one in chosen])
+            left[best] = False
 
     if planner is not None and other is not None:
         names = list(records)
         gain = 100 * (accuracy[names.index(planner)] - accuracy[names.index(other)])
         against = f"against {other}".replace("{", "{{").replace("}", "}}")
         who = planner.replace("{", "{{").replace("}", "}}")
-        take(gain, f"{who} gains most {against}: {{:+.0f}} points", gain)
-        take(-gain, f"{who} loses most {against}: {{:+.0f}} points", gain)
-        take(-np.abs(gain - np.median(gain)), f"typical: {who} is at its median {against}, {{:+.0f}} points", gain)
+        away = np.abs(gain - np.median(gain))
+        take(left, gain, f"{who} gains most {against}: {{:+.0f}} points", gain)
+        take(left, -gain, f"{who} loses most {against}: {{:+.0f}} points", gain)
+        take(left, -away, f"typical: {who} is nearest to its median {against}, {{:+.0f}} points", gain)
     spread = 100 * accuracy.std(axis=0)
-    while free.any() and len(chosen) < most:
-        take(spread, "planners differ: a standard deviation of {:.0f} points between them", spread)
+    while left.any() and len(chosen) < most:
+        among = _of_rarest(label, left)
+        take(among, spread, "planners differ: a standard deviation of {:.0f} points between them", spread)
     return tuple(chosen)
 
 
-def _free(label: IntArray, taken: list[int]) -> BoolArray:
-    """Return which episodes may be taken next: those of the classes with the fewest so far."""
-    classes = np.unique(label)
-    count = dict.fromkeys(classes.tolist(), 0)
-    for episode in taken:
-        count[int(label[episode])] += 1
-    left = np.ones(len(label), dtype=bool)
-    left[taken] = False
-    remaining = [count[int(true_class)] for true_class in label[left]]
-    if not remaining:
-        return left
-    fewest = min(remaining)
-    free: BoolArray = left & np.array([count[int(true_class)] == fewest for true_class in label])
-    return free
+def _of_rarest(label: IntArray, left: BoolArray) -> BoolArray:
+    """Return the episodes that are left, of the classes that have been taken least often."""
+    taken = (label[:, None] == label[~left]).sum(axis=1)
+    rarest: BoolArray = left & (taken == taken[left].min())
+    return rarest

@@ -61,7 +61,7 @@ def make_replay(
     Args:
         run: folder of a finished run.
         episode: counted from 0, in the order of episodes.jsonl; or `gain`, `loss`, `typical`: the one in which the
-            first planner gains most or loses most against the second, or is at its median, as in a report.
+            first planner gains most or loses most against the second, or is nearest to its median, as in a report.
         planners: one or two; none takes the most accurate one that is not handed the truth, beside no-act.
         out: the file to write, .mp4 or .gif, or .rrd for Rerun; None means replay-<episode>.mp4 or .rrd in the run's
             folder.

@@ -18,15 +18,29 @@ def test_best_and_worst_come_first_and_no_episode_twice() -> None:
     gain = mean_acc(records["a"].correct) - mean_acc(records["no-act"].correct)
     chosen = choose_episodes(records, "a", "no-act")
     assert gain[chosen[0].episode] == gain.max()
-    others = records["a"].label != records["a"].label[chosen[0].episode]
-    assert gain[chosen[1].episode] == gain[others].min()  # of another class than the first
+    assert gain[chosen[1].episode] == gain.min()
     assert chosen[0].why == f"a gains most against no-act: {100 * gain.max():+.0f} points"
+    assert chosen[1].why == f"a loses most against no-act: {100 * gain.min():+.0f} points"
     assert len({one.episode for one in chosen}) == len(chosen) == 8
 
 
-def test_classes_take_turns() -> None:
+def test_the_telling_three_are_chosen_among_all_classes_and_the_others_from_classes_not_shown_yet() -> None:
+    right = {"no-act": [2, 2, 2, 2, 2, 2], "a": [4, 0, 2, 0, 3, 1]}  # frames of 4
+    label = np.array([0, 0, 0, 0, 1, 1])
+    held = replace(make_records(1, episodes=6), label=label)
+    records = {
+        name: replace(held, predicted=np.where(np.arange(4) < np.array(frames)[:, None], label[:, None], 2))
+        for name, frames in right.items()
+    }
+    chosen = choose_episodes(records, "a", "no-act")
+    assert [one.episode for one in chosen] == [0, 1, 2, 4, 5, 3]
+    assert chosen[1].why == "a loses most against no-act: -50 points"
+    assert chosen[2].why == "typical: a is nearest to its median against no-act, +0 points"
+
+
+def test_classes_take_turns_where_planners_differ() -> None:
     records = planners()
-    labels = [int(records["a"].label[one.episode]) for one in choose_episodes(records, "a", "no-act", most=6)]
+    labels = [int(records["a"].label[one.episode]) for one in choose_episodes(records, None, None, most=6)]
     assert np.bincount(labels).tolist() == [2, 2, 2]
 
 
