@@ -5,6 +5,7 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf
 from pathlib import PurePath
 
 from ehar.errors import UsageError
@@ -13,6 +14,11 @@ _CALL = re.compile(r"bin/ehar\s+(.*)", flags=re.DOTALL)
 _LOOP = re.compile(r"for (\w+) in ([^;]*); do(.*?)\bdone\b", flags=re.DOTALL)
 _ENDS = re.compile(r"&&|\|\||[;|\n]|\bdo\b")
 _GROUPS = ("train", "study")  # whose second word is part of the command
+_NUMBERS = {  # what options take whose numbers decide what a command costs
+    **dict.fromkeys(("clips", "length", "starts"), "a whole number of at least 1"),
+    "seeds": "whole numbers of at least 0",
+    "fps": "a number above 0",
+}
 
 
 @dataclass(frozen=True)
@@ -56,7 +62,8 @@ def read_commands(text: str) -> list[Asked]:
     """Return the commands of ehar in a shell's text, in order; loops over words are run through.
 
     Raises:
-        UsageError: a command has a quote that does not end; one around `;`, `|` or `&&` counts as such.
+        UsageError: a command has a quote that does not end; one around `;`, `|` or `&&` counts as such. Or what follows
+            an option is not the number that it takes.
     """
     text = text.replace("\\\n", " ")
     text = _LOOP.sub(lambda loop: _unrolled(*loop.groups()), text)
@@ -64,11 +71,33 @@ def read_commands(text: str) -> list[Asked]:
     for piece in _ENDS.split(text):
         call = _CALL.search(piece.strip())
         if call is not None:
+            said = piece.strip()[:80]
             try:
-                found.append(_asked(shlex.split(call[1], comments=True)))
+                words = shlex.split(call[1], comments=True)
             except ValueError as error:  # a quote that does not end, as those around ; or | do here
-                raise UsageError(f"got the command {piece.strip()[:80]!r}, expected quotes that end") from error
+                raise UsageError(f"got the command {said!r}, expected quotes that end") from error
+            found.append(_asked(words))
+            wrong = _wrong_number(found[-1])
+            if wrong is not None:
+                raise UsageError(f"got the command {said!r}, expected {wrong}")
     return found
+
+
+def _wrong_number(asked: Asked) -> str | None:
+    """Return what was expected of an option of a number, and what it got; None if each has its number."""
+    for name, expected in _NUMBERS.items():
+        for word in asked.options.get(name, ()):
+            if not _fits(name, word):
+                return f"--{name} and {expected}, got {word!r}"
+    return None
+
+
+def _fits(name: str, word: str) -> bool:
+    """Return whether a word is a number that an option takes."""
+    try:
+        return 0 < float(word) < inf if name == "fps" else int(word) >= (name != "seeds")
+    except ValueError:
+        return False
 
 
 def needs_of(commands: Sequence[Asked]) -> dict[int, tuple[int, ...]]:

@@ -176,6 +176,8 @@ def scaling(
         raise UsageError("scaling: expected a run, or --commands FILE, got neither")
     if cores < 1 or not machines or min(machines) < 1:
         raise UsageError(f"scaling: expected at least 1 machine and 1 core, got {list(machines)} and {cores}")
+    if step is not None and not 0 < step < math.inf:
+        raise UsageError(f"scaling: expected a step above 0 s, got {step:g}")
     told = {Path(run): (read_job_times(Path(run)), _persons(Path(run))) for run in runs}
     found = tuple(read_commands("" if commands is None else _text_of(commands)))
     if step is None:
@@ -192,12 +194,12 @@ def scaling(
 
 
 def _text_of(commands: Path) -> str:
-    if str(commands) == "-":
-        return sys.stdin.read()
     try:
-        return commands.read_text(encoding="utf-8")
+        return sys.stdin.read() if str(commands) == "-" else commands.read_text(encoding="utf-8")
     except OSError as error:
         raise UsageError(f"{commands}: expected commands, as `make -n` prints them, got {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{commands}: expected commands as text in UTF-8, got {error}") from error
 
 
 def _persons(run: Path) -> int:

@@ -19,6 +19,7 @@ from eval.studies.scaling.engines import engines
 from eval.studies.scaling.forecast import BACK, LINK, SENT, scaling
 from recognition.training.config import TrainingConfig
 from recognition.training.stopping import LEAST_CLIPS
+from tests.helpers.commands import fails_with
 from tests.helpers.fakes import tiny_data
 from tests.helpers.made_records import three_planners, write_finished
 from tests.helpers.places import ROOT
@@ -171,3 +172,34 @@ def test_the_commands_of_make_results_are_found() -> None:
 def test_a_quote_that_does_not_end_is_one_line() -> None:
     with pytest.raises(UsageError, match=r"got the command \".*it's\.npz\", expected quotes that end"):
         read_commands("bin/ehar benchmark --data it's.npz")
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("train recogniser --clips abc", "--clips and a whole number of at least 1, got 'abc'"),
+        ("benchmark --length x", "--length and a whole number of at least 1, got 'x'"),
+        ("benchmark --starts 0", "--starts and a whole number of at least 1, got '0'"),
+        ("train agent --seeds 0 -1", "--seeds and whole numbers of at least 0, got '-1'"),
+        ("benchmark --fps nan", "--fps and a number above 0, got 'nan'"),
+    ],
+)
+def test_a_number_that_is_none_is_one_line(
+    words: str, expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_text(tmp_path / "commands", [f".venv/bin/ehar {words}\n"])
+    line = fails_with(["study", "scaling", "--commands", str(tmp_path / "commands"), "--step", "1"], capsys)
+    assert f"got the command '.venv/bin/ehar {words}', expected {expected}" in line
+
+
+def test_a_step_that_takes_no_time_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    write_text(tmp_path / "commands", [TEXT])
+    for step in ("nan", "-1", "0"):
+        line = fails_with(["study", "scaling", "--commands", str(tmp_path / "commands"), "--step", step], capsys)
+        assert f"expected a step above 0 s, got {step}" in line
+
+
+def test_commands_that_are_no_text_are_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    (tmp_path / "commands").write_bytes(b"bin/ehar benchmark --out r\xe9sum\xe9")
+    line = fails_with(["study", "scaling", "--commands", str(tmp_path / "commands"), "--step", "1"], capsys)
+    assert "commands: expected commands as text in UTF-8, got 'utf-8' codec can't decode" in line
