@@ -127,9 +127,9 @@ def _analysis(
     load: AgentLoader,
     reporter: Reporter,
 ) -> Analysis:
-    shown = {name: run.episodes(name) for name in (*(NO_ACT,) * (NO_ACT in run.records), *chosen)}
     scored = pool_seeds(run.scored)
     seeds = seeds_of(run.scored)
+    shown = {name: run.episodes(name) for name in (*(NO_ACT,) * (NO_ACT in seeds), *chosen)}
     workspace = run.config.world.workspace
     if run.flown:
         reporter.note(f"{run.directory}: a run on track {run.conditions.track} has no grid moves to analyse")

@@ -134,6 +134,16 @@ def test_training_seeds_are_taken_together(tmp_path: Path) -> None:
     assert "Table 3" in tables and "±" in tables
 
 
+def test_no_act_is_shown_of_a_run_of_trainings_too(tmp_path: Path) -> None:
+    records = {
+        f"{name}@{training}": planner(2 * row + training)
+        for row, name in enumerate(("no-act", "nbv"))
+        for training in range(2)
+    }
+    analysis = analyse(written(tmp_path / "run", records), reporter=Log())
+    assert list(analysis.predictable) == list(analysis.positions) == ["no-act", "nbv"]
+
+
 def test_a_flight_has_no_moves(tmp_path: Path) -> None:
     directory = written(tmp_path / "run", {"nbv": flown(planner(0))}, track="px4-max")
     log = Log()
