@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 import tyro
 
-from ehar.conditions import USUAL_SENSOR, Conditions
+from ehar.conditions import Conditions
 from ehar.processes import cores
 
 REQUIRED = inspect.Parameter.empty
@@ -187,10 +187,8 @@ class Command:
         if name == "workers":
             default = cores()
         hint = None
-        if flag.hint is not None and default in (None, (), USUAL_SENSOR):
-            hint = f"(default: {flag.hint})"
-        elif flag.hint is not None and default is REQUIRED:
-            hint = f"({flag.hint})"
+        if flag.hint is not None:
+            hint = f"({flag.hint})" if default is REQUIRED else f"(default: {flag.hint})"
         told = tyro.conf.arg(metavar=flag.metavar, help=self.text_of(leaf), help_behavior_hint=hint)
         kind: Any = flag.kind or _plain(parameter.annotation)
         annotation: Any = Annotated[kind, told]

@@ -16,6 +16,7 @@ LIVE = Command(
     """,
     flags={
         "models": Flag(metavar="PATH", hint="none"),
+        "sensor": Flag(),
         "belief": Flag(hint="believe the recogniser"),
         "mavlink": Flag(metavar="ADDRESS", hint="none"),
         "origin": Flag(metavar="EAST NORTH UP"),

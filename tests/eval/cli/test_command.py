@@ -271,6 +271,14 @@ def test_a_hint_stands_for_what_is_required(
     assert called(command, "a", "b")[1]["names"] == (Path("a"), Path("b"))
 
 
+def test_a_hint_stands_for_any_default(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = help_of(replace(TRAINS, flags={"batches": Flag(hint="as many as help")}), capsys, monkeypatch)
+    assert "--batches INT of 32 episodes. (default: as many as help)" in shown
+    shown = help_of(EVERY["study published"], capsys, monkeypatch)
+    assert "--threads INT CPU threads of torch. (default: torch decides)" in shown
+    assert "(default: estimator)" in help_of(EVERY["live"], capsys, monkeypatch)
+
+
 def commands(group: CommandGroup = COMMANDS, words: tuple[str, ...] = ()) -> dict[str, Command]:
     found = {}
     for name, command in group.commands.items():
