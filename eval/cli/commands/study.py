@@ -357,6 +357,7 @@ STUDY = CommandGroup(
                 "planners": Flag(
                     "names.", kind=tuple[str, ...] | None, positional=True, metavar="[PLANNER ...]", hint="all of ours"
                 ),
+                "length": Flag("frames of an episode.", hint="60; streams 30 s"),
                 "seed": Flag("seed of starts, noise and random."),
             },
         ),

@@ -104,6 +104,14 @@ def test_it_shows_an_example_that_parses(words: tuple[str, ...]) -> None:
             assert callable(parse(example[1:]))
 
 
+@pytest.mark.parametrize("words", [words for words in helps() if words and words[0] == "study"], ids=" ".join)
+def test_a_study_that_watches_streams_says_how_long_their_episodes_are(words: tuple[str, ...]) -> None:
+    lines = printed(words)
+    text = " ".join(" ".join(line.strip("│ ") for line in lines).split())
+    if any("-stream" in example for line in examples(lines) for example in line):
+        assert "(default: 60)" not in text
+
+
 def test_the_first_example_is_the_benchmark() -> None:
     assert examples(printed(()))[0] == shlex.split("ehar benchmark --data duo")
 
