@@ -72,22 +72,6 @@ class Words:
         return lead
 
 
-def words_of(probabilities: FloatArray, shown: BoolArray | None = None) -> Words:
-    """Return what is said by the probabilities of all classes.
-
-    Args:
-        probabilities: (B, T, K), after each frame of each activity, counted from its onset.
-        shown: (B, T), whether the activity has that frame; None means all.
-    """
-    ordered = np.sort(probabilities, axis=-1)
-    return Words(
-        answer=probabilities.argmax(axis=-1),
-        top=ordered[..., -1],
-        second=ordered[..., -2:-1].sum(axis=-1),  # nothing where there is one class
-        shown=np.ones(probabilities.shape[:2], dtype=np.bool_) if shown is None else shown,
-    )
-
-
 def words_of_records(records: EpisodeRecords) -> Words:
     """Return what was said of the activities of a planner: its clips, or those that lie within its streams.
 

@@ -15,8 +15,9 @@ from eval.scores.deciding.fit import (
     seen_in,
     worth_of,
 )
-from eval.scores.deciding.rules import FixedTime, Sprt, Threshold, Words, decide, words_of
+from eval.scores.deciding.rules import FixedTime, Sprt, Threshold, Words, decide
 from tests.helpers.made_records import make_stream_records
+from tests.helpers.words import words_of
 
 SECONDS = 0.1
 FITS = (fit_fixed_time, fit_threshold, fit_sprt, fit_induction)
