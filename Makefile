@@ -432,7 +432,7 @@ $(foreach words,recogniser belief,$(eval $(call decided_in_streams,$(words))))
 $(RECORDED:%=runs/decided-%/table.md): runs/decided-%/table.md: runs/looked-%-paper/table.md
 	$(EHAR) study decide $(<D) --planners no-act nbv --out $(@D)
 
-# The film of the README: the episode in which nbv's gain over front is the median, and of it the most activities.
+# The film of the README: the episode in which nbv's gain over front is nearest to its median, and of it the most activities.
 docs/figures/stream.gif: runs/watched-utkinect-px4-auto/table.md
 	$(EHAR) replay $(<D) typical --planners nbv front --since 8 --until 18 --out $@
 
