@@ -8,21 +8,25 @@ from ehar.motion import Motion
 from ehar.obstacles.free_space import FreeSpace
 from ehar.obstacles.shapes import Obstacles
 from ehar.planner import Context, Observation
-from ehar.viewpoint import DISTANCE, MOVES, apply_moves
+from ehar.viewpoint import AZIMUTH, DISTANCE, MOVES, apply_moves
 
 HEADING_TIME = 1.0  # [s]; a vehicle brakes for its target, so it approaches a near one slowly
+MOST_TURN = 0.9 * np.pi  # [rad] from an azimuth to the one to head for, for vehicles that turn farther in that time
 
 
-def axis_speeds(vehicle: Vehicle, viewpoint: FloatArray) -> FloatArray:
-    """Return about how fast a vehicle is along each axis of viewpoints (..., 3) alone [m/s], [rad/s], [rad/s].
+def axis_ways(vehicle: Vehicle, viewpoint: FloatArray) -> FloatArray:
+    """Return about how far a vehicle gets along each axis of viewpoints (..., 3) alone in a second [m], [rad], [rad].
 
     It says how far to head, and limits nothing: the motion does that. The rate of an angle is the speed divided by the
     distance, the azimuth's at most the yaw rate. So near the pole, where circles are small, the azimuth is faster than
-    that, and where the polar angle climbs or sinks, the vehicle may be slower.
+    that, and where the polar angle climbs or sinks, the vehicle may be slower. An azimuth is never half a turn away:
+    the motion goes the short way there.
     """
     speed = np.full(viewpoint.shape[:-1], vehicle.speed)
     rate = vehicle.speed / viewpoint[..., DISTANCE]
-    return np.stack([speed, np.minimum(rate, vehicle.yaw_rate), rate], axis=-1)
+    ways = HEADING_TIME * np.stack([speed, np.minimum(rate, vehicle.yaw_rate), rate], axis=-1)
+    ways[..., AZIMUTH] = np.minimum(ways[..., AZIMUTH], MOST_TURN)
+    return ways
 
 
 def free_space(context: Context) -> FreeSpace | None:
@@ -65,5 +69,4 @@ def move_target(context: Context, viewpoint: FloatArray, moves: IntArray) -> Flo
     """
     if context.vehicle is None:
         return moved(context, viewpoint, moves)
-    way = MOVES[moves] * HEADING_TIME * axis_speeds(context.vehicle, viewpoint)
-    return context.workspace.clip(viewpoint + way)
+    return context.workspace.clip(viewpoint + MOVES[moves] * axis_ways(context.vehicle, viewpoint))

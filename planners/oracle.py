@@ -18,7 +18,7 @@ from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.track import IDEAL
 from ehar.viewpoint import MOVES
-from planners.heading import HEADING_TIME, axis_speeds, carried, move_target
+from planners.heading import axis_ways, carried, move_target
 
 FLOWN_HORIZON = 3.0  # [s] that flights are imagined; a vehicle takes seconds to get anywhere
 FLOWN_COMMIT = 0.5  # [s] from one choice of a flight to the next
@@ -97,7 +97,7 @@ class OracleLookahead(Planner):
 
     def _flight_ends(self, here: FloatArray, vehicle: Vehicle) -> FloatArray:
         """Return where flights from viewpoints (B, 3) may end, (B, 27, 3): here, and a second's way off."""
-        ways = HEADING_TIME * WAYS * axis_speeds(vehicle, here)[:, None]
+        ways = WAYS * axis_ways(vehicle, here)[:, None]
         stay = here[:, None]
         return self._context.workspace.clip(np.concatenate([stay, stay + ways], axis=1))
 

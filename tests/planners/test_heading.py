@@ -5,10 +5,12 @@ import pytest
 
 from ehar.arrays import FloatArray
 from ehar.envs.controls import GridControls
+from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.viewpoint import AZIMUTH, HOVER, MOVES, Workspace, neighbours, wrap_difference
 from ehar.world import PAPER, load_world
-from planners.heading import HEADING_TIME, axis_speeds, move_target
+from planners.heading import HEADING_TIME, axis_ways, move_target
+from planners.oracle import DIRECTIONS, OracleLookahead
 from tests.helpers.fakes import tiny_context
 
 VEHICLE = VEHICLES["tracking-drone"]
@@ -55,5 +57,34 @@ def test_in_a_room_a_move_leads_an_environment_where_it_leads_a_planner(streams:
 
 def test_the_azimuth_turns_no_faster_than_the_vehicle_does() -> None:
     near, far = np.array([5.0, 0.0, 1.0]), np.array([15.0, 0.0, 1.0])
-    assert axis_speeds(VEHICLE, near)[AZIMUTH] == VEHICLE.yaw_rate
-    assert axis_speeds(VEHICLE, far)[AZIMUTH] == VEHICLE.speed / 15
+    assert axis_ways(VEHICLE, near)[AZIMUTH] == VEHICLE.yaw_rate * HEADING_TIME
+    assert axis_ways(VEHICLE, far)[AZIMUTH] == VEHICLE.speed / 15 * HEADING_TIME
+
+
+QUICK = replace(VEHICLES["px4-max"], yaw_rate=np.radians(200))  # more than half a turn in a second
+INDOOR = load_world("indoor")
+QUICK_FLIGHT = replace(
+    tiny_context(episodes=2), track="own", vehicle=QUICK, world=INDOOR, workspace=INDOOR.workspace, frame_time=0.1
+)
+NEAR = np.tile([1.5, 0.1, INDOOR.workspace.polar_max], (2, 1))
+
+
+def test_a_vehicle_that_turns_half_round_in_a_second_goes_on_turning_the_way_of_its_move() -> None:
+    motion, sides = FlightMotion(vehicle=QUICK, workspace=INDOOR.workspace), np.array([1, -1])
+    moves = np.array([np.flatnonzero(MOVES[:, AZIMUTH] == side)[0] for side in sides])
+    motion.reset(NEAR, 0.1)
+    here, turned = NEAR, np.zeros(2)
+    for _ in range(60):
+        there = motion.advance(move_target(QUICK_FLIGHT, here, moves))
+        turn = sides * wrap_difference(there[:, AZIMUTH] - here[:, AZIMUTH])
+        assert (turn > 0).all()
+        here, turned = there, turned + turn
+    assert (turned > np.pi).all()
+
+
+def test_the_lookahead_imagines_turns_of_such_a_vehicle_to_either_side() -> None:
+    planner = OracleLookahead()
+    planner.reset(QUICK_FLIGHT)
+    turn = wrap_difference(planner._flight_ends(NEAR, QUICK)[..., AZIMUTH] - NEAR[:, None, AZIMUTH])
+    np.testing.assert_array_equal(np.sign(np.round(turn[0, 1:], 9)), np.sign(DIRECTIONS[:, AZIMUTH]))
+    assert np.abs(turn).max() < np.pi
