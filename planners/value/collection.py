@@ -68,7 +68,7 @@ class Collection:
 
 
 class Forker(Planner):
-    """Wanders or stays; at its forks it tries paths to random viewpoints until the end of the episode.
+    """Stays, wanders or is led; at its forks it tries paths to random viewpoints until the end of the episode.
 
     In a stream, the paths are as long as planners look ahead.
 
@@ -76,7 +76,8 @@ class Forker(Planner):
         pairs: pairs of joints of the trunk, for the body filter.
         length: frames of an episode; in a stream, of a window.
         memory: time that a view counts for in a stream [s].
-        lead: a planner that it follows instead of wandering, so that it forks where that planner gets to.
+        lead: a planner that cameras follow instead of wandering, so that they fork where it gets to. Those that stay
+            without it stay with it too.
     """
 
     name = "forker"
@@ -89,7 +90,7 @@ class Forker(Planner):
         self.pairs, self.length, self.memory, self.lead = pairs, length, memory, lead
 
     def reset(self, context: Context) -> None:
-        """Draw when to fork, and who wanders."""
+        """Draw when to fork, and who moves."""
         self._context = context
         self._body = BodyFilter.of(context, self.pairs)
         # There is no plan at the last frame, and a fork needs a frame after it.
@@ -101,14 +102,14 @@ class Forker(Planner):
         ends = [-1, *(high for _, high in spans[:-1])]
         begins = [min(max(low, end + 1), high) for (low, high), end in zip(spans, ends, strict=True)]
         self._at = {int(context.rng.integers(low, high + 1)) for low, (_, high) in zip(begins, spans, strict=True)}
-        self._wanders = context.rng.random(context.episodes) < WANDER
+        self._moves = context.rng.random(context.episodes) < WANDER
         self._goal = random_viewpoints(context.rng, (context.episodes,), context.workspace)
         self.forks: list[dict[str, Any]] = []
         if self.lead is not None:
             self.lead.reset(context)
 
     def act(self, observation: Observation) -> FloatArray:
-        """Track the people, fork if it is time, and wander or follow on."""
+        """Track the people, fork if it is time, and wander on, follow on or stay."""
         self._body.observe(observation)
         if observation.frame in self._at:
             self.forks.append(self._fork(observation))
@@ -116,7 +117,7 @@ class Forker(Planner):
             self._goal = self.lead.act(replace(observation, truth=None))
         else:
             self._goal = wandering(self._goal, self._context)
-        return np.where(self._wanders[:, None], self._goal, observation.viewpoint)
+        return np.where(self._moves[:, None], self._goal, observation.viewpoint)
 
     def _fork(self, observation: Observation) -> dict[str, Any]:
         """Return the fields of a `Collection` for one fork in each episode."""

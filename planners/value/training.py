@@ -68,8 +68,8 @@ class GainTraining:
         fits: the fields, with their scores in cross-validation.
         unseen: the scores of the full field on other rollouts, by the number of batches.
         scored_on: whose rollouts these are.
-        second_round: the scores there at forks of the planner's own paths: of the field before the second round,
-            and of that after it.
+        second_round: the scores there, at forks of cameras of which six in ten follow the planner, and the others
+            stay: of the field before the second round, and of that after it.
         cut_short: whether more rollouts would have been worth it, or nobody knows.
     """
 
@@ -103,9 +103,9 @@ def train_gain_field(
 ) -> GainTraining:
     """Train and save; batches of rollouts that a stopped run has finished are not run again.
 
-    In the first round cameras wander or stay, until twice the rollouts gain nothing. In the second round they follow a
-    planner that has the first round's field, so that the field also knows the places that such a planner gets to. The
-    second round is kept if its field does better there, on the validation part.
+    In the first round cameras wander or stay, until twice the rollouts gain nothing. In the second round six in
+    ten follow a planner that has the first round's field, and the others stay. So the field also knows the places that
+    such a planner gets to. The second round is kept if its field does better on such rollouts of the validation part.
 
     In streams episodes are windows of 8 s, or as long as the conditions say, and paths are as long as planners look
     ahead. With a vehicle, it flies the paths, windows have 9 s, and the second round is flown too.

@@ -154,8 +154,8 @@ def test_a_training_alone_says_what_it_gave(tmp_path: Path, calls: list[str]) ->
         "warning: cut short at 24,000 clips",
     )
     assert train_gain_field(config.gain_field).lines == (
-        "in cross-validation; where nbv-search gets to, on validation, 2.00 % before the second round and 3.00 % "
-        f"after it; written to {tmp_path / GAIN_FIELD}.safetensors",
+        "in cross-validation; on validation, where six cameras in ten follow nbv-search and the others stay, "
+        f"2.00 % before the second round and 3.00 % after it; written to {tmp_path / GAIN_FIELD}.safetensors",
         "it had learned: 24 batches instead of 12 gained 0.05 points on validation",
     )
     assert train_fixed_best(config.fixed_best).lines == (
