@@ -255,8 +255,12 @@ class _Rollouts(BaseCallback):
         logged = self.logger.name_to_value
         loss = float(logged.get("train/loss", 0.0))
         network = self.progress.network
-        if not math.isfinite(loss) or not all(bool(weight.isfinite().all()) for weight in network.parameters()):
+        if not math.isfinite(loss):
             raise ModelError(f"PPO: the loss is {loss} in update {rollout}: expected a finite one")
+        for name, weight in network.named_parameters():
+            if not weight.isfinite().all():
+                got = weight[~weight.isfinite()][0].item()
+                raise ModelError(f"PPO: {name} holds {got} after update {rollout}: expected finite weights")
         diagnostics = {name: float(logged.get(key, math.nan)) for name, key in DIAGNOSTICS.items()}
         diagnostics["entropy"] *= -1  # logged as a loss
         episodes = self.model.ep_info_buffer or ()

@@ -2,7 +2,9 @@
 
 import math
 import multiprocessing
+import re
 from copy import deepcopy
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -166,6 +168,16 @@ def test_a_loss_that_is_not_finite_ends_it() -> None:
     setting = PPOSetting(**vars(SMALL) | {"entropy": math.inf})
     with pytest.raises(ModelError, match=r"PPO: the loss is (nan|-inf) in update 1: expected a finite one"):
         train(fresh(setting), setting)
+
+
+def test_a_weight_that_is_not_finite_is_named() -> None:
+    """With one step in an update, the loss is from before the step that spoils the weights."""
+    setting = replace(SMALL, epochs=1, minibatches=1, learning_rate=math.inf)
+    progress = fresh(setting)
+    name, _ = next(progress.network.named_parameters())
+    expected = rf"^PPO: {re.escape(name)} holds (nan|-?inf) after update 1: expected finite weights$"
+    with pytest.raises(ModelError, match=expected):
+        train(progress, setting)
 
 
 def test_moves_whose_probabilities_are_not_finite_cannot_be_drawn() -> None:
