@@ -15,7 +15,7 @@ from ehar.world import PAPER
 from planners.agents.config import AgentTrainingConfig, Stage
 from planners.agents.demonstrations import Demonstrations
 from planners.agents.imitation import clone
-from planners.agents.network import AgentNetwork
+from planners.agents.network import AgentNetwork, AgentSpec
 from planners.agents.storage import agent_name, agent_path, load_agent, save_agent
 from planners.agents.validation import Ending
 from planners.agents.world import TrainingWorld
@@ -124,7 +124,8 @@ class StageRun:
             seed=self.seed,
         ).network
         if (cloned.spec.sizes, cloned.spec.without) != (network.spec.sizes, network.spec.without):
-            raise ModelError(f"{path}: expected the inputs and encoders of {self.title}, got others")
+            wanted, got = _encoded(network.spec), _encoded(cloned.spec)
+            raise ModelError(f"{path}: expected the inputs and encoders of {self.title}, {wanted}, got {got}")
         # We leave out the critic: cloning does not train it, and its inputs may differ from those in il.
         policy = {name: w for name, w in cloned.state_dict().items() if not name.startswith("critic.")}
         network.load_state_dict(policy, strict=False)
@@ -249,6 +250,12 @@ def _named(title: str) -> Iterator[None]:
         yield
     except ModelError as error:
         raise ModelError(f"{title}: {error}") from error
+
+
+def _encoded(spec: AgentSpec) -> str:
+    """Return the sizes of a network's inputs and what is left out of them, in words."""
+    sizes = ", ".join(f"{name} {size}" for name, size in vars(spec.sizes).items())
+    return f"{sizes} without {', '.join(spec.without) or 'nothing'}"
 
 
 def _differing(held: dict[str, Any], wanted: dict[str, Any]) -> str:

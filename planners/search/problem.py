@@ -187,7 +187,9 @@ class TrajectoryProblem:
             raise UsageError(f"trajectory task: expected a world with {self.span}, got {task.span}")
         limits, vehicle = task.limits, task.limits.vehicle
         if (vehicle is not None) != self.flown:
-            raise UsageError(f"trajectory task: expected limits of {'a vehicle' if self.flown else 'the grid'}")
+            expected = "a vehicle" if self.flown else "the grid"
+            got = "the grid" if vehicle is None else vehicle.name
+            raise UsageError(f"trajectory task: expected limits of {expected}, got those of {got}")
         size = None if task.scene is None else task.scene.size
         if size != self.scene:
             raise UsageError(f"trajectory task: expected a scene with {self.scene}, got {size}")

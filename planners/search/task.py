@@ -127,7 +127,8 @@ class TrajectoryTask:
         if not min(self.flight_weights) >= 0:
             raise UsageError(f"trajectory task: expected flight weights >= 0, got {tuple(self.flight_weights)}")
         if any(self.flight_weights) and self.body is None:
-            raise UsageError("trajectory task: expected a vehicle with a body, as flights have a cost")
+            track = "the grid" if self.limits.vehicle is None else self.limits.vehicle.name
+            raise UsageError(f"trajectory task: expected a vehicle with a body, as flights have a cost, got {track}")
 
     @property
     def horizon(self) -> int:

@@ -64,8 +64,11 @@ class GainField:
             raise ModelError(
                 f"gain field: expected two matrices (1 + features, {BASIS_SIZE}), got {shape} and {self.relative.shape}"
             )
-        if not (np.isfinite(self.absolute).all() and np.isfinite(self.relative).all() and 0 <= self.spread < np.inf):
-            raise ModelError("gain field: expected finite weights, and a spread of at least 0")
+        for weights in (self.absolute, self.relative):
+            if not np.isfinite(weights).all():
+                raise ModelError(f"gain field: expected finite weights, got {weights[~np.isfinite(weights)][0]}")
+        if not 0 <= self.spread < np.inf:
+            raise ModelError(f"gain field: expected a finite spread of at least 0, got {self.spread}")
 
     def weights(self, situation: Situation, beliefs: FloatArray | None = None) -> FloatArray:
         """Return the weights (B, 21) of the view basis, with azimuths as they are, for `view_basis.field_value`.

@@ -93,6 +93,7 @@ class Tracker:
         belief: the fitted parameters of the belief, in clips or in streams.
         pairs: (pairs, 2) of [left, right], the joints of the trunk.
         memory: time that a view counts for in a stream [s].
+        lookahead: time over which the shares of activities are expected in a stream [s]; of no use in clips.
     """
 
     def __init__(

@@ -84,7 +84,9 @@ class StreamBeliefModel:
                 )
         follows = np.asarray(self.follows, dtype=np.float64) if {*map(len, self.follows)} == {classes} else np.empty(0)
         if follows.shape != (classes, classes) or not _sums_to_one(follows):
-            raise ModelError(f"stream belief: follows: expected {classes} rows of {classes} shares that sum to 1")
+            raise ModelError(
+                f"stream belief: follows: expected {classes} rows of {classes} shares that sum to 1, got {self.follows}"
+            )
         for name, shares in (("share", self.share), ("learned", self.prior)):
             if len(shares) != classes + 1 or not _sums_to_one(np.array(shares)) or min(shares) <= 0:
                 raise ModelError(

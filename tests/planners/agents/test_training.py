@@ -20,6 +20,7 @@ from planners.agents import stages as agent_stages
 from planners.agents import training as agent_training
 from planners.agents import validation
 from planners.agents.config import DAGGER, PAPER_STAGES, AgentTrainingConfig, Stage
+from planners.agents.network import AgentNetwork
 from planners.agents.stages import StageRun
 from planners.agents.training import train_agents
 from planners.agents.world import TrainingWorld
@@ -151,6 +152,22 @@ def test_an_agent_without_an_encoder_has_a_name_of_its_own(config: AgentTraining
     paths = train_agents(replace(config, without="vision"), silent, silent)
     assert paths == [agent_file(config, f"{stage}-no-vision") for stage in ("il", "ppo", "il-ppo")]
     assert json.loads(paths[-1].with_suffix(".json").read_text())["spec"]["without"] == ["vision"]
+
+
+def test_a_fine_tuning_of_other_inputs_than_were_cloned_says_which(
+    config: AgentTrainingConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    train(replace(config, stages="il"))
+    network = TrainingWorld.network
+
+    def flown(world: TrainingWorld, told: AgentTrainingConfig, seed: int) -> AgentNetwork:
+        spec = network(world, told, seed).spec
+        return AgentNetwork(replace(spec, sizes=replace(spec.sizes, position=7)), seed=seed)
+
+    monkeypatch.setattr(TrainingWorld, "network", flown)
+    message = refusal(ModelError, config, stages="il-ppo")
+    expected = r"of il-ppo seed 0, (.*) position 7 without nothing, got \1 position 4 without nothing$"
+    assert re.search(rf": expected the inputs and encoders {expected}", message)
 
 
 def test_fine_tuning_without_a_clone(config: AgentTrainingConfig) -> None:

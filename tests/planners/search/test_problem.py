@@ -272,6 +272,14 @@ def test_packing_is_undone_by_unpacking(seed: int) -> None:
         np.testing.assert_allclose(part, expected, atol=1e-12)
 
 
+def test_limits_of_another_track_are_refused() -> None:
+    flown, grid = (random_task(np.random.default_rng(0), horizon=HORIZON, limits=limits) for limits in (FLIGHT, GRID))
+    with pytest.raises(UsageError, match=r"expected limits of a vehicle, got those of the grid$"):
+        FLOWN.arguments(grid, grid.hold())
+    with pytest.raises(UsageError, match=f"expected limits of the grid, got those of {VEHICLE.name}$"):
+        LED.arguments(flown, flown.hold())
+
+
 def test_another_horizon_is_refused() -> None:
     task = random_task(np.random.default_rng(0), horizon=3)
     with pytest.raises(UsageError, match="expected 4 gain weights, got 3"):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ehar.errors import UsageError
+from ehar.flight.vehicle import VEHICLES
 from ehar.world import PAPER
 from planners.search.costs import FlightShares
 from planners.search.task import Trajectory, grid_limits
@@ -56,7 +57,14 @@ def test_limits_that_are_none_are_refused(name: str, wrong: list[float]) -> None
         ({"node_time": 0.0}, "node time"),
         ({"effort_weight": -1.0}, "weights of effort and spread"),
         ({"flight_weights": FlightShares(0.0, -1.0, 0.0)}, r"flight weights >= 0, got \(0.0, -1.0, 0.0\)"),
-        ({"flight_weights": FlightShares(1.0, 0.0, 0.0), "limits": GRID}, "a vehicle with a body"),
+        ({"flight_weights": FlightShares(1.0, 0.0, 0.0), "limits": GRID}, r"a vehicle with a body, .*, got the grid$"),
+        (
+            {
+                "flight_weights": FlightShares(1.0, 0.0, 0.0),
+                "limits": replace(FLIGHT, vehicle=VEHICLES["ground-robot"]),
+            },
+            r"a vehicle with a body, .*, got ground-robot$",
+        ),
     ],
 )
 def test_tasks_that_are_none_are_refused(changes: dict[str, object], message: str) -> None:

@@ -108,11 +108,11 @@ def test_a_situation_with_other_features_is_refused() -> None:
         ({"relative": np.zeros((2, BASIS_SIZE))}, r"and \(2, 21\)"),
         ({"absolute": np.zeros((0, BASIS_SIZE)), "relative": np.zeros((0, BASIS_SIZE))}, r"got \(0, 21\)"),
         ({"absolute": np.array(1.0)}, r"got \(\) and"),
-        ({"absolute": np.full((3, BASIS_SIZE), np.nan)}, "finite"),
-        ({"relative": np.full((3, BASIS_SIZE), np.inf)}, "finite"),
-        ({"spread": -0.1}, "spread of at least 0"),
-        ({"spread": float("nan")}, "spread of at least 0"),
-        ({"spread": float("inf")}, "spread of at least 0"),
+        ({"absolute": np.full((3, BASIS_SIZE), np.nan)}, "finite weights, got nan"),
+        ({"relative": np.full((3, BASIS_SIZE), np.inf)}, "finite weights, got inf"),
+        ({"spread": -0.1}, "spread of at least 0, got -0.1"),
+        ({"spread": float("nan")}, "spread of at least 0, got nan"),
+        ({"spread": float("inf")}, "spread of at least 0, got inf"),
     ],
 )
 def test_what_is_no_field_is_refused(changes: dict[str, object], message: str) -> None:
