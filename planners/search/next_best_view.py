@@ -89,7 +89,7 @@ class NextBestView(Planner):
         self.flight_weights = FlightShares(*flight.values())
         self._solver_options = (solver, max_iterations)
         self._value = ViewValue(model, variant=variant)
-        self._scene: SceneSize | None = None  # that of the last plan
+        self._scene: SceneSize | None = None  # that of the last plan since the last reset
         self._begin_counting()
 
     @property
@@ -119,6 +119,7 @@ class NextBestView(Planner):
         self._value.reset(context)
         self._plans: list[Solution | None] = [None] * context.episodes
         self._centre: FloatArray | None = None  # where it was at the plan before
+        self._scene = None
         self._nodes = max(self.horizon, FEWEST_NODES)
         frames = max(LEAST_NODE_FRAMES, math.ceil(frames_to_come(context) / DEFAULT_HORIZON))
         if context.vehicle is not None:

@@ -24,9 +24,10 @@ from ehar.rollout import Record, rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import SensorNoise
 from ehar.viewpoint import Workspace, wrap_difference
-from ehar.world import PAPER
+from ehar.world import PAPER, load_world
 from planners.search import next_best_view
 from planners.search.next_best_view import NextBestView
+from planners.search.scene import SceneSize
 from planners.search.solver import Solution, SolveStatus, TrajectorySolver
 from planners.search.task import TrajectoryTask
 from planners.search.view_search import NextBestViewGreedy, NextBestViewSearch
@@ -217,6 +218,23 @@ def test_a_planner_that_has_planned_can_be_sent_and_problems_are_built_once(monk
     sent = cloudpickle.loads(payload(planner, "nbv"))
     np.testing.assert_array_equal(run(sent, batch).viewpoints, first.viewpoints)
     assert planner.statistics.counts.total() == sent.statistics.counts.total() == counted
+
+
+def test_in_the_open_nothing_is_left_of_a_room_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    planner, room, asked = NextBestView(model=model_of(peak_weights(PEAK))), load_world("room"), list[bool]()
+    made = next_best_view._solver_of
+
+    def solver_of(*problem: Any) -> TrajectorySolver:
+        asked.append(any(isinstance(part, SceneSize) for part in problem))
+        return made(*problem)
+
+    monkeypatch.setattr(next_best_view, "_solver_of", solver_of)
+    batch = replace(starting(EVERYWHERE[:1], length=2), starts=room.sample_starts(np.random.default_rng(0), 1))
+    run(planner, batch, motion=GridMotion(workspace=room.workspace), workspace=room.workspace, world=room)
+    assert asked and all(asked)
+    asked.clear()
+    planner.reset(tiny_context())
+    assert asked == [False]
 
 
 @pytest.mark.parametrize(
