@@ -59,7 +59,7 @@ class CausalGraphConvolution(nn.Module):
     """
 
     def __init__(self, *, inputs: int, outputs: int, partition: Tensor, fading: bool = False) -> None:
-        """Create the layer with the published initialisation: the refinement starts at zero strength."""
+        """Create the layer. Its refinement starts at zero strength, as published, its convolutions as PyTorch's do."""
         super().__init__()
         self.fading = Fading(torch.tensor([FADING_TOPOLOGY])) if fading else None
         self.outputs = outputs
