@@ -28,7 +28,8 @@ class Learner:
 
     With AdamW the learning rate is constant after a short rise, and the weights that count are a running average over
     the steps, see `recognition.training.averages`. So no length has to be known beforehand. With the published
-    optimiser the rate follows its schedule, and the last weights count.
+    optimiser the rate follows its schedule, and the weights count as the last step left them. With either,
+    `recognition.training.trainer` keeps those of its best evaluation.
 
     Args:
         network: the network, on the device where it learns.
@@ -123,7 +124,7 @@ class Learner:
 
     @property
     def averaged(self) -> Network:
-        """The network with the weights that count: with the published optimiser the last ones, as they are."""
+        """The network with the weights that count now: with the published optimiser those of the last step so far."""
         network = self.network if self._published else self.average.module
         assert isinstance(network, Network)
         return network

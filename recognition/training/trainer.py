@@ -224,7 +224,7 @@ class _Run:
         return loss
 
     def _evaluate(self) -> None:
-        """Evaluate the averaged weights on the validation clips, and remember the best."""
+        """Evaluate the weights that count now on the validation clips, and remember the best."""
         network = self.learner.averaged
         logits = torch.from_numpy(self.learner.logits(network, self.material.validation.features))
         labels = self.material.validation.frame_labels
