@@ -198,15 +198,16 @@ class SmoothCentre:
 class FollowedCentre:
     """A centre that goes after people whose place is told now and then, at any times; as `followed_smoothly`.
 
-    A Kalman filter of constant velocity takes the places, and predicts on from the last one, for `HELD` seconds. Then
-    nobody knows where people are, and the centre comes to rest.
+    A Kalman filter of constant velocity takes the places, and predicts on from when it was told the last one, for
+    `HELD` seconds. Then nobody knows where people are, and the centre comes to rest. The age of a place is not made up
+    for: the place counts as of when it is told, and its time says only how long it is after the one before.
 
     Args:
         place: (3,) where people are first said to be [m].
         time: when [s].
         frame_time: time from one state to the next [s].
         limits: the limits of its motion.
-        localisation: how well places are known; its delay is not used, as places come with their times.
+        localisation: how well places are known; its delay is not used.
     """
 
     def __init__(

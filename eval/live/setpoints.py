@@ -70,7 +70,7 @@ class Setpoints:
         vehicle: the vehicle that keeps its limits.
         workspace: where the camera may be.
         frame_time: time from one setpoint to the next [s].
-        localisation: how well it is told where people are; its delay is not used, as times are told.
+        localisation: how well it is told where people are; its delay is not used, and what is told counts as of now.
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class Setpoints:
 
         Args:
             place: where they are.
-            time: when that was, by the clock of all such times [s].
+            time: when that was, by the clock of all such times [s]; how long ago that is, is not made up for.
         """
         with self._lock:
             if self._centre is None or self._target is None:  # nobody flies yet, so the frame is where people are
