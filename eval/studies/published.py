@@ -109,7 +109,8 @@ class PublishedReport:
                     f"{' or '.join(self.arithmetic)}.",
                     "acc@x: the network sees the first x % of the frames, scaled and cut to a clip by themselves. "
                     "area: the mean over 10, 20, ..., 100 %.",
-                    "mean weights: the mean of those after each epoch at the lower rate, in place of the last epoch's.",
+                    "mean weights: the mean of those after each epoch at the lower rate, in place of the last epoch's, "
+                    "with statistics of batch norms from many more training clips.",
                     "best epoch: among those at the lower rate, the one that is best on the test itself. The public "
                     "code reports it, so published figures are held against it. It is no figure for new people.",
                     _told_copies(self.copies, self.tests),

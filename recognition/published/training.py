@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
+from torch.optim.swa_utils import update_bn
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.conditions import Form
@@ -36,9 +37,12 @@ from recognition.training.recorded_step import RecordedStep
 DECAY = 1e-4  # of weights
 DROP = 50  # the epoch from which the rate is a tenth
 
-PROTOCOL = 2  # of results and checkpoints that can be used; 1 had training clips in which people leaned to the side
+# Of results and checkpoints that can be used. 1 had training clips in which people leaned to the side, 2 means of
+# weights whose batch norms had the mean of the epochs' statistics.
+PROTOCOL = 3
 RATIOS = tuple(range(10, 101, 10))  # observation ratios of the test [%]
 TEST_BATCH = 64
+STATISTICS = 64  # training batches from which the mean of the weights gets statistics of its own
 
 SAVED = 60.0  # seconds at least between checkpoints: on a GPU an epoch takes less
 
@@ -76,6 +80,7 @@ class PublishedResult:
         log_probs: (N, R, K) log-probabilities of the N test sequences after each of `RATIOS` of their frames, by the
             weights of the last epoch.
         mean: (N, R, K) those by the mean of the weights after each epoch at the lower rate, which is chosen on nothing.
+            Its batch norms have statistics of `STATISTICS` training batches, where those of an epoch are of about ten.
         best: (N, K) those of whole sequences by the weights of the epoch that is best on the test, among those at the
             lower rate. The public code reports that epoch, so published figures chose on the test.
         best_epoch: that epoch, counted from 1.
@@ -253,7 +258,11 @@ class _Training:
 
     def finish(self, path: Path) -> PublishedResult:
         """Test, write the result and remove the checkpoint."""
-        tests = self.test(self.network), self.test(self.mean.module)
+        clips = torch.from_numpy(draw_epoch(self.data, Draw(self.run.stream, self.run.seed, self.epoch)).clips)
+        mean = self.mean.module
+        # Izmailov et al. (UAI 2018, Sec. 3.2): averaged weights need statistics of their own.
+        update_bn((self._input(batch, mean) for batch in clips[:STATISTICS]), mean)
+        tests = self.test(self.network), self.test(mean)
         result = PublishedResult(*tests, self.best.numpy(), self.best_epoch, arithmetic_on(self.device))
         with replacing(path) as temporary, temporary.open("wb") as file:
             np.savez(file, allow_pickle=False, **vars(result), data_sha256=self.data.sha256, protocol=PROTOCOL)
@@ -292,12 +301,13 @@ class _Training:
 
     def _logits(self, clips: Tensor, network: nn.Module) -> Tensor:
         """Return logits (N, L, K) of clips (N, L, P, J, 3); the published form has one answer: (N, 1, K)."""
+        answers: Tensor = network(self._input(clips, network))
+        return answers if isinstance(network, CausalCTRGCN) else answers[:, None]
+
+    def _input(self, clips: Tensor, network: nn.Module) -> Tensor:
+        """Return clips (N, L, P, J, 3) as a network takes them: the published form has channels first, people last."""
         clips = clips.to(self.device)
-        if isinstance(network, CausalCTRGCN):
-            whole: Tensor = network(clips)
-            return whole
-        answer: Tensor = network(clips.permute(0, 4, 1, 3, 2))
-        return answer[:, None]
+        return clips if isinstance(network, CausalCTRGCN) else clips.permute(0, 4, 1, 3, 2)
 
     def _resume(self) -> None:
         """Go on from the checkpoint, if there is one."""
@@ -329,9 +339,7 @@ def _read(path: Path, data: MotionData) -> PublishedResult:
         if str(held["data_sha256"]) != data.sha256:
             wrong = f"the result of other data than {data.name}"
         elif "protocol" not in held or int(held["protocol"]) != PROTOCOL:
-            wrong = "the result of an older version of ehar, which turned clips otherwise"
-        elif "mean" not in held:
-            wrong = "the result of an older version of ehar, which averaged no weights"
+            wrong = "the result of an older version of ehar, which turned clips or averaged weights otherwise"
         if wrong:
             raise UsageError(f"{path}: {wrong}: remove it, or choose another --out")
         return PublishedResult(
