@@ -37,6 +37,11 @@ def is_rule(spec: str) -> bool:
     return spec in (*(planner.name for planner in HEURISTICS), *PLACES, FIXED_BEST)
 
 
+def is_privileged(spec: str) -> bool:
+    """Return whether a planner of ours is told the truth."""
+    return spec in (planner.name for planner in ORACLES)
+
+
 def needs_gain_model(spec: str) -> bool:
     """Return whether a planner values views, and so needs a trained gain model."""
     return spec in VALUING

@@ -1,26 +1,39 @@
 """Checks that the data, the weights and your own classes are those that the run had."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import TYPE_CHECKING, NamedTuple
 
 from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.data.streams.data import StreamData
 from ehar.errors import EharError, ModelError, UsageError
 from ehar.files import shortened
+from ehar.localisation import Localisation
 from ehar.plugins.class_spec import parse_spec
 from ehar.track import load_track
 from ehar.world import load_world
 from eval.records.config import CONFIG, RunConfig
 from eval.running.choice import ModelPlace
 from eval.verification.checks import FAILED, OK, UNCHECKED, Check
+from planners.place.storage import FixedPlace
 from planners.registry import is_learned, needs_fixed_place
 from recognition.own_recogniser import resolve_recogniser
 from recognition.setting import Setting, load_setting
 
+if TYPE_CHECKING:
+    from planners.value.model import GainModel
+
 DECISIVE = ("data", "recogniser", "sensor", "motion")  # if one of them differs, every episode does
+
+
+class Trained(NamedTuple):
+    """How weights were trained; None where it is not known, or has no meaning."""
+
+    length: int | None
+    localisation: Localisation | None
 
 
 class Inputs(NamedTuple):
@@ -31,12 +44,14 @@ class Inputs(NamedTuple):
         setting: data, recogniser, sensor and track; None if one of them is not here.
         data: the data; None if they are not here, or have another hash.
         place: place of gain models and agents; None without data, which they have to fit.
+        trained: how the gain field, agents and a fixed place were trained, those that are here and the run's.
     """
 
     checks: tuple[Check, ...]
     setting: Setting | None = None
     data: MotionData | StreamData | None = None
     place: ModelPlace | None = None
+    trained: Mapping[str, Trained] = MappingProxyType({})
 
     @property
     def reason_against(self) -> str | None:
@@ -103,7 +118,8 @@ def check_inputs(
     else:
         where = own or str(here.models or "the weights that ship with ehar")
         checks += (_compared("recogniser", config.recogniser_sha256, sha256, where),)
-    return Inputs((*checks, *brought, *_planner_weights(config, place)), setting, motion, place)
+    of_planners, trained = _planner_weights(config, place)
+    return Inputs((*checks, *brought, *of_planners), setting, motion, place, trained)
 
 
 def _own_sensor_and_motion(config: RunConfig, data: MotionData | StreamData, *, run_own_code: bool) -> list[Check]:
@@ -156,42 +172,48 @@ def _compared(name: str, got: str, expected: str, where: str) -> Check:
     return Check(name, FAILED, f"{CONFIG}: {name}: got sha256 {got}, expected {expected}, which {where} has")
 
 
-def _planner_weights(config: RunConfig, place: ModelPlace) -> list[Check]:
-    """Return the checks of the gain model, of the fixed place and of the agents."""
-    checks = []
+def _planner_weights(config: RunConfig, place: ModelPlace) -> tuple[list[Check], dict[str, Trained]]:
+    """Return the checks of the gain model, of the fixed place and of the agents, and how they were trained."""
+    checks: list[Check] = []
+    found: dict[str, Trained] = {}
+
+    def compare(name: str, ran: str, weights: "GainModel | FixedPlace", key: str) -> None:
+        checks.append(_compared(name, ran, weights.sha256, str(place.models or "ehar")))
+        if weights.sha256 == ran:
+            found[key] = Trained(weights.length, weights.localisation)
+
     if config.gain_model_sha256 is not None:
         try:
-            model = place.load_gain_model()
-            checks.append(_compared("gain model", config.gain_model_sha256, model.sha256, str(place.models or "ehar")))
+            compare("gain model", config.gain_model_sha256, place.load_gain_model(), "gain field")
         except ModelError as error:
             checks.append(Check("gain model", UNCHECKED, str(error)))
-    trained = []
+    agents = []
     for planner in config.planners:
         if planner.weights_sha256 is None:
             continue
         if not needs_fixed_place(planner.name):
-            trained.append(planner)
+            agents.append(planner)
             continue
         try:
-            fitted = place.load_fixed_place()
-            checks.append(_compared("fixed place", planner.weights_sha256, fitted.sha256, str(place.models or "ehar")))
+            compare("fixed place", planner.weights_sha256, place.load_fixed_place(), planner.name)
         except ModelError as error:
             checks.append(Check("fixed place", UNCHECKED, str(error)))
     absent = []
-    for planner in trained:
+    for planner in agents:
         try:
             if not is_learned(planner.name):
                 raise UsageError("no weights are known by this name")
-            sha256 = place.load_agent(planner.name).sha256
+            agent = place.load_agent(planner.name)
         except EharError as error:
             absent.append(f"{planner.name}: {error}")
             continue
-        if sha256 != planner.weights_sha256:
-            got = planner.weights_sha256
-            difference = f"{CONFIG}: {planner.name}: weights_sha256: got {got}, expected {sha256}, as in {place.models}"
-            return [*checks, Check("agents", FAILED, difference)]
-    if trained:
-        several = f"{len(trained)} training{'s' * (len(trained) != 1)}"
-        what = f"{len(absent)} of {len(trained)}: {absent[0]}" if absent else several
+        if agent.sha256 != planner.weights_sha256:
+            got, expected = planner.weights_sha256, f"{agent.sha256}, as in {place.models}"
+            difference = f"{CONFIG}: {planner.name}: weights_sha256: got {got}, expected {expected}"
+            return [*checks, Check("agents", FAILED, difference)], found
+        found[planner.name] = Trained(agent.length, agent.localisation)
+    if agents:
+        several = f"{len(agents)} training{'s' * (len(agents) != 1)}"
+        what = f"{len(absent)} of {len(agents)}: {absent[0]}" if absent else several
         checks.append(Check("agents", UNCHECKED if absent else OK, what))
-    return checks
+    return checks, found

@@ -16,13 +16,13 @@ import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.streams.data import NO_ACTIVITY
-from ehar.errors import EharError, UsageError
+from ehar.errors import DataError, EharError, UsageError
 from ehar.motion import Motion
 from ehar.planner import Planner
 from ehar.plugins.loading import source_sha256
 from ehar.rollout import Record
 from ehar.track import IDEAL
-from eval.records.config import PlannerConfig, RunConfig, planner_config
+from eval.records.config import CONFIG, PlannerConfig, RunConfig, planner_config
 from eval.records.episodes import DIGITS, SECOND, EpisodeRecords
 from eval.records.flights import KEYS, FlightRecords, flights_of, held_flight
 from eval.records.run_files import EPISODES
@@ -86,7 +86,10 @@ def check_replay(
                 return [Check("seen again", FAILED, difference)]
             compared += len(rows)
             reporter.advance(name)
-        planners, left = make_again(config, models)
+        try:
+            planners, left = make_again(config, models)
+        except DataError as error:
+            return [Check("moves again", FAILED, str(error))]
         moves = {name: Moves() for name, _ in jobs if name in planners}
         for name, chunk in jobs:
             if name in planners:
@@ -166,6 +169,9 @@ def make_again(config: RunConfig, models: ModelPlace) -> tuple[dict[str, Planner
 
     A planner that was given as an object cannot: only its class is recorded. A planner from a file, a module or an
     entry point is made with its arguments if its file has not changed.
+
+    Raises:
+        DataError: one is told the truth, and the configuration says otherwise, or the other way round.
     """
     made: dict[str, Planner] = {}
     left: dict[str, str] = {}
@@ -175,6 +181,9 @@ def make_again(config: RunConfig, models: ModelPlace) -> tuple[dict[str, Planner
         except EharError as error:
             left[held.name] = str(error)
         else:
+            if planner.privileged != held.privileged:
+                got = f"got {held.privileged}, expected {planner.privileged}, as the planner that is made again"
+                raise DataError(f"{CONFIG}: {held.name}: privileged: {got}")
             again, ran = (asdict(config) for config in (planner_config(planner, origin), held))
             if origin is None:  # a class of ehar may have moved to another module since
                 for told in (again, ran):

@@ -21,6 +21,7 @@ from eval.verification.checks import FAILED, OK, UNCHECKED, Check, Verification
 from eval.verification.figures import UNRECORDED, count_figures, mismatch, recompute
 from eval.verification.inputs import check_inputs
 from eval.verification.records import contradiction
+from eval.verification.said import check_privileged, check_warnings
 from eval.verification.steps import check_steps
 
 
@@ -79,10 +80,14 @@ def verify(
     checks = [
         Check("complete", OK, f"schema {config.schema}: {len(records)} planners, {count} episodes of each"),
         of_records,
+        check_privileged(config),
         *([check_steps(config, records, None if inputs.data is None else inputs.data.fps)] if held else []),
         *([_check_figures(directory, config, records, ideal)] if held else []),
         *inputs.checks,
     ]
+    warnings = check_warnings(config, inputs)
+    if warnings is not None:
+        checks.append(warnings)
     if rerun_episodes:
         from eval.verification.rerun import check_replay  # imported here: it brings everything that runs episodes
 

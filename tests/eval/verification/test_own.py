@@ -12,7 +12,10 @@ from ehar.data.motion_file import save_motion
 from ehar.errors import UsageError
 from eval.cli.main import main
 from eval.records.config import CONFIG
+from eval.records.run_files import SUMMARY
+from eval.running.run import read_run
 from eval.verification.checks import FAILED, OK, UNCHECKED, Verification
+from eval.verification.figures import recompute
 from eval.verification.verify import verify
 from planners import own_planner
 from planners.own_planner import GROUP
@@ -95,6 +98,19 @@ def test_another_argument_is_another_planner(lab: Path) -> None:
     assert reason == (
         "wander(step=0.1): not replayable, as another is made: name wander(step=-0.5), ran: wander(step=0.1)"
     )
+
+
+def test_one_that_is_told_the_truth_is_not_made_as_one_that_is_not(lab: Path) -> None:
+    (lab / "wander.py").write_text(PLANNER.replace('name = "wander"', 'name = "wander"\n    privileged = True'))
+    run(["wander.py:Wander", "no-act"])
+    path, summary = lab / "run" / CONFIG, lab / "run" / SUMMARY
+    path.write_text(path.read_text().replace('"privileged": true', '"privileged": false'))
+    edited = read_run("run")
+    summary.write_text(json.dumps(recompute(edited.config, edited.records, json.loads(summary.read_text()), None)))
+    assert verify("run", reporter=Log()).verdict == "verified", "without its file nobody knows"
+    found = again(Path("run"))
+    assert [check.name for check in found.checks if check.result == FAILED] == ["moves again"]
+    assert str(found.difference).startswith("config.json: wander: privileged: got False, expected True")
 
 
 def test_one_whose_file_has_changed_or_gone_is_not_made_again(lab: Path) -> None:

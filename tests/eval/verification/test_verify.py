@@ -73,8 +73,8 @@ def results(found: Verification) -> list[tuple[str, str]]:
 def test_a_run_is_verified_and_its_episodes_run_once_more(world: Path) -> None:
     found = verify(world / "run", rerun_episodes=480, reporter=Log())
     assert results(found) == [
-        *((name, OK) for name in ("complete", "records", "steps", "figures")),
-        *((name, OK) for name in ("data", "recogniser", "gain model", "fixed place", "agents")),
+        *((name, OK) for name in ("complete", "records", "privileged", "steps", "figures")),
+        *((name, OK) for name in ("data", "recogniser", "gain model", "fixed place", "agents", "warnings")),
         ("seen again", OK),
         ("moves again", OK),
         ("moves again", UNCHECKED),
@@ -82,6 +82,8 @@ def test_a_run_is_verified_and_its_episodes_run_once_more(world: Path) -> None:
     what = {check.name: check.what for check in found.checks if check.result == OK}
     assert what["complete"] == "schema 2: 8 planners, 60 episodes of each"
     assert what["agents"] == "2 trainings"
+    assert what["privileged"].startswith("7 planners with names of ehar are as in ehar; your own are asked when")
+    assert what["warnings"] == "no warnings, as the weights say"
     assert what["seen again"].startswith("480 episodes of 8 planners, 480 drawn")
     assert what["moves again"] == f"{7 * 60 * 9} of {7 * 60 * 9} frames of 7 planners"
     assert found.checks[-1].what == "seeing: not replayable, as it cannot be made from its name"
@@ -93,7 +95,7 @@ def test_a_run_is_verified_and_its_episodes_run_once_more(world: Path) -> None:
 def test_nothing_is_run_unless_asked_for(world: Path) -> None:
     log = Log()
     found = verify(world / "run", reporter=log)
-    assert found.verdict == "verified" and log.jobs == 0 and len(found.checks) == 9
+    assert found.verdict == "verified" and log.jobs == 0 and len(found.checks) == 11
 
 
 def test_a_flight_is_compared_with_the_ideal_track_and_flown_once_more(world: Path, tmp_path: Path) -> None:
@@ -178,9 +180,9 @@ EDITS: list[tuple[str, str, Callable[[Any], object], str]] = [
     ),
     (
         CONFIG,
-        "figures",
+        "privileged",
         lambda held: held["planners"][-1].update(privileged=False),
-        "oracle: privileged: got True, expe",
+        "config.json: oracle: privileged: got False, expected True",
     ),
     (CONFIG, "figures", lambda held: held.update(views="paper"), "summary.json: views: got 'moving', expected 'paper'"),
     (CONFIG, "data", lambda held: held.update(data_sha256="0"), "config.json: data: got sha256 0, expected "),
@@ -329,6 +331,49 @@ def rewrite_summary(run: Path) -> None:
     edit_json(run / SUMMARY, lambda held: held.update(recompute(read.config, read.records, held, None)))
 
 
+def test_who_is_told_the_truth_is_not_believed(run: Path) -> None:
+    for path in (run / CONFIG, run / SUMMARY):
+        edit_json(path, lambda held: held["planners"][-1].update(privileged=False))
+    rewrite_summary(run)
+    found = verify(run, reporter=Log())
+    assert [check.name for check in found.checks if check.result == FAILED] == ["privileged"]
+    assert found.difference == "config.json: oracle: privileged: got False, expected True"
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ({"trained_open": True}, "trained_open: got True, expected False"),
+        ({"trained_elsewhere": True}, "trained_elsewhere: got True, expected False"),
+        ({"sensor_changed": True}, "sensor_changed: got True, expected False"),
+        ({"trained_lengths": {"recogniser": 9}}, "trained_lengths: recogniser: got 9, expected nothing"),
+        ({"trained_lengths": {"il-ppo/1": 60}}, "trained_lengths: il-ppo/1: got 60, expected nothing"),
+        ({"trained_localisations": {"fixed-best": {}}}, "trained_localisations: fixed-best: got "),
+    ],
+)
+def test_what_readers_are_warned_of_is_not_believed(run: Path, said: dict[str, Any], message: str) -> None:
+    edit_json(run / CONFIG, lambda held: held.update(said))
+    rewrite_summary(run)
+    found = verify(run, reporter=Log())
+    assert [check.name for check in found.checks if check.result == FAILED] == ["warnings"]
+    assert found.difference is not None and found.difference.startswith(f"config.json: {message}")
+
+
+def test_a_warning_that_was_taken_out_is_found(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(HashedRecogniser, "data_sha256", "that of other people")
+    found = verify(run, reporter=Log())
+    assert found.difference == "config.json: trained_elsewhere: got False, expected True"
+    edit_json(run / CONFIG, lambda held: held.update(trained_elsewhere=True))
+    rewrite_summary(run)
+    with monkeypatch.context() as patch:
+        patch.setattr(HashedRecogniser.spec, "length", 60)
+        found = verify(run, reporter=Log())
+    assert found.difference == "config.json: trained_lengths: recogniser: got nothing, expected 60"
+    assert verify(run, reporter=Log()).difference is None
+    edit_json(run / CONFIG, lambda held: held.pop("trained_lengths"))
+    assert ("warnings", UNCHECKED) in results(verify(run, reporter=Log()))
+
+
 def test_an_incomplete_run_is_called_so(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (run / SUMMARY).unlink()
     assert verify(run, reporter=Log()).verdict == f"not verified: {run}: this run is incomplete: no summary.json"
@@ -339,9 +384,9 @@ def test_an_incomplete_run_is_called_so(run: Path, capsys: pytest.CaptureFixture
 def test_data_that_lie_elsewhere(run: Path, world: Path, tmp_path: Path) -> None:
     edit_json(run / CONFIG, lambda held: held.update(source=str(tmp_path / "gone.npz")))
     found = verify(run, reporter=Log())
-    assert results(found)[4:] == [("data", UNCHECKED), ("weights", UNCHECKED)]
+    assert results(found)[5:] == [("data", UNCHECKED), ("weights", UNCHECKED)]
     assert found.verdict == "verified, but for what was not checked: data, weights"
-    assert found.checks[4].what.endswith("; --data says where they lie now")
+    assert found.checks[5].what.endswith("; --data says where they lie now")
     assert "their data not at hand" in found.checks[1].what
     with pytest.raises(UsageError, match=r"no episode can be run once more: .*gone\.npz: no such file"):
         verify(run, rerun_episodes=1, reporter=Log())
