@@ -33,11 +33,19 @@ class ContactSummary:
 CONTACTS = tuple(field.name for field in fields(ContactRecords))  # of a line of episodes.jsonl and of summary.json
 
 
-def contacts_of(surroundings: Surroundings | None, viewpoints: FloatArray) -> ContactRecords | None:
-    """Return the contacts of cameras at viewpoints (N, L, 3); None in a world without obstacles."""
+def contacts_of(
+    surroundings: Surroundings | None, viewpoints: FloatArray, *, farther: float = 0.0
+) -> ContactRecords | None:
+    """Return the contacts of cameras at viewpoints (N, L, 3); None in a world without obstacles.
+
+    Args:
+        surroundings: what stands around them.
+        viewpoints: where they are.
+        farther: how much farther from obstacles they are taken to be [m].
+    """
     if surroundings is None or not surroundings.obstacles:
         return None
-    clearance = surroundings.clearance(viewpoints, slice(None))
+    clearance = surroundings.clearance(viewpoints, slice(None)) + farther
     return ContactRecords(too_near(clearance).sum(axis=1), (clearance < 0).sum(axis=1))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from ehar.arrays import BoolArray
 from ehar.viewpoint import Workspace
 from eval.records.config import CONFIG, RunConfig
+from eval.records.contacts import CONTACTS
 from eval.records.episodes import DIGITS, SECOND, EpisodeRecords, as_recorded
 from eval.records.run_files import EPISODES
 from eval.running.episodes import Episodes, draw_starts
@@ -79,6 +80,25 @@ def contradiction(config: RunConfig, records: Mapping[str, EpisodeRecords], epis
                 at, frame = (int(index) for index in np.argwhere(problem.off)[0])
                 got = _text(getattr(held, problem.field)[at, frame])
                 return f"{place(name, held, at, frame)}: {problem.field}: got {got}, expected {problem.expected}"
+        difference = _contacts(name, held, config)
+        if difference is not None:
+            return difference
+    return None
+
+
+def _contacts(name: str, held: EpisodeRecords, config: RunConfig) -> str | None:
+    """Return the first impossible number of frames too near to obstacles; None if there is none."""
+    near = held.contacts
+    if near is None or not config.world.obstacles:
+        got, expected = ("none" if near is None else "some"), ("some" if config.world.obstacles else "none")
+        where = f"{EPISODES}: {name}: {', '.join(CONTACTS)}"
+        return None if got == expected else f"{where}: got {got}, expected {expected} in the world {config.world.name}"
+    length = np.full(len(held), held.predicted.shape[1])
+    for field, most, what in (("near_frames", length, "frames"), ("hit_frames", near.near_frames, "near_frames")):
+        got = getattr(near, field)
+        if (got > most).any():
+            at = int((got > most).argmax())
+            return f"{place(name, held, at)}: {field}: got {got[at]}, expected at most the {most[at]} {what}"
     return None
 
 

@@ -18,13 +18,15 @@ from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import DataError, EharError, UsageError
 from ehar.motion import Motion
+from ehar.obstacles.surroundings import Surroundings
 from ehar.planner import Planner
 from ehar.plugins.loading import source_sha256
 from ehar.rollout import Record
 from ehar.track import IDEAL
 from eval.records.config import CONFIG, PlannerConfig, RunConfig, planner_config
-from eval.records.episodes import DIGITS, SECOND, EpisodeRecords
-from eval.records.flights import KEYS, FlightRecords, flights_of, held_flight
+from eval.records.contacts import CONTACTS, contacts_of
+from eval.records.episodes import DIGITS, SECOND, TRACKING, EpisodeRecords
+from eval.records.flights import KEYS, FlightRecords, flights_of, held_flight, tracking_of
 from eval.records.run_files import EPISODES
 from eval.running.choice import ModelPlace
 from eval.running.episodes import CHUNK, Episodes
@@ -39,7 +41,8 @@ from planners.registry import is_ours, make_planner
 from recognition.setting import Setting
 
 PROBABILITY = 1e-3
-FLIGHT = 1e-2  # share of peaks and effort; at least 1e-2 in their units
+FLIGHT = 1e-2  # share of peaks, effort and tracking errors; at least 1e-2 in their units
+EDGE = 1e-4  # [m]; a camera that is nearer to the edge of too near may be counted or not, as viewpoints are rounded
 MOVES = 0.95  # share of frames in which a planner has to move as recorded
 
 
@@ -80,8 +83,11 @@ def check_replay(
             rows, motion = _on_the_way(records[name], chunk, setting.runner.new_motion())
             # A planner that stays sees the same on the recorded way. The planner of the run is not asked, nor is its
             # file loaded before: what it did to the recogniser would be seen again.
-            record = workload.roll(NoAct(), workload.followed.batch(chunk), chunk, motion)
-            difference = first_difference(name, records[name], rows, record)
+            batch = workload.followed.batch(chunk)
+            record = workload.roll(NoAct(), batch, chunk, motion)
+            difference = first_difference(name, records[name], rows, record) or contacts_difference(
+                name, records[name], rows, batch.surroundings
+            )
             if difference is not None:
                 return [Check("seen again", FAILED, difference)]
             compared += len(rows)
@@ -98,7 +104,10 @@ def check_replay(
                 workload.roll(planners[name], workload.followed.batch(chunk), chunk, motion)
                 flight = flights_of(body)
                 if flight is not None:
-                    difference = flight_difference(name, records[name], rows, flight, motion.elsewhere)
+                    told = name, records[name], rows
+                    difference = flight_difference(*told, flight, motion.elsewhere) or tracking_difference(
+                        *told, tracking_of(body), motion.elsewhere
+                    )
                     if difference is not None:
                         return [Check("seen again", FAILED, difference)]
                 moves[name] = moves[name].after(motion.elsewhere, rows)
@@ -279,6 +288,58 @@ def flight_difference(
         if off.any():
             at = int(off.argmax())
             return f"{place(name, recorded, int(rows[at]))}: {key}: got {got[at]:.6g}, expected {expected[at]:.6g}"
+    return None
+
+
+def tracking_difference(
+    name: str, recorded: EpisodeRecords, rows: IntArray, tracking: FloatArray | None, elsewhere: BoolArray
+) -> str | None:
+    """Return the first frame in which a flight was not as far from its planner's path as recorded; None if all were.
+
+    Args:
+        name: name of the planner.
+        recorded: records of all its episodes; those from before it was recorded are not compared.
+        rows: (B,) indices of the episodes that flew again.
+        tracking: (B, L) [m], how far they were from the paths; None without paths.
+        elsewhere: (B, L) frames off the recorded way; a flight with such a frame is not compared.
+    """
+    there = ~elsewhere.any(axis=1, keepdims=True)
+    if recorded.tracking_error is None or not there.any():
+        return None
+    if tracking is None:
+        return f"{EPISODES}: {name}: got a {TRACKING}, expected none of a planner without paths"
+    got = recorded.tracking_error[rows]
+    off = ~(np.abs(got - tracking) <= FLIGHT * np.maximum(tracking, 1) + 10**-DIGITS) & there
+    if not off.any():
+        return None
+    at, frame = (int(index) for index in np.argwhere(off)[0])
+    where = place(name, recorded, int(rows[at]), frame)
+    return f"{where}: {TRACKING}: got {got[at, frame]:.6g}, expected {tracking[at, frame]:.6g}"
+
+
+def contacts_difference(
+    name: str, recorded: EpisodeRecords, rows: IntArray, surroundings: Surroundings | None
+) -> str | None:
+    """Return the first episode in which the camera was not as often too near to obstacles as recorded; None if none.
+
+    Args:
+        name: name of the planner.
+        recorded: records of all its episodes.
+        rows: (B,) indices of the compared episodes.
+        surroundings: what stands around them.
+    """
+    way = recorded.viewpoint[rows]
+    fewest, most = (contacts_of(surroundings, way, farther=farther) for farther in (EDGE, -EDGE))
+    if recorded.contacts is None or fewest is None or most is None:
+        return None  # who has them is a check of the records
+    for key in CONTACTS:
+        got, least, greatest = (getattr(of, key) for of in (recorded.contacts, fewest, most))
+        got = got[rows]
+        off = (got < least) | (got > greatest)
+        if off.any():
+            at = int(off.argmax())
+            upto = f" to {greatest[at]}" if greatest[at] > least[at] else ""
+            return f"{place(name, recorded, int(rows[at]))}: {key}: got {got[at]}, expected {least[at]}{upto}"
     return None
 
 

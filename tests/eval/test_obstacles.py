@@ -1,6 +1,7 @@
 """A world with obstacles, end to end with a random network: run, records, verification, and what is refused."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from shutil import copytree
@@ -15,7 +16,9 @@ from ehar.viewpoint import cartesian
 from ehar.world import CROWD, PAPER, ROOM, load_world
 from eval import benchmark, headroom, read_run, verify
 from eval.cli.main import main
+from eval.records.run_files import EPISODES, SUMMARY
 from eval.running.run import Run
+from eval.verification.figures import recompute
 from planners.value.model import gain_model_path, load_gain_model, save_gain_model
 from recognition.environments import make_vector_env
 from recognition.networks.features import JOINT_CHANNELS
@@ -145,6 +148,49 @@ def test_a_run_among_obstacles_is_verified(lab: Path, run: Run, tmp_path: Path) 
     found = verify(lab / "run", rerun_episodes=8, reporter=Log())
     assert found.difference is None
     assert [check.name for check in found.checks if check.result == "not checked"] == []
+
+
+def near(row: dict[str, Any], frames: int, hit: int = 0) -> None:
+    row |= {"near_frames": frames, "hit_frames": hit}
+
+
+@pytest.mark.parametrize(
+    ("edit", "check", "message"),
+    [
+        (lambda row: near(row, 2, 3), "records", "hit_frames: got 3, expected at most the 2 near_frames"),
+        (lambda row: near(row, 9), "records", "near_frames: got 9, expected at most the 8 frames"),
+        (lambda row: near(row, 2), "seen again", "near_frames: got 2, expected 0"),
+        (lambda row: near(row, 2, 2), "seen again", "near_frames: got 2, expected 0"),
+    ],
+)
+def test_how_often_a_camera_was_too_near_is_checked(
+    lab: Path, run: Run, tmp_path: Path, edit: Callable[[dict[str, Any]], None], check: str, message: str
+) -> None:
+    copytree(lab / "run", tmp_path / "run")
+    rows = [json.loads(line) for line in (tmp_path / "run" / EPISODES).read_text().splitlines()]
+    edit(rows[1])
+    write_edited(tmp_path / "run", rows)
+    found = verify(tmp_path / "run", rerun_episodes=len(rows), reporter=Log())
+    assert [one.name for one in found.checks if one.result == "failed"] == [check]
+    assert found.difference is not None and found.difference.endswith(message)
+    assert "no-act, episode 1 (" in found.difference
+
+
+def test_no_column_of_too_near_is_taken_out(lab: Path, run: Run, tmp_path: Path) -> None:
+    copytree(lab / "run", tmp_path / "run")
+    rows = [json.loads(line) for line in (tmp_path / "run" / EPISODES).read_text().splitlines()]
+    for row in rows:
+        del row["near_frames"], row["hit_frames"]
+    write_edited(tmp_path / "run", rows)
+    expected = "episodes.jsonl: no-act: near_frames, hit_frames: got none, expected some in the world lab"
+    assert verify(tmp_path / "run", reporter=Log()).difference == expected
+
+
+def write_edited(folder: Path, rows: list[dict[str, Any]]) -> None:
+    """Write episodes, and the summary that they give."""
+    (folder / EPISODES).write_text("".join(json.dumps(row) + "\n" for row in rows))
+    edited, held = read_run(folder), json.loads((folder / SUMMARY).read_text())
+    (folder / SUMMARY).write_text(json.dumps(recompute(edited.config, edited.records, held, None)))
 
 
 def test_passers_by_hide_people_and_are_the_same_for_all_planners(lab: Path) -> None:

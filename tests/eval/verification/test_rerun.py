@@ -16,7 +16,15 @@ from eval.records.flights import FlightRecords
 from eval.running.episodes import CHUNK
 from eval.verification.checks import FAILED, OK, UNCHECKED
 from eval.verification.followed_way import FollowedWay
-from eval.verification.rerun import PROBABILITY, Moves, check_moves, draw_jobs, first_difference, flight_difference
+from eval.verification.rerun import (
+    PROBABILITY,
+    Moves,
+    check_moves,
+    draw_jobs,
+    first_difference,
+    flight_difference,
+    tracking_difference,
+)
 from planners.heuristic import NoAct, Random, VRotate
 from tests.helpers.fakes import tiny_batch, tiny_context
 from tests.helpers.made_records import flown, make_records
@@ -163,5 +171,13 @@ def test_flights_that_left_their_way_are_not_compared() -> None:
     assert flight_difference("nbv", old, rows, again, nowhere) is None
     no_body = replace(again, energy=None, noise=None)
     assert "got energy, expected none for this vehicle" in str(flight_difference("nbv", kept, rows, no_body, nowhere))
+    path = np.full((4, 4), 0.2)
+    followed = replace(kept, tracking_error=np.full(kept.predicted.shape, 0.205))
+    assert tracking_difference("nbv", kept, rows, path, nowhere) is None, "from before it was recorded"
+    assert tracking_difference("nbv", followed, rows, path, nowhere) is None
+    found = tracking_difference("nbv", followed, rows, path - 0.1 * left, nowhere)
+    assert found is not None and ", frame 3: tracking_error: got 0.205, expected 0.1" in found
+    assert tracking_difference("nbv", followed, rows, path - 0.1 * left, left) is None
+    assert "expected none of a planner" in str(tracking_difference("nbv", followed, rows, None, nowhere))
     grounded = replace(kept, flight=None)
     assert "got no peak_speed, " in str(flight_difference("nbv", grounded, rows, again, nowhere))

@@ -110,6 +110,19 @@ def test_a_flight_is_compared_with_the_ideal_track_and_flown_once_more(world: Pa
     assert ": peak_speed: got " in found.difference
 
 
+def test_how_far_a_flight_was_from_its_paths_is_checked(world: Path, tmp_path: Path) -> None:
+    options: Any = {"data": world / "tiny.npz", "models": world / "models", "track": "px4-max"}
+    flight = tmp_path / "flight"
+    run_tiny(["nbv"], starts=1, out=flight, **options)
+    assert verify(flight, rerun_episodes=1, reporter=Log()).verdict == "verified"
+    edit_lines(flight, lambda rows: rows[3]["tracking_error"].__setitem__(5, rows[3]["tracking_error"][5] + 0.1))
+    rewrite_summary(flight)
+    assert verify(flight, reporter=Log()).difference is None
+    found = verify(flight, rerun_episodes=30, reporter=Log())
+    assert found.difference is not None
+    assert "nbv, episode 3 ('sequence-16' from frame 10), frame 5: tracking_error: got 0.1" in found.difference
+
+
 def test_every_step_is_a_move_of_the_grid(run: Path) -> None:
     def jump(rows: list[dict[str, Any]]) -> None:  # several moves at once
         row = next(row for row in rows if row["planner"] == "random")
