@@ -2,6 +2,8 @@
 
 from importlib.metadata import PackageNotFoundError, version
 
+PACKAGES = ("ehar", "recognition", "planners", "eval")  # of this project
+
 
 def package_version(name: str) -> str:
     """Return the version of a package, or that it is not installed, as in a plain source tree."""

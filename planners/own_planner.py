@@ -125,7 +125,7 @@ def origin_of(planner: Planner) -> Origin | None:
 
 
 def planner_source_sha256(planner: Planner) -> str | None:
-    """Return the hash of the file that a planner's class is defined in; None where there is no file."""
+    """Return the hash of the file of a planner's class, as `source_sha256` does; None where there is no file."""
     return source_sha256(type(planner))
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import cloudpickle
 
 from ehar.errors import EharError, UsageError
+from ehar.plugins.beside import imported_from_beside
 from ehar.plugins.class_spec import FORMS, ClassSpec
 
 
@@ -43,9 +44,18 @@ def load_class(spec: ClassSpec, what: str) -> type[Any]:
 
 
 def source_sha256(cls: type[Any]) -> str | None:
-    """Return the hash of the file that a class is defined in; None if it has none, as in a notebook."""
+    """Return the hash of the file that a class is defined in, and of the modules beside it that it imports.
+
+    It is that of the file alone if it imports none; see `imported_from_beside`. None if there is no file, as in a
+    notebook.
+    """
     path = source_file(cls)
-    return None if path is None else hashlib.sha256(path.read_bytes()).hexdigest()
+    if path is None:
+        return None
+    digest, folder = hashlib.sha256(path.read_bytes()), path.parent.resolve()
+    for file in imported_from_beside(path):
+        digest.update(f"\0{file.relative_to(folder).as_posix()}\0".encode() + file.read_bytes())
+    return digest.hexdigest()
 
 
 def source_file(cls: type[Any]) -> Path | None:

@@ -5,7 +5,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-PACKAGES = ("ehar", "recognition", "planners", "eval")
+from ehar.version import PACKAGES
 
 
 @cache

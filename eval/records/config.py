@@ -36,7 +36,7 @@ class PlannerConfig:
     implementation: str  # module and class; for your own planner, the class as it was given
     weights_sha256: str | None = None  # of a trained agent, or of a fitted place
     arguments: dict[str, Any] = field(default_factory=dict)  # constructor arguments of your own planner
-    source_sha256: str | None = None  # of the file that defines your own planner
+    source_sha256: str | None = None  # of your own planner's file, and of what it imports from beside it
 
 
 @dataclass(frozen=True)

@@ -220,7 +220,8 @@ def _make_one_again(held: PlannerConfig, models: ModelPlace) -> tuple[Planner, O
     try:
         found = source_sha256(load_own_class(spec))
         if found != held.source_sha256:
-            raise UsageError(f"its file has changed: got sha256 {found}, ran: {held.source_sha256}")
+            changed = "its file, or one beside it that it imports, has changed"
+            raise UsageError(f"{changed}: got sha256 {found}, ran: {held.source_sha256}")
         return make_own_planner(replace(spec, arguments=held.arguments), models.load_gain_model)
     except UsageError as error:
         raise UsageError(f"not replayable: {error}") from error

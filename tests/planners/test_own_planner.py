@@ -298,7 +298,8 @@ def test_two_settings_run_side_by_side_and_the_config_says_which(own: Path, tmp_
     assert first["implementation"] == f"{own}:Spiral"
     assert first["arguments"] == {"radius": 4.0, "file": "a"}
     assert mine["arguments"] == {}
-    assert first["source_sha256"] == mine["source_sha256"] == sha256(own.read_bytes()).hexdigest()
+    together = own.read_bytes() + b"\0beside.py\0" + own.with_name("beside.py").read_bytes()
+    assert first["source_sha256"] == mine["source_sha256"] == sha256(together).hexdigest()
     assert (no_act["implementation"], no_act["source_sha256"]) == ("planners.heuristic.NoAct", None)
     own.write_text(OWN + "# changed\n")
     with pytest.raises(UsageError, match="holds another run, which differs in planners"):

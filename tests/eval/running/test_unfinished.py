@@ -55,6 +55,16 @@ class Fatal(Planner):
             os.kill(os.getpid(), signal.SIGKILL)
         return observation.viewpoint
 """
+TURNING = """
+from beside_turn import TURN
+from ehar.planner import Planner
+
+class Turning(Planner):
+    name = "turning"
+
+    def act(self, observation):
+        return observation.viewpoint + [0, TURN, 0]
+"""
 
 
 @pytest.fixture
@@ -347,6 +357,22 @@ def test_a_worker_that_is_killed_loses_nothing_but_its_job(tmp_path: Path) -> No
     assert log.jobs < 15
     run(told, out=tmp_path / "never-stopped")
     assert but_times(bytes_of(tmp_path / "run")) == but_times(bytes_of(tmp_path / "never-stopped"))
+
+
+@pytest.mark.usefixtures("own_modules")
+def test_a_module_beside_an_own_planner_that_has_changed_makes_another_run(tmp_path: Path) -> None:
+    (tmp_path / "beside_turn.py").write_text("TURN = 0.1")
+    (tmp_path / "turning.py").write_text(TURNING)
+    told, out = [f"{tmp_path}/turning.py:Turning"], tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        run(told, out=out, reporter=Log(stop_after=2))
+    (tmp_path / "beside_turn.py").write_text("TURN = -0.1")
+    del sys.modules["beside_turn"]
+    with pytest.raises(
+        UsageError, match=r"holds another run.* in planners \(planners\[0\]\.source_sha256 was "
+    ) as error:
+        run(told, out=out)
+    assert "\n" not in str(error.value)
 
 
 def test_sigterm_counts_as_ctrl_c(

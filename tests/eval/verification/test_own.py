@@ -119,7 +119,8 @@ def test_one_whose_file_has_changed_or_gone_is_not_made_again(lab: Path) -> None
     (lab / "lab_views.py").write_text("def (")
     del sys.modules["lab_views"]
     reasons = unchecked(again(Path("run")))
-    assert reasons[0].startswith("wander: not replayable: its file has changed: got sha256 ")
+    changed = "wander: not replayable: its file, or one beside it that it imports, has changed: got sha256 "
+    assert reasons[0].startswith(changed)
     assert reasons[1].startswith("wander(step=0.2): not replayable: planner module lab_views: SyntaxError: ")
     assert reasons[2] == "seeing: not replayable, as it cannot be made from its name"
     (lab / "wander.py").unlink()
