@@ -8,6 +8,7 @@ from ehar.track import IDEAL
 from eval.records.config import RunConfig
 from eval.records.episodes import EpisodeRecords
 from eval.running.run import read_run
+from eval.running.same_planners import other_planner
 from eval.scores.planner_summary import NO_ACT
 
 SAME = ("data_sha256", "recogniser_sha256", "sensor_sha256", "form", "readout")  # of both configurations
@@ -34,27 +35,12 @@ def read_ideal_run(directory: Path, config: RunConfig) -> Mapping[str, EpisodeRe
     if config.gain_model_sha256 is None or held.gain_model_sha256 is None:  # not every run needs one
         del wanted["gain_model_sha256"]
     _check_same(directory, got, {**wanted, "track": IDEAL})
-    _check_planners(directory, held, config)
+    difference = other_planner(config.planners, held.planners)
+    if difference is not None:
+        raise UsageError(f"{directory}: expected the planners of the flight; {difference}")
     if NO_ACT not in run.records:
         raise UsageError(f"{directory}: expected a run with {NO_ACT} among its planners, got {', '.join(run.records)}")
     return run.records
-
-
-def _check_planners(directory: Path, held: RunConfig, config: RunConfig) -> None:
-    """Raise a UsageError that names the first planner of both runs whose weights, file or arguments differ."""
-    on_ideal = {planner.name: planner for planner in held.planners}
-    for planner in config.planners:
-        other = on_ideal.get(planner.name, planner)
-        for what, wanted, got in (
-            ("weights of", f"sha256 {planner.weights_sha256}", f"sha256 {other.weights_sha256}"),
-            ("file of", f"sha256 {planner.source_sha256}", f"sha256 {other.source_sha256}"),
-            ("arguments of", str(planner.arguments), str(other.arguments)),
-        ):
-            if wanted != got:
-                raise UsageError(
-                    f"{directory}: expected the planners of the flight; the {what} {planner.name} differ: "
-                    f"expected {wanted}, got {got}"
-                )
 
 
 def _decided(config: RunConfig) -> dict[str, object]:

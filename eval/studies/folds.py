@@ -22,7 +22,13 @@ from eval.scores.resampling.training_seeds import group_planners
 from eval.scores.summarise import summarise
 from eval.scores.summary import Summary
 from eval.studies.belief.stream_report import StreamBeliefReport, read_report, write_report
-from eval.studies.same_episodes import SAME_CONDITIONS, SAME_EPISODES, check_same_config
+from eval.studies.same_episodes import (
+    SAME_CONDITIONS,
+    SAME_EPISODES,
+    check_same_config,
+    check_same_planners,
+    versions_note,
+)
 
 SAME = (*(key for key in SAME_EPISODES if key != "data_sha256"), *SAME_CONDITIONS, "onset")  # of config.json
 TABLE = "table.md"
@@ -69,8 +75,8 @@ def take_together(
         out: folder for the run, which `ehar compare`, `study overview` and `report` take as any other.
 
     Raises:
-        UsageError: a folder holds no run; or the runs have other conditions, classes, or no planner in common; or not
-            the test part, the same recogniser, or a sequence twice.
+        UsageError: a folder holds no run; or the runs have other conditions or classes, no planner in common, or
+            another file or other arguments of one; or not the test part, the same recogniser, or a sequence twice.
         DataError: files cannot be read.
     """
     if len(runs) < 2:
@@ -123,6 +129,7 @@ def _check(runs: Sequence[Run]) -> None:
                 raise UsageError(f"{before.directory} and {run.directory}: expected a recogniser of each, got the same")
     if twice:
         raise UsageError(f"folds: expected each sequence in one of them, got {twice[0]!r} in {watched[twice[0]]}")
+    check_same_planners(runs)
 
 
 def _class_names(runs: Sequence[Run]) -> tuple[str, ...]:
@@ -213,6 +220,7 @@ def fold_table(folds: Folds) -> Table:
         ),
         footnotes=(
             "Each fold has a recogniser, and what is fitted on it, of its own. Bold: the best without the truth.",
+            *filter(None, (versions_note(folds.each),)),
         ),
         bold=frozenset(bold),
     )

@@ -1,4 +1,4 @@
-"""Checks that finished runs have the same episodes, for studies that put runs side by side."""
+"""Checks that finished runs have the same episodes and planners, for studies that put runs side by side."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -8,6 +8,7 @@ from ehar.files import shortened
 from ehar.flight.vehicle import LIMITS
 from eval.records.config import CONFIG, LATER
 from eval.running.run import Run
+from eval.running.same_planners import other_planner
 
 SAME_EPISODES = (
     "data_sha256",
@@ -65,6 +66,32 @@ def check_same_config(a: Run, b: Run, keys: Sequence[str], *, expected: str = "r
     if differing:
         got = ", ".join(f"{label(name)} ({shown(name, in_a)}, {shown(name, in_b)})" for name in differing)
         raise UsageError(f"{a.directory} and {b.directory}: expected {expected}; they differ in {got}")
+
+
+def check_same_planners(runs: Sequence[Run]) -> None:
+    """Check that the planners that ran in all runs are the same, but for weights of their own.
+
+    Raises:
+        UsageError: a planner has another file or other arguments in one of them.
+    """
+    first, *others = runs
+    everywhere = set.intersection(*({planner.name for planner in run.config.planners} for run in runs))
+    shared = [planner for planner in first.config.planners if planner.name in everywhere]
+    for run in others:
+        difference = other_planner(shared, run.config.planners, retrained=True)
+        if difference is not None:
+            raise UsageError(f"{first.directory} and {run.directory}: expected the same planners; {difference}")
+
+
+def versions_note(runs: Sequence[Run]) -> str | None:
+    """Return a line that names the versions that differ between runs; None if all are the same."""
+    versions = [run.config.versions for run in runs]
+    found = {
+        package: dict.fromkeys(one.get(package, "none") for one in versions)
+        for package in dict.fromkeys(package for one in versions for package in one)
+    }
+    differing = [f"{package} {' and '.join(values)}" for package, values in found.items() if len(values) > 1]
+    return f"Versions differ between the runs: {'; '.join(differing)}." if differing else None
 
 
 def _decisive(name: str, config: Mapping[str, Any]) -> Any:

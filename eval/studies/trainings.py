@@ -23,7 +23,7 @@ from eval.scores.resampling.training_seeds import group_planners, shared_record_
 from eval.scores.summarise import summarise
 from eval.scores.summary_table import TOGETHER, basis_lines
 from eval.studies.belief.stream_report import StreamBeliefReport, read_report, write_report
-from eval.studies.same_episodes import SAME_CONDITIONS, check_same_episodes
+from eval.studies.same_episodes import SAME_CONDITIONS, check_same_episodes, check_same_planners, versions_note
 
 LEAST = 3  # trainings behind a claim
 
@@ -37,12 +37,14 @@ class Trainings:
         planner: the planner that is compared with the others.
         differences: how much more accurate it is than each other one without the truth, corrected together.
         acc: the accuracy of each planner in each training, (T,) [%].
+        versions: the line that names versions that differ between the runs; None if all are the same.
     """
 
     run: Run
     planner: str
     differences: tuple[Difference, ...]
     acc: Mapping[str, FloatArray]
+    versions: str | None = None
 
     @property
     def count(self) -> int:
@@ -80,8 +82,8 @@ def trainings(
             take as any other.
 
     Raises:
-        UsageError: a folder holds no run; the runs have other episodes or conditions, or the same weights; or the
-            planner did not run in all of them.
+        UsageError: a folder holds no run; the runs have other episodes or conditions, the same weights, or another
+            file or other arguments of a planner; or the planner did not run in all of them.
         DataError: files cannot be read, or their episodes are not those of config.json.
     """
     if len(runs) < 2:
@@ -97,7 +99,7 @@ def trainings(
         group.name: np.array([100 * together.scored[record].correct.mean() for record in group.records])
         for group in group_planners(together.scored)
     }
-    found = Trainings(together, planner, _differences(together, planner), acc)
+    found = Trainings(together, planner, _differences(together, planner), acc, versions_note(read))
     if out is not None:
         folder = found.run.save(out)
         write_text(folder / "table.md", [markdown(*found.tables())])
@@ -128,6 +130,7 @@ def _check(runs: Sequence[Run]) -> None:
                 raise UsageError(
                     f"{before.directory} and {run.directory}: expected other trainings of the recogniser, got the same"
                 )
+    check_same_planners(runs)
 
 
 def _check_planner(runs: Sequence[Run], planner: str) -> None:
@@ -245,3 +248,5 @@ def _footnotes(found: Trainings) -> Iterator[str]:
     yield f"Bold: the interval excludes zero. {TOGETHER} So is p, the chance of such a difference if there is none."
     if any(planner.privileged for planner in found.run.summary.planners):
         yield f"{PRIVILEGED} privileged: is handed the label and the future."
+    if found.versions is not None:
+        yield found.versions

@@ -121,6 +121,22 @@ def test_runs_that_are_no_folds_of_one_set_are_refused(tmp_path: Path, options: 
     assert "\n" not in str(refused.value)
 
 
+def test_another_planner_of_the_same_name_is_refused(tmp_path: Path) -> None:
+    def of(file: str) -> tuple[PlannerConfig, ...]:
+        return tuple(replace(PLANNER, name=name, source_sha256=file, weights_sha256=file) for name in SKILLS)
+
+    runs = [run(tmp_path, 0, planners=of("1")), run(tmp_path, 1, planners=of("2"))]
+    with pytest.raises(UsageError) as refused:
+        take_together(runs)
+    differs = "expected the same planners; the file of no-act differ: expected sha256 1, got sha256 2"
+    assert str(refused.value) == f"{runs[0]} and {runs[1]}: {differs}"
+
+
+def test_versions_that_differ_are_told(tmp_path: Path) -> None:
+    *_, table = take_together([run(tmp_path, fold, versions={"numpy": f"2.{fold}"}) for fold in range(2)]).tables()
+    assert table.footnotes[-1] == "Versions differ between the runs: numpy 2.0 and 2.1."
+
+
 def test_what_would_count_twice_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     a, b = run(tmp_path, 0), run(tmp_path, 1)
     same = write_finished(tmp_path / "same", dict(read_run(a).records), recogniser_sha256="other")

@@ -210,6 +210,48 @@ def test_runs_that_are_no_trainings_of_one_another_are_refused(
     assert "\n" not in str(refused.value)
 
 
+OWN = replace(PlannerConfig("nbv", False, "mine.py:Mine"), arguments={"radius": 5, "file": "1"}, source_sha256="1")
+
+
+@pytest.mark.parametrize(
+    ("own", "changes", "message"),
+    [
+        (OWN, {"source_sha256": "2"}, "the file of nbv differ: expected sha256 1, got sha256 2"),
+        (
+            OWN,
+            {"arguments": {"radius": 6, "file": "1"}},
+            "the arguments of nbv differ: expected {'radius': 5, 'file': '1'}, got {'radius': 6, 'file': '1'}",
+        ),
+        (OWN, {"arguments": {"radius": 5, "file": "2"}}, "the arguments of nbv differ: "),
+        (OWN, {"weights_sha256": "2"}, None),
+        (OWN, {"arguments": {"radius": 5, "file": "2"}, "weights_sha256": "2"}, None),  # the file of its weights
+        (OWN, {"arguments": {"radius": 6, "file": "2"}, "weights_sha256": "2"}, "the arguments of nbv differ: "),
+        (OWN, {"name": "another"}, None),
+    ],
+)
+def test_another_planner_of_the_same_name_is_refused(
+    tmp_path: Path, own: PlannerConfig, changes: dict[str, Any], message: str | None
+) -> None:
+    no_act, runs = PlannerConfig("no-act", privileged=False, implementation="none"), []
+    for training, planner in enumerate((own, replace(own, **changes))):
+        records = {name: alike(2) for name in ("no-act", planner.name)}
+        options: Any = {"recogniser_sha256": str(training), "planners": (no_act, planner)}
+        runs.append(write_finished(tmp_path / str(training), records, **options))
+    if message is None:
+        assert trainings(runs, planner="no-act")
+        return
+    with pytest.raises(UsageError) as refused:
+        trainings(runs, planner="no-act")
+    assert str(refused.value).startswith(f"{runs[0]} and {runs[1]}: expected the same planners; {message}")
+    assert "\n" not in str(refused.value)
+
+
+def test_versions_that_differ_are_told(tmp_path: Path) -> None:
+    runs = [run(tmp_path, seed, versions={"numpy": f"2.{seed}", "torch": "2.3"}) for seed in (1, 2)]
+    (table,) = trainings(runs).tables()
+    assert table.footnotes[-1] == "Versions differ between the runs: numpy 2.1 and 2.2."
+
+
 def test_episodes_that_differ_are_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     a, b = run(tmp_path, 1), tmp_path / "b"
     other = {name: make_records(row, episodes=60, people=5) for row, name in enumerate(("no-act", "nbv"))}
