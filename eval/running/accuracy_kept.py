@@ -7,8 +7,8 @@ from ehar.errors import UsageError
 from ehar.track import IDEAL
 from eval.records.config import RunConfig
 from eval.records.episodes import EpisodeRecords
+from eval.records.same_planners import other_planner
 from eval.running.run import read_run
-from eval.running.same_planners import other_planner
 from eval.scores.planner_summary import NO_ACT
 
 SAME = ("data_sha256", "recogniser_sha256", "sensor_sha256", "form", "readout")  # of both configurations

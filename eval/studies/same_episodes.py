@@ -7,8 +7,8 @@ from ehar.errors import DataError, UsageError
 from ehar.files import shortened
 from ehar.flight.vehicle import LIMITS
 from eval.records.config import CONFIG, LATER
+from eval.records.same_planners import other_planner
 from eval.running.run import Run
-from eval.running.same_planners import other_planner
 
 SAME_EPISODES = (
     "data_sha256",
