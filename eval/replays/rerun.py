@@ -24,7 +24,8 @@ from eval.running.recorder import Recorder
 from eval.running.run import Run
 from eval.verification.followed_way import FollowedWay
 from eval.verification.inputs import Inputs
-from eval.verification.rerun import first_difference, make_again
+from eval.verification.rerun import make_again
+from eval.verification.seen import seen_difference
 from planners.heuristic import NoAct
 from planners.registry import VALUING
 
@@ -191,7 +192,7 @@ def _replay(
     recorder = Recorder(planner or NoAct(), name=name)  # the recorded path decides the view, not the planner
     record = workload.roll(recorder, batch, 0, motion)
     weights = [] if model is None else _field_weights(model, recorder.context, recorder.observations)
-    difference = first_difference(name, records, np.array(indices), record)
+    difference, _ = seen_difference(name, records, np.array(indices), record, batch, sensor)
     if difference is not None:
         raise DataError(difference)
     frames = [batch.sense(sensor, frame, record.viewpoints[:, frame]) for frame in range(way.shape[1])]

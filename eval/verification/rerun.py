@@ -8,24 +8,22 @@ every frame, within a tolerance, and a planner's moves in most frames. A flight 
 velocity, because records do not hold it. So a flying planner that goes elsewhere in many frames is not checked.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray, IntArray
-from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import DataError, EharError, UsageError
 from ehar.motion import Motion
 from ehar.obstacles.surroundings import Surroundings
 from ehar.planner import Planner
 from ehar.plugins.loading import source_sha256
-from ehar.rollout import Record
 from ehar.track import IDEAL
 from eval.records.config import CONFIG, PlannerConfig, RunConfig, planner_config
 from eval.records.contacts import CONTACTS, contacts_of
-from eval.records.episodes import DIGITS, SECOND, TRACKING, EpisodeRecords
+from eval.records.episodes import DIGITS, TRACKING, EpisodeRecords
 from eval.records.flights import KEYS, FlightRecords, flights_of, held_flight, tracking_of
 from eval.records.run_files import EPISODES
 from eval.running.choice import ModelPlace
@@ -35,12 +33,12 @@ from eval.running.progress import Reporter
 from eval.verification.checks import FAILED, OK, UNCHECKED, Check
 from eval.verification.followed_way import FollowedWay
 from eval.verification.records import place
+from eval.verification.seen import seen_difference
 from planners.heuristic import NoAct
 from planners.own_planner import Origin, load_own_class, make_own_planner, own_spec
 from planners.registry import is_ours, make_planner
 from recognition.setting import Setting
 
-PROBABILITY = 1e-3
 FLIGHT = 1e-2  # share of peaks, effort and tracking errors; at least 1e-2 in their units
 EDGE = 1e-4  # [m]; a camera that is nearer to the edge of too near may be counted or not, as viewpoints are rounded
 MOVES = 0.95  # share of frames in which a planner has to move as recorded
@@ -76,7 +74,7 @@ def check_replay(
     belief = models.load_gain_model().belief if config.readout == "belief" else None
     workload = Workload(setting.runner, episodes, belief)
     jobs = draw_jobs(list(records), len(episodes), count, np.random.default_rng(seed))
-    compared = 0
+    compared = cut = 0
     reporter.begin(2 * len(jobs))
     try:
         for name, chunk in jobs:
@@ -85,12 +83,12 @@ def check_replay(
             # file loaded before: what it did to the recogniser would be seen again.
             batch = workload.followed.batch(chunk)
             record = workload.roll(NoAct(), batch, chunk, motion)
-            difference = first_difference(name, records[name], rows, record) or contacts_difference(
-                name, records[name], rows, batch.surroundings
-            )
+            difference, until = seen_difference(name, records[name], rows, record, batch, setting.runner.sensor)
+            difference = difference or contacts_difference(name, records[name], rows, batch.surroundings)
             if difference is not None:
                 return [Check("seen again", FAILED, difference)]
             compared += len(rows)
+            cut += int((until < record.viewpoints.shape[1]).sum())
             reporter.advance(name)
         try:
             planners, left = make_again(config, models)
@@ -115,6 +113,8 @@ def check_replay(
     finally:
         reporter.end()
     seen = f"{compared} episodes of {len({name for name, _ in jobs})} planners, {count} drawn and those of their chunks"
+    if cut:
+        seen += f"; {cut} of them until a joint is on an edge, and rounded viewpoints do not say whether it is seen"
     led = setting.runner.track.named == IDEAL
     return [Check("seen again", OK, seen), *check_moves(records, moves, left, led=led)]
 
@@ -243,27 +243,6 @@ def draw_jobs(names: Sequence[str], episodes: int, count: int, rng: np.random.Ge
     return [(name, int(chunk)) for name in names for chunk in drawn[name]]
 
 
-def first_difference(name: str, recorded: EpisodeRecords, rows: IntArray, record: Record) -> str | None:
-    """Return the first frame in which the recognition differs from the records; None if all frames are the same.
-
-    Args:
-        name: name of the planner.
-        recorded: records of all its episodes.
-        rows: (B,) indices of the episodes that ran again, on the recorded way.
-        record: record of these episodes.
-    """
-    found = []
-    for rank, compared in enumerate(_compared(recorded, rows, record)):
-        if not compared.same.all():
-            at, frame = (int(index) for index in np.argwhere(~compared.same)[0])
-            found.append((at, frame, rank, compared))
-    if not found:
-        return None
-    at, frame, _, compared = min(found, key=lambda one: one[:3])
-    got, expected = compared.got[at, frame], compared.expected[at, frame]
-    return f"{place(name, recorded, int(rows[at]), frame)}: {compared.field}: got {got:.6g}, expected {expected:.6g}"
-
-
 def flight_difference(
     name: str, recorded: EpisodeRecords, rows: IntArray, flight: FlightRecords, elsewhere: BoolArray
 ) -> str | None:
@@ -342,33 +321,3 @@ def contacts_difference(
             upto = f" to {greatest[at]}" if greatest[at] > least[at] else ""
             return f"{place(name, recorded, int(rows[at]))}: {key}: got {got[at]}, expected {least[at]}{upto}"
     return None
-
-
-class _Compared(NamedTuple):
-    field: str
-    got: FloatArray | IntArray
-    expected: FloatArray | IntArray
-    same: BoolArray  # (B, L)
-
-
-def _compared(recorded: EpisodeRecords, rows: IntArray, record: Record) -> Iterator[_Compared]:
-    """Yield the values that are compared in each frame."""
-    probabilities = np.exp(record.log_probs.astype(np.float64))
-    top, predicted = probabilities.max(axis=-1), recorded.predicted[rows]
-    label = (
-        recorded.label[rows] if recorded.of_streams else np.broadcast_to(recorded.label[rows, None], predicted.shape)
-    )
-    if recorded.of_streams:
-        none = probabilities.shape[-1] - 1
-        label, predicted = (np.where(classes == NO_ACTIVITY, none, classes) for classes in (label, predicted))
-    of_predicted, true = (
-        np.take_along_axis(probabilities, chosen[..., None], axis=-1)[..., 0] for chosen in (predicted, label)
-    )
-    # If two classes are nearly as probable, either may be the predicted one.
-    yield _Compared("predicted", predicted, probabilities.argmax(axis=-1), of_predicted >= top - PROBABILITY)
-    compared = [("true_probability", true), ("top_probability", top)]
-    if recorded.second_probability is not None:
-        compared.append((SECOND, np.sort(probabilities, axis=-1)[..., -2:-1].sum(axis=-1)))
-    for field, expected in compared:
-        got = getattr(recorded, field)[rows]
-        yield _Compared(field, got, expected, np.abs(got - expected) <= PROBABILITY)

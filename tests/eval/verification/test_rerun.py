@@ -11,17 +11,15 @@ from ehar.motion import GridMotion, Motion
 from ehar.rollout import Record, rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import AZIMUTH
-from eval.records.episodes import DIGITS, EpisodeRecords, record_episodes
+from eval.records.episodes import DIGITS
 from eval.records.flights import FlightRecords
 from eval.running.episodes import CHUNK
 from eval.verification.checks import FAILED, OK, UNCHECKED
 from eval.verification.followed_way import FollowedWay
 from eval.verification.rerun import (
-    PROBABILITY,
     Moves,
     check_moves,
     draw_jobs,
-    first_difference,
     flight_difference,
     tracking_difference,
 )
@@ -92,48 +90,6 @@ def test_one_near_tie_is_one_step_elsewhere() -> None:
     motion = FollowedWay(GridMotion(), way)
     run(motion, VRotate())
     assert motion.elsewhere.sum(axis=0).tolist() == [0, 0, 0, 0, len(way), 0, 0, 0, 0, 0]
-
-
-PROBABILITIES = np.array([[[0.6, 0.3, 0.1], [0.45, 0.45 - PROBABILITY / 2, 0.1 + PROBABILITY / 2]]])
-
-
-def recorded() -> tuple[EpisodeRecords, Record]:
-    record = Record(np.tile([6.0, 0.0, 1.0], (1, 2, 1)), np.log(PROBABILITIES), 0.0)
-    kept = record_episodes(
-        record,
-        sequence=["walk"],
-        first=np.array([3]),
-        start=np.array([[6.0, 0.0, 1.0]]),
-        label=np.array([1]),
-        subjects=np.array([[-1]]),
-    )
-    return kept, record
-
-
-def test_noise_is_no_difference() -> None:
-    kept, record = recorded()
-    rows = np.array([0])
-    assert first_difference("nbv", kept, rows, record) is None
-    noise = PROBABILITIES * (1 + np.array([1, -1, 1]) * PROBABILITY / 2)
-    assert first_difference("nbv", kept, rows, replace(record, log_probs=np.log(noise))) is None
-    tie = replace(kept, predicted=np.array([[0, 1]]))  # two classes that are nearly as probable
-    assert first_difference("nbv", tie, rows, record) is None
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"predicted": np.array([[1, 0]])}, "frame 0: predicted: got 1, expected 0"),
-        ({"predicted": np.array([[0, 2]])}, "frame 1: predicted: got 2, expected 0"),
-        ({"true_probability": np.array([[0.3, 0.4]])}, "frame 1: true_probability: got 0.4, expected 0.4495"),
-        ({"top_probability": np.array([[0.7, 0.7]])}, "frame 0: top_probability: got 0.7, expected 0.6"),
-        ({"second_probability": np.array([[0.3, 0.2]])}, "frame 1: second_probability: got 0.2, expected 0.4495"),
-    ],
-)
-def test_the_first_frame_that_was_seen_otherwise_is_named(changes: dict[str, np.ndarray], message: str) -> None:
-    kept, record = recorded()
-    found = first_difference("nbv", replace(kept, **changes), np.array([0]), record)
-    assert found == f"episodes.jsonl: nbv, episode 0 ('walk' from frame 3), {message}"
 
 
 def test_moves_are_held_to_a_share_of_frames_and_flights_are_not() -> None:
