@@ -1,4 +1,4 @@
-"""Checks of what config.json says that no hash covers: who is privileged, and what readers are warned of."""
+"""Checks of what config.json says that no hash covers: who is privileged, which hashes it has, and its warnings."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -6,9 +6,9 @@ from typing import Any
 from eval.records.config import CONFIG, RunConfig
 from eval.verification.checks import FAILED, OK, UNCHECKED, Check
 from eval.verification.inputs import Inputs
-from planners.registry import is_ours, is_privileged
+from planners.registry import is_learned, is_ours, is_privileged, needs_fixed_place, needs_gain_model
 
-PRIVILEGED, WARNINGS = "privileged", "warnings"
+PRIVILEGED, NAMED, WARNINGS = "privileged", "weights named", "warnings"
 FLAGS = ("trained_open", "trained_elsewhere", "sensor_changed")  # of the recogniser
 
 
@@ -22,6 +22,18 @@ def check_privileged(config: RunConfig) -> Check:
             return Check(PRIVILEGED, FAILED, f"{CONFIG}: {planner.name}: privileged: {got}")
     own = "; your own are asked when they are made again" if len(ours) < len(config.planners) else ""
     return Check(PRIVILEGED, OK, f"{len(ours)} planners with names of ehar are as in ehar{own}")
+
+
+def check_named(config: RunConfig) -> Check:
+    """Check that all weights have a hash that planners of these names need; what is not named is compared with none."""
+    valuing = [planner.name for planner in config.planners if needs_gain_model(planner.name)]
+    held = [planner for planner in config.planners if needs_fixed_place(planner.name) or is_learned(planner.name)]
+    nameless = [f"{planner.name}: weights_sha256" for planner in held if planner.weights_sha256 is None]
+    if valuing and config.gain_model_sha256 is None:
+        nameless.insert(0, f"gain_model_sha256, which {valuing[0]} needs")
+    if nameless:
+        return Check(NAMED, FAILED, f"{CONFIG}: {nameless[0]}: got none, expected the hash of its weights")
+    return Check(NAMED, OK, f"hashes of the weights of {len(valuing) + len(held)} planners that need some")
 
 
 def check_warnings(config: RunConfig, inputs: Inputs) -> Check | None:

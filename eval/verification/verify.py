@@ -21,7 +21,7 @@ from eval.verification.checks import FAILED, OK, UNCHECKED, Check, Verification
 from eval.verification.figures import UNRECORDED, count_figures, mismatch, recompute
 from eval.verification.inputs import check_inputs
 from eval.verification.records import contradiction
-from eval.verification.said import check_privileged, check_warnings
+from eval.verification.said import check_named, check_privileged, check_warnings
 from eval.verification.steps import check_steps
 
 
@@ -81,6 +81,7 @@ def verify(
         Check("complete", OK, f"schema {config.schema}: {len(records)} planners, {count} episodes of each"),
         of_records,
         check_privileged(config),
+        check_named(config),
         *([check_steps(config, records, None if inputs.data is None else inputs.data.fps)] if held else []),
         *([_check_figures(directory, config, records, ideal)] if held else []),
         *inputs.checks,

@@ -73,7 +73,7 @@ def results(found: Verification) -> list[tuple[str, str]]:
 def test_a_run_is_verified_and_its_episodes_run_once_more(world: Path) -> None:
     found = verify(world / "run", rerun_episodes=480, reporter=Log())
     assert results(found) == [
-        *((name, OK) for name in ("complete", "records", "privileged", "steps", "figures")),
+        *((name, OK) for name in ("complete", "records", "privileged", "weights named", "steps", "figures")),
         *((name, OK) for name in ("data", "recogniser", "gain model", "fixed place", "agents", "warnings")),
         ("seen again", OK),
         ("moves again", OK),
@@ -95,7 +95,7 @@ def test_a_run_is_verified_and_its_episodes_run_once_more(world: Path) -> None:
 def test_nothing_is_run_unless_asked_for(world: Path) -> None:
     log = Log()
     found = verify(world / "run", reporter=log)
-    assert found.verdict == "verified" and log.jobs == 0 and len(found.checks) == 11
+    assert found.verdict == "verified" and log.jobs == 0 and len(found.checks) == 12
 
 
 def test_a_flight_is_compared_with_the_ideal_track_and_flown_once_more(world: Path, tmp_path: Path) -> None:
@@ -206,6 +206,18 @@ EDITS: list[tuple[str, str, Callable[[Any], object], str]] = [
         "recogniser: got sha256 0, expected fake, w",
     ),
     (CONFIG, "gain model", lambda held: held.update(gain_model_sha256="0"), "gain model: got sha256 0, expected "),
+    (
+        CONFIG,
+        "weights named",
+        lambda held: held.update(gain_model_sha256=None),
+        "config.json: gain_model_sha256, which nbv",
+    ),
+    (
+        CONFIG,
+        "weights named",
+        lambda held: held["planners"][4].update(weights_sha256=None),
+        "config.json: il-ppo/0: weights_sha256: got none, expected the hash of its weights",
+    ),
     (
         CONFIG,
         "fixed place",
@@ -397,9 +409,9 @@ def test_an_incomplete_run_is_called_so(run: Path, capsys: pytest.CaptureFixture
 def test_data_that_lie_elsewhere(run: Path, world: Path, tmp_path: Path) -> None:
     edit_json(run / CONFIG, lambda held: held.update(source=str(tmp_path / "gone.npz")))
     found = verify(run, reporter=Log())
-    assert results(found)[5:] == [("data", UNCHECKED), ("weights", UNCHECKED)]
+    assert results(found)[6:] == [("data", UNCHECKED), ("weights", UNCHECKED)]
     assert found.verdict == "verified, but for what was not checked: data, weights"
-    assert found.checks[5].what.endswith("; --data says where they lie now")
+    assert found.checks[6].what.endswith("; --data says where they lie now")
     assert "their data not at hand" in found.checks[1].what
     with pytest.raises(UsageError, match=r"no episode can be run once more: .*gone\.npz: no such file"):
         verify(run, rerun_episodes=1, reporter=Log())
