@@ -39,7 +39,7 @@ _ADMITTED = {
     # numpy's constructors of arrays and of single numbers, under their names before and since 2.0
     **{(f"numpy.{core}.multiarray", "_reconstruct"): np.empty(0).__reduce__()[0] for core in ("core", "_core")},
     **{(f"numpy.{core}.multiarray", "scalar"): np.int64(0).__reduce__()[0] for core in ("core", "_core")},
-    # of protocol 5, which takes no objects
+    # protocol 5's constructor of arrays from bytes, which refuses objects
     **{(f"numpy.{core}.numeric", "_frombuffer"): np.empty(0).__reduce_ex__(5)[0] for core in ("core", "_core")},
     ("_codecs", "encode"): _latin1_bytes,
 }

@@ -10,7 +10,7 @@ from ehar.sensors.sensor import draw_noise
 
 SOLO = load_data("solo")
 JOINTS = len(SOLO.skeleton.joint_names)
-# The right leg before the left one, the left arm before the right one, as in Human3.6M.
+# Skeletons name right joints first, or now the one and now the other, as Human3.6M does with legs and arms.
 ORDERS = {"right first": np.arange(JOINTS)[::-1], "mixed": np.random.default_rng(0).permutation(JOINTS)}
 
 
