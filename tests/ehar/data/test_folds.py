@@ -46,6 +46,15 @@ def test_people_who_all_perform_with_each_other_are_divided_as_couples_whoever_a
         np.testing.assert_array_equal(np.sort(np.concatenate(tested)), np.arange(len(ring)))
 
 
+def test_who_has_most_frames_is_dealt_out_first() -> None:
+    """Or else one who comes late makes a fold far larger than the others."""
+    solo = load_recordings("solo")
+    subjects = np.array([0, 1, 1, 1, 2, 2, 2, 2, *[3] * 5, *[4] * 7])[solo.subjects % 20]  # unlike shares
+    data = replace(solo, subjects=subjects, is_test=np.arange(len(subjects)) % 3 == 0)
+    frames = [int(data.lengths[split_parts(fold(data, number=one, folds=2)).test].sum()) for one in range(2)]
+    assert abs(frames[0] - frames[1]) < 0.05 * sum(frames)
+
+
 def test_a_set_that_is_not_divided_by_people_has_all_of_them_dealt_out() -> None:
     """As by cameras: each person is on both sides of the set's own split."""
     solo = load_recordings("solo")
