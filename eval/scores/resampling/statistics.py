@@ -174,7 +174,7 @@ def simultaneous(estimates: FloatArray, resampled: FloatArray, wider: Widening) 
     half = np.where(varies, scale * stdtrit(wider.freedom, 1 - level), 0.0)
     tail = stdtr(wider.freedom, -np.abs(estimates) / np.where(varies, scale, 1.0))
     reached = len(largest) - np.searchsorted(largest, -ndtri(tail) - _TIE)
-    one = np.minimum(2 * tail, 1)
+    one = 2 * tail
     # A difference that never varies is certain, or certainly none.
     known = np.where(np.abs(estimates) > ROUNDING, 0.0, 1.0)
     return Simultaneous(

@@ -55,6 +55,11 @@ def test_intervals_cover_the_true_mean_about_95_times_in_100() -> None:
     assert 178 <= covered <= 199
 
 
+def test_an_interval_leaves_out_as_much_at_each_end() -> None:
+    np.testing.assert_allclose(interval(np.arange(1001.0)), [25, 975])
+    np.testing.assert_allclose(interval(np.append(np.arange(1001.0), np.nan)), [25, 975])
+
+
 def test_planners_are_compared_on_the_same_resamples() -> None:
     rng = np.random.default_rng(2)
     hard = rng.random(50)
