@@ -63,6 +63,7 @@ def test_a_step_beyond_a_limit_is_named(name: str, change: list[float], said: st
     assert broken is not None
     assert (broken.episode, broken.step) == (1, 3)
     assert said in broken.what
+    assert broken.what.startswith(f"got from {way[1, 3].tolist()} to {way[1, 4].tolist()}")
 
 
 @pytest.mark.parametrize(
