@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ehar.flight.kinematics import SphericalState
+from ehar.flight.kinematics import CartesianMotion, SphericalState
 from ehar.flight.limits import keeps_limits, limit_shares
 from ehar.flight.profile import JerkProfile, Phases, phases_to_rest
 from ehar.flight.time_optimal import AxisLimits, TimeOptimal
@@ -36,6 +36,19 @@ def test_shares_by_hand() -> None:
     assert shares[4] == pytest.approx(0.3 / np.radians(45))
     down = limit_shares(VEHICLES["px4-auto"], state._replace(velocity=np.array([0, 0, 0.1])))
     assert down[3] == pytest.approx(1 / 1.5)
+
+
+def test_a_centre_that_moves_adds_its_motion_by_hand() -> None:
+    """At 120 degrees, level at 10 m, circling at 0.1 rad/s: a centre as fast, the same way, across and aside."""
+    azimuth, zero = np.radians(120), np.zeros(3)
+    across, out = np.array([-np.sin(azimuth), np.cos(azimuth), 0]), np.array([np.cos(azimuth), np.sin(azimuth), 0])
+    state = SphericalState(np.array([10, azimuth, np.pi / 2]), np.array([0, 0.1, 0]), zero, zero)
+    expected = {1.0: (across, 2.0), -1.0: (across, 0.0), 0.75: (out, 1.25)}
+    for speed, (way, sum_of_both) in expected.items():
+        centre = CartesianMotion(speed * way, zero, zero)
+        assert limit_shares(VEHICLES["px4-auto"], state, centre)[0] == pytest.approx(sum_of_both / 5)
+    pushed = CartesianMotion(zero, 0.1 * out, zero)  # against the 0.1 m/s² that hold the camera on its circle
+    assert limit_shares(VEHICLES["px4-auto"], state, pushed)[1] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("limit", LIMITS)
