@@ -55,6 +55,19 @@ def test_a_flight_keeps_clear_if_all_its_points_do() -> None:
     assert (clearance[~kept & began_clear].min(axis=1) < PLANNED + 0.03).all()
 
 
+def test_no_thin_pillar_lies_between_two_samples() -> None:
+    """A long way round at one speed, 3 m and more between the first samples, through a pillar of 10 cm."""
+    rest = np.zeros((1, 3))
+    state = SphericalState(np.array([[10.0, 0.0, np.pi / 2]]), rest, rest, rest)
+    limits = AxisLimits(*(np.full((1, 3), value) for value in (0.5, 50.0, 5000.0)))
+    phases, _ = TimeOptimal().to_target(state, state.viewpoint + [0.0, 3.0, 0.0], limits)
+    profile = JerkProfile.from_phases(state, phases)
+    for azimuth in np.linspace(0.1, 2.9, 57):
+        centre = (10 * np.cos(azimuth), 10 * np.sin(azimuth), 0.0)
+        pillar = Obstacles(cylinders=(Cylinder(centre=centre, radius=0.05, height=30),))
+        assert not keeps_clear(profile, Around(pillar, rest, rest, rest), 5.0).any()
+
+
 def test_a_flight_that_begins_too_near_may_leave_and_not_come_nearer() -> None:
     near = np.array([[7.0, 0.3 + 0.85 / 7, np.pi / 2]])  # 0.25 m from the pillar
     rest = np.zeros((2, 3))
