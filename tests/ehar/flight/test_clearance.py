@@ -60,7 +60,7 @@ def test_no_thin_pillar_lies_between_two_samples() -> None:
     rest = np.zeros((1, 3))
     state = SphericalState(np.array([[10.0, 0.0, np.pi / 2]]), rest, rest, rest)
     limits = AxisLimits(*(np.full((1, 3), value) for value in (0.5, 50.0, 5000.0)))
-    phases, _ = TimeOptimal().to_target(state, state.viewpoint + [0.0, 3.0, 0.0], limits)
+    phases, _ = TimeOptimal().to_target(state, state.viewpoint + np.array([0.0, 3.0, 0.0]), limits)
     profile = JerkProfile.from_phases(state, phases)
     for azimuth in np.linspace(0.1, 2.9, 57):
         centre = (10 * np.cos(azimuth), 10 * np.sin(azimuth), 0.0)

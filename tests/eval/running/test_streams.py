@@ -2,8 +2,6 @@
 
 import json
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,18 +33,12 @@ from eval.running.training import TrainAllConfig, train_all
 from eval.scores.streams.scores import stream_scores
 from eval.scores.summary import read_summary
 from eval.studies.explain import explain
-from planners.agents import demonstrations, validation
 from planners.agents import training as agent_training
 from planners.agents.storage import load_agent
 from planners.agents.training import train_agents
-from planners.place import fit as places
 from planners.place.config import FixedBestConfig
 from planners.place.fit import fit_fixed_best
 from planners.search.view_search import NextBestViewSearch
-from planners.value import collection
-from planners.value import fit as fields
-from planners.value import training as gain_training
-from planners.value.belief import streams_fit
 from planners.value.belief.streams import StreamBeliefModel
 from planners.value.config import GainTrainingConfig
 from planners.value.model import GainModel, load_gain_model
@@ -61,6 +53,7 @@ from tests.helpers.commands import fails_with
 from tests.helpers.fakes import FakeRecogniser, tiny_context, tiny_data
 from tests.helpers.gain_models import model_of
 from tests.helpers.settings import changed
+from tests.helpers.small_trainings import small_trainings
 from tests.helpers.stream_worlds import save_stream_world
 from tests.helpers.streams import raising_streams
 from tests.helpers.tiny_benchmarks import Log, file_hash
@@ -85,24 +78,6 @@ def learn_to_look(folder: Path) -> None:
         )
         fit_fixed_best(FixedBestConfig(conditions=conditions, workers=1), lambda *_: None)
     assert all("ratio" not in fit.field.parts for fit in trained.fits.values())  # nobody knows it in a stream
-
-
-@contextmanager
-def small_trainings() -> Iterator[None]:
-    """Let planners be trained on next to nothing."""
-    with pytest.MonkeyPatch.context() as patch:
-        for module, name, value in (
-            (collection, "EPISODES", 6),
-            (fields, "PENALTIES", (1.0,)),
-            (fields, "FOLDS", 2),
-            (gain_training, "UNSEEN_BATCHES", 1),
-            (streams_fit, "STEPS", 2),
-            (places, "POLARS", (1.0,)),
-            (places, "SIDES", (0.0,)),
-            (places, "STARTS", 1),
-        ):
-            patch.setattr(module, name, value)
-        yield
 
 
 def searching(model: GainModel) -> Planner:
@@ -195,13 +170,12 @@ def test_all_planners_but_agents_that_nobody_trained_watch_streams(folder: Path)
 def test_agents_learn_on_streams_on_the_grid_and_in_flight_and_watch_them(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in (demonstrations, agent_training, validation):
-        monkeypatch.setattr(module, "EPISODES", 4)
     models = Path(shutil.copytree(folder / "models", tmp_path / "models"))
     told = Conditions(data=str(folder / "raising.npz"), models=models, length=20)
     tiny = TinyTraining(conditions=told, episodes=8, workers=1, stages="il,il-ppo")
-    grid = train_agents(tiny, silent, silent)
-    flown = train_agents(changed(tiny, track="px4-auto", stages="dagger"), silent, silent)
+    with small_trainings():
+        grid = train_agents(tiny, silent, silent)
+        flown = train_agents(changed(tiny, track="px4-auto", stages="dagger"), silent, silent)
     assert [path.stem for path in (*grid, *flown)] == [
         "agent-il-perfect-moving-seed0",
         "agent-il-ppo-perfect-moving-seed0",
