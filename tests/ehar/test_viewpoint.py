@@ -11,9 +11,11 @@ from ehar.viewpoint import (
     MOVE_NAMES,
     MOVES,
     apply_moves,
+    away_from,
     cartesian,
     neighbours,
     spherical,
+    turned,
     wrap_azimuth,
     wrap_difference,
 )
@@ -159,3 +161,31 @@ def test_a_place_in_space_is_the_viewpoint_that_it_came_from(distance: float, az
 @pytest.mark.filterwarnings("error")
 def test_the_centre_itself_is_a_viewpoint() -> None:
     np.testing.assert_array_equal(spherical(np.zeros((2, 3))), [[0, 0, np.pi / 2]] * 2)
+
+
+def test_the_nearest_cell_of_what_lies_outside_is_one_at_the_edge() -> None:
+    outside = np.array([[99.0, 0.0, 3.0], [0.0, 0.0, -1.0]])
+    assert PAPER.to_cells(outside).tolist() == [[FARTHEST, 0, LEVEL], [0, 0, 0]]
+
+
+def test_turning_takes_one_direction_to_the_other_and_keeps_what_is_square_to_both() -> None:
+    rng = np.random.default_rng(0)
+    begin, end = rng.normal(size=(2, 50, 3))
+    square = np.cross(begin, end)
+    third = rng.normal(size=(50, 3))
+    held = np.stack([begin, square, third], axis=1)
+    found = turned(held[:, None], begin, end)[:, 0]
+    np.testing.assert_allclose(np.linalg.norm(found, axis=-1), np.linalg.norm(held, axis=-1))
+    lengths = np.linalg.norm(begin, axis=-1) / np.linalg.norm(end, axis=-1)
+    np.testing.assert_allclose(found[:, 0], end * lengths[:, None])
+    np.testing.assert_allclose(found[:, 1], square)
+    # A turn keeps angles and sides.
+    np.testing.assert_allclose((found[:, 0] * found[:, 2]).sum(axis=-1), (begin * third).sum(axis=-1))
+    np.testing.assert_allclose(np.linalg.det(found), np.linalg.det(held))
+
+
+def test_the_distance_is_that_from_what_a_camera_looks_at() -> None:
+    found = away_from(np.array([5.0, 0.0, np.pi / 2]), np.array([2.0, 4.0, 0.0]))
+    np.testing.assert_allclose(found, [5.0, 0.0, np.pi / 2])
+    found = away_from(np.array([5.0, 0.0, np.pi / 2]), np.array([5.0, 0.0, 1.5]))
+    np.testing.assert_allclose(found, [1.5, 0.0, np.pi / 2])
