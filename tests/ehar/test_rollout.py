@@ -8,15 +8,19 @@ import pytest
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.batch import Batch, noise_of
+from ehar.data.streams.scenario import StreamScenarios
 from ehar.errors import EpisodeError
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion
 from ehar.planner import Context, Observation, Planner
 from ehar.rollout import Record, rollout
+from ehar.runner import Runner
 from ehar.sensors.estimator import EstimatorSensor
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import Sensor, SensorNoise
+from ehar.world import PAPER
 from tests.helpers.fakes import FakeRecogniser, tiny_batch, tiny_context, tiny_scenarios
+from tests.helpers.streams import StreamRecogniser, raising_streams
 
 EPISODES, LENGTH = 5, 6
 
@@ -67,6 +71,28 @@ def test_the_record_is_what_the_recogniser_says_of_the_frames_from_those_viewpoi
         sensed = PerfectSensor().sense(batch.positions[:, frame], viewpoint, batch.noise.frame(frame))
         recognition, state = recogniser.step(state, sensed, viewpoint)
         np.testing.assert_array_equal(record.log_probs[:, frame], recognition.log_probs)
+
+
+def test_in_a_stream_the_recogniser_is_told_of_onsets_only_if_asked_for() -> None:
+    data = raising_streams(people=EPISODES, seconds=4)
+    streams = StreamScenarios(data, 40, np.arange(EPISODES), np.zeros(EPISODES, dtype=np.int64))
+    runner = Runner(data, StreamRecogniser(), PerfectSensor())
+    batch = runner.batch(
+        streams, np.arange(EPISODES), PAPER.sample_starts(np.random.default_rng(1), EPISODES), np.random.default_rng(2)
+    )
+    stays = Answers(lambda observation: observation.viewpoint)
+    context = replace(tiny_context(episodes=EPISODES), class_names=StreamRecogniser.class_names, length=None)
+    told, usual = (
+        rollout(stays, batch, StreamRecogniser(), PerfectSensor(), GridMotion(), context, onset)
+        for onset in ("known", "unknown")
+    )
+    recogniser = StreamRecogniser()
+    state = recogniser.start(EPISODES)
+    for frame in range(40):
+        seen = batch.sense(PerfectSensor(), frame, batch.starts)
+        recognition, state = recogniser.step(state, seen, batch.starts)
+        np.testing.assert_array_equal(usual.log_probs[:, frame], recognition.log_probs)
+    assert (told.log_probs != usual.log_probs).any()
 
 
 def test_what_an_oracle_imagines_is_what_it_will_see() -> None:

@@ -28,7 +28,7 @@ from ehar.runner import Runner
 from ehar.sensors.registry import SENSORS, make_sensor
 from ehar.sensors.sensor import SensorNoise
 from ehar.track import IDEAL, load_track
-from ehar.world import PAPER, ROOM
+from ehar.world import CROWD, PAPER, ROOM
 from eval.running.choice import ModelPlace, choose_planners
 from eval.running.recorder import Recorder, array_names
 from planners.registry import LEARNED, planner_names
@@ -215,6 +215,26 @@ def test_in_a_stream_in_a_room_no_planner_acts_on_the_future(track: str) -> None
         np.testing.assert_array_equal(first.viewpoints[:, : last + 2], second.viewpoints[:, : last + 2])
         np.testing.assert_array_equal(first.log_probs[:, : last + 1], second.log_probs[:, : last + 1])
         assert (first.log_probs[:, last + 1 :] != second.log_probs[:, last + 1 :]).any(), "the futures differ"
+
+
+def test_nobody_is_told_where_passers_by_will_walk() -> None:
+    data = world_of("duo").data
+    runner = Runner(data, untrained("duo"), make_sensor("perfect", data), load_track(IDEAL), CROWD)
+    starts = CROWD.sample_starts(np.random.default_rng(1), EPISODES)
+    batch = runner.batch(world_of("duo").windows, np.arange(EPISODES), starts, np.random.default_rng(2))
+    assert batch.surroundings is not None and batch.surroundings.passers is not None
+    passers = batch.surroundings.passers
+    changed = {name: part.copy() for name, part in passers.arrays.items()}
+    for name, part in changed.items():
+        part[:, LAST + 1 :] = 0 if name == "posture" else part[:, LAST + 1 :] + 0.5  # elsewhere, in another pose
+    later = replace(batch, surroundings=replace(batch.surroundings, passers=replace(passers, **changed)))
+    one, other = (rolled(Everything(), runner, each)[0].observations for each in (batch, later))
+    assert "passers" in array_names(one[0])
+    for here, there in zip(one[: LAST + 1], other[: LAST + 1], strict=True):
+        np.testing.assert_array_equal(here.passers, passers.tracked[:, here.frame])
+        for name in array_names(here):
+            np.testing.assert_array_equal(getattr(here, name), getattr(there, name), f"{name} in frame {here.frame}")
+    assert (one[LAST + 1].passers != other[LAST + 1].passers).any(), "the futures differ"
 
 
 def test_an_origin_that_knows_the_whole_window_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ from safetensors.numpy import load_file
 from ehar.conditions import Conditions
 from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import save_motion
-from ehar.data.scenario import TEST, split_parts
+from ehar.data.scenario import TEST
 from ehar.data.streams.data import StreamData
 from ehar.data.streams.file import save_streams
 from ehar.planner import Planner
@@ -30,7 +30,8 @@ from planners.value.training import train_gain_field
 from recognition.training.config import TrainingConfig
 from recognition.training.trainer import train_recogniser
 from tests.helpers.agent_trainings import TinyTraining, silent
-from tests.helpers.fakes import CLASS_NAMES, tiny_data
+from tests.helpers.fakes import tiny_data
+from tests.helpers.other_people import with_others
 from tests.helpers.small_trainings import small_trainings
 from tests.helpers.streams import raising_streams
 
@@ -45,28 +46,14 @@ def clips() -> MotionData:
     return replace(tiny_data(sequences=72), subjects=people[:, None], is_test=people >= 9)
 
 
-def changed(data: MotionData | StreamData, part: str) -> MotionData | StreamData:
-    """Return data with other motion and other labels in a part."""
-    sequences = getattr(split_parts(data), part)
-    positions = data.positions.copy()
-    of_sequence = np.repeat(np.arange(len(data.lengths)), data.lengths)
-    there = np.isin(of_sequence, sequences)
-    positions[there] += np.random.default_rng(7).normal(0, 0.2, positions[there].shape).astype(np.float32)
-    if isinstance(data, StreamData):
-        tested = np.isin(data.stream_of, sequences)
-        segments = data.segments.copy()
-        segments[tested, 2] = (segments[tested, 2] + 1) % len(CLASS_NAMES)
-        return replace(data, positions=positions, segments=segments)
-    labels = data.labels.copy()
-    labels[sequences] = (labels[sequences] + 1) % len(CLASS_NAMES)
-    return replace(data, positions=positions, labels=labels)
-
-
 def learned(folder: Path, data: MotionData | StreamData) -> dict[str, Any]:
     """Train all that can be trained; return by file what was learned, and what is told of it."""
     folder.mkdir()
     path, models = folder / "people.npz", folder / "models"
-    (save_streams if isinstance(data, StreamData) else save_motion)(path, data)  # type: ignore[operator]
+    if isinstance(data, StreamData):
+        save_streams(path, data)
+    else:
+        save_motion(path, data)
     told = Conditions(data=str(path), models=models, length=LENGTH)
     with small_trainings():
         train_recogniser(TrainingConfig(conditions=told, out=models, clips=320, batch=16, interval=160, threads=1))
@@ -100,6 +87,6 @@ def test_other_people_in_the_test_part_change_nothing_that_is_learned(
     data = make()
     usual = learned(tmp_path / "usual", data)
     assert {name.split("-")[0] for name in usual} == KINDS
-    assert learned(tmp_path / "test", changed(data, TEST)) == usual
-    other = learned(tmp_path / "others", changed(changed(data, "policy"), "validation"))
+    assert learned(tmp_path / "test", with_others(data, TEST)) == usual
+    other = learned(tmp_path / "others", with_others(with_others(data, "policy"), "validation"))
     assert {name.split("-")[0] for name in usual if other[name] != usual[name]} == KINDS

@@ -10,16 +10,21 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
+from ehar.arrays import FloatArray
 from ehar.data.scenario import Scenarios, windows
 from ehar.envs.controls import GridControls
 from ehar.envs.environment import EpisodeEnv, EpisodeVectorEnv, reward
+from ehar.envs.observations import Observations, shown_to_agent
 from ehar.envs.task import EpisodeTask
 from ehar.errors import EpisodeError, UsageError
+from ehar.motion import GridMotion
+from ehar.planner import Context, Observation, Planner
+from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.registry import make_sensor
 from ehar.viewpoint import HOVER, MOVE_NAMES, Workspace
 from ehar.world import CROWD, PAPER
-from tests.helpers.fakes import CLASS_NAMES, FakeRecogniser, tiny_data, tiny_scenarios
+from tests.helpers.fakes import CLASS_NAMES, FakeRecogniser, tiny_context, tiny_data, tiny_scenarios
 
 LENGTH = 10
 
@@ -111,6 +116,35 @@ def test_an_episode_has_l_frames_and_then_terminates() -> None:
     with pytest.raises(EpisodeError, match=r"step after frame 10 of 10"):
         env.step(np.int64(HOVER))
     assert env.reset()[0]["ratio"][0] == pytest.approx(1 / LENGTH)
+
+
+class Stays(Planner):
+    """Stays, and keeps what an agent would be shown."""
+
+    name = "stays"
+
+    def reset(self, context: Context) -> None:
+        self.context = context
+        self.shown: list[Observations] = []
+
+    def act(self, observation: Observation) -> FloatArray:
+        self.shown.append(shown_to_agent(observation, self.context))
+        return observation.viewpoint
+
+
+@pytest.mark.parametrize("sensor", ["perfect", "estimator"])
+def test_an_agent_is_shown_the_frame_that_a_planner_is(sensor: str) -> None:
+    whole = task(sensor, persons=2)
+    trained = [whole.begin(3, np.random.default_rng(0))]
+    batch = whole._batch
+    trained += [whole.step(np.full(3, HOVER))[0] for _ in range(LENGTH - 1)]
+    stays = Stays()
+    rollout(stays, batch, FakeRecogniser(), whole.sensor, GridMotion(), tiny_context(episodes=3, length=LENGTH))
+    assert len(stays.shown) == LENGTH - 1
+    for frame, shown in enumerate(stays.shown):
+        assert shown.keys() == trained[frame].keys()
+        for name, values in shown.items():
+            np.testing.assert_allclose(trained[frame][name], values, atol=1e-6, err_msg=f"{name} in frame {frame}")
 
 
 def test_actions_are_the_paper_s_moves() -> None:

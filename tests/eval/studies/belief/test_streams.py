@@ -1,12 +1,15 @@
 """The study of the belief in streams: the same episodes for every reader."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ehar.conditions import Conditions
+from ehar.data.scenario import TEST
+from ehar.data.streams.data import StreamData
+from ehar.data.streams.file import save_streams
 from ehar.errors import UsageError
 from eval import Watcher
 from eval.records.episodes import EpisodeRecords
@@ -16,7 +19,9 @@ from eval.studies.belief.stream_report import StreamBeliefReport, read_report, w
 from eval.studies.belief.study import belief_report
 from eval.studies.folds import take_together
 from eval.studies.trainings import trainings
+from tests.helpers.other_people import with_others
 from tests.helpers.stream_worlds import save_stream_world
+from tests.helpers.streams import raising_streams
 from tests.helpers.tiny_benchmarks import Log
 
 
@@ -55,6 +60,21 @@ def test_every_reader_is_scored_on_the_same_episodes(folder: Path, tmp_path: Pat
     assert (tmp_path / "config.json").is_file()
     watcher = Watcher(models=folder / "models", sensor="perfect", belief=tmp_path / "belief.json")
     assert watcher.belief_model == report.model
+
+
+def test_the_belief_does_not_know_who_is_tested(folder: Path, tmp_path: Path) -> None:
+    models, found = [], []
+    for part in (None, TEST, "policy"):
+        data = raising_streams() if part is None else with_others(raising_streams(), part)
+        assert isinstance(data, StreamData)
+        save_streams(tmp_path / f"{part}.npz", data)
+        conditions = Conditions(data=str(tmp_path / f"{part}.npz"), models=folder / "models", length=50)
+        report = belief_report(conditions, reporter=Log())
+        assert isinstance(report, StreamBeliefReport)
+        models.append(asdict(report.model) if report.model else None)
+        found.append(report.readers[1].nll)
+    assert models[0] is not None and models[1] == models[0] and models[2] != models[0]
+    assert found[1] != found[0]
 
 
 def test_folds_are_one_report_of_all_their_people(folder: Path, tmp_path: Path) -> None:

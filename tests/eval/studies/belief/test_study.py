@@ -7,6 +7,7 @@ import pytest
 
 from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
+from ehar.data.scenario import TEST
 from ehar.errors import UsageError
 from eval.cli.main import main
 from eval.records.episode_lines import read_episodes
@@ -15,6 +16,7 @@ from planners.value.belief.clips_fit import ABLATIONS
 from planners.value.view_basis import BASIS_SIZE
 from tests.helpers.fakes import tiny_data
 from tests.helpers.gain_models import model_of
+from tests.helpers.other_people import with_others
 from tests.helpers.tiny_benchmarks import HashedRecogniser, Log
 from tests.helpers.tiny_benchmarks import run as run_tiny
 
@@ -75,6 +77,13 @@ def test_every_part_is_scored_on_the_same_held_out_episodes(tmp_path: Path) -> N
     assert all(len(row) == len(table.header) for table in belief_tables(report) for row in table.rows)
     with pytest.raises(UsageError, match="another run"):
         report_of(out=tmp_path / "out", seed=1)
+
+
+def test_parts_are_fitted_and_scored_without_who_is_tested() -> None:
+    usual, other = (
+        report_of(data=data) for data in (tiny_data(sequences=40), with_others(tiny_data(sequences=40), TEST))
+    )
+    assert other.parts == usual.parts and other.test != usual.test
 
 
 def test_the_command_prints_both_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
