@@ -19,20 +19,17 @@ from ehar.data.motion_file import save_motion
 from ehar.data.scenario import TEST
 from ehar.data.streams.data import StreamData
 from ehar.data.streams.file import save_streams
-from ehar.planner import Planner
 from planners.agents.training import train_agents
 from planners.place.config import FixedBestConfig
 from planners.place.fit import fit_fixed_best
-from planners.search.view_search import NextBestViewSearch
 from planners.value.config import GainTrainingConfig
-from planners.value.model import GainModel
 from planners.value.training import train_gain_field
 from recognition.training.config import TrainingConfig
 from recognition.training.trainer import train_recogniser
 from tests.helpers.agent_trainings import TinyTraining, silent
 from tests.helpers.fakes import tiny_data
 from tests.helpers.other_people import with_others
-from tests.helpers.small_trainings import small_trainings
+from tests.helpers.small_trainings import searching, small_trainings
 from tests.helpers.streams import raising_streams
 
 LENGTH = 10
@@ -67,10 +64,6 @@ def learned(folder: Path, data: MotionData | StreamData) -> dict[str, Any]:
         elif file.suffix == ".json":
             found[file.name] = of_people(json.loads(file.read_text()))
     return found
-
-
-def searching(model: GainModel) -> Planner:
-    return NextBestViewSearch(model=model)
 
 
 def of_people(told: Any) -> Any:

@@ -11,16 +11,15 @@ from tests.helpers.fakes import CLASS_NAMES
 
 
 def with_others(data: MotionData | StreamData, part: str) -> MotionData | StreamData:
-    """Return data with other motion and other labels in a part."""
+    """Return data with other motion and other labels in a part; if that is the test part, all parts stay as they are."""
     sequences = getattr(split_parts(data), part)
     positions = data.positions.copy()
     of_sequence = np.repeat(np.arange(len(data.lengths)), data.lengths)
     there = np.isin(of_sequence, sequences)
     positions[there] += np.random.default_rng(7).normal(0, 0.2, positions[there].shape).astype(np.float32)
     if isinstance(data, StreamData):
-        tested = np.isin(data.stream_of, sequences)
-        segments = data.segments.copy()
-        segments[tested, 2] = (segments[tested, 2] + 1) % len(CLASS_NAMES)
+        segments, theirs = data.segments.copy(), np.isin(data.stream_of, sequences)
+        segments[theirs, 2] = (segments[theirs, 2] + 1) % len(CLASS_NAMES)
         return replace(data, positions=positions, segments=segments)
     labels = data.labels.copy()
     labels[sequences] = (labels[sequences] + 1) % len(CLASS_NAMES)

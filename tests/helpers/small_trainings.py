@@ -1,17 +1,20 @@
-"""Trainings of planners that take seconds: next to nothing of everything."""
+"""Trainings of recognisers and planners that take seconds: next to nothing of everything."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
 
+from ehar.planner import Planner
 from planners.agents import demonstrations, validation
 from planners.agents import training as agent_training
 from planners.place import fit as places
+from planners.search.view_search import NextBestViewSearch
 from planners.value import collection
 from planners.value import fit as fields
 from planners.value import training as gain_training
 from planners.value.belief import streams_fit
+from planners.value.model import GainModel
 from recognition.training import material
 
 
@@ -37,3 +40,8 @@ def small_trainings() -> Iterator[None]:
         ):
             patch.setattr(module, name, value)
         yield
+
+
+def searching(model: GainModel) -> Planner:
+    """Return a planner of the second round of a gain field's training."""
+    return NextBestViewSearch(model=model)

@@ -38,10 +38,9 @@ from planners.agents.storage import load_agent
 from planners.agents.training import train_agents
 from planners.place.config import FixedBestConfig
 from planners.place.fit import fit_fixed_best
-from planners.search.view_search import NextBestViewSearch
 from planners.value.belief.streams import StreamBeliefModel
 from planners.value.config import GainTrainingConfig
-from planners.value.model import GainModel, load_gain_model
+from planners.value.model import load_gain_model
 from planners.value.training import train_gain_field
 from planners.value.view_value import ViewValue
 from recognition.setting import load_setting
@@ -53,7 +52,7 @@ from tests.helpers.commands import fails_with
 from tests.helpers.fakes import FakeRecogniser, tiny_context, tiny_data
 from tests.helpers.gain_models import model_of
 from tests.helpers.settings import changed
-from tests.helpers.small_trainings import small_trainings
+from tests.helpers.small_trainings import searching, small_trainings
 from tests.helpers.stream_worlds import save_stream_world
 from tests.helpers.streams import raising_streams
 from tests.helpers.tiny_benchmarks import Log, file_hash
@@ -78,10 +77,6 @@ def learn_to_look(folder: Path) -> None:
         )
         fit_fixed_best(FixedBestConfig(conditions=conditions, workers=1), lambda *_: None)
     assert all("ratio" not in fit.field.parts for fit in trained.fits.values())  # nobody knows it in a stream
-
-
-def searching(model: GainModel) -> Planner:
-    return NextBestViewSearch(model=model)
 
 
 def watched(folder: Path, planners: Any, **options: Any) -> Run:

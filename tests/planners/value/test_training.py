@@ -15,8 +15,6 @@ from ehar.data.recordings import UNKNOWN_SUBJECT
 from ehar.data.scenario import split_parts
 from ehar.errors import DataError, EharError, ModelError, UsageError
 from ehar.motion import GridMotion
-from ehar.planner import Planner
-from planners.search.view_search import NextBestViewSearch
 from planners.value import collection as gain_collection
 from planners.value import fit as gain_fit
 from planners.value import training as gain_training
@@ -32,6 +30,7 @@ from recognition.storage import load_recogniser
 from tests.helpers.fakes import tiny_data
 from tests.helpers.random_networks import save_random_world
 from tests.helpers.settings import changed, tiny_conditions
+from tests.helpers.small_trainings import searching
 
 LENGTH = 8
 LED = [0, 0, 1, 2]  # batches of the second round, the first of them of unseen people
@@ -56,10 +55,6 @@ def config(tmp_path: Path) -> GainTrainingConfig:
 
 def silent(what: str, done: int, whole: int) -> None:
     """Hear nothing."""
-
-
-def searching(model: GainModel) -> Planner:
-    return NextBestViewSearch(model=model)
 
 
 def weights_path(config: GainTrainingConfig) -> Path:
