@@ -11,7 +11,7 @@ from tests.helpers.fakes import CLASS_NAMES
 
 
 def with_others(data: MotionData | StreamData, part: str) -> MotionData | StreamData:
-    """Return data with other motion and other labels in a part; if that is the test part, all parts stay as they are."""
+    """Return data with other motion and other labels in a part; other ones in the test part move no sequence."""
     sequences = getattr(split_parts(data), part)
     positions = data.positions.copy()
     of_sequence = np.repeat(np.arange(len(data.lengths)), data.lengths)
