@@ -5,6 +5,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from io import BytesIO
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -33,12 +34,12 @@ class TrialsReport:
     """What each part of a training is worth; it prints as tables, in a notebook as HTML.
 
     Args:
-        clips: training clips of each trial.
+        clips: training clips of each trial, by data set.
         folds: number of folds over people.
         sets: the data sets of which a fold is done or has begun.
     """
 
-    clips: int
+    clips: dict[str, int]
     folds: int
     sets: tuple[SetScores, ...]
 
@@ -64,13 +65,15 @@ class TrialsReport:
                 )
             )
         return Table(
-            title=f"Mean accuracy on people who were left out, minus that of the usual training [points], "
-            f"{self.clips:,} clips each",
+            title="Mean accuracy on people who were left out, minus that of the usual training [points]",
             header=("change", *(held.data for held in self.sets), "mean", "helps on", "keep", "what it is"),
             rows=tuple(rows),
             footnotes=(
                 f"{USUAL}: {ROWS[0].told}.",
                 f"Keep: it helps on at least {KEPT_ON} sets, and costs none more than {KEPT_LOSS:g} point.",
+                "Each trial learned from so many clips: "
+                + ", ".join(f"{name} {clips:,}" for name, clips in self.clips.items())
+                + ".",
                 "Folds begun: " + ", ".join(f"{held.data} {held.folds} of {self.folds}" for held in self.sets) + ".",
             ),
             words=frozenset({len(self.sets) + 4}),
@@ -109,7 +112,7 @@ class TrialsReport:
 
     def __repr__(self) -> str:
         """Return one line: the data sets."""
-        return f"TrialsReport({', '.join(scores.data for scores in self.sets)}: {self.clips:,} clips each)"
+        return f"TrialsReport({', '.join(scores.data for scores in self.sets)})"
 
     def __str__(self) -> str:
         """Return the tables."""
@@ -128,7 +131,7 @@ def trials(
     folds: int = 3,
     only: Sequence[int] = (),
     changes: Sequence[str] = (),
-    clips: int = 12_000,
+    clips: Sequence[int] = (12_000,),
     device: str = "cpu",
     threads: int = 0,
 ) -> TrialsReport:
@@ -144,7 +147,7 @@ def trials(
         folds: number of groups that people are left out in.
         only: numbers of the folds to train now; none means all. Two processes may train different ones.
         changes: what to change now, beside the usual training; none means everything. More can be tried later.
-        clips: training clips of each trial.
+        clips: training clips of each trial: one number for all sets, or one for each.
         device: torch device.
         threads: CPU threads of torch; with 0, torch decides.
 
@@ -155,8 +158,7 @@ def trials(
     """
     import torch  # imported here: too slow for `ehar --help`
 
-    if clips < 1:
-        raise UsageError(f"--clips: got {clips}, expected at least 1")
+    _check_clips(clips, len(data))
     outside = [number for number in only if not 0 <= number < folds]
     if outside:
         raise UsageError(f"--only: got {outside[0]}, expected numbers from 0 to {folds - 1}")
@@ -171,13 +173,17 @@ def trials(
     if repeated or not sets:
         told = f"{', '.join(sorted(repeated))} more than once" if repeated else "none"
         raise UsageError(f"data: expected different sets, got {told}")
+    per_set = dict(zip((held.name for held in sets), cycle(clips), strict=False))
     held_config = {
         "data_sha256": {held.name: held.sha256 for held in sets},
         "sensor": sensor,
         "folds": folds,
-        "clips": clips,
+        "clips": per_set,
     }
-    runs = [_SetTrials(held, sets, folder, sensor=sensor, folds=folds, clips=clips, device=device) for held in sets]
+    runs = [
+        _SetTrials(held, sets, folder, sensor=sensor, folds=folds, clips=per_set[held.name], device=device)
+        for held in sets
+    ]
     check_out(folder, held_config)
     write_text(folder / CONFIG, [json_text(held_config)])
 
@@ -186,7 +192,7 @@ def trials(
             for run in runs:
                 run.train(number, [USUAL, *changes] if changes else list(CHANGES))
     finally:  # who stops it has the table of what is done
-        report = TrialsReport(clips, folds, tuple(scores for run in runs if (scores := run.scores()) is not None))
+        report = TrialsReport(per_set, folds, tuple(scores for run in runs if (scores := run.scores()) is not None))
         if report.sets:
             write_text(folder / "summary.json", [json_text(asdict(report))])
             write_text(folder / "table.md", [markdown(*report.tables())])
@@ -272,6 +278,14 @@ class _SetTrials:
         except (OSError, ValueError) as error:
             raise UsageError(f"{path}: expected logits of a trial, got {error}: remove it to train again") from error
         return held
+
+
+def _check_clips(clips: Sequence[int], sets: int) -> None:
+    """Refuse other numbers of clips than one for all sets or one for each, each at least 1."""
+    if not clips or min(clips) < 1:
+        raise UsageError(f"--clips: got {', '.join(map(str, clips)) or 'none'}, expected at least 1")
+    if len(clips) not in (1, sets):
+        raise UsageError(f"--clips: got {len(clips)} numbers, expected one for all sets, or one for each")
 
 
 def _would_keep(gains: Sequence[float]) -> bool:

@@ -51,7 +51,7 @@ def test_folds_are_trained_one_after_another_and_kept(
     assert "pre-trained" not in rows and "ensemble of three" in rows
     assert "2 of 2 folds" in (out / "table.md").read_text()
     with pytest.raises(UsageError, match="differs in clips"):
-        trials([str(motion)], out=out, sensor="perfect", folds=2, clips=96)
+        trials([str(motion)], out=out, sensor="perfect", folds=2, clips=[96])
 
 
 def test_sets_of_which_nothing_is_done_are_left_out_of_the_tables(
@@ -65,9 +65,26 @@ def test_sets_of_which_nothing_is_done_are_left_out_of_the_tables(
 
     monkeypatch.setattr(study._SetTrials, "train", but_duo)
     monkeypatch.setattr(study, "CHANGES", {USUAL: Change()})
-    found = trials([str(motion), "duo"], out=tmp_path / "out", sensor="perfect", folds=2, only=[0], clips=32)
+    found = trials([str(motion), "duo"], out=tmp_path / "out", sensor="perfect", folds=2, only=[0], clips=[32])
     assert [held.data for held in found.sets] == ["tiny (synthetic)"]
     assert [row.row for row in found.sets[0].rows] == [USUAL, "last weights"]
+
+
+def test_each_set_learns_as_many_clips_as_it_is_told(
+    motion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps: list[int] = []
+    learn = trial.learn
+
+    def counts(learner: Any, lesson: trial.Lesson, *rest: Any) -> None:
+        steps.append(lesson.clips)
+        learn(learner, lesson, *rest)
+
+    monkeypatch.setattr(trial, "learn", counts)
+    monkeypatch.setattr(study, "CHANGES", {USUAL: Change()})
+    found = trials([str(motion), "solo"], out=tmp_path / "out", sensor="perfect", folds=2, only=[0], clips=[64, 32])
+    assert steps == [64, 32]
+    assert "learned from so many clips: tiny 64, solo 32." in str(found)
 
 
 def test_who_stops_it_has_the_table_of_what_is_done(
@@ -82,7 +99,7 @@ def test_who_stops_it_has_the_table_of_what_is_done(
 
     monkeypatch.setattr(trial, "run_trial", stops)
     with pytest.raises(KeyboardInterrupt):
-        trials([str(motion)], out=tmp_path / "out", sensor="perfect", folds=2, clips=32)
+        trials([str(motion)], out=tmp_path / "out", sensor="perfect", folds=2, clips=[32])
     table = (tmp_path / "out" / "table.md").read_text()
     assert "| frames alike |" in table and "| varied motion |" in table
     assert "smoothed labels" not in table
@@ -93,7 +110,7 @@ def test_other_sets_that_are_of_no_use_leave_out_what_learns_from_them(
 ) -> None:
     # The joints of the tiny people are not those that all skeletons have, so solo has nothing to learn from first.
     monkeypatch.setattr(study, "CHANGES", {name: CHANGES[name] for name in (USUAL, "pre-trained")})
-    found = trials(["solo", str(motion)], out=tmp_path / "out", sensor="perfect", folds=2, only=[0], clips=32)
+    found = trials(["solo", str(motion)], out=tmp_path / "out", sensor="perfect", folds=2, only=[0], clips=[32])
     assert "note: solo: pre-trained is left out: tiny: got no joint for" in capsys.readouterr().err
     rows = {held.data: {row.row for row in held.rows} for held in found.sets}
     assert "pre-trained" in rows["tiny (synthetic)"] and "pre-trained" not in rows["solo (synthetic)"]
@@ -114,8 +131,10 @@ def test_some_changes_are_tried_now_and_others_later(
 
 
 def test_bad_options_are_refused(motion: Path, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="--clips: got 0"):
-        trials([str(motion)], out=tmp_path, clips=0)
+    with pytest.raises(UsageError, match="--clips: got 32, 0, expected at least 1"):
+        trials([str(motion), "solo"], out=tmp_path, clips=[32, 0])
+    with pytest.raises(UsageError, match="--clips: got 2 numbers, expected one for all sets, or one for each"):
+        trials([str(motion)], out=tmp_path, clips=[32, 64])
     with pytest.raises(UsageError, match="--only: got 3, expected numbers from 0 to 2"):
         trials([str(motion)], out=tmp_path, only=[3])
     with pytest.raises(
