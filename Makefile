@@ -264,9 +264,18 @@ streams/$(1)-$(2).npz: $(filter streams/%,$(call whole,$(1))) | setup
 endef
 $(foreach set,$(RECORDED),$(foreach number,$(NUMBERS),$(eval $(call fold_of,$(set),$(number)))))
 
-# Activities of kindergator last 5 s: its recognisers learn on windows of 8 s.
-$(FOLDS:%=$(STREAM_RECOGNISER)): $(STREAM_RECOGNISER): streams/%.npz
-	$(EHAR) train recogniser --data $< $(call rate,$*) $(if $(filter kindergator-%,$*),--length 80) --sensor estimator --out $(@D)
+# Recognisers of hdm05 learn in the open first, as those that ship do, and those of kindergator there alone: its activities
+# last 5 s, so its windows do 8 s.
+OPEN_FIRST := $(filter hdm05-%,$(FOLDS))
+$(OPEN_FIRST:%=$(OPEN_RECOGNISER)): $(OPEN_RECOGNISER): streams/%.npz
+	$(EHAR) train recogniser --data $< $(call rate,$*) --sensor estimator --out $(@D)
+
+$(OPEN_FIRST:%=$(STREAM_RECOGNISER)): $(STREAM_RECOGNISER): $(OPEN_RECOGNISER) streams/%.npz
+	$(EHAR) train recogniser --data $(word 2,$^) $(call rate,$*) --sensor estimator --in-the-way --init $< --out $(@D)
+
+AT_ONCE := $(filter-out $(OPEN_FIRST),$(FOLDS))
+$(AT_ONCE:%=$(STREAM_RECOGNISER)): $(STREAM_RECOGNISER): streams/%.npz
+	$(EHAR) train recogniser --data $< $(call rate,$*) $(if $(filter kindergator-%,$*),--length 80,--in-the-way) --sensor estimator --out $(@D)
 
 $(FOLDS:%=models/%/planners): models/%/planners: $(STREAM_RECOGNISER)
 	$(EHAR) train gain-field --data streams/$*.npz $(call rate,$*) --sensor estimator --models $(@D)
@@ -316,6 +325,14 @@ $(ALOFT:%=models/%-flown/planners): models/%-flown/planners: models/%/planners
 	$(EHAR) train agent $(call aloft,$*) --stages il$(if $(filter solo-stream,$*),$(COMMA)ppo$(COMMA)il-ppo$(COMMA)dagger) --seeds 0 1 2
 	touch $@
 
+# Agents that learned in the room, beside the grid's field.
+TAUGHT_THERE := $(NUMBERS:%=sbu-stream-%)
+there = --data streams/$(1).npz --sensor estimator --track px4-auto --world room --models models/$(1)-there
+$(TAUGHT_THERE:%=models/%-there/planners): models/%-there/planners: models/%/planners
+	mkdir -p $(@D) && cp models/$*/causal-* models/$*/gain-field-*.* models/$*/fixed-best-* $(@D)
+	$(EHAR) train agent $(call there,$*) --stages il --seeds 0 1 2
+	touch $@
+
 ALOFT_PLANNERS := no-act h-rotate front fixed-best il nbv-search nbv
 define learned_aloft
 $$(ALOFT:%=runs/aloft-%-$(1)/table.md): runs/aloft-%-$(1)/table.md: models/%-flown/planners
@@ -325,6 +342,12 @@ $$(TAUGHT_ALOFT:%=runs/aloft-%-$(1)/table.md): runs/aloft-%-$(1)/table.md: $$(NU
 	$$(EHAR) study folds $$(^:/table.md=) --out $$(@D)
 endef
 $(foreach world,paper room,$(eval $(call learned_aloft,$(world))))
+
+$(TAUGHT_THERE:%=runs/there-%/table.md): runs/there-%/table.md: models/%-there/planners
+	$(BENCHMARK) $(ALOFT_PLANNERS) $(call there,$*) $(call lasting,$*) --starts 3 --out $(@D)
+
+runs/there-sbu-stream/table.md: $(TAUGHT_THERE:%=runs/there-%/table.md)
+	$(EHAR) study folds $(^:/table.md=) --out $(@D)
 
 # Flights that pay for energy, for noise near people, and for their length.
 PRICED := $(foreach price,energy_weight-0.1 energy_weight-1 noise_weight-0.1 distance_weight-0.001 distance_weight-0.01, \
@@ -562,7 +585,8 @@ docs/results/recorded-streams.md: $(foreach world,$(WORLDS),$(RECORDED:%=runs/lo
 	$(call side_by_side,nbv,Looking at recorded people)
 
 docs/results/recorded-flights.md: $(foreach world,$(WORLDS),$(foreach track,$(FLYING),$(FLOWN:%=runs/looked-%-$(world)-$(track)/table.md)) \
-  runs/looked-two-$(world)-tracking-drone/table.md) $(foreach world,paper room,$(TAUGHT_ALOFT:%=runs/aloft-%-$(world)/table.md))
+  runs/looked-two-$(world)-tracking-drone/table.md) $(foreach world,paper room,$(TAUGHT_ALOFT:%=runs/aloft-%-$(world)/table.md)) \
+  runs/there-sbu-stream/table.md
 	$(call side_by_side,nbv,Flying around recorded people)
 
 docs/results/glance.md: $(foreach track,. $(FLYING:%=-%.),$(SYNTHETIC:%=runs/watched-%$(track:.=)/table.md)) \
