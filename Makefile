@@ -163,9 +163,9 @@ $(SETS:%=runs/agents-%-paper/table.md): runs/agents-%-paper/table.md: models/%/a
 	$(BENCHMARK) $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor perfect --views paper --models models/$* \
 	  --starts $(STARTS) --out $(@D)
 
-$(SETS:%=runs/agents-%-drone/table.md): runs/agents-%-drone/table.md: runs/agents-%-estimator/table.md
-	$(BENCHMARK) $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* \
-	  --starts $(STARTS) --track tracking-drone --ideal $(<D) --out $(@D)
+$(SETS:%=runs/rules-%-drone/table.md): runs/rules-%-drone/table.md: runs/rules-%-estimator/table.md
+	$(BENCHMARK) $(RULES) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* --starts $(STARTS) \
+	  --track tracking-drone --ideal $(<D) --out $(@D)
 
 LONG := --data solo --models models/solo --sensor estimator --length 150 --starts 2
 runs/flight-solo-ideal/table.md: models/solo/planners-estimator-moving
@@ -561,8 +561,8 @@ docs/results/indoor.md: runs/rules-hdm05-indoor-estimator/table.md runs/rules-sb
 docs/results/exact-joints.md: $(SETS:%=runs/rules-%-perfect/table.md)
 	$(call side_by_side,nbv,Planners with exact joints)
 
-docs/results/flown.md: $(SETS:%=runs/agents-%-drone/table.md)
-	$(call side_by_side,nbv,All planners in flight on single clips)
+docs/results/flown.md: $(SETS:%=runs/rules-%-drone/table.md)
+	$(call side_by_side,nbv,Clips in flight)
 
 docs/results/streams.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-solo-stream$(track:.=)/table.md) \
   runs/aloft-solo-stream-paper/table.md runs/priced-solo-stream/table.md runs/localised/table.md
