@@ -50,7 +50,7 @@ STUDY = CommandGroup(
                 **SENSED,
                 "length": Flag("frames of an episode.", hint="60; streams 30 s"),
                 "seed": Flag("seed of start viewpoints and noise."),
-                "groups": Flag(kind=tuple[str, ...], default=(), metavar="GROUP ...", hint="all"),
+                "groups": Flag(kind=tuple[str, ...], metavar="GROUP ...", hint="all"),
                 "tracks": Flag(
                     "vehicles that nbv flies too: px4-auto, px4-max, tracking-drone, ground-robot, or files.",
                     kind=tuple[str, ...],

@@ -293,6 +293,17 @@ def commands(group: CommandGroup = COMMANDS, words: tuple[str, ...] = ()) -> dic
 EVERY = commands()
 
 
+def test_a_default_on_the_command_line_is_that_of_the_function() -> None:
+    others = [
+        (name, flag)
+        for name, command in EVERY.items()
+        for flag, held in command.flags.items()
+        if held.default is not None and held.default is not REQUIRED
+        if command.leaves()[flag].parameter.default != held.default
+    ]
+    assert others == [("study explain", "out")]  # on the command line its picture is a file
+
+
 @pytest.mark.parametrize("name", EVERY)
 def test_flags_and_conditions_are_those_of_its_function(name: str) -> None:
     command = EVERY[name]
