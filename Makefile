@@ -523,9 +523,9 @@ runs/published/table.md: | setup
 runs/real-views/table.md: | setup
 	$(EHAR) study real-views $(DATA)/nwucla.npz --out $(@D)
 
-# What each part of a recogniser's training is worth: 12 trainings for each set and fold.
+# What each part of a recogniser's training is worth: 15 trainings for each set and fold, with the clips of each set in turn.
 TRIAL_SETS := $(DATA)/sbu.npz $(DATA)/nwucla.npz $(DATA)/hdm05.npz solo duo
-TRIAL_CLIPS ?= 60000
+TRIAL_CLIPS ?= 30400 30400 115776 60000 60000
 runs/trials/table.md: | setup
 	$(EHAR) study trials $(TRIAL_SETS) --clips $(TRIAL_CLIPS) --out $(@D)
 
