@@ -280,7 +280,6 @@ STUDY = CommandGroup(
                 "clips": Flag(
                     "training clips of each trial: for all sets, or for each.",
                     kind=tuple[int, ...],
-                    default=(12_000,),
                     metavar="INT ...",
                     hint="12000",
                 ),
