@@ -18,6 +18,7 @@ from ehar.data.skeleton import Skeleton
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.errors import DataError
 from ehar.planner import Context, Observation, Planner
+from ehar.rollout import Record
 from eval.running.episodes import cut_scenarios, random_starts
 from eval.running.jobs import Workload
 from eval.running.recorder import Recorder
@@ -188,13 +189,21 @@ def _replay(
     """
     records, sensor = run.records[name], workload.runner.sensor
     way = records.viewpoint[list(indices)]
-    motion = FollowedWay(workload.runner.new_motion(), way)
-    recorder = Recorder(planner or NoAct(), name=name)  # the recorded path decides the view, not the planner
-    record = workload.roll(recorder, batch, 0, motion)
-    weights = [] if model is None else _field_weights(model, recorder.context, recorder.observations)
-    difference, _ = seen_difference(name, records, np.array(indices), record, batch, sensor)
+
+    def play(nudges: FloatArray) -> tuple[Record, Recorder, FollowedWay]:
+        motion = FollowedWay(workload.runner.new_motion(), way, nudges)
+        recorder = Recorder(planner or NoAct(), name=name)  # the recorded path decides the view, not the planner
+        return workload.roll(recorder, batch, 0, motion), recorder, motion
+
+    record, recorder, motion = play(np.zeros_like(way))
+    difference, nudges = seen_difference(
+        name, records, np.array(indices), record, batch, sensor, lambda nudges: play(nudges)[0]
+    )
     if difference is not None:
         raise DataError(difference)
+    if nudges.any():
+        record, recorder, motion = play(nudges)
+    weights = [] if model is None else _field_weights(model, recorder.context, recorder.observations)
     frames = [batch.sense(sensor, frame, record.viewpoints[:, frame]) for frame in range(way.shape[1])]
     astray: BoolArray = np.asarray(motion.elsewhere.any(axis=1))
     led = np.zeros(len(way), dtype=bool) if planner is None else ~astray

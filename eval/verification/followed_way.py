@@ -20,14 +20,16 @@ class FollowedWay:
         motion: motion of the track. In a flight, or with your own motion, only the viewpoint is brought back, because
             records hold no velocities and nothing else that a body remembers.
         way: (B, L, 3) recorded viewpoints.
+        nudges: (B, L, 3) [m], [rad], how far the camera is beside the way; where it is not 0, it is exactly there.
     """
 
-    def __init__(self, motion: Motion, way: FloatArray) -> None:
+    def __init__(self, motion: Motion, way: FloatArray, nudges: FloatArray) -> None:
         """Follow from the first frame."""
         self.workspace = motion.workspace
         self.elsewhere: BoolArray = np.zeros(way.shape[:2], dtype=bool)  # frames in which it was told to leave the way
         self._motion = motion
         self._way = way
+        self._nudges = nudges
         self._frame = 0
         self._frame_time = 0.0
         if isinstance(motion, FollowingMotion):
@@ -68,7 +70,9 @@ class FollowedWay:
         off[:, AZIMUTH] = wrap_difference(off[:, AZIMUTH])
         farthest = np.abs(off).max(axis=1, keepdims=True)
         self.elsewhere[:, self._frame] = farthest[:, 0] > VIEWPOINT
-        viewpoint: FloatArray = np.where(farthest > 10**-DIGITS, recorded, reached)
+        nudge = self._nudges[:, self._frame]
+        told = (farthest > 10**-DIGITS) | nudge.any(axis=1, keepdims=True)
+        viewpoint: FloatArray = np.where(told, recorded + nudge, reached)
         if type(self._motion) is GridMotion:
             self._motion.reset(viewpoint, self._frame_time)
         return viewpoint

@@ -1,6 +1,7 @@
-"""What was seen again: the recognition in each frame against the records, as far as rounded viewpoints tell it."""
+"""What was seen again: the recognition in each frame against the records, from the side of an edge that fits them."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from itertools import islice, product
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from eval.verification.records import place
 PROBABILITY = 1e-3
 JUMP = 1.0  # [px], farther than a joint moves in the image then, unless sides change
 CORNERS = 10.0**-DIGITS * np.array(np.meshgrid(*[(-1, 1)] * 3)).reshape(3, -1).T  # [m], [rad], of what rounding hides
+TRIES = 64  # ways that are tried for an episode, as each edge doubles them
 
 
 class Mismatch(NamedTuple):
@@ -35,48 +37,60 @@ def seen_difference(
     record: Record,
     batch: Batch,
     sensor: Sensor,
-) -> tuple[str | None, IntArray]:
-    """Return the first frame in which the recognition differs from the records, and how many frames were compared.
+    look: Callable[[FloatArray], Record],
+) -> tuple[str | None, FloatArray]:
+    """Return the first frame in which the recognition differs from the records, and from which side edges were seen.
 
     A recorded viewpoint is rounded, and a joint on the edge of what hides it is seen from one side of a millionth of a
-    metre. What is recognised then, and from then on, is not compared.
+    metre. So an episode that differs is looked at from the other sides of the edges before: one has to be as recorded.
 
     Args:
         name: name of the planner.
         recorded: records of all its episodes.
-        rows: (B,) indices of the episodes that ran again, on the recorded way.
+        rows: (B,) indices of the episodes that ran again.
         record: record of these episodes.
         batch: these episodes.
         sensor: the sensor that saw them.
+        look: runs them on the recorded way, moved by (B, L, 3) [m], [rad].
 
     Returns:
-        the difference, None if there is none; and (B,) frames.
+        the difference, None if there is none; and (B, L, 3), by how much the way was moved.
     """
-    until = np.full(len(rows), record.log_probs.shape[1])
-    while (found := first_mismatch(recorded, rows, record, until)) is not None:
-        on_edge = first_edge(batch, sensor, record.viewpoints, found.episode, found.frame)
-        if on_edge is None:
+    nudges = np.zeros(record.viewpoints.shape)
+    while (found := first_mismatch(recorded, rows, record)) is not None:
+        sides = _sides(batch, sensor, recorded.viewpoint[rows], found.episode, found.frame)
+        for moved in islice(product(*sides.values()), 1, TRIES):
+            other = nudges.copy()
+            other[found.episode, list(sides)] = moved
+            again = look(other)
+            then = first_mismatch(recorded, rows, again, only=found.episode)
+            if then is None or then.frame > found.frame:
+                nudges, record = other, again
+                break
+        else:
             where = place(name, recorded, int(rows[found.episode]), found.frame)
-            return f"{where}: {found.field}: got {found.got:.6g}, expected {found.expected:.6g}", until
-        until[found.episode] = on_edge
-    return None, until
+            return f"{where}: {found.field}: got {found.got:.6g}, expected {found.expected:.6g}", nudges
+    return None, nudges
 
 
-def first_mismatch(recorded: EpisodeRecords, rows: IntArray, record: Record, until: IntArray) -> Mismatch | None:
-    """Return the first frame that was seen otherwise, of the first `until` (B,) of each episode; None if none was."""
-    looked = np.arange(record.log_probs.shape[1]) < until[:, None]
+def first_mismatch(
+    recorded: EpisodeRecords, rows: IntArray, record: Record, only: int | None = None
+) -> Mismatch | None:
+    """Return the first frame that was seen otherwise, of one episode or of all; None if none was."""
+    looked = slice(None) if only is None else slice(only, only + 1)
     found = []
     for rank, compared in enumerate(_compared(recorded, rows, record)):
-        off = ~compared.same & looked
+        off = ~compared.same[looked]
         if off.any():
             at, frame = (int(index) for index in np.argwhere(off)[0])
+            at += only or 0
             got, expected = compared.got[at, frame], compared.expected[at, frame]
             found.append((rank, Mismatch(at, frame, compared.field, got, expected)))
     return min(found, key=lambda one: (*one[1][:2], one[0]))[1] if found else None
 
 
-def first_edge(batch: Batch, sensor: Sensor, way: FloatArray, episode: int, last: int) -> int | None:
-    """Return the first frame, up to a last one, in which a camera sees other joints if it moves by what rounding hides.
+def _sides(batch: Batch, sensor: Sensor, way: FloatArray, episode: int, last: int) -> dict[int, list[FloatArray]]:
+    """Return the frames, up to a last one, in which a camera sees other joints if it moves by what rounding hides.
 
     Args:
         batch: B episodes.
@@ -84,14 +98,26 @@ def first_edge(batch: Batch, sensor: Sensor, way: FloatArray, episode: int, last
         way: (B, L, 3) recorded viewpoints.
         episode: the episode, of the B.
         last: the last frame.
+
+    Returns:
+        for each of these frames, moves (3,) [m], [rad] after which different joints are seen, the first of them none.
     """
+    moves = np.concatenate([np.zeros((1, 3)), CORNERS])
+    sides = {}
     for frame in range(last + 1):
-        around = way[:, frame, None] + CORNERS
-        seen = batch.sense(sensor, frame, around, f"frame {frame}, near the recorded viewpoint")
-        moved, other = (np.ptp(part[episode], axis=0) for part in seen)
-        if other.any() or (moved > JUMP).any():
-            return frame
-    return None
+        around = way[:, frame, None] + moves
+        joints, confidence = batch.sense(sensor, frame, around, f"frame {frame}, near the recorded viewpoint")
+        kept: list[int] = []
+        for side in range(len(moves)):
+            if not any(
+                np.array_equal(confidence[episode, side], confidence[episode, other])
+                and np.abs(joints[episode, side] - joints[episode, other]).max() <= JUMP
+                for other in kept
+            ):
+                kept.append(side)
+        if len(kept) > 1:
+            sides[frame] = [moves[side] for side in kept]
+    return sides
 
 
 class _Compared(NamedTuple):

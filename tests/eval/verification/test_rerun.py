@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ehar.arrays import FloatArray
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion, Motion
@@ -54,10 +55,14 @@ def run(motion: Motion, planner: VRotate | Random | NoAct, length: int = 10) -> 
     return rollout(planner, tiny_batch(length=length), HashedRecogniser(), PerfectSensor(), motion, context)
 
 
+def followed(motion: Motion, way: FloatArray) -> FollowedWay:
+    return FollowedWay(motion, way, np.zeros_like(way))
+
+
 @pytest.mark.parametrize("body", [GridMotion, lambda: FlightMotion(vehicle=VEHICLES["px4-max"])])
 def test_a_planner_that_goes_its_own_way_is_not_disturbed(body: type[GridMotion]) -> None:
     first = run(body(), Random())
-    motion = FollowedWay(body(), first.viewpoints.round(DIGITS))
+    motion = followed(body(), first.viewpoints.round(DIGITS))
     again = run(motion, Random())
     np.testing.assert_array_equal(again.viewpoints, first.viewpoints)  # to the last digit, not the recorded one
     np.testing.assert_array_equal(again.log_probs, first.log_probs)
@@ -66,7 +71,7 @@ def test_a_planner_that_goes_its_own_way_is_not_disturbed(body: type[GridMotion]
 
 def test_another_planner_is_kept_on_the_way_and_sees_what_was_seen() -> None:
     first = run(GridMotion(), Random())
-    motion = FollowedWay(GridMotion(), first.viewpoints)
+    motion = followed(GridMotion(), first.viewpoints)
     again = run(motion, NoAct())
     np.testing.assert_allclose(again.viewpoints, first.viewpoints, atol=1e-9)
     np.testing.assert_allclose(again.log_probs, first.log_probs, atol=1e-5)
@@ -78,16 +83,27 @@ def test_another_planner_is_kept_on_the_way_and_sees_what_was_seen() -> None:
 def test_half_a_millimetre_off_the_way_is_on_it_and_seen_from_where_it_was_recorded() -> None:
     way = run(GridMotion(), VRotate()).viewpoints
     way[:, 4:] += 5e-4
-    motion = FollowedWay(GridMotion(), way)
+    motion = followed(GridMotion(), way)
     again = run(motion, VRotate())
     assert not motion.elsewhere.any()
     np.testing.assert_array_equal(again.viewpoints[:, 4:], way[:, 4:])
 
 
+def test_a_camera_is_exactly_beside_its_way_where_it_is_told_to_be() -> None:
+    way = run(GridMotion(), VRotate()).viewpoints.round(DIGITS)
+    nudges = np.zeros_like(way)
+    nudges[0, 3] = 1e-6, -1e-6, 1e-6
+    motion = FollowedWay(GridMotion(), way, nudges)
+    again = run(motion, NoAct())
+    np.testing.assert_array_equal(again.viewpoints[0, 3], way[0, 3] + nudges[0, 3])
+    np.testing.assert_array_equal(again.viewpoints[1:], run(followed(GridMotion(), way), NoAct()).viewpoints[1:])
+    np.testing.assert_allclose(again.viewpoints, way, atol=2e-6)
+
+
 def test_one_near_tie_is_one_step_elsewhere() -> None:
     way = run(GridMotion(), VRotate()).viewpoints
     way[:, 4:, AZIMUTH] += 2 * np.pi / 100  # one move of azimuth, which v-rotate would never make
-    motion = FollowedWay(GridMotion(), way)
+    motion = followed(GridMotion(), way)
     run(motion, VRotate())
     assert motion.elsewhere.sum(axis=0).tolist() == [0, 0, 0, 0, len(way), 0, 0, 0, 0, 0]
 

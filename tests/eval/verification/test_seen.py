@@ -1,5 +1,6 @@
 """What counts as seen again: noise does, and so does what rounded viewpoints leave open."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +12,7 @@ from ehar.sensors.perfect import PerfectSensor
 from ehar.sensors.sensor import Sensed, SensorNoise
 from ehar.viewpoint import AZIMUTH
 from eval.records.episodes import DIGITS, EpisodeRecords, record_episodes
-from eval.verification import seen
-from eval.verification.seen import PROBABILITY, first_edge, seen_difference
+from eval.verification.seen import PROBABILITY, seen_difference
 from tests.helpers.fakes import tiny_batch
 
 PROBABILITIES = np.array([[[0.6, 0.3, 0.1], [0.45, 0.45 - PROBABILITY / 2, 0.1 + PROBABILITY / 2]]])
@@ -32,7 +32,10 @@ def recorded() -> tuple[EpisodeRecords, Record]:
 
 
 def difference(kept: EpisodeRecords, rows: IntArray, record: Record) -> str | None:
-    return seen_difference("nbv", kept, rows, record, tiny_batch(episodes=1, length=2), PerfectSensor())[0]
+    def look(nudges: FloatArray) -> Record:
+        raise AssertionError("no joint is on an edge")
+
+    return seen_difference("nbv", kept, rows, record, tiny_batch(episodes=1, length=2), PerfectSensor(), look)[0]
 
 
 def test_noise_is_no_difference() -> None:
@@ -61,18 +64,6 @@ def test_the_first_frame_that_was_seen_otherwise_is_named(changes: dict[str, np.
     assert found == f"episodes.jsonl: nbv, episode 0 ('walk' from frame 3), {message}"
 
 
-def test_from_an_edge_on_an_episode_is_not_compared(monkeypatch: pytest.MonkeyPatch) -> None:
-    kept, record = recorded()
-    rows, seen_by = np.array([0]), (tiny_batch(episodes=1, length=2), PerfectSensor())
-    monkeypatch.setattr(seen, "first_edge", lambda batch, sensor, way, episode, last: 1 if last else None)
-    late = replace(record, log_probs=record.log_probs[..., [[0, 1, 2], [2, 0, 1]]][:, [0, 1], [0, 1]])
-    found, until = seen_difference("nbv", kept, rows, late, *seen_by)
-    assert found is None and until.tolist() == [1]
-    both = replace(record, log_probs=record.log_probs[..., [2, 0, 1]])
-    found, until = seen_difference("nbv", kept, rows, both, *seen_by)
-    assert found is not None and "frame 0" in found and until.tolist() == [2]
-
-
 class Beside(PerfectSensor):
     """Sees the first joint from one side of an azimuth alone."""
 
@@ -85,13 +76,59 @@ class Beside(PerfectSensor):
 
 
 EDGE = 1.0
+LENGTH = 6
+MISS = 10.0**-DIGITS / 2  # rounding puts a camera on the other side
 
 
-@pytest.mark.parametrize(("beside", "expected"), [(10.0**-DIGITS / 2, 4), (-(10.0**-DIGITS) / 2, 4), (1e-4, None)])
-def test_a_joint_is_on_an_edge_if_rounding_may_hide_it(beside: float, expected: int | None) -> None:
-    batch = tiny_batch(episodes=2, length=6)
-    way = np.tile([8.0, 2.0, 1.2], (2, 6, 1))
-    way[1, 4, AZIMUTH] = EDGE + beside
-    assert first_edge(batch, Beside(), way, 1, 5) == expected
-    assert first_edge(batch, Beside(), way, 1, 3) is None  # not yet
-    assert first_edge(batch, Beside(), way, 0, 5) is None
+def way_near_edges(frames: Sequence[int], beside: float = MISS) -> FloatArray:
+    way = np.tile([8.0, 2.0, 1.2], (2, LENGTH, 1))
+    way[1, frames, AZIMUTH] = EDGE + beside
+    return way
+
+
+def recognised(viewpoints: FloatArray) -> Record:
+    """Return what is recognised: from a frame on that is seen from below the edge, something else."""
+    below = (viewpoints[..., AZIMUTH] <= EDGE) & (viewpoints[..., AZIMUTH] > EDGE / 2)
+    others = np.cumsum(below * 2.0 ** np.arange(LENGTH), axis=1)
+    first = 0.4 + others / 200
+    return Record(viewpoints, np.log(np.stack([first, 1 - first], axis=-1)), 0.0)
+
+
+def seen_again(truth: FloatArray, way: FloatArray) -> tuple[str | None, FloatArray]:
+    """Return what is said of a run that was seen from a true way and recorded on another."""
+    kept = record_episodes(
+        recognised(truth),
+        sequence=["walk", "kick"],
+        first=np.array([3, 0]),
+        start=truth[:, 0],
+        label=np.array([1, 0]),
+        subjects=np.array([[-1], [-1]]),
+    )
+    kept = replace(kept, viewpoint=way)
+    batch = tiny_batch(episodes=2, length=LENGTH)
+    return seen_difference(
+        "nbv", kept, np.arange(2), recognised(way), batch, Beside(), lambda nudges: recognised(way + nudges)
+    )
+
+
+@pytest.mark.parametrize("frames", [[4], [2, 4], [0, 1, 2, 3, 4, 5]])
+def test_where_a_joint_is_on_an_edge_one_side_has_to_be_as_recorded(frames: list[int]) -> None:
+    truth, way = way_near_edges(frames, -MISS), way_near_edges(frames)
+    said, nudges = seen_again(truth, way)
+    assert said is None
+    assert np.argwhere(nudges.any(axis=2)).tolist() == [[1, frame] for frame in frames]
+    np.testing.assert_allclose(nudges, 0, atol=10.0**-DIGITS)
+    one_side = truth.copy()
+    one_side[1, frames[0]] = way[1, frames[0]]
+    said, nudges = seen_again(one_side, way)
+    assert said is None and np.argwhere(nudges.any(axis=2)).tolist() == [[1, frame] for frame in frames[1:]]
+
+
+def test_what_is_seen_from_no_side_of_an_edge_is_a_difference() -> None:
+    way = way_near_edges([2])
+    other = way.copy()
+    other[1, 4, AZIMUTH] = EDGE - MISS  # what was recorded from here on is seen from nowhere on the way
+    way[1, 4, AZIMUTH] = EDGE + 1e-4
+    said, nudges = seen_again(other, way)
+    assert said is not None and "nbv, episode 1 ('kick' from frame 0), frame 4: true_probability: got" in said
+    assert not nudges.any()
