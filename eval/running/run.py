@@ -1,6 +1,6 @@
 """A run of the benchmark, in memory or in a folder: its configuration, records and summary."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
@@ -18,7 +18,7 @@ from eval.records.episode_lines import episode_lines, read_episodes, stored_epis
 from eval.records.episodes import EpisodeRecords
 from eval.records.flights import held_flight
 from eval.records.one_by_one import OneByOne
-from eval.records.run_files import EPISODES, SUMMARY, check_out
+from eval.records.run_files import EPISODES, SUMMARY, TABLE, check_out
 from eval.scores.answers import episodes_only
 from eval.scores.closing import closing_sentences
 from eval.scores.metrics import ACC_AT, mean_acc, path_length, right_at
@@ -137,8 +137,12 @@ class Run:
         tables, fps = self.summary.tables(), self.conditions.fps
         return [*tables, stream_table(pool_seeds(self.records), fps)] if self.of_streams and fps else tables
 
-    def save(self, folder: str | Path) -> Path:
-        """Write config.json, episodes.jsonl, summary.json, table.md and the accuracy curve; return the folder.
+    def save(self, folder: str | Path, *, tables: Sequence["Table"] | None = None) -> Path:
+        """Write config.json, episodes.jsonl, summary.json, the accuracy curve and last table.md; return the folder.
+
+        Args:
+            folder: where to.
+            tables: of table.md; None means the run's own.
 
         Raises:
             UsageError: the folder cannot be written to, or holds another run.
@@ -149,10 +153,10 @@ class Run:
         out, classes = Path(folder), len(class_names(self, lambda _: None))
         check_out(out, self.config.to_json())
         write_records(out, self.config, self.records, self.summary)
-        write_text(out / "table.md", [markdown(*self.tables())])
         privileged = {planner.name for planner in self.summary.planners if planner.privileged}
         watched = "activity" if self.of_streams else "episode"
         draw_accuracy(curves(self.scored), privileged, classes, self.config.title, out / "accuracy", watched)
+        write_text(out / TABLE, [markdown(*(self.tables() if tables is None else tables))])
         return out
 
     def to_dataframe(self) -> "pandas.DataFrame":

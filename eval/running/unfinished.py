@@ -16,7 +16,7 @@ from eval.records.code import code_sha256
 from eval.records.config import CONFIG, UNFINISHED, RunConfig
 from eval.records.episode_lines import episode_lines, read_episodes
 from eval.records.job_times import JOB_TIMES, JobTime, write_job_times
-from eval.records.run_files import SUMMARY
+from eval.records.run_files import SUMMARY, TABLE
 from eval.records.solves import Solves
 from eval.running.jobs import Done, Job
 from eval.running.run import Run
@@ -115,10 +115,11 @@ class UnfinishedRun:
         run.save(whole)
         write_job_times(whole / JOB_TIMES, [self._told(job).time for job in jobs])
         try:
-            # The configuration goes first: files without one are taken for somebody else's. The summary goes last, and
-            # that of before is removed: a run counts as whole by it.
-            (self.out / SUMMARY).unlink(missing_ok=True)
-            order = {CONFIG: 0, SUMMARY: 2}
+            # The configuration goes first: files without one are taken for somebody else's. A run counts as whole by
+            # its summary, and as done by its table: they go last, and those of before are removed.
+            for name in (TABLE, SUMMARY):
+                (self.out / name).unlink(missing_ok=True)
+            order = {CONFIG: 0, SUMMARY: 2, TABLE: 3}
             for path in sorted(whole.iterdir(), key=lambda path: order.get(path.name, 1)):
                 path.replace(self.out / path.name)
         except OSError as error:

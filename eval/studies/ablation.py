@@ -13,7 +13,7 @@ from ehar.processes import Processes, check_workers
 from ehar.track import IDEAL, load_track
 from eval.records.config import CONFIG, planner_config, run_config
 from eval.records.episode_lines import episode_lines
-from eval.records.run_files import EPISODES, SUMMARY, check_out
+from eval.records.run_files import EPISODES, SUMMARY, TABLE, check_out
 from eval.render.tables import Table, interval_text, markdown, share_text
 from eval.running.benchmark import summarise_runs
 from eval.running.choice import ModelPlace
@@ -229,4 +229,4 @@ def _write(out: Path, config: Mapping[str, Any], runs: dict[str, PlannerRun], re
     write_text(out / CONFIG, [json_text(config)])
     write_text(out / EPISODES, episode_lines({name: run.records for name, run in runs.items()}))
     write_text(out / SUMMARY, [json_text({"groups": result.groups, **result.summary.to_json()})])
-    write_text(out / "table.md", [markdown(*ablation_tables(result))])
+    write_text(out / TABLE, [markdown(*ablation_tables(result))])

@@ -8,6 +8,7 @@ from typing import Any
 from ehar.errors import DataError, UsageError
 from ehar.files import write_text
 from eval.records.config import CONFIG, PlannerConfig
+from eval.records.run_files import TABLE
 from eval.render.tables import markdown
 from eval.running.run import Run, read_run
 from eval.scores.differences import compare_pairs
@@ -72,7 +73,7 @@ def compare(
         basis=resamples.basis,
     )
     if out is not None:
-        write_text(Path(out) / "table.md", [markdown(*found.tables())])
+        write_text(Path(out) / TABLE, [markdown(*found.tables())])
     return found
 
 

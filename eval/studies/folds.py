@@ -9,13 +9,12 @@ from pathlib import Path
 from ehar.data.recordings import SYNTHETIC
 from ehar.data.scenario import TEST
 from ehar.errors import UsageError
-from ehar.files import write_text
 from eval.records.config import FoldConfig, PlannerConfig, RunConfig, hashed_together, joined_config, read_config
 from eval.records.episode_lines import read_episodes
 from eval.records.episodes import EpisodeRecords, join_records
 from eval.records.run_files import BELIEF_JSON, EPISODES, check_out
 from eval.records.solves import join_solves
-from eval.render.tables import PRIVILEGED, Table, html, markdown, text
+from eval.render.tables import PRIVILEGED, Table, html, text
 from eval.running.accuracy_kept import read_ideal_run
 from eval.running.run import Run, class_names, read_run
 from eval.scores.resampling.training_seeds import group_planners
@@ -31,7 +30,6 @@ from eval.studies.same_episodes import (
 )
 
 SAME = (*(key for key in SAME_EPISODES if key != "data_sha256"), *SAME_CONDITIONS, "onset")  # of config.json
-TABLE = "table.md"
 
 
 @dataclass(frozen=True, repr=False)
@@ -94,8 +92,7 @@ def take_together(
     together = Run(config, records, _class_names(each), made=_summary(each, config, records, on_ideal))
     found = Folds(together, each)
     if out is not None:
-        folder = together.save(out)
-        write_text(folder / TABLE, [markdown(*found.tables())])
+        together.save(out, tables=found.tables())
     return found
 
 

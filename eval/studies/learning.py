@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from ehar.errors import DataError, UsageError
 from ehar.files import parse_json, read_json, write_text
+from eval.records.run_files import TABLE
 from eval.render.figures import clean, save_figure
 from eval.render.palette import BLUE, LIGHT, VERMILION
 from eval.render.tables import Table, html, interval_text, markdown, text
@@ -170,8 +171,8 @@ def learning(runs: Sequence[str | Path], *, planner: str = NBV, out: str | Path 
     found = LearningCurve(planner, tuple(sorted(map(_learned, read), key=lambda learned: learned.clips)))
     tables = found.tables()  # says which planner is missing before anything is written
     if out is not None:
-        write_text(Path(out) / "table.md", [markdown(*tables)])
         found.draw(Path(out) / "learning")
+        write_text(Path(out) / TABLE, [markdown(*tables)])
     return found
 
 

@@ -14,6 +14,7 @@ from ehar.data.copies import unseen_test
 from ehar.data.source import load_data
 from ehar.errors import UsageError
 from ehar.files import json_text, write_text
+from eval.records.run_files import TABLE
 from eval.render.tables import Table, html, markdown, text
 from planners.agents.config import check_seeds
 from recognition.devices import check_device
@@ -206,7 +207,7 @@ def published(
     )
     kept = {**asdict(found), "rows": [_for_json(row) for row in rows]}
     write_text(folder / "summary.json", [json_text(kept)])
-    write_text(folder / "table.md", [markdown(*found.tables())])
+    write_text(folder / TABLE, [markdown(*found.tables())])
     return found
 
 

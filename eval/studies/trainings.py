@@ -8,12 +8,11 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError
-from ehar.files import write_text
 from eval.records.config import RunConfig, joined_config, read_config
 from eval.records.episode_lines import read_episodes
 from eval.records.episodes import EpisodeRecords
 from eval.records.run_files import BELIEF_JSON, EPISODES, check_out
-from eval.render.tables import NONE, PRIVILEGED, Table, html, interval_text, markdown, p_text, text
+from eval.render.tables import NONE, PRIVILEGED, Table, html, interval_text, p_text, text
 from eval.running.run import Run, class_names, read_run
 from eval.scores.differences import NBV, Difference, compare_pairs
 from eval.scores.metrics import gap_closed
@@ -101,8 +100,7 @@ def trainings(
     }
     found = Trainings(together, planner, _differences(together, planner), acc, versions_note(read))
     if out is not None:
-        folder = found.run.save(out)
-        write_text(folder / "table.md", [markdown(*found.tables())])
+        found.run.save(out, tables=found.tables())
     return found
 
 

@@ -135,3 +135,8 @@ class FakeRecogniser:
         self.frames_recognised += seen.size
         log_probs = evidence - np.log(np.exp(evidence).sum(axis=-1, keepdims=True))
         return Recognition(log_probs.astype(np.float32), evidence.astype(np.float32)), FakeState(evidence)
+
+
+def stopped(*_: object, **__: object) -> None:
+    """Stand in for something during which the user presses Ctrl-C."""
+    raise KeyboardInterrupt

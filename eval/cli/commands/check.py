@@ -4,6 +4,8 @@ from eval.cli.command import Command, Flag
 from eval.cli.commands.group import CommandGroup
 from eval.cli.show import show_conformance
 
+CLIPS = "data whose test clips it is tried on: duo, solo, or a prepared .npz that is no stream."
+
 CHECK = CommandGroup(
     """Check your own planner, recogniser, sensor or motion.
 
@@ -55,7 +57,7 @@ CHECK = CommandGroup(
                     positional=True,
                     metavar="RECOGNISER",
                 ),
-                "data": Flag("data whose test episodes it sees: a built-in set or a prepared .npz."),
+                "data": Flag(CLIPS),
             },
         ),
         "sensor": Command(
@@ -71,7 +73,7 @@ CHECK = CommandGroup(
                 ehar check sensor ./mine.py:Blurred --pixels 8
             """,
             conditions=("data", "world"),
-            flags={"sensor": Flag(kind=str, positional=True, metavar="SENSOR")},
+            flags={"sensor": Flag(kind=str, positional=True, metavar="SENSOR"), "data": Flag(CLIPS)},
         ),
         "motion": Command(
             "eval.conformance.motion:check_motion",
@@ -86,7 +88,7 @@ CHECK = CommandGroup(
                 ehar check motion ./mine.py:Slow
             """,
             conditions=("data", "fps", "world"),
-            flags={"motion": Flag(kind=str, positional=True, metavar="MOTION")},
+            flags={"motion": Flag(kind=str, positional=True, metavar="MOTION"), "data": Flag(CLIPS)},
         ),
     },
 )

@@ -12,6 +12,7 @@ from ehar.data.streams.data import NO_ACTIVITY
 from ehar.files import write_text
 from eval.records.config import RunConfig
 from eval.records.episodes import EpisodeRecords, join_records
+from eval.records.run_files import TABLE
 from eval.render.tables import Table, interval_text, markdown
 from eval.running.run import write_records
 from eval.scores.metrics import PROBABILITY_FLOOR
@@ -179,7 +180,7 @@ def read_report(
 def write_report(out: Path, report: StreamBeliefReport) -> None:
     """Write config.json, episodes.jsonl with what every reader says, and table.md."""
     write_records(out, report.config, report.records, None)
-    write_text(out / "table.md", [markdown(*report.tables())])
+    write_text(out / TABLE, [markdown(*report.tables())])
 
 
 def _resamples(records: EpisodeRecords, why_none: str | None, names: Iterable[str]) -> Resamples:

@@ -15,7 +15,7 @@ from ehar.errors import DataError
 from ehar.files import json_text, write_text
 from ehar.planner import Planner
 from eval.records.config import CONFIG, RunConfig, planner_config, run_config
-from eval.records.run_files import BELIEF_JSON, check_out
+from eval.records.run_files import BELIEF_JSON, TABLE, check_out
 from eval.render.tables import Table, markdown
 from eval.running.choice import ModelPlace
 from eval.running.episodes import cut_scenarios, random_starts
@@ -229,4 +229,4 @@ def _write(out: Path, report: BeliefReport) -> None:
     """Write the configuration, numbers and tables."""
     write_text(out / CONFIG, [json_text(report.config.to_json())])
     write_text(out / BELIEF_JSON, [json_text(report.to_json())])
-    write_text(out / "table.md", [markdown(*belief_tables(report))])
+    write_text(out / TABLE, [markdown(*belief_tables(report))])

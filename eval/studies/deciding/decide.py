@@ -11,6 +11,7 @@ from ehar.errors import DataError, UsageError
 from ehar.files import write_text
 from eval.records.config import LATER
 from eval.records.episodes import EpisodeRecords, join_records
+from eval.records.run_files import TABLE
 from eval.render.tables import markdown
 from eval.running.run import Run, read_run
 from eval.scores.deciding.curves import deciding_once, fit_across, fit_rules
@@ -92,8 +93,8 @@ def decide(
     if out is not None:
         from eval.studies.deciding.figure import draw_deciding  # matplotlib takes a second to import
 
-        write_text(Path(out) / "table.md", [markdown(*found.tables())])
         draw_deciding(found, Path(out) / "deciding")
+        write_text(Path(out) / TABLE, [markdown(*found.tables())])
     return found
 
 

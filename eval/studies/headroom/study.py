@@ -15,7 +15,7 @@ from ehar.files import json_text, write_text
 from ehar.processes import Processes, check_workers
 from ehar.world import load_world
 from eval.records.config import CONFIG, RunConfig, planner_config, run_config
-from eval.records.run_files import check_out
+from eval.records.run_files import TABLE, check_out
 from eval.render.tables import Table, markdown
 from eval.running.choice import make_planners
 from eval.running.episodes import Episodes, cut_scenarios, random_starts
@@ -237,4 +237,4 @@ def _write(out: Path, config: Mapping[str, Any], result: Headroom) -> None:
     title = f"{result.config.data}, {sensor} sensor: fixed cameras at {result.distance:g} m"
     draw_map(result.viewpoints, result.acc_mean, title, out / "headroom")
     draw_class_maps(result.viewpoints, result.maps, title, out / "class-maps")
-    write_text(out / "table.md", [markdown(*headroom_tables(result))])
+    write_text(out / TABLE, [markdown(*headroom_tables(result))])

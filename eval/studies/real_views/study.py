@@ -10,6 +10,7 @@ from ehar.errors import UsageError
 from ehar.files import json_text, write_text
 from ehar.sensors.estimator import NOISE_FLOOR, OCCLUDED_NOISE, RELATIVE_NOISE
 from ehar.world import INDOOR
+from eval.records.run_files import TABLE
 from eval.render.tables import Table, html, markdown, text
 from eval.scores.metrics import ACC_AT
 from eval.studies.real_views.choice import Named, ViewChoice, predict_cameras
@@ -168,7 +169,7 @@ def real_views(
         simulated=simulated_errors(motion, executions, poses, world.camera),
     )
     write_text(folder / "summary.json", [json_text(asdict(found))])
-    write_text(folder / "table.md", [markdown(*found.tables())])
+    write_text(folder / TABLE, [markdown(*found.tables())])
     return found
 
 

@@ -18,7 +18,7 @@ from ehar.errors import DataError, UsageError
 from ehar.files import json_text, write_bytes, write_text
 from ehar.world import PAPER
 from eval.records.config import CONFIG
-from eval.records.run_files import check_out
+from eval.records.run_files import TABLE, check_out
 from eval.render.tables import Table, html, interval_text, markdown, text
 from eval.scores.summary_table import basis_lines
 from eval.studies.trials.scores import Answered, SetScores, score_set
@@ -195,7 +195,7 @@ def trials(
         report = TrialsReport(per_set, folds, tuple(scores for run in runs if (scores := run.scores()) is not None))
         if report.sets:
             write_text(folder / "summary.json", [json_text(asdict(report))])
-            write_text(folder / "table.md", [markdown(*report.tables())])
+            write_text(folder / TABLE, [markdown(*report.tables())])
     return report
 
 

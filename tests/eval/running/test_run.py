@@ -13,12 +13,12 @@ from eval.records.config import CONFIG
 from eval.records.episode_lines import episode_lines
 from eval.records.episodes import EpisodeRecords
 from eval.records.job_times import JOB_TIMES
-from eval.records.run_files import EPISODES, SUMMARY
+from eval.records.run_files import EPISODES, SUMMARY, TABLE
 from eval.render.tables import text
 from eval.running.run import Run, class_names, read_run
 from eval.scores.metrics import ACC_AT, mean_acc, right_at
 from planners.heuristic import NoAct
-from tests.helpers.fakes import CLASS_NAMES
+from tests.helpers.fakes import CLASS_NAMES, stopped
 from tests.helpers.made_records import config_of_run, flown, make_records, summary_of, three_planners, write_finished
 from tests.helpers.tiny_benchmarks import names, run
 
@@ -72,6 +72,13 @@ def test_a_run_that_was_saved_is_read_by_text_and_by_path(tmp_path: Path) -> Non
     by_path.save(tmp_path / "b")
     for name in (CONFIG, EPISODES, SUMMARY, "table.md"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), name
+
+
+def test_a_run_that_is_stopped_before_its_picture_has_no_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eval.render.figures.draw_accuracy", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        made_run().save(tmp_path)
+    assert (tmp_path / SUMMARY).is_file() and not (tmp_path / TABLE).exists()
 
 
 def test_a_folder_that_holds_another_run_is_not_overwritten(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from eval.cli.main import main
 from eval.records import code
 from eval.records.config import CONFIG, SCHEMA, UNFINISHED
 from eval.records.job_times import JOB_TIMES, read_job_times
-from eval.records.run_files import EPISODES, SUMMARY
+from eval.records.run_files import EPISODES, SUMMARY, TABLE
 from eval.running import unfinished
 from eval.running.episodes import CHUNK
 from eval.running.jobs import Job
@@ -323,7 +323,7 @@ def test_a_run_that_ends_while_it_takes_the_place_of_another_does_not_pass_for_e
     monkeypatch.setattr(Path, "replace", full)
     with pytest.raises(UsageError, match="cannot be written: No space left on device"):
         run(PLANNERS, out=tmp_path)
-    assert (tmp_path / EPISODES).is_file() and not (tmp_path / SUMMARY).exists()
+    assert (tmp_path / EPISODES).is_file() and not (tmp_path / SUMMARY).exists() and not (tmp_path / TABLE).exists()
 
 
 def test_a_folder_that_cannot_be_written_to_ends_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,12 +7,12 @@ import pytest
 
 from ehar.errors import DataError, EharError, ModelError, UsageError
 from eval.cli.main import main
-from eval.studies.learning import learning
+from eval.studies.learning import LearningCurve, learning
 from recognition.calibration import Temperature
 from recognition.networks.spec import NetworkSpec
 from recognition.storage import recogniser_path, recogniser_sha256, save_recogniser
 from recognition.training.stopping import Evaluation
-from tests.helpers.fakes import tiny_data
+from tests.helpers.fakes import stopped, tiny_data
 from tests.helpers.made_records import CONFIG_OF_RUN, make_records, write_finished
 
 SKILLS = {"no-act": 0.0, "h-rotate": 0.1, "front": 0.5, "nbv": 1.0, "oracle": 3.0}
@@ -58,6 +58,16 @@ def test_the_command_prints_a_row_for_each_training_and_draws_them(
         assert row[7].startswith(f"{accuracy['nbv'] - accuracy['no-act']:+.1f} [")
     assert (tmp_path / "out" / "table.md").is_file() and (tmp_path / "out" / "learning.png").is_file()
     assert repr(found) == "LearningCurve(nbv: 1,000, 4,000 clips)"
+
+
+def test_a_study_that_is_stopped_before_its_picture_has_no_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs = [run(tmp_path, clips) for clips in (4000, 1000)]
+    monkeypatch.setattr(LearningCurve, "draw", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        learning(runs, out=tmp_path / "out")
+    assert not (tmp_path / "out" / "table.md").exists()
 
 
 def test_what_is_no_curve_is_refused(tmp_path: Path) -> None:

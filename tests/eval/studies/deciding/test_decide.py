@@ -20,7 +20,7 @@ from eval.scores.deciding.fit import seen_in
 from eval.scores.deciding.rules import decide as rules_decide
 from eval.studies.deciding.decide import decide
 from eval.studies.folds import take_together
-from tests.helpers.fakes import tiny_data
+from tests.helpers.fakes import stopped, tiny_data
 from tests.helpers.made_records import make_records, make_stream_records, write_finished
 
 FPS = 10.0
@@ -90,6 +90,16 @@ def streams(part: str, row: int, skill: float) -> EpisodeRecords:
 def run_of_streams(folder: Path, part: str, first_row: int, **options: str) -> Path:
     records = {name: streams(part, first_row + at, skill) for at, (name, skill) in enumerate(SOON.items())}
     return write_finished(folder / part, records, part=part, fps=FPS, length=160, **options)
+
+
+def test_a_study_that_is_stopped_before_its_picture_has_no_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scored, fitted = run_of_streams(tmp_path, "test", 0), run_of_streams(tmp_path, "policy", 2)
+    monkeypatch.setattr("eval.studies.deciding.figure.draw_deciding", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        decide(scored, fitted_on=fitted, out=tmp_path / "out")
+    assert not (tmp_path / "out" / "table.md").exists()
 
 
 def test_activities_of_streams_are_decided_once(tmp_path: Path) -> None:
