@@ -86,7 +86,7 @@ class StepLimits:
     def _flown(self, way: FloatArray, error: float) -> Iterator["_Limit"]:
         vehicle, time = self.vehicle, self.frame_time
         assert vehicle is not None
-        places, steps = cartesian(way), way.shape[1] - LEAD - 1
+        places = cartesian(way)
         place_error = error * np.sqrt(1 + 2 * self.workspace.distance_max**2)
 
         def limit(values: FloatArray, name: str, greatest: float, slack: float) -> _Limit:
@@ -94,7 +94,7 @@ class StepLimits:
             return _Limit(values > greatest + slack, expected, name, values)
 
         for order, name in enumerate(("speed", "acceleration", "jerk"), 1):
-            mean = np.diff(places, n=order, axis=1)[:, -steps:] / time**order
+            mean = np.diff(places, n=order, axis=1)[:, LEAD + 1 - order :] / time**order
             lengths = np.linalg.norm(mean, axis=-1)
             yield limit(lengths, name, getattr(vehicle, name), 2**order * place_error / time**order)
         upwards = np.diff(places[:, LEAD:, 2], axis=1) / time

@@ -151,7 +151,7 @@ def wrap_azimuth(azimuth: FloatArray) -> FloatArray:
 def wrap_difference(angle: FloatArray) -> FloatArray:
     """Return angle differences [rad] wrapped to [-pi, pi)."""
     wrapped: FloatArray = np.mod(angle + np.pi, 2 * np.pi) - np.pi
-    return wrapped
+    return np.where(wrapped >= np.pi, -np.pi, wrapped)
 
 
 def cartesian(viewpoint: FloatArray) -> FloatArray:

@@ -21,15 +21,15 @@ BATCH = 7  # episodes that run together
 
 
 def small_batch(data: MotionData | StreamData, world: World = PAPER) -> Batch:
-    """Return 14 test episodes of 20 frames, spread over the data, from random starts of a world.
+    """Return 14 test episodes of 20 frames at most, spread over the data, from random starts of a world.
 
     Raises:
         DataError: no test sequence is long enough.
     """
-    shortest = int(data.lengths[part_of(data, TEST)].max())
-    scenarios = cut_scenarios(data, part_of(data, TEST), min(LENGTH, shortest), lambda _: None)
+    longest = int(data.lengths[part_of(data, TEST)].max())
+    scenarios = cut_scenarios(data, part_of(data, TEST), min(LENGTH, longest), lambda _: None)
     if scenarios.length < 3:
-        raise DataError(f"{data.name}: expected a test sequence of at least 3 frames, the longest has {shortest}")
+        raise DataError(f"{data.name}: expected a test sequence of at least 3 frames, the longest has {longest}")
     episodes = random_starts(scenarios, starts=-(-EPISODES // len(scenarios)), seed=0, world=world)
     spread = np.linspace(0, len(episodes) - 1, EPISODES).astype(np.int64)
     some = type(episodes)(scenarios, episodes.scenario[spread], episodes.starts[spread], seed=0, world=world)

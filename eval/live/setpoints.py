@@ -35,7 +35,7 @@ class Setpoint:
     """Where a drone is to be, in the people's frame: its origin is where people are, x east, y north, z up.
 
     Args:
-        time: when it is to be there [s], counted from the first setpoint.
+        time: when it is to be there [s] after `begin`; the first one a frame after it.
         position: [m].
         velocity: [m/s].
         acceleration: [m/s^2].

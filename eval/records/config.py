@@ -221,13 +221,23 @@ def joined_config(configs: Sequence[RunConfig], **changes: Any) -> RunConfig:
         first,
         recogniser_sha256=hashed_together([config.recogniser_sha256 for config in configs]) or "",
         gain_model_sha256=hashed_together([config.gain_model_sha256 for config in configs]),
-        trained_lengths={key: value for held in lengths for key, value in (held or {}).items()} if known else None,
+        trained_lengths=_first_other(first.conditions.frames, lengths) if known else None,
         trained_open=any(config.trained_open for config in configs),
         trained_localisations=localised or None,
         trained_elsewhere=any(config.trained_elsewhere for config in configs),
         sensor_changed=any(config.sensor_changed for config in configs),
         **changes,
     )
+
+
+def _first_other(frames: int, lengths: Sequence[Mapping[str, int] | None]) -> dict[str, int]:
+    """Return the length that each thing was trained with in several runs: the first that is not theirs, if one is."""
+    joined: dict[str, int] = {}
+    for held in lengths:
+        for name, length in (held or {}).items():
+            if joined.get(name) in (None, frames):
+                joined[name] = length
+    return joined
 
 
 def run_config(

@@ -11,7 +11,7 @@ from ehar.world import PAPER
 from eval.records.config import CONFIG, SCHEMA, UNFINISHED
 
 EPISODES, SUMMARY = "episodes.jsonl", "summary.json"
-TABLE = "table.md"  # the last file of a run or a study: `make` takes it for done by it
+TABLE = "table.md"  # the last file of a run, but for its report, or of a study: `make` takes it for done by it
 BELIEF_JSON = "belief.json"  # of what a study of the belief wrote, in place of a summary
 
 

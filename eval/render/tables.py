@@ -135,7 +135,7 @@ def _markdown(table: Table) -> str:
     lines = [f"| {' | '.join(cells)} |" for cells in (map(_escaped, table.header), rule, *rows)]
     notes = [_escaped(note) for note in table.footnotes]
     notice = [f"**{_escaped(table.notice)}**"] if table.notice else []
-    return "\n\n".join([f"**{table.title}**", *notice, "\n".join(lines), *notes]) + "\n"
+    return "\n\n".join([f"**{_escaped(table.title)}**", *notice, "\n".join(lines), *notes]) + "\n"
 
 
 def _escaped(text: str) -> str:

@@ -131,7 +131,9 @@ def _records(run: Run, planners: Sequence[str]) -> tuple[tuple[str, ...], str]:
 
     lead = run.summary.lead
     shown = choose_planners(list(first_trainings(run.records)), lead)
-    reason = f"{lead} is the most accurate planner that is not handed the truth" if lead else f"{shown[0]} is the first"
+    reason = (
+        f"{lead} is the most accurate planner that moves, without the truth" if lead else f"{shown[0]} is the first"
+    )
     return tuple(run.record_name(name) for name in shown), reason
 
 

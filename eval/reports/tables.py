@@ -152,7 +152,7 @@ def _table_notes(data: ReportData) -> Iterable[str]:
     planners = data.summary.planners
     names = {planner.name for planner in planners}
     if data.lead is not None:
-        yield f"{data.lead} leads. It was picked after the fact, so its own figures flatter it a little."
+        yield f"{data.lead} leads those that move. It was picked after the fact, so its figures flatter it a little."
     if any(planner.privileged for planner in planners):
         yield "* and slanted: privileged, is handed the label and the future. A bound, not a rival."
     if data.summary.no_intervals:

@@ -72,6 +72,8 @@ def steps_of(config: TrainAllConfig, data: MotionData | StreamData, kind: str, a
     if kind in ("il", "dagger"):
         asked_of = config.agents.imitation("dagger" if kind == "dagger" else "il")
         return _cloned(asked_of, longer)
+    if kind not in ("ppo", "il-ppo"):
+        raise ValueError(f"expected a stage of a training, got {kind!r}")
     return _optimised(config.agents.ppo, USUAL_LENGTH / needed.recogniser)
 
 

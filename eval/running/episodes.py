@@ -120,24 +120,22 @@ def cut_scenarios(
         return _cut_streams(data, sequences, length, note)
     for label, name in enumerate(data.class_names):
         if not (data.labels[sequences] == label).any():
-            raise DataError(f"{data.name}: expected a test sequence of every class, class {name!r} has none")
+            raise DataError(f"{data.name}: expected a sequence of every class, class {name!r} has none")
     scenarios = windows(data, sequences, length, stride=length)
     if not len(scenarios):
         raise DataError(
-            f"{data.name}: expected test sequences of at least {length} frames, "
+            f"{data.name}: expected sequences of at least {length} frames, "
             f"the longest of {len(sequences)} has {data.lengths[sequences].max()}"
         )
     copies = int(copied(data, sequences).sum())
     if copies:
-        note(
-            f"warning: {copies} of {len(sequences)} test sequences are copies of others of {data.name}, frame by frame"
-        )
+        note(f"warning: {copies} of {len(sequences)} sequences are copies of others of {data.name}, frame by frame")
     short = int((data.lengths[sequences] < length).sum())
     if short:
-        note(f"{data.name}: {short} of {len(sequences)} test sequences are shorter than {length} frames and left out")
+        note(f"{data.name}: {short} of {len(sequences)} sequences are shorter than {length} frames and left out")
     for label, name in enumerate(data.class_names):
         if label not in scenarios.labels:
-            note(f"{data.name}: class {name!r} has no test sequence of {length} frames left")
+            note(f"{data.name}: class {name!r} has no sequence of {length} frames left")
     return scenarios
 
 
@@ -152,17 +150,17 @@ def _cut_streams(data: StreamData, streams: IntArray, length: int, note: Callabl
     counts = data.lengths[streams] // length
     if not counts.any():
         raise DataError(
-            f"{data.name}: expected test streams of at least {length} frames ({length / data.fps:g} s), "
+            f"{data.name}: expected streams of at least {length} frames ({length / data.fps:g} s), "
             f"the longest of {len(streams)} has {data.lengths[streams].max()}"
         )
     if (counts == 0).any():
-        note(f"{data.name}: {(counts == 0).sum()} of {len(streams)} test streams are shorter than {length} frames")
+        note(f"{data.name}: {(counts == 0).sum()} of {len(streams)} streams are shorter than {length} frames")
     first = np.concatenate([np.arange(count) * length for count in counts])
     scenarios = StreamScenarios(data, length, np.repeat(streams, counts), first)
     shown = np.unique(scenarios.labels)
     absent = [name for label, name in enumerate(data.class_names) if label not in shown]
     if absent:
-        note(f"{data.name}: no test stream shows {', '.join(absent)}")
+        note(f"{data.name}: no stream shows {', '.join(absent)}")
     return scenarios
 
 

@@ -151,7 +151,8 @@ def run_planners(
 
     Raises:
         EpisodeError: a planner broke its contract.
-        UsageError: a result cannot be kept.
+        UsageError: a result cannot be kept, or a planner cannot be sent to workers.
+        ModelError: a worker, or the cluster, has ended.
         KeyboardInterrupt: Ctrl-C.
     """
     results: FinishedJobs = {} if finished is None else finished

@@ -135,7 +135,10 @@ class Run:
         from eval.scores.streams.table import stream_table  # imported here: it brings rich
 
         tables, fps = self.summary.tables(), self.conditions.fps
-        return [*tables, stream_table(pool_seeds(self.records), fps)] if self.of_streams and fps else tables
+        if not self.of_streams or not fps:
+            return tables
+        episodes = len(next(iter(self.records.values())))
+        return [*tables, stream_table(pool_seeds(self.records), fps, episodes)]
 
     def save(self, folder: str | Path, *, tables: Sequence["Table"] | None = None) -> Path:
         """Write config.json, episodes.jsonl, summary.json, the accuracy curve and last table.md; return the folder.

@@ -162,7 +162,7 @@ def stages_of(sets: Mapping[str, TrainAllConfig]) -> dict[Stage, tuple[Stage, ..
     """Return the stages of all sets, and which stages each of them needs.
 
     The graph of a set: its recogniser first; then gain field, fixed-best, demonstrations and ppo; il and dagger after
-    their demonstrations; il-ppo of a seed after il of that seed.
+    their demonstrations, or after the recogniser where each seed draws its own; il-ppo of a seed after il of that seed.
     """
     graph: dict[Stage, tuple[Stage, ...]] = {}
     for name, config in sets.items():

@@ -27,8 +27,8 @@ class Axis(NamedTuple):
         name: distance, azimuth or polar angle.
         unit: m or deg.
         column: its index in a viewpoint.
-        edges: edges of the bins, in that unit, halfway between cells of the grid. All bins of an axis hold the same
-            number of cells: bins of 5 degrees would hold one or two, and the histogram would show it.
+        edges: edges of the bins, in that unit, halfway between cells of the grid. All bins of an axis but
+            the last hold the same number of cells: bins of 5 degrees would hold one or two, and it would show.
         bounds: least and greatest value that a camera may have.
     """
 
@@ -119,7 +119,7 @@ class SphereDensity(NamedTuple):
 
 
 def from_above(viewpoint: FloatArray) -> FloatArray:
-    """Return where viewpoints (..., 3) lie in the plane, (..., 2) within the unit disc; azimuth 0 is +x.
+    """Return where viewpoints (..., 3) lie in the plane, (..., 2); azimuth 0 is +x. Cameras above lie in the unit disc.
 
     Lambert's azimuthal equal-area projection from straight above: a point at azimuth a and polar angle p lies at the
     distance sqrt(2) sin(p / 2) from the middle, so that the level (p = 90 degrees) is the unit circle, and equal areas

@@ -31,7 +31,7 @@ class Difference:
         p_corrected: that p-value among all differences that are compared together: 5 % bounds the chance of any false
             claim.
         smallest: the smallest true difference whose corrected interval would exclude zero in 80 of 100 such runs
-            [percentage points]; None where the two do not differ in any resample.
+            [percentage points]; None where their difference is the same in every resample.
         improvement: the probability that a training of the planner is more accurate in a sequence than one of the
             other, 0 to 1; ties count half.
         improvement_ci95: its 95 % interval.

@@ -28,8 +28,8 @@ class PlannerSummary:
         training_seeds: its training seeds, in ascending order; empty for a planner whose name has none.
         acc: accuracy [%] after 10 to 100 % of the frames.
         acc_mean: accuracy [%], the mean over all frames.
-        acc_mean_ci95: its 95 % interval, bootstrap over sequences and, where there are several, training seeds; None,
-            like all intervals, if there can be no intervals.
+        acc_mean_ci95: its 95 % interval, bootstrap over people, their sequences and, where there are several, training
+            seeds; None, like all intervals, if there can be no intervals.
         acc_mean_seed_sd: standard deviation (ddof 1) of `acc_mean` over training seeds [percentage points]; None below
             two seeds.
         acc_iqm: accuracy [%], the interquartile mean over sequences and training seeds, each sequence counting once.
@@ -45,8 +45,8 @@ class PlannerSummary:
             no-act), mean accuracies over frames, those of no-act on the ideal track. None if not all of its seeds ran
             on the ideal track, or if the planner gained nothing there.
         accuracy_kept_ci95: its 95 % interval, over the resamples in which the planner gained on the ideal track.
-        tracking_error_median: how far cameras were from the planner's paths [m], the median over all frames; None for
-            a planner that gave none.
+        tracking_error_median: how far cameras were from the planner's paths [m], the median over all frames but the
+            first; None for a planner that gave none.
         tracking_error_p95: the 95th percentile.
         solves: counts of its plans by status, over all seeds; None for a planner that does not count them.
         streams: scores of streams, over all seeds; None in clips, whose summary.json has no such key.

@@ -18,7 +18,7 @@ from eval.scores.planner_metrics import METRICS
 from eval.scores.planner_summary import ENERGY, NO_ACT, ORACLE, FlightCost, PlannerSummary, known_costs
 from eval.scores.resampling.resamples import Basis
 
-TOGETHER = "Intervals are corrected together: all of them cover in 95 of 100 such tables."
+TOGETHER = "Intervals of differences are corrected together: all of them cover in 95 of 100 such tables."
 _SPREAD = "±"
 _KEPT = ("kept % [95 %]",)
 CONTACTS = ("frames near", "hit")

@@ -134,6 +134,7 @@ def bench(
 
     Raises:
         UsageError: there is no such device, `out` cannot be written, or there is no report, or no browser for it.
+        ModelError: there are no weights of solo-stream.
     """
     effort = effort or Effort()
     check_device(device)

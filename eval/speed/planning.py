@@ -25,7 +25,7 @@ from planners.agents.inputs import InputSizes
 from planners.agents.network import AgentNetwork, AgentSpec
 from planners.agents.ppo import PPOProgress, train_ppo
 from planners.search.limits import camera_limits
-from planners.search.next_best_view import CLIP_HORIZON, DEFAULT_HORIZON
+from planners.search.next_best_view import CLIP_HORIZON, DEFAULT_HORIZON, EFFORT_WEIGHT
 from planners.search.scene import Scene
 from planners.search.solver import SolverStatistics, TrajectorySolver
 from planners.search.task import TrajectoryLimits, TrajectoryTask
@@ -35,7 +35,6 @@ from recognition.torch_threads import one_torch_thread
 VEHICLE = VEHICLES["px4-auto"]
 ENVIRONMENTS = 64  # in which the frames per second of PPO are measured
 PACE = 0.1  # largest share of the vehicle's speed and acceleration on each axis at the start of a flight
-EFFORT_WEIGHT = 0.01
 FIELD_MEMORY = 0.97  # how much of a random gain field is left one node later; the rest is new
 
 
@@ -110,7 +109,7 @@ def measure_solves(
     """Return the statistics of `episodes * plans` solves, each warm-started from the one before it.
 
     They plan over random gain fields that change as they go. In each episode the camera starts at rest at one of the
-    paper's starts and follows every plan for one node.
+    world's starts and follows every plan for one node.
     """
     solver.statistics = SolverStatistics()
     horizon = solver.horizon

@@ -41,8 +41,8 @@ def describe_figure(data: MotionData | StreamData, path: Path) -> None:
     Left limbs are orange, right limbs are blue, and the second person is lighter. All rows have the same scale.
 
     Raises:
-        UsageError: `path` does not end like a picture.
-        DataError: the file cannot be written.
+        UsageError: `path` does not end like a picture, or cannot be written.
+        DataError: a class has no sequence.
     """
     path = Path(path)
     figure = Figure(layout="constrained")

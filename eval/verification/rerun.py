@@ -41,7 +41,7 @@ from planners.own_planner import Origin, load_own_class, make_own_planner, own_s
 from planners.registry import is_ours, make_planner
 from recognition.setting import Setting
 
-FLIGHT = 1e-2  # share of peaks, effort and tracking errors; at least 1e-2 in their units
+FLIGHT = 1e-2  # share of what a flight demands and of tracking errors; at least 1e-2 in their units
 EDGE = 1e-4  # [m]; a camera that is nearer to the edge of too near may be counted or not, as viewpoints are rounded
 MOVES = 0.95  # share of frames in which a planner has to move as recorded
 

@@ -51,6 +51,7 @@ def verify(
             was given does not exist.
         DataError: a file cannot be read.
         ModelError: weights that were asked for cannot be read.
+        EpisodeError: a planner that was run once more broke its contract.
     """
     reporter = reporter or ConsoleReporter()
     for name, value in (("rerun_episodes", rerun_episodes), ("seed", seed)):

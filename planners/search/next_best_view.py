@@ -30,6 +30,7 @@ SEEDS = 1  # goals that a plan is started from, beside the previous plan
 FEWEST_NODES = 4  # a plan ends at rest; with a constant jerk between fewer nodes, it could only stay
 LEAST_NODE_FRAMES = 4  # least frames between nodes; more if the default horizon is too short for the episode otherwise
 DEFAULT_HORIZON = 15
+EFFORT_WEIGHT = 0.001
 SAME_STATE = 1e-6  # [m], [rad] and their derivatives
 CLIP_HORIZON = (4.0, 6.0)  # [s] in flight; a vehicle that has to stop sooner hardly gets anywhere
 
@@ -64,7 +65,7 @@ class NextBestView(Planner):
         *,
         model: GainModel,
         horizon: int = DEFAULT_HORIZON,
-        effort_weight: float = 0.001,
+        effort_weight: float = EFFORT_WEIGHT,
         energy_weight: float = 0.0,
         noise_weight: float = 0.0,
         distance_weight: float = 0.0,

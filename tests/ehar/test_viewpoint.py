@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from ehar.viewpoint import (
@@ -126,6 +126,8 @@ def test_moves_stay_inside_and_are_undone_by_their_opposites(cell: np.ndarray, i
 
 
 @given(st.floats(-100, 100))
+@example(float(np.nextafter(-np.pi, -4)))
+@example(float(np.nextafter(2 * np.pi, 0)))
 def test_wrapping(angle: float) -> None:
     wrapped, difference = wrap_azimuth(np.array(angle)), wrap_difference(np.array(angle))
     assert 0 <= wrapped < 2 * np.pi

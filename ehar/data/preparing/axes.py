@@ -40,8 +40,8 @@ def up_rotation(up: Up, *, of_camera: bool = False) -> FloatArray:
     Args:
         up: the axis of the file that points up.
         of_camera: whether joints are in the frame of the camera that recorded them, as `views` tells. Ours has x to the
-            camera's right and y away from it. A Kinect's has y up, x to its left and z away. A file with z up is taken
-            as ours.
+            camera's right, y away from it and z up, and a file with z up is taken as such. With y up it is taken as a
+            Kinect's, with x to its left and z away; with y down as an image's, with x to the right and z away.
 
     Raises:
         UsageError: the axis is unknown.
@@ -49,7 +49,7 @@ def up_rotation(up: Up, *, of_camera: bool = False) -> FloatArray:
     if up not in _ROTATIONS:
         raise UsageError(f"up: got {up!r}, expected one of {', '.join(get_args(Up))}")
     half_turn: FloatArray = np.diag([-1.0, -1.0, 1.0])
-    return half_turn @ _ROTATIONS[up] if of_camera and up != "z" else _ROTATIONS[up]
+    return half_turn @ _ROTATIONS[up] if of_camera and up == "y" else _ROTATIONS[up]
 
 
 def upright(positions: FloatArray, *, unit: str | float, up: Up, of_camera: bool = False) -> FloatArray:

@@ -97,7 +97,7 @@ def prepare_arrays(source: str | Path, *, unit: str = "m", up: Up = "z") -> Moti
 
     def clips() -> Iterator[Clip]:
         for file in files:
-            match = pattern.fullmatch(file.name)
+            match = pattern.fullmatch(file.name) or pattern.fullmatch(file.stem + file.suffix.lower())
             if match is None:
                 raise DataError(f"{file}: got a name that does not fit the pattern {told.pattern!r}")
             known = match.groupdict()

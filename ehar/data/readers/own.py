@@ -48,7 +48,7 @@ def prepare_own(reader: str, source: str | Path, *, unit: str = "m", up: Up = "z
         data = own.made.read(Path(source))
     except EharError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise DataError(f"{own.what}: read raised {failure(error, type(own.made))}") from error
     if not isinstance(data, MotionData):
         raise DataError(f"{own.what}: read returned {type(data).__name__}, expected an ehar.MotionData")

@@ -31,7 +31,8 @@ class Point:
     Args:
         price: of waiting [points/s].
         accuracy: share of right answers [%].
-        accuracy_ci95: its 95 % interval over people and sequences; None without resamples.
+        accuracy_ci95: its 95 % interval over people, sequences and, where there are several, trainings; None without
+            resamples.
         seconds: mean time of an answer [s].
         worth: accuracy less the price of the mean time [points].
     """

@@ -109,8 +109,8 @@ class Induction:
     """Answers once waiting is expected to cost more than it gains.
 
     Args:
-        weights: (T, 5 or 3), what waiting is worth after each frame [points], for each of `_terms`; later frames count
-            as the last of these.
+        weights: (T - 1, 5 or 3), what waiting is worth after each frame but the last [points], for each of `_terms`;
+            one at least, and later frames count as the last of these.
     """
 
     weights: FloatArray
@@ -169,7 +169,7 @@ def _induction(seen: Seen, price: float, ridge: float, look: float) -> Induction
 
 
 def _terms(words: Words) -> FloatArray:
-    """Return what the worth of waiting depends on, (B, T, 5): 1, and two polynomials of the second degree.
+    """Return what the worth of waiting depends on, (B, T, 5 or 3): 1, and two polynomials of the second degree.
 
     The one is of the probability that the answer is wrong, the other of its lead, 0 to 1, if that is known.
     """

@@ -19,16 +19,17 @@ STREAM_NOTES = (
 )
 
 
-def stream_table(records: Mapping[str, EpisodeRecords], fps: float) -> Table:
+def stream_table(records: Mapping[str, EpisodeRecords], fps: float, episodes: int) -> Table:
     """Return a table with one row per planner: how soon activities are recognised in streams, and how often wrongly.
 
     Args:
-        records: records of streams, by planner.
+        records: records of streams, by planner; those of several trainings one after another.
         fps: frames per second.
+        episodes: number of episodes of each training.
     """
     whole = next(iter(records.values()))
     return Table(
-        title=f"In streams: {len(whole)} episodes of {whole.label.shape[1] / fps:.4g} s",
+        title=f"In streams: {episodes} episodes of {whole.label.shape[1] / fps:.4g} s",
         header=("planner", *STREAM_HEADER),
         rows=tuple((name, *stream_row(held, fps)) for name, held in records.items()),
         footnotes=STREAM_NOTES,

@@ -17,7 +17,7 @@ from ehar.rollout import Record
 from eval.records.config import planner_config, run_config
 from eval.records.episodes import EpisodeRecords, record_episodes
 from eval.records.run_files import BELIEF_JSON, check_out
-from eval.running.episodes import Episodes, cut_scenarios, random_starts
+from eval.running.episodes import Episodes, check_scored, cut_scenarios, random_starts
 from eval.running.jobs import Workload
 from eval.running.progress import Reporter
 from eval.studies.belief.stream_report import BELIEF, OF, RECOGNISER, StreamBeliefReport, read_report, write_report
@@ -74,6 +74,7 @@ def stream_belief_report(setting: Setting, *, out: str | Path | None, reporter: 
     heard = heard[streams.lengths[heard] >= setting.conditions.frames]
     unknown = strangers(streams, heard if len(heard) else parts.policy)
     learned, tested = (_episodes(setting, some, reporter) for some in (unknown, parts.test))
+    check_scored(tested.scenarios)
     reporter.begin(len(planners) * (learned.chunks + tested.chunks))
     try:
         fitting = [_rolled(setting, learned, planner, reporter) for planner in planners]
@@ -89,8 +90,8 @@ def stream_belief_report(setting: Setting, *, out: str | Path | None, reporter: 
     }
     report = read_report(config, records, streams.fps, model=beliefs[BELIEF])
     if out is not None:
-        write_report(Path(out), report)
         write_text(Path(out) / BELIEF_JSON, [json_text(asdict(beliefs[BELIEF]))])
+        write_report(Path(out), report)
     return report
 
 

@@ -1,8 +1,9 @@
 """What commands take, in time of one core: from a timed step of a training, and from what jobs took."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
+from math import prod
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +14,7 @@ from ehar.data.scenario import part_of, windows
 from ehar.data.streams.data import StreamData
 from ehar.errors import EharError
 from eval.records.job_times import JobTime
-from eval.running.cost import Steps, steps_of
+from eval.running.cost import ROLLOUTS, Steps, steps_of
 from eval.running.episodes import CHUNK
 from eval.running.training import TrainAllConfig
 from eval.studies.scaling.commands import Asked
@@ -34,11 +35,18 @@ ALONE = 7.0  # [s] of every command: it starts, reads data and weights, and writ
 RULES = ("no-act", "random", "towards", "h-rotate", "v-rotate", "near-level", "side", "front", "fixed-best")
 USUAL = (*RULES, "nbv-greedy", "nbv-search", "nbv", "oracle", "oracle-lookahead")  # where no planner is named
 STUDIED = {  # planners of studies that run episodes themselves
-    "study headroom": (*("no-act",) * 19, "oracle", "oracle-lookahead"),
+    "study headroom": ("no-act", "oracle", "oracle-lookahead"),  # and a camera at each place of the map
     "study ablation": ("nbv",) * 25,
     "study belief": ("no-act", "random", "nbv-search"),
 }
+ALL = (
+    "train recogniser",
+    "train gain-field",
+    "train fixed-best",
+    "train agent",
+)  # of `train all`; the first goes first
 TRAINS = ("study published", "study real-views", "study trials")  # trainings of their own, which nobody foretells
+HEADROOM_MAP = {"azimuths": 12, "polars": 6}  # where a headroom study names none
 FIRST_BATCHES = 3  # of rollouts for a gain field, that wait for those before
 
 
@@ -93,6 +101,9 @@ class Costs:
         count, frames, persons = _episodes_of(*(asked.option(name) for name in ("data", "fps", "length", "part")))
         count *= int(asked.option("starts", "1") or 1)
         planners = (asked.places or USUAL) if asked.kind == "benchmark" else STUDIED[asked.kind]
+        if asked.kind == "study headroom":
+            places = (int(asked.option(name, str(usual)) or usual) for name, usual in HEADROOM_MAP.items())
+            planners = (*("no-act",) * prod(places), *planners)
         tracks = 1 + len(asked.options.get("tracks", ()))
         trained = [name for name in planners for _ in range(AGENT_SEEDS if is_learned(name) else 1)] * tracks
         thousands = count * frames / 1000 * persons
@@ -106,6 +117,10 @@ class Costs:
         )
 
     def _training(self, asked: Asked) -> Work:
+        if asked.kind == "train all":
+            recogniser, *others = (self._training(replace(asked, kind=kind)) for kind in ALL)
+            after = max((work.alone for work in others), key=lambda alone: alone.most)
+            return Work(sum_of([recogniser.total, *(work.total for work in others)]), sum_of([recogniser.alone, after]))
         data = _recordings(asked.option("data"), asked.option("fps"))
         step, length = self.step * data.persons, asked.option("length")
         kind = asked.kind.removeprefix("train ").replace("gain-field", "gain field")
@@ -119,7 +134,7 @@ class Costs:
         config = TrainAllConfig(conditions=told, out=Path(), seeds=seeds)
         if kind != "agent":
             took = steps_of(config, data, kind)
-            most = min(FIRST_BATCHES * 11.5, took.least) if kind == "gain field" else 0.0
+            most = min(FIRST_BATCHES * ROLLOUTS, took.least) if kind == "gain field" else 0.0
             return _started(_times(took, step), Steps(*2 * (most * step,)))
         stages = (asked.option("stages") or ",".join(config.agents.stage_names)).split(",")
         each = {stage: steps_of(config, data, stage) for stage in stages}
@@ -144,6 +159,11 @@ def rates_of(runs: Mapping[Path, tuple[tuple[JobTime, ...], int]]) -> dict[str, 
             seconds[name] = seconds.get(name, 0.0) + job.core_seconds
             frames[name] = frames.get(name, 0.0) + job.episodes * job.frames * persons / 1000
     return {name: seconds[name] / frames[name] for name in seconds}
+
+
+def sum_of(times: Sequence[Steps]) -> Steps:
+    """Return how long several take, one after another."""
+    return Steps(sum(time.least for time in times), sum(time.most for time in times))
 
 
 def _started(total: Steps, alone: Steps) -> Work:

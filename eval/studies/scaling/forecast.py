@@ -15,7 +15,7 @@ from eval.render.tables import Table
 from eval.running.cost import Steps, duration, step_seconds
 from eval.running.training import TrainAllConfig
 from eval.studies.scaling.commands import Asked, needs_of, read_commands
-from eval.studies.scaling.costs import Costs, Work, rates_of
+from eval.studies.scaling.costs import Costs, Work, rates_of, sum_of
 from recognition.setting import load_recordings_of
 
 LINK = 125e6  # [bytes/s] of a network of 1 Gbit/s, between the first machine and all others together
@@ -103,7 +103,10 @@ class Scaling:
             title="What jobs took",
             header=("planner", "jobs", "core s a job", "longest", "core s a thousand frames", "KB back a job"),
             rows=tuple(rows),
-            footnotes=("A job is a planner on 32 episodes. Time of a core, so it holds on a machine that does more.",),
+            footnotes=(
+                "A job is a planner on 32 episodes, on a GPU on 512. Time of a core, so it holds on a machine that "
+                "does more.",
+            ),
         )
 
     def _of_commands(self) -> Table:
@@ -111,12 +114,12 @@ class Scaling:
         for kind in (*dict.fromkeys(kind for kind, _ in works), None):
             some = [work for name, work in works if kind in (name, None)]
             known = [work for work in some if work is not None]
-            total = _sum([work.total for work in known])
+            total = sum_of([work.total for work in known])
             rows.append((kind or "all", str(len(known)), str(len(some) - len(known) or ""), str(total)))
         footnotes = (
             f"A step of a recogniser's training takes {self.costs.step:.2f} s of a core here. From the least, if "
             "trainings stop as soon as they may, to the most. One that was stopped counts as a whole.",
-            "Not counted: what asks for a GPU, trains on real views, or has no data here.",
+            "Not counted: what asks for a GPU or other widths, studies that train, and what has no data here.",
         )
         return Table(
             title="What is left" if works else "Nothing is left",
@@ -211,10 +214,6 @@ def _persons(run: Path) -> int:
         return 1
 
 
-def _sum(steps: Sequence[Steps]) -> Steps:
-    return Steps(sum(one.least for one in steps), sum(one.most for one in steps))
-
-
 def _times(commands: Sequence[Asked], works: Sequence[Work | None], machines: int, cores: int) -> Times:
     """Return how long commands take on some machines."""
     known: Mapping[int, Work] = {number: work for number, work in enumerate(works) if work is not None}
@@ -229,7 +228,7 @@ def _times(commands: Sequence[Asked], works: Sequence[Work | None], machines: in
         ends[number] = Steps(
             *(begin[at] + work.alone[at] + (work.total[at] - work.alone[at]) / width for at in range(2))
         )
-    total = _sum([work.total for work in known.values()])
+    total = sum_of([work.total for work in known.values()])
     chain = Steps(*(max((end[at] for end in ends.values()), default=0.0) for at in range(2)))
     jobs, sent = sum(work.jobs for work in known.values()), sum(work.anywhere for work in known.values())
     moved = machines * sent * SENT + jobs * BACK

@@ -1,4 +1,4 @@
-"""Scores of trials on one data set: accuracy and calibration on the people of all folds that are done."""
+"""Scores of trials on one data set: accuracy and calibration on the people of all folds that have begun."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -65,7 +65,7 @@ class SetScores:
 
     Args:
         data: title of the data.
-        folds: number of folds that are done.
+        folds: number of folds whose usual training is there.
         clips: number of clips of people who were left out.
         basis: the people that intervals rest on.
         rows: the rows.

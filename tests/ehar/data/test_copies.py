@@ -36,7 +36,7 @@ def test_no_sequence_is_compared_with_itself_or_with_others_that_are_asked_for()
 def test_a_benchmark_warns_of_copies() -> None:
     told: list[str] = []
     cut_scenarios(with_copy(20), np.arange(6, 12), 10, told.append)
-    assert told == ["warning: 1 of 6 test sequences are copies of others of tiny, frame by frame"]
+    assert told == ["warning: 1 of 6 sequences are copies of others of tiny, frame by frame"]
 
 
 def test_describe_warns_of_copies() -> None:

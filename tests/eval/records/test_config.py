@@ -10,7 +10,7 @@ import pytest
 from ehar.errors import DataError, UsageError
 from ehar.files import json_text
 from ehar.flight.vehicle import VEHICLES
-from eval.records.config import CONFIG, SCHEMA, PlannerConfig, RunConfig, read_config
+from eval.records.config import CONFIG, SCHEMA, PlannerConfig, RunConfig, joined_config, read_config
 from eval.records.run_files import check_out
 from tests.helpers.made_records import CONFIG_OF_RUN, config_of_run
 
@@ -104,3 +104,11 @@ def test_what_is_no_configuration_is_named(tmp_path: Path) -> None:
     (tmp_path / CONFIG).write_bytes(b"\xff")
     with pytest.raises(DataError, match="expected the JSON of a run of ehar benchmark"):
         read_config(tmp_path)
+
+
+@pytest.mark.parametrize("lengths", [(30, 60), (60, 30)])
+def test_runs_that_are_made_one_warn_of_what_any_of_them_was_trained_at(lengths: tuple[int, int]) -> None:
+    runs = [config_of_run(length=60, trained_lengths={"recogniser": frames}) for frames in lengths]
+    joined = joined_config(runs)
+    assert joined.trained_lengths == {"recogniser": 30}
+    assert joined.length_note is not None and "30" in joined.length_note

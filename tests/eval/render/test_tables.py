@@ -8,7 +8,7 @@ from rich.console import Console
 from eval.render.tables import Cell, Rendered, Table, html, markdown
 
 TABLE = Table(
-    title="Some <table>",
+    title="Some <table> of oracle*",
     header=("name", "value", "what"),
     rows=(
         ("a*", Cell("1.5", "[1, 2]", 1.5), "some words"),
@@ -30,7 +30,7 @@ def printed(width: int) -> str:
 
 def test_markdown_marks_what_is_bold_and_escapes_stars() -> None:
     lines = markdown(TABLE).splitlines()
-    assert lines[0] == "**Some <table>**"
+    assert lines[0] == r"**Some <table> of oracle\***"
     assert lines[2:5] == ["| name | value | what |", "| --- | --: | --- |", r"| a\* | **1.5 [1, 2]** | some words |"]
     assert lines[-1] == r"\* starred."
     assert markdown(TABLE, TABLE) == markdown(TABLE) + "\n" + markdown(TABLE)
@@ -38,7 +38,7 @@ def test_markdown_marks_what_is_bold_and_escapes_stars() -> None:
 
 def test_html_holds_what_its_script_sorts_by() -> None:
     page = html(TABLE, sortable=True)
-    assert '<table class="sortable"><caption hidden>Some &lt;table&gt;</caption>' in page
+    assert '<table class="sortable"><caption hidden>Some &lt;table&gt; of oracle*</caption>' in page
     assert '<th scope="col" data-better="low"><button type="button">value</button></th>' in page
     assert '<tr><td data-value="a*">a*</td><td data-value="1.5"><strong>1.5</strong>' in page
     assert '<span class="interval">[1, 2]</span>' in page
@@ -49,7 +49,7 @@ def test_html_holds_what_its_script_sorts_by() -> None:
 def test_html_without_a_script_has_no_buttons_and_shows_its_title() -> None:
     page = html(TABLE)
     assert "<button" not in page
-    assert "<caption>Some &lt;table&gt;</caption>" in page
+    assert "<caption>Some &lt;table&gt; of oracle*</caption>" in page
 
 
 @pytest.mark.parametrize("width", [30, 60, 200])

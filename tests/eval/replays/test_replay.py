@@ -80,7 +80,7 @@ def test_by_default_the_lead_is_shown_beside_no_act(tiny: Path, capsys: pytest.C
     path = tiny / "replay-3.mp4"
     assert b"ftyp" in path.read_bytes()[:16]
     first, second = capsys.readouterr().out.splitlines()[:2]
-    assert first == f"episode 3, {lead} and no-act; {lead} is the most accurate planner that is not handed the truth"
+    assert first == f"episode 3, {lead} and no-act; {lead} is the most accurate planner that moves, without the truth"
     assert second == f"written to {path}"
 
 

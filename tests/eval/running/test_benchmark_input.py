@@ -33,15 +33,13 @@ def test_shorter_sequences_are_left_out_and_counted_aloud() -> None:
     summary = run(["no-act"], data=with_lengths([20, 9, 12, 8], [0, 1, 2, 0]), starts=1, reporter=log).summary
     assert summary.episodes == 3
     assert log.notes == [
-        "tiny: 2 of 4 test sequences are shorter than 10 frames and left out",
-        "tiny: class 'left' has no test sequence of 10 frames left",
+        "tiny: 2 of 4 sequences are shorter than 10 frames and left out",
+        "tiny: class 'left' has no sequence of 10 frames left",
     ]
 
 
 def test_no_sequence_as_long_as_an_episode() -> None:
-    with pytest.raises(
-        DataError, match="tiny: expected test sequences of at least 30 frames, the longest of 20 has 20"
-    ):
+    with pytest.raises(DataError, match="tiny: expected sequences of at least 30 frames, the longest of 20 has 20"):
         run(length=30)
 
 

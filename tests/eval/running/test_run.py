@@ -19,7 +19,15 @@ from eval.running.run import Run, class_names, read_run
 from eval.scores.metrics import ACC_AT, mean_acc, right_at
 from planners.heuristic import NoAct
 from tests.helpers.fakes import CLASS_NAMES, stopped
-from tests.helpers.made_records import config_of_run, flown, make_records, summary_of, three_planners, write_finished
+from tests.helpers.made_records import (
+    config_of_run,
+    flown,
+    make_records,
+    make_stream_records,
+    summary_of,
+    three_planners,
+    write_finished,
+)
 from tests.helpers.tiny_benchmarks import names, run
 
 FILES = {CONFIG, EPISODES, SUMMARY, "table.md", "accuracy.png", "accuracy.svg"}
@@ -194,3 +202,11 @@ def test_a_class_that_is_answered_and_never_shown_is_numbered_too(tmp_path: Path
     records = {"no-act": make_records(1), "mine": replace(held, predicted=np.where(held.predicted == 2, 4, 1))}
     back = read_run(write_finished(tmp_path, records, source=str(tmp_path / "gone.npz")))
     assert class_names(back, lambda _: None) == tuple(f"class {label}" for label in range(5))
+
+
+def test_streams_are_counted_once_for_all_trainings() -> None:
+    labels = np.repeat([[0, 1, -1, 2]], 5, axis=1).repeat(4, axis=0)
+    records = {f"il/{seed}": make_stream_records(labels, labels) for seed in range(3)}
+    config = config_of_run(fps=2.0, length=20)
+    ran = Run(config, records, CLASS_NAMES, summary_of(records, config))
+    assert any(table.title == "In streams: 4 episodes of 10 s" for table in ran.tables())

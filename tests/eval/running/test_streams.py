@@ -288,9 +288,7 @@ def test_the_usual_length_is_30_seconds(folder: Path) -> None:
 
 
 def test_streams_that_are_too_short(folder: Path) -> None:
-    with pytest.raises(
-        DataError, match=r"expected test streams of at least 300 frames \(30 s\), the longest of 2 has 120"
-    ):
+    with pytest.raises(DataError, match=r"expected streams of at least 300 frames \(30 s\), the longest of 2 has 120"):
         benchmark("no-act", Conditions(data=str(folder / "raising.npz"), models=folder / "models"), reporter=Log())
 
 

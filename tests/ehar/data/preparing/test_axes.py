@@ -33,6 +33,13 @@ def test_what_is_no_axis() -> None:
         up_rotation("x")  # type: ignore[arg-type]
 
 
+def test_the_frame_of_images_is_turned_upright_alone() -> None:
+    right_down_away = np.eye(3)
+    ours = upright(right_down_away, unit="m", up="-y", of_camera=True)
+    np.testing.assert_array_equal(ours, [[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+    np.testing.assert_array_equal(ours, upright(right_down_away, unit="m", up="-y"))
+
+
 def test_a_kinects_frame() -> None:
     left_up_ahead = np.eye(3)  # of the camera
     ours = upright(left_up_ahead, unit="m", up="y", of_camera=True)

@@ -44,6 +44,13 @@ def test_what_the_json_says(tmp_path: Path) -> None:
         np.testing.assert_allclose(data.sequence(index)[:, 0], JOINTS, atol=1e-5)
 
 
+def test_endings_in_capitals(tmp_path: Path) -> None:
+    place = folder(tmp_path, arrays={"wave_s3_train_1.npy": JOINTS, "wave_s4_test_1.npy": JOINTS})
+    (place / "wave_s3_train_1.npy").rename(place / "wave_s3_train_1.NPY")
+    data = prepare_arrays(place)
+    assert data.subjects[:, 0].tolist() == [3, 4] and data.class_names == ("wave",)
+
+
 @pytest.mark.parametrize("ending", ["npy", "csv"])
 def test_a_real_sample(ending: str, tmp_path: Path) -> None:
     """Joints of HumanML3D, as an array with a description: as its own reader reads them."""

@@ -29,6 +29,10 @@ class Breaks:
     def read(self, source):
         return 1 / 0
 
+class Leaves:
+    def read(self, source):
+        raise SystemExit(3)
+
 class Lies:
     def read(self, source):
         return "data"
@@ -81,6 +85,7 @@ def test_the_page_about_it_shows_a_reader_that_works(
     ("name", "problem"),
     [
         ("Breaks", r"read raised ZeroDivisionError: division by zero \(.*mine\.py, line 15\)"),
+        ("Leaves", r"read raised SystemExit: 3 \(.*mine\.py, line \d+\)"),
         ("Lies", r"read returned str, expected an ehar\.MotionData"),
         ("Flat", r"read returned positions \(\d+, 1, \d+, 2\), expected \(frames, persons, joints, 3\)"),
         ("Empty", r"missing: read"),

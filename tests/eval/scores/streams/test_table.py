@@ -48,7 +48,7 @@ def test_false_alarms_are_answers_for_what_is_not_shown() -> None:
 
 
 def test_the_table_is_in_seconds_and_minutes() -> None:
-    table = stream_table({"no-act": make_stream_records(LABELS, ANSWERS)}, fps=2.0)
+    table = stream_table({"no-act": make_stream_records(LABELS, ANSWERS)}, fps=2.0, episodes=len(LABELS))
     right = 100 * (LABELS == ANSWERS).mean()
     still = 100 * (ANSWERS == LABELS)[LABELS == NONE].mean()
     assert table.rows == (("no-act", f"{right:.1f}", f"{still:.1f}", "1.25", "50.0", "20.0", *table.rows[0][-2:]),)

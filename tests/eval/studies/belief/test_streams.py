@@ -10,7 +10,7 @@ from ehar.conditions import Conditions
 from ehar.data.scenario import TEST
 from ehar.data.streams.data import StreamData
 from ehar.data.streams.file import save_streams
-from ehar.errors import UsageError
+from ehar.errors import DataError, UsageError
 from eval import Watcher
 from eval.records.episodes import EpisodeRecords
 from eval.scores.planner_metrics import NLL
@@ -75,6 +75,12 @@ def test_the_belief_does_not_know_who_is_tested(folder: Path, tmp_path: Path) ->
         found.append(report.readers[1].nll)
     assert models[0] is not None and models[1] == models[0] and models[2] != models[0]
     assert found[1] != found[0]
+
+
+def test_episodes_that_hold_no_activity_are_refused(folder: Path) -> None:
+    told = Conditions(data=str(folder / "raising.npz"), models=folder / "models", length=3)
+    with pytest.raises(DataError, match="expected an activity that begins and ends within an episode of 3 frames"):
+        belief_report(told, reporter=Log())
 
 
 def test_folds_are_one_report_of_all_their_people(folder: Path, tmp_path: Path) -> None:

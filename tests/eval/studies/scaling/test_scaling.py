@@ -14,7 +14,7 @@ from eval.records.job_times import JobTime, write_job_times
 from eval.records.run_files import EPISODES
 from eval.studies.scaling import engines as module
 from eval.studies.scaling.commands import needs_of, read_commands
-from eval.studies.scaling.costs import ALONE, PLANNED, WATCHED, Costs, rates_of
+from eval.studies.scaling.costs import ALL, ALONE, PLANNED, WATCHED, Costs, Work, rates_of
 from eval.studies.scaling.engines import engines
 from eval.studies.scaling.forecast import BACK, LINK, SENT, scaling
 from recognition.training.config import TrainingConfig
@@ -72,6 +72,27 @@ def test_a_benchmark_takes_what_its_frames_take_and_a_training_its_steps(data: P
     assert costs.work_of(overview) == ((ALONE, ALONE), (ALONE, ALONE), False, 0)
     assert costs.work_of(agent) is None, "it asks for a GPU"
     assert costs.work_of(replace(benchmark, options={"data": ("absent.npz",)})) is None
+
+
+def test_train_all_takes_what_its_trainings_take(data: Path) -> None:
+    costs = Costs(STEP, {})
+
+    def work(line: str) -> Work:
+        found = costs.work_of(*read_commands(f"bin/ehar {line} --data {data}"))
+        assert found is not None
+        return found
+
+    recogniser, *others = (work(kind) for kind in ALL)
+    everything = work("train all")
+    assert everything.total.least == pytest.approx(recogniser.total.least + sum(one.total.least for one in others))
+    assert everything.alone.most == pytest.approx(recogniser.alone.most + max(one.alone.most for one in others))
+
+
+@pytest.mark.parametrize(("options", "places"), [("", 72), (" --azimuths 6 --polars 3", 18)])
+def test_a_headroom_study_takes_as_long_as_its_map_is_large(data: Path, options: str, places: int) -> None:
+    costs = Costs(STEP, dict.fromkeys(("no-act", "oracle", "oracle-lookahead"), 1.0))
+    work = costs.work_of(*read_commands(f"bin/ehar study headroom --data {data} --length 10{options}"))
+    assert work is not None and work.total.least == pytest.approx(ALONE + 40 * 10 / 1000 * (places + 3))
 
 
 def test_machines_share_the_work_but_not_the_chain(data: Path, tmp_path: Path) -> None:
