@@ -13,7 +13,7 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 class Trigonometry(Protocol):
-    """The functions that a formula takes from numpy or CasADi; the argument is the module."""
+    """The functions that a formula takes from numpy, CasADi or `math`; the argument is the module."""
 
     @property
     def sin(self) -> Any:

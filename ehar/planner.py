@@ -26,9 +26,9 @@ class Context:
     class_names: tuple[str, ...]
     skeleton: Skeleton
     workspace: Workspace  # where the camera may be: the world's, or that of your own motion
-    track: str  # "ideal": grid moves, or a vehicle's name
+    track: str  # "ideal": grid moves, or the name of a vehicle or of your own motion
     rng: np.random.Generator  # the planner's generator, the same for the same episodes
-    vehicle: Vehicle | None = None  # what carries the camera; None on the ideal track
+    vehicle: Vehicle | None = None  # what carries the camera; None on the ideal track, and of a motion without one
     world: World = PAPER  # the world, with the cameras' intrinsics
     follows: bool = False  # whether the motion follows paths, not only targets
 
@@ -71,7 +71,7 @@ class Truth:
 class Observation:
     """The information that a planner gets in each frame. All arrays start with B."""
 
-    frame: int  # 0 to L - 1
+    frame: int  # 0 to L - 2, as nobody moves after the last one
     length: int | None  # L; None in a stream
     joints_2d: FloatArray  # (B, P, J, 2) [px]
     confidence: FloatArray  # (B, P, J) in [0, 1]

@@ -53,9 +53,10 @@ def rollout(
     batch and the world are compared with what they were, and sensor and recogniser if they have a `fingerprint`.
 
     Raises:
-        EpisodeError: a start lies outside of the workspace; or planner, recogniser, sensor or motion raised an error,
-            or returned arrays of other shapes, or arrays that are not finite; or somebody moved the camera by hand, or
-            wrote into the batch, the world, the sensor or the recogniser.
+        EharError: as planner, recogniser, sensor or motion raised it.
+        EpisodeError: a start lies outside of the workspace or near an obstacle; or planner, recogniser, sensor or
+            motion raised an error, or returned arrays of other shapes, or arrays that are not finite; or somebody moved
+            the camera by hand, or wrote into the batch, the world, the sensor or the recogniser.
     """
     _check_starts(batch, context)
     world = batch.protected()

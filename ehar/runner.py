@@ -169,7 +169,7 @@ class Runner:
         behind = np.linalg.norm(scenarios.centres(chosen) - replace(scenarios, limits=None).centres(chosen), axis=-1)
         if behind.max() > most:
             episode, frame = np.unravel_index(np.argmax(behind), behind.shape)
-            name = self.data.sequence_names[scenarios.sequence[chosen[episode]]]
+            name = scenarios.data.sequence_names[scenarios.sequence[chosen[episode]]]
             raise UsageError(
                 f"track {self.track.name}: too slow for the people of {name!r}, frame "
                 f"{scenarios.first[chosen[episode]] + frame}: expected to stay within {most:g} m of them, "

@@ -193,7 +193,7 @@ def turned(vectors: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArra
 
 
 def apply_moves(viewpoint: FloatArray, moves: IntArray, workspace: Workspace) -> FloatArray:
-    """Return the viewpoints that grid moves lead to; a move out of the workspace leaves the camera where it is.
+    """Return the viewpoints that grid moves lead to: middles of cells; a move out of the workspace stays in its cell.
 
     Args:
         viewpoint: (..., 3), on the grid or within half a cell of it.

@@ -50,7 +50,8 @@ class World:
         localisation: how well, and how soon, it is known where people are in streams; of no meaning in clips.
 
     Raises:
-        UsageError: there are no such start cells, or passers-by have no room between people and cameras.
+        UsageError: there are no such start cells, or passers-by are too many, or have no room between people and
+            cameras.
     """
 
     name: str
@@ -104,7 +105,7 @@ class World:
         """The cells that keep clear of obstacles; None if there are none, and all cells do.
 
         Raises:
-            UsageError: no cell is free, or obstacles hide everything.
+            UsageError: no cell is free, or obstacles hide everything, or the grid has too many cells.
         """
         if not self.obstacles:
             return None

@@ -33,7 +33,7 @@ class Temperature:
 
 
 def fit_temperature(logits: FloatArray, labels: IntArray, weights: FloatArray | None = None) -> Temperature:
-    """Return the temperature that minimises the NLL over all frames.
+    """Return the temperature that minimises the NLL over all frames, and a little how it changes from knot to knot.
 
     Args:
         logits: (N, L, K), the logits of validation clips after every frame.

@@ -37,7 +37,7 @@ class RecogniserDescription:
     Args:
         spec: the data and size that the network was built for.
         log_temperatures: the log-temperatures of `Temperature`.
-        training: how it was trained; kept for people, and to tell one run from another.
+        training: how it was trained; kept for people, and for what tells one run from another.
 
     Raises:
         ValueError: there is not one finite temperature for each knot.
@@ -93,7 +93,7 @@ def save_recogniser(
         network: the trained network.
         spec: the data and size that it was built for.
         temperature: the temperature, fitted on validation data.
-        history: how it was trained; kept for people, not read back.
+        history: how it was trained; kept for people, but hashes of data and sensor and `in_the_way` are read back.
     """
     save_weights(path, network_bytes(network), RecogniserDescription(spec, temperature.log_temperatures, history))
 

@@ -131,7 +131,7 @@ class StreamingRecogniser(_Recogniser):
 class PrefixState:
     """All frames seen so far: the published network has no other memory."""
 
-    frames: tuple[Tensor, ...]  # each (B, F', P, J, C), zero where an episode had not begun
+    frames: tuple[Tensor, ...]  # each (B, F', P, J, C); what is before `begin` is not read
     begin: IntArray  # (B,) the first frame of each episode
     forks: int = 1
 

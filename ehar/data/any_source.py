@@ -29,8 +29,8 @@ def load_recordings(source: str | Path, *, fps: float | None = None) -> MotionDa
         fps: the frame rate to resample to [1/s]; None keeps the data's own.
 
     Raises:
-        UsageError: `source` is neither a known name nor a file, or `fps` is not above 0.
-        DataError: the file does not hold what the schema asks for.
+        UsageError: `source` is the name of no built-in set, or `fps` is not above 0 or too high.
+        DataError: the file is missing, or does not hold what the schema asks for.
     """
     if not is_stream_source(source):
         check_source(source, [*BUILT_IN, *BUILT_IN_STREAMS])

@@ -36,7 +36,7 @@ class MotionData(Recordings):
         There is no filter against aliasing, because a camera has none: motion above half the new rate is not removed.
 
         Raises:
-            UsageError: the rate is not above 0.
+            UsageError: the rate is not above 0, or above `MOST_RATE`.
         """
         if fps == self.fps:
             return self

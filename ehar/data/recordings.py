@@ -146,7 +146,9 @@ def interpolated(motion: FloatArray, times: FloatArray) -> FloatArray:
 
 
 def neighbours(times: FloatArray, frames: int) -> tuple[IntArray, FloatArray]:
-    """Return the frame before each time (S,), and the share that the frame after it has, float32 from 0 to 1.
+    """Return the frame before each time (S,), and the share that the frame after it has, float32.
+
+    The share is from 0 to 1, and above where there is no frame after it.
 
     Args:
         times: (S,) times, in frames after the first.

@@ -228,7 +228,8 @@ def stream_parts(data: StreamData) -> Parts:
     The data's own split decides the test part; without one it is a third of the people. Of the rest, validation has
     people of its own, if there are at least `LEAST_KNOWN`; or else streams of its own. So has the policy part, if that
     leaves `LEAST_KNOWN` people to the recogniser. If it does not, the two share people and not streams: each has
-    streams of as many people as it can. The shares are those of clips, as near as whole people or streams come.
+    streams of as many people as it can, but where validation took streams, streams are drawn whoever shows. The shares
+    are those of clips, as near as whole people or streams come.
 
     People who perform together, or with the same others, go together. If that leaves fewer than `LEAST_KNOWN` groups,
     couples are divided, and one person may be in two parts.
@@ -237,8 +238,8 @@ def stream_parts(data: StreamData) -> Parts:
     figure. Parts are drawn until that is so.
 
     Raises:
-        DataError: fewer than three people, or streams, are left for training; or in none of `DRAWS` draws all parts
-            have all classes.
+        DataError: fewer than three streams are left for training, or there are fewer than two without a split; or in
+            none of `DRAWS` draws all parts have all classes.
     """
     rng = np.random.default_rng(SPLIT_SEED)
     for _ in range(DRAWS):
@@ -331,6 +332,7 @@ def part_of(data: MotionData | StreamData, part: str) -> IntArray:
 
     Raises:
         UsageError: the part is unknown.
+        DataError: as `stream_parts`.
     """
     if part not in PARTS:
         raise UsageError(f"unknown part {part!r}; expected one of: {', '.join(PARTS)}")

@@ -20,8 +20,8 @@ def load_data(source: str | Path, *, fps: float | None = None) -> MotionData:
         fps: the frame rate to resample to [1/s]; None keeps the data's own.
 
     Raises:
-        UsageError: `source` is neither a known name nor a file, or `fps` is not above 0.
-        DataError: the file does not hold what the schema asks for.
+        UsageError: `source` is the name of no built-in set of clips, or `fps` is not above 0 or too high.
+        DataError: the file is missing, or does not hold what the schema asks for.
     """
     data = _load(source)
     return data if fps is None else data.resampled(fps)

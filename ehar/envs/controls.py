@@ -65,11 +65,7 @@ class GridControls:
 
     def targets(self, actions: npt.NDArray[Any], viewpoint: FloatArray, where: str) -> FloatArray:
         """Return the neighbouring cells (B, 3) that moves (B,) lead to."""
-        whole = actions.dtype.kind in "iu"
-        if not whole or actions.shape != viewpoint.shape[:1] or ((actions < 0) | (actions >= len(MOVES))).any():
-            raise EpisodeError(
-                f"{where}: expected {len(viewpoint)} whole moves from 0 to {len(MOVES) - 1}, got {actions.tolist()}"
-            )
+        check_moves(actions, len(viewpoint), where)
         space = self.motion.workspace
         if self._obstacles:
             return FreeSpace.of(space, self._obstacles).after(viewpoint, actions)
@@ -124,3 +120,10 @@ class FlightControls:
 def _between(low: float, high: float, action: FloatArray) -> FloatArray:
     """Return actions from -1 to 1, scaled to [low, high]."""
     return low + (high - low) * (action + 1) / 2
+
+
+def check_moves(actions: npt.NDArray[Any], count: int, where: str) -> None:
+    """Raise an EpisodeError, whose message begins with `where`, if actions are not so many moves of the grid."""
+    whole = actions.dtype.kind in "iu"
+    if not whole or actions.shape != (count,) or ((actions < 0) | (actions >= len(MOVES))).any():
+        raise EpisodeError(f"{where}: expected {count} whole moves from 0 to {len(MOVES) - 1}, got {actions.tolist()}")

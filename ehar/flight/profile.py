@@ -12,7 +12,7 @@ from ehar.flight.kinematics import SphericalState
 SAME_TIME = 1e-9  # [s]; times that differ by less are equal, so that rounding does not separate the axes
 SAME_JERK = 1e-6  # [m/s^3], [rad/s^3]
 SAMPLES = 4  # of each piece, both ends included
-PIECES = 3  # of equal length in `phases_between`; as many as a state has parts
+PIECES = 3  # of equal length in `phases_between` and `phases_to_rest`; as many as position, velocity, acceleration
 # What the jerk of each piece adds to acceleration, velocity and position at the end, for pieces of length 1.
 _EFFECTS = np.array([[1, 1, 1], [5 / 2, 3 / 2, 1 / 2], [19 / 6, 7 / 6, 1 / 6]])
 

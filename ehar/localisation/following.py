@@ -86,9 +86,10 @@ class Localisation:
 
         A Kalman filter of constant velocity takes the positions that arrive, and predicts over their delay. What it
         says at frame t rests on frames up to t minus the delay. From a frame that is missing no position arrives, so
-        the filter only predicts, for `HELD` seconds. Then it stays: nobody walks on as he did for the ten seconds that
-        a tracker may take to find him. Before the first position arrives, it is where people are in the first frame
-        that is not missing: someone put the camera there.
+        the filter only predicts, for `HELD` seconds. Then it stays at what it says for the time of arrival, without the
+        way ahead over the delay: nobody walks on as he did for the ten seconds that a tracker may take to find him.
+        Before the first position arrives, it is where people are in the first frame that is not missing: someone put
+        the camera there.
 
         Args:
             middles: (T, 3) the people's middle [m]; in missing frames it is not read.

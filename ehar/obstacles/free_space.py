@@ -99,7 +99,8 @@ class FreeSpace:
     def ways(self, viewpoint: FloatArray, goals: FloatArray) -> FloatArray:
         """Return the cells of the shortest ways from a viewpoint (3,) to goals (G, 3), (G, N, 3), from the first on.
 
-        N is the longest way; shorter ones stay at their goal. A goal that no way leads to is not left for.
+        They begin with the viewpoint's own cell. N is the longest; shorter ones stay at their goal. A goal that no way
+        leads to is not left for.
         """
         numbers = np.ravel_multi_index(tuple(self.workspace.to_cells(goals).T), self.free.shape)
         before, here = self._ways_to(self._number(viewpoint)), self._number(viewpoint)
@@ -147,7 +148,7 @@ class FreeSpace:
 
     @cached_property
     def _nearest_cells(self) -> IntArray:
-        """The nearest free cell of each cell, (*cells, 3), in metres at the middle distance."""
+        """The nearest free cell of each, (*cells, 3), if all steps were as long as at the middle distance and level."""
         from scipy.ndimage import distance_transform_edt  # imported here: too slow for `ehar --help`
 
         space, turn = self.workspace, self.free.shape[AZIMUTH]

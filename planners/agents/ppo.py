@@ -103,6 +103,8 @@ def train_ppo(
 
     Raises:
         ModelError: a loss or a weight is not finite, or TensorBoard is not installed. Earlier progress stays as kept.
+        UsageError: environments cannot be shared out, or the folder of logs cannot be written.
+        EpisodeError: a worker has ended.
     """
     if progress.rollouts >= rollouts_of(setting, moves) or stopped_getting_better(progress.scores, setting.patience):
         return

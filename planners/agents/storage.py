@@ -147,7 +147,8 @@ def load_agent(conditions: Conditions, data: Recordings, name: str, *, recognise
         seed: seed of its training.
 
     Raises:
-        ModelError: the files are missing or malformed, or belong to another data set, recogniser or world.
+        ModelError: the files are missing or malformed, or belong to another data set, recogniser, world or
+            vehicle, or to clips and not streams.
     """
     folder = weights_folder(conditions, data)
     path = agent_path(folder, name, _trained_on(folder, name, conditions), seed)
@@ -169,7 +170,8 @@ def open_stream_agent(
         seed: seed of its training; None means the first that is there.
 
     Raises:
-        ModelError: the files are missing or malformed, or belong to clips, or to another recogniser or world.
+        ModelError: the files are missing or malformed, or belong to clips, or to another recogniser, world or
+            vehicle.
     """
     trained = _trained_on(folder, name, conditions)
     chosen = next(iter(_seeds(folder, name, trained)), 0) if seed is None else seed

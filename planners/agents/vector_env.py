@@ -56,11 +56,11 @@ class AgentVecEnv(VecEnv):
             self._shares = [GroupsThere(make_env, one) if workers else GroupsHere(make_env, one) for one in shares]
         self._ends = np.cumsum([len(share) * size for share in shares])[:-1]
         self._returns = np.zeros(num_envs)
-        self._frames = 0
+        self._steps = 0
 
     def reset(self) -> VecEnvObs:
         """Begin episodes."""
-        self._returns[:], self._frames = 0, 0
+        self._returns[:], self._steps = 0, 0
         for share in self._shares:
             share.send(None)
         return _joined([seen for share in self._shares for seen in share.receive()])
@@ -71,11 +71,11 @@ class AgentVecEnv(VecEnv):
             share.send(moves)
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Wait for the next frame of all environments."""
+        """Wait for the next step of all environments."""
         seen: list[GroupStep] = [one for share in self._shares for one in share.receive()]
         rewards = np.concatenate([one.relative for one in seen])
         self._returns += np.concatenate([one.rewards for one in seen])
-        self._frames += 1
+        self._steps += 1
         over = seen[0].over
         dones: BoolArray = np.full(self.num_envs, over)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
@@ -85,8 +85,8 @@ class AgentVecEnv(VecEnv):
                 if seen[0].cut:
                     info["TimeLimit.truncated"] = True
                 info["terminal_observation"] = {name: values[i] for name, values in last.items()}
-                info["episode"] = {"r": float(self._returns[i]), "l": self._frames}
-            self._returns[:], self._frames = 0, 0
+                info["episode"] = {"r": float(self._returns[i]), "l": self._steps}
+            self._returns[:], self._steps = 0, 0
         return _joined([one.inputs for one in seen]), rewards.astype(np.float32), dones, infos
 
     def close(self) -> None:

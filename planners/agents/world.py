@@ -12,7 +12,7 @@ from ehar.data.scenario import Scenarios, split_parts, windows
 from ehar.data.streams.data import StreamData
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.variations import with_stream_variations, with_variations
-from ehar.envs.controls import Controls, FlightControls, GridControls
+from ehar.envs.controls import Controls, FlightControls, GridControls, check_moves
 from ehar.envs.environment import EpisodeVectorEnv
 from ehar.envs.task import EpisodeTask
 from ehar.errors import DataError, UsageError
@@ -151,7 +151,12 @@ class HeadingControls:
         self._context: Context = runner.context(1, None, np.random.default_rng(0))
 
     def targets(self, actions: npt.NDArray[Any], viewpoint: FloatArray, where: str) -> FloatArray:
-        """Return where moves (B,) lead from viewpoints (B, 3) in a second, (B, 3)."""
+        """Return where moves (B,) lead from viewpoints (B, 3) in a second, (B, 3).
+
+        Raises:
+            EpisodeError: an action is no move.
+        """
+        check_moves(actions, len(viewpoint), where)
         return move_target(self._context, viewpoint, actions)
 
     def observations(self) -> dict[str, FloatArray]:

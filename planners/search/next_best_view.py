@@ -44,7 +44,8 @@ class NextBestView(Planner):
     Args:
         model: trained gain fields and belief.
         horizon: number of nodes of a plan. The last one also stands for what is looked ahead after it. Nodes after the
-            end of the episode count for nothing. 15 nodes reach to the end of the episode.
+            end of the episode count for nothing. 15 nodes reach to the end of a clip on
+            the grid, in flight 4 to 6 s.
         effort_weight: cost of a trajectory at the limits of jerk, in gained probability.
         energy_weight: cost of the energy of hovering through the horizon, in gained probability; in flight only.
         noise_weight: cost of the noise of hovering in the middle distance through the horizon, in gained probability;

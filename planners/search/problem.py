@@ -152,7 +152,7 @@ class TrajectoryProblem:
         """Return the arguments of a CasADi solver: x0, p, lbx, ubx, lbg, ubg.
 
         Raises:
-            UsageError: the task is for another horizon, another world or another kind of limits.
+            UsageError: the task is for another horizon, world, scene or body, or another kind of limits.
         """
         lower, upper = self._variable_bounds(task)
         least, most = (bounds.copy() for bounds in self._constraint_bounds)

@@ -152,8 +152,9 @@ class TrajectorySolver:
     ) -> Solution:
         """Return the best of the trajectories from several guesses, as the problem has many local optima.
 
-        The previous solution is always a guess, and others are if they collect more than has been found. In flight and
-        where something is in the way a solve takes longer: only the best guess is one.
+        The previous solution is always a guess, and others are if they collect more than has been found; without one
+        all are, on the grid in the open. In flight and where something is in the way a solve takes longer: there the
+        best guess comes first.
 
         Args:
             task: the planning task.

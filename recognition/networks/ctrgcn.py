@@ -248,6 +248,7 @@ def relation_channels(in_channels: int) -> int:
     """Return the number of channels in which joints are correlated.
 
     As published, it is 8 for raw input, which has 3 or 9 channels there, and an eighth of the features otherwise. The
-    floor of 4 is ours: below a width of 32, an eighth leaves too few. No published width is that narrow.
+    floor of 4 is ours: below a width of 32, an eighth leaves too few. No published width is that narrow. Our raw
+    input of several persons, of 10 channels, is.
     """
     return 8 if in_channels <= 9 else max(4, in_channels // 8)

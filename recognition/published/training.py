@@ -115,7 +115,7 @@ def train_published(
         the result of each run.
 
     Raises:
-        DataError: the data has no split, or no training sequence.
+        DataError: the data has no split, or no training or no test sequence.
         UsageError: the files in `out` are of other data, or of an older version of this protocol.
         ModelError: the loss is not finite, or a checkpoint is damaged.
     """

@@ -27,8 +27,9 @@ class TrainingConfig:
         learning_rate: peak of the schedule (AdamW).
         weight_decay: weight decay of AdamW.
         interval: clips from one checkpoint to the next, and between the first evaluations on validation clips.
-        folds: number of groups of people; each is left out of one more training, as long as this one, and asked about.
-            So temperatures are fitted on more people than those of the validation part; with 0 on these alone.
+        folds: number of groups of people; each is left out of one more training, as long as the weights that are kept
+            have learned, and asked about. So temperatures are fitted on more people than those of the validation part;
+            with 0 on these alone.
         init: .safetensors file of the same shape to start from, instead of random weights.
         in_the_way: whether pillars, boxes and passers-by hide joints in half of the clips; the world is open.
         device: torch device, cpu or cuda.

@@ -37,7 +37,8 @@ class Material:
         planned: the planned views that it draws, if it has any.
         validation: the clips that the training is asked about.
         validated_on: who is in these.
-        weights: (classes + 1,) weights of the classes of a stream's frames, no activity last; None of clips.
+        weights: (classes + 1,) weights of the classes of a stream's frames, no activity last; None of clips, and
+            of streams in which few frames show none.
     """
 
     config: TrainingConfig

@@ -10,7 +10,7 @@ SPREAD = 1.25  # from one evaluation to the next, the clips grow by this factor,
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The result of one evaluation of the averaged weights on the validation clips."""
+    """The result of one evaluation of the weights that count on the validation clips."""
 
     step: int
     clips: int  # seen in training so far

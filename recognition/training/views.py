@@ -4,7 +4,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.errors import UsageError
-from ehar.viewpoint import MOVES, Workspace, apply_moves, spherical
+from ehar.viewpoint import HOVER, Workspace, apply_moves, spherical
 from ehar.world import World
 
 # Sec. 4.2: "a uniform grid of 32 nodes spanning P_0". The paper does not say which 32: the middles of 2 x 8 x 2 cells.
@@ -12,7 +12,7 @@ QUARTERS = np.array([0.25, 0.75])  # of the ranges of distance and polar angle: 
 PAPER_AZIMUTHS = 8
 
 STATIC_SHARE = 0.5  # share of clips with a static camera in the moving regime
-TURN_PROBABILITY = 0.1  # probability that a moving camera picks another move at a frame
+TURN_PROBABILITY = 0.1  # probability that a moving camera draws its move anew at a frame
 
 
 def paper_viewpoints(workspace: Workspace) -> FloatArray:
@@ -43,7 +43,7 @@ def training_viewpoints(regime: str, world: World, rng: np.random.Generator, cli
 
     Args:
         regime: "paper" takes each clip from one of the 32 viewpoints; "moving" takes half of the clips from a random
-            start viewpoint, and half from a camera that makes random grid moves, each for 10 frames on average.
+            start viewpoint, and half from a camera that makes random grid moves, drawn anew every 10 frames on average.
         world: the world that cameras are in.
         rng: the generator.
         clips: number B of clips.
@@ -64,11 +64,10 @@ def training_viewpoints(regime: str, world: World, rng: np.random.Generator, cli
     viewpoints = np.empty((clips, length, 3))
     viewpoints[:, 0] = world.sample_starts(rng, clips)
     moving, space = rng.random(clips) >= STATIC_SHARE, world.free_space
-    hover = len(MOVES) - 1
-    moves = rng.integers(hover, size=clips)
+    moves = rng.integers(HOVER, size=clips)
     for frame in range(1, length):
-        moves = np.where(rng.random(clips) < TURN_PROBABILITY, rng.integers(hover, size=clips), moves)
-        made = np.where(moving, moves, hover)
+        moves = np.where(rng.random(clips) < TURN_PROBABILITY, rng.integers(HOVER, size=clips), moves)
+        made = np.where(moving, moves, HOVER)
         before = viewpoints[:, frame - 1]
         viewpoints[:, frame] = (
             apply_moves(before, made, world.workspace) if space is None else space.after(before, made)

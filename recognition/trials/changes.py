@@ -21,8 +21,8 @@ class Change:
         smoothing: share of the probability that the loss spreads over all classes.
         late: whether frames count in the loss by how many have been seen.
         next_pose: weight of a second loss: how far off the next frame's joints are foretold [1 / m^2].
-        stream: the only part of the input that is left; None leaves all of it. "motion" is the way of joints and bones
-            from frame to frame.
+        stream: the part of joints and bones that is left, beside view and partners; None leaves all. "motion" is their
+            way from frame to frame.
         pretrained: whether it begins with weights that learned on other data.
         seed: seed of first weights, clips and dropout.
     """
@@ -84,7 +84,11 @@ ROWS: tuple[Row, ...] = (
     Row("view unknown", ("view unknown",), "polar angle and distance are not told"),
     Row("turning told", ("turning told",), "how the camera turns around people is told too"),
     Row("last weights", (LAST,), "no average over steps"),
-    Row("varied motion", ("varied motion",), "half of the clips mirrored, of another pace and size, with other limbs"),
+    Row(
+        "varied motion",
+        ("varied motion",),
+        "most clips of another pace and size and with other limbs, half mirrored",
+    ),
     Row("turned trunks", ("turned trunks",), "most clips of people who are turned at the waist by up to 15 degrees"),
     Row("smoothed labels", ("smoothed labels",), f"{SMOOTHING:g} of the label is spread over all classes"),
     Row("late frames", ("late frames",), "a frame counts in the loss by the number of frames seen"),

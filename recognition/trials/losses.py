@@ -60,6 +60,6 @@ class LateFramesLearner(Learner):
         """Return the weighted mean over frames, of logits (B * L, K) against labels (B, L)."""
         seen = torch.arange(1, labels.shape[1] + 1, device=logits.device)
         each = functional.cross_entropy(
-            logits, labels.flatten(), reduction="none", label_smoothing=self._smoothing
+            logits, labels.flatten(), weight=self._weights, reduction="none", label_smoothing=self._smoothing
         ).view(labels.shape)
         return (each * seen).sum(dim=1).mean() / seen.sum()

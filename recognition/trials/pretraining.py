@@ -14,9 +14,10 @@ from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.features import channel_count
 from recognition.networks.spec import DROPOUT, build_network
 from recognition.training.clips import Clips, ClipSource
+from recognition.training.config import TrainingConfig
 from recognition.trials.changes import Change
 from recognition.trials.folds import training_sequences
-from recognition.trials.trial import BATCH, Lesson, clip_source, learn, make_learner
+from recognition.trials.trial import Lesson, clip_source, learn, make_learner
 
 SHARED: Target = "body12"  # shoulders, elbows, wrists, hips, knees and ankles: what every skeleton has
 
@@ -66,7 +67,7 @@ def pretrain(others: Sequence[MotionData], lesson: Lesson, *, fps: float) -> dic
 
     def draw(rng: np.random.Generator, step: int) -> Clips:
         turn = step % len(sources)
-        clips = sources[turn].draw(rng, BATCH)
+        clips = sources[turn].draw(rng, TrainingConfig.batch)
         return clips._replace(labels=clips.labels + begins[turn])
 
     learn(learner, lesson, 0, draw, Change())
@@ -87,4 +88,5 @@ def _alone(data: MotionData) -> MotionData:
         is_test=None,
         missing=None,
         views=None,
+        recorded_ms=None,
     )

@@ -18,6 +18,7 @@ from recognition.left_out import Fold
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.spec import DROPOUT, build_network
 from recognition.training.clips import Clips, ClipSource
+from recognition.training.config import TrainingConfig
 from recognition.training.learner import Learner
 from recognition.trials.changes import Change
 from recognition.trials.inputs import changed_input, channels_of
@@ -26,8 +27,6 @@ from recognition.trials.losses import LateFramesLearner, NextPoseLearner
 VARIATIONS = 8  # of each sequence, where motion is varied
 HELD_CLIPS = 1024  # of the people who were left out
 HELD_SEED = 1_000_033  # draws the same clips for every change
-BATCH = 32
-LEARNING_RATE, WEIGHT_DECAY = 3e-3, 0.02  # of the usual training
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ def run_trial(
     if not change.weighs:
         _weigh_alike(network)
     learner = make_learner(network.to(lesson.device), change)
-    learn(learner, lesson, change.seed, lambda rng, step: source.draw(rng, BATCH), change)
+    learn(learner, lesson, change.seed, lambda rng, step: source.draw(rng, TrainingConfig.batch), change)
     features = changed_input(held, change)
     return learner.logits(learner.averaged, features), learner.logits(learner.network, features)
 
@@ -133,9 +132,9 @@ def make_learner(network: CausalCTRGCN, change: Change) -> Learner:
     return kind(
         network,
         optimiser="adamw",
-        learning_rate=LEARNING_RATE,
-        weight_decay=WEIGHT_DECAY,
-        batch=BATCH,
+        learning_rate=TrainingConfig.learning_rate,
+        weight_decay=TrainingConfig.weight_decay,
+        batch=TrainingConfig.batch,
         smoothing=change.smoothing,
     )
 
@@ -159,7 +158,7 @@ def learn(
     Raises:
         ModelError: the loss is not finite.
     """
-    steps = max(1, lesson.clips // BATCH)
+    steps = max(1, lesson.clips // TrainingConfig.batch)
     for step in range(steps):
         rng = np.random.default_rng((seed, step))
         clips = draw(rng, step)

@@ -53,8 +53,8 @@ def stitch(data: str | Path | MotionData, *, seconds: float = 60.0, seed: int = 
 
     Args:
         data: the sequences, in memory or as `load_data` takes them; all have to name who performs.
-        seconds: a stream ends with the first sequence that makes it as long; the last one of each person may be half
-            as long.
+        seconds: a stream ends with the first sequence that makes it as long, joins not counted; the last one of each
+            person may be half as long, and the only one shorter still.
         seed: of the order.
 
     Raises:

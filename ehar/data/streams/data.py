@@ -61,7 +61,7 @@ class StreamData(Recordings):
         is: it would tell where people are after the gap.
 
         Raises:
-            UsageError: the rate is not above 0, or so low that short segments would be elsewhere.
+            UsageError: the rate is not above 0, above `MOST_RATE`, or so low that short segments would be elsewhere.
         """
         if fps == self.fps:
             return self

@@ -25,7 +25,7 @@ class BeliefModel:
     The state :math:`x_t \in R^K` holds the centred log-odds of the classes. It is a random walk, since an activity
     unfolds:
 
-    .. math:: x_t = x_{t-1} + w_t, \quad w_t \sim N(0, q I), \quad x_0 \sim N(0, p_0 I).
+    .. math:: x_t = x_{t-1} + w_t, \quad w_t \sim N(0, q I), \quad x_1 \sim N(0, p_0 I).
 
     The recogniser averages over the frames so far. Its outputs are therefore not independent evidence, and a product
     of them would count early frames many times. Let :math:`y_n` be its centred log-probabilities, scaled by
