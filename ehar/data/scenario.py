@@ -208,6 +208,17 @@ def strangers(data: MotionData | StreamData, sequences: IntArray) -> IntArray:
     return sequences if known.all() else sequences[~known]
 
 
+def show_known(data: MotionData | StreamData, sequences: IntArray) -> BoolArray:
+    """Return which of some sequences (n,) show somebody whom the recogniser's part shows elsewhere, (n,).
+
+    Raises:
+        DataError: as `stream_parts`.
+    """
+    elsewhere = data.subjects[np.setdiff1d(split_parts(data).recogniser, sequences)]
+    known = np.isin(data.subjects[sequences], elsewhere[elsewhere != UNKNOWN_SUBJECT])
+    return np.asarray(known.any(axis=1))
+
+
 def people_together(subjects: IntArray) -> IntArray:
     """Return the group of each stream's people, (S,), from who performs, (S, P).
 

@@ -10,7 +10,7 @@ from ehar.arrays import FloatArray, IntArray, in_brief
 from ehar.batch import Batch, noise_of
 from ehar.data.copies import copied
 from ehar.data.motion_data import MotionData
-from ehar.data.scenario import Scenarios, localised, windows
+from ehar.data.scenario import Scenarios, localised, show_known, windows
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.surroundings import surroundings_of
@@ -116,6 +116,10 @@ def cut_scenarios(
     Raises:
         DataError: a class has no sequence among them, or no sequence has `length` frames.
     """
+    known = int(show_known(data, sequences).sum())
+    if known:
+        shown = f"{known} of {len(sequences)} {'streams' if isinstance(data, StreamData) else 'sequences'}"
+        note(f"warning: {shown} of {data.name} show people from whom its recogniser learns")
     if isinstance(data, StreamData):
         return _cut_streams(data, sequences, length, note)
     for label, name in enumerate(data.class_names):

@@ -10,7 +10,7 @@ from ehar.conditions import Conditions
 from ehar.data.copies import copied
 from ehar.data.motion_data import MotionData
 from ehar.data.recordings import UNKNOWN_SUBJECT
-from ehar.data.scenario import PARTS, TEST, advised_length, part_of, split_parts, windows
+from ehar.data.scenario import PARTS, TEST, advised_length, part_of, show_known, split_parts, windows
 from ehar.data.streams.data import NO_ACTIVITY, NO_ACTIVITY_NAME, StreamData
 from eval.render.tables import NONE, Table
 from eval.running.outlook import Needed
@@ -129,10 +129,12 @@ def _footnotes(data: MotionData | StreamData, needed: Needed) -> list[str]:
     length = needed.benchmark
     short = int((data.lengths < length).sum())
     advised = advised_length(data, length)
-    copies = int(copied(data, split_parts(data).test).sum())
+    test = split_parts(data).test
+    copies, known = int(copied(data, test).sum()), int(show_known(data, test).sum())
     in_streams = isinstance(data, StreamData)
     one = "stream" if in_streams else "sequence"
     notes = [f"warning: {copies} test {one}s are copies of training {one}s"] if copies else []
+    notes += [f"warning: {known} test {one}s show people from whom the recogniser learns"] if known else []
     notes += [f"warning: {line}" for line in data.notes] if isinstance(data, StreamData) else []
     return [
         *notes,

@@ -50,3 +50,12 @@ def test_northwestern_ucla_has_copies_between_cameras() -> None:
     assert data.is_test is not None
     found = copied(data, np.flatnonzero(data.is_test))
     assert 80 < found.sum() < 100
+
+
+def test_a_benchmark_and_describe_warn_of_people_whom_the_recogniser_knows() -> None:
+    told: list[str] = []
+    everywhere = replace(tiny_data(), subjects=np.zeros((12, 1), dtype=np.int64), is_test=np.arange(12) >= 6)
+    cut_scenarios(everywhere, np.arange(6, 12), 10, told.append)
+    assert told == ["warning: 6 of 6 sequences of tiny show people from whom its recogniser learns"]
+    assert "warning: 6 test sequences show people from whom the recogniser learns" in str(describe(everywhere))
+    assert "show people" not in str(describe(tiny_data()))

@@ -8,7 +8,7 @@ import pytest
 
 from ehar.data import scenario
 from ehar.data.motion_data import MotionData
-from ehar.data.scenario import part_of, split_parts, strangers, windows
+from ehar.data.scenario import part_of, show_known, split_parts, strangers, windows
 from ehar.data.synthetic.sets import solo
 from ehar.errors import DataError, UsageError
 from tests.helpers.fakes import CLASS_NAMES, POSE, SKELETON, tiny_data
@@ -252,3 +252,17 @@ def test_streams_of_unlike_length_have_parts_too(order: tuple[int, ...]) -> None
         parts = scenario._stream_parts_drawn(data, np.random.default_rng(seed))
         each_part = (parts.recogniser, parts.policy, parts.validation, parts.test)
         assert sorted(np.concatenate(each_part)) == [0, 1, 2, 3]
+
+
+def test_who_shows_elsewhere_in_the_recogniser_s_part_is_known() -> None:
+    data = solo()
+    parts = split_parts(data)
+    assert not show_known(data, parts.test).any()
+    subjects = data.subjects.copy()
+    subjects[parts.test[:2]] = subjects[parts.recogniser[0]]
+    other = replace(data, subjects=subjects)
+    np.testing.assert_array_equal(split_parts(other).recogniser, parts.recogniser)
+    assert show_known(other, parts.test).tolist() == [True, True, *[False] * (len(parts.test) - 2)]
+    assert not show_known(other, parts.recogniser).any(), "not those of the part itself"
+    unnamed = replace(data, subjects=np.full_like(subjects, -1))
+    assert not show_known(unnamed, split_parts(unnamed).test).any()
