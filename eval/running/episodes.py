@@ -99,8 +99,9 @@ class Episodes:
 
     def pick(self, indices: Sequence[int]) -> Batch:
         """Return some episodes, with the start viewpoints and the noise that they have in their chunks."""
-        pieces = [self.batch(index // CHUNK).select(slice(index % CHUNK, index % CHUNK + 1)) for index in indices]
-        return Batch.joined(pieces)
+        chunks = {chunk: self.batch(chunk) for chunk in dict.fromkeys(index // CHUNK for index in indices)}
+        rows = [(chunks[index // CHUNK], index % CHUNK) for index in indices]
+        return Batch.joined([chunk.select(slice(row, row + 1)) for chunk, row in rows])
 
     def planner_rng(self, name: str, index: int) -> np.random.Generator:
         """Return a planner's generator for one chunk."""

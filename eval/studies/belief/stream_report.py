@@ -138,7 +138,8 @@ class StreamBeliefReport:
         rates = ", ".join(f"{alarms:.1f} with {planner}" for planner, alarms in granted)
         return (
             "Equal alarms: a reader names an activity only from a probability on at which it raises no more false "
-            f"alarms a minute than whoever of recogniser and belief raises fewer ({rates}); sooner than the recogniser."
+            f"alarms a minute than whoever of recogniser and belief raises fewer ({rates}), chosen on these streams "
+            "themselves; sooner than the recogniser."
         )
 
 

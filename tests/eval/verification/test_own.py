@@ -158,6 +158,14 @@ def test_an_own_recogniser_sees_what_it_saw(lab: Path) -> None:
     assert str(found.difference).endswith(", which mine.py:Mine(gain=2) has")
 
 
+def test_a_recogniser_that_looks_at_other_episodes_is_found(lab: Path) -> None:
+    """Episodes that run together show few classes: by them it could tell which."""
+    run(["no-act"], recogniser="mine.py:Together")
+    found = again(Path("run"), episodes=1)
+    (seen,) = (check for check in found.checks if check.name == "seen again")
+    assert seen.result == FAILED and "episodes.jsonl: no-act, episode" in seen.what and "got " in seen.what
+
+
 def test_a_recogniser_that_was_an_object_is_not_replayable(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run(["no-act"], recogniser=FakeRecogniser())
     reason = "recogniser tests.helpers.fakes.FakeRecogniser: not replayable, as it was given as an object"

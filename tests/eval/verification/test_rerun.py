@@ -22,6 +22,7 @@ from eval.verification.rerun import (
     check_moves,
     draw_jobs,
     flight_difference,
+    mixed,
     tracking_difference,
 )
 from planners.heuristic import NoAct, Random, VRotate
@@ -48,6 +49,17 @@ def test_draws_depend_on_the_seed_only_and_end_with_all() -> None:
     assert draws[0] == draws[1] != draws[2]
     everything = draw_jobs(NAMES, CHUNK + 1, 10**6, np.random.default_rng(0))
     assert everything == [(name, chunk) for name in NAMES for chunk in (0, 1)]
+
+
+def test_episodes_are_seen_again_in_groups_that_were_no_chunk() -> None:
+    jobs = [("a", 0), ("a", 3), ("b", 2), ("c", 100)]
+    groups = mixed(jobs, 100 * CHUNK + 1, np.random.default_rng(0))
+    rows = {name: [group for of, group in groups if of == name] for name in NAMES}
+    assert sorted(np.concatenate(rows["a"]).tolist()) == [*range(CHUNK), *range(3 * CHUNK, 4 * CHUNK)]
+    assert sorted(np.concatenate(rows["b"]).tolist()) == [*range(2 * CHUNK, 3 * CHUNK)]
+    assert [group.tolist() for group in rows["c"]] == [[100 * CHUNK]]
+    assert all(len(group) < CHUNK for _, group in groups)
+    assert all(len(set(group // CHUNK)) == 2 for group in rows["a"])
 
 
 def run(motion: Motion, planner: VRotate | Random | NoAct, length: int = 10) -> Record:

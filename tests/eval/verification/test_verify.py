@@ -328,7 +328,7 @@ def of_no_act(rows: list[dict[str, Any]]) -> None:
     ("edit", "name", "message"),
     [
         (raise_probability, "seen again", "random, episode 7 ('sequence-18' from frame 10), frame 4: "),
-        (go_elsewhere, "seen again", "random, episode 0 ('sequence-15' from frame 0), frame "),
+        (go_elsewhere, "seen again", "random, episode "),
         (
             of_no_act,
             "moves again",
