@@ -30,11 +30,6 @@ class Mine:
         log_probs = top - np.log(np.exp(top).sum(axis=-1, keepdims=True))
         return Recognition(log_probs.astype(np.float32), evidence.astype(np.float32))
 
-class Together(Mine):  # looks at all rows for each
-    def recognised(self, evidence):
-        mixed = 0.5 * evidence + 0.5 * evidence.mean(axis=tuple(range(evidence.ndim - 1)))
-        return super().recognised(mixed)
-
 class Wide(Mine):
     def recognised(self, evidence):
         return Recognition(np.zeros((len(evidence), 5)), evidence)
@@ -63,4 +58,9 @@ class Needy(Mine):
     def __init__(self, depth: int): pass
 
 class Nothing: pass
+
+class Together(Mine):  # looks at all rows for each
+    def recognised(self, evidence):
+        mixed = 0.5 * evidence + 0.5 * evidence.mean(axis=tuple(range(evidence.ndim - 1)))
+        return super().recognised(mixed)
 """
