@@ -36,6 +36,11 @@ def read_only(array: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
     return np.ndarray(array.shape, array.dtype, np.ascontiguousarray(array).tobytes())
 
 
+def kind_of(value: Any) -> str:
+    """Return what a value is, for errors: the type of an array's numbers, or the class of what is no array."""
+    return f"an array of {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__
+
+
 def in_brief(held: Any) -> str:
     """Return the `repr` of a data class that holds arrays: their types and shapes, and the lengths of long tuples."""
     shown = (f"{part.name}={_brief(getattr(held, part.name))}" for part in fields(held) if part.repr)

@@ -23,6 +23,7 @@ from ehar.world import PAPER, World, by_name
 Form = Literal["causal", "ctrgcn"]
 FORMS: tuple[Form, ...] = get_args(Form)
 USUAL_SENSOR = "usual"
+MOST_STARTS, MOST_FRAMES, MOST_SEED = 10**6, 10**6, 2**63 - 1  # what is more is a slip, or no int64
 REGIMES = ("moving", "paper", "recorded")  # views that a recogniser is trained on
 
 
@@ -77,12 +78,14 @@ class Conditions:
             value = getattr(self, name)
             if value not in known:
                 raise UsageError(f"unknown {name} {value!r}; expected one of: {', '.join(known)}")
-        for name, least in (("starts", 1), ("length", 1), ("seed", 0)):
+        for name, least, most in (("starts", 1, MOST_STARTS), ("length", 1, MOST_FRAMES), ("seed", 0, MOST_SEED)):
             value = getattr(self, name)
             if name == "length" and value is None:
                 continue
             if not isinstance(value, int) or isinstance(value, bool) or value < least:
                 raise UsageError(f"{name}: expected a whole number of at least {least}, got {value!r}")
+            if value > most:
+                raise UsageError(f"{name}: expected a whole number of at most {most}, got {value}")
         if self.recogniser is not None and self.form != "causal":
             raise UsageError(f"form: expected none beside your own recogniser, got {self.form}")
 

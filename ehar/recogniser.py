@@ -2,8 +2,12 @@
 
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.sensors.sensor import Sensed
+
+NORMALISED = 1e-3  # largest distance from 1 of the sum of the probabilities in a frame
 
 
 class Recognition(NamedTuple):
@@ -51,3 +55,10 @@ class Recogniser(Protocol):
             the recognition after this frame, and the state after it.
         """
         ...
+
+
+def total_probability(log_probs: FloatArray) -> FloatArray:
+    """Return the sum of the probabilities of each row, (...), whose logarithms are (..., K); it should be 1."""
+    with np.errstate(over="ignore"):  # what is beyond a float is infinite, and so no probability
+        total: FloatArray = np.exp(np.logaddexp.reduce(log_probs, axis=-1))
+    return total

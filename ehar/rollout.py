@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ehar.arrays import FloatArray, read_only
+from ehar.arrays import FloatArray, kind_of, read_only
 from ehar.batch import Batch
 from ehar.data.skeleton import Skeleton
 from ehar.errors import EpisodeError
@@ -18,7 +18,7 @@ from ehar.obstacles.surroundings import too_near
 from ehar.onsets import Onset, ToldOnsets, begins
 from ehar.planner import Context, Observation, Planner, Truth
 from ehar.plugins.blame import blamed
-from ehar.recogniser import Recogniser, Recognition
+from ehar.recogniser import NORMALISED, Recogniser, Recognition, total_probability
 from ehar.sensors.sensor import Sensed, Sensor
 from ehar.steps import LEAD, StepLimits
 
@@ -182,7 +182,9 @@ class _Shared:
 
 
 def check_recognition(recognition: Recognition, recogniser: Recogniser, episodes: int, frame: str) -> None:
-    """Raise an EpisodeError that names recogniser and frame unless both arrays are finite and have the right shapes.
+    """Raise an EpisodeError that names recogniser and frame unless its answer is one.
+
+    Both parts are arrays of finite floats of the right shapes, and the probabilities of each episode sum to 1.
 
     Args:
         recognition: recognition of episodes without forks.
@@ -197,9 +199,18 @@ def check_recognition(recognition: Recognition, recogniser: Recogniser, episodes
     )
     for name, array, size in parts:
         expected = (episodes, size)
-        if np.shape(array) != expected or not np.isfinite(array).all():
-            got = np.shape(array) if np.shape(array) != expected else "NaN or infinity"
+        if not isinstance(array, np.ndarray) or array.dtype.kind != "f":
+            raise EpisodeError(f"{where}: {name}: expected an array of floats, got {kind_of(array)}")
+        if array.shape != expected or not np.isfinite(array).all():
+            got = array.shape if array.shape != expected else "NaN or infinity"
             raise EpisodeError(f"{where}: expected finite {name} of shape {expected}, got {got}")
+    total = total_probability(recognition.log_probs)
+    worst = int(np.abs(total - 1).argmax())
+    if abs(total[worst] - 1) > NORMALISED:
+        raise EpisodeError(
+            f"{where}: expected log-probabilities, whose probabilities sum to 1 within {NORMALISED:g}, got a sum of "
+            f"{total[worst]:.4g} in episode {worst} of the batch"
+        )
 
 
 def finite_viewpoints(reached: Any, episodes: int, where: str) -> FloatArray:

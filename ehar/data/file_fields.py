@@ -5,6 +5,7 @@ import zlib
 from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -42,8 +43,10 @@ def read_arrays(path: Path, schema: Set[str]) -> dict[str, Array]:
     arrays = {}
     try:
         with np.load(path, allow_pickle=False) as archive:
-            for field in schema & set(archive.files):
+            for field in sorted(schema & set(archive.files)):
                 arrays[field] = archive[field]
+                if not isinstance(arrays[field], np.ndarray):  # numpy hands out what is no array as bytes
+                    raise ValueError("expected an array as numpy saves it")
     except (
         ValueError,
         OSError,
@@ -51,6 +54,8 @@ def read_arrays(path: Path, schema: Set[str]) -> dict[str, Array]:
         KeyError,
         MemoryError,
         RuntimeError,
+        SyntaxError,
+        TokenError,  # numpy reads the header of an array as Python
         zipfile.BadZipFile,
         zlib.error,
     ) as error:
@@ -141,13 +146,17 @@ def parse_labels(
 
 
 def shared_arrays(data: Recordings) -> dict[str, Array]:
-    """Return the arrays of a file that all recordings have."""
+    """Return the arrays of a file that all recordings have.
+
+    Raises:
+        DataError: the number of a subject is too large.
+    """
     arrays: dict[str, Array] = {
         "positions": data.positions,
         "offsets": data.offsets.astype(np.int64),
         "class_names": np.array(data.class_names, dtype=np.str_),
         "sequence_names": np.array(data.sequence_names, dtype=np.str_),
-        "subjects": data.subjects.astype(np.int32),
+        "subjects": _as_int32(data.subjects, "subjects"),
         "fps": np.array(data.fps, dtype=np.float32),
         "joint_names": np.array(data.skeleton.joint_names, dtype=np.str_),
         "bones": data.skeleton.bone_indices.astype(np.int32),
@@ -158,6 +167,14 @@ def shared_arrays(data: Recordings) -> dict[str, Array]:
     if data.synthetic:
         arrays["synthetic"] = np.array(True)
     return arrays
+
+
+def _as_int32(numbers: IntArray, field: str) -> IntArray:
+    """Return numbers as the file holds them; one that it cannot hold would become another one."""
+    most = np.iinfo(np.int32).max
+    if numbers.size and numbers.max() > most:
+        raise DataError(f"{field}: got {numbers.max()}, expected at most {most}")
+    return numbers.astype(np.int32)
 
 
 def _parse_offsets(fields: Fields, sequence_names: tuple[str, ...], frames: int) -> IntArray:

@@ -3,14 +3,16 @@
 import math
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Annotated
+
+from annotated_types import Ge, Le
 
 from ehar.errors import UsageError
 from ehar.files import read_json
-from ehar.flight.multicopter import Multicopter, Positive
+from ehar.flight.multicopter import Multicopter
 
-
-def _is_positive(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value and math.isfinite(value)
+LEAST_LIMIT, MOST_LIMIT = 0.01, 1e5  # in m, s and degrees; beyond them flights take too long to plan or to check
+Limit = Annotated[float, Ge(LEAST_LIMIT), Le(MOST_LIMIT)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +32,7 @@ class Vehicle:
         body: what power and sound depend on; None for one whose flights have neither, as that of a robot on wheels.
 
     Raises:
-        UsageError: a limit is not a positive, finite number.
+        UsageError: a limit is no number from `LEAST_LIMIT` to `MOST_LIMIT`.
     """
 
     name: str
@@ -46,8 +48,10 @@ class Vehicle:
         """Check every limit."""
         for limit in LIMITS:
             value = getattr(self, limit)
-            if not _is_positive(value):
-                raise UsageError(f"vehicle {self.name!r}: expected a positive, finite {limit}, got {value!r}")
+            unit = math.radians(1) if limit == "yaw_rate" else 1.0
+            least, most = unit * LEAST_LIMIT, unit * MOST_LIMIT
+            if not isinstance(value, int | float) or isinstance(value, bool) or not least <= value <= most:
+                raise UsageError(f"vehicle {self.name!r}: expected a {limit} from {least:g} to {most:g}, got {value!r}")
 
 
 LIMITS = tuple(field.name for field in fields(Vehicle) if field.name not in ("name", "body"))
@@ -57,12 +61,12 @@ LIMITS = tuple(field.name for field in fields(Vehicle) if field.name not in ("na
 class VehicleFile:
     """The content of a vehicle file: as in `Vehicle`, but the yaw rate is in degrees per second. It may lack a body."""
 
-    speed: Positive
-    acceleration: Positive
-    jerk: Positive
-    climb_speed: Positive
-    descent_speed: Positive
-    yaw_rate_deg: Positive
+    speed: Limit
+    acceleration: Limit
+    jerk: Limit
+    climb_speed: Limit
+    descent_speed: Limit
+    yaw_rate_deg: Limit
     body: Multicopter | None = None
 
     def vehicle(self, name: str) -> Vehicle:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ehar.arrays import BoolArray, FloatArray
+from ehar.arrays import BoolArray, FloatArray, kind_of
 from ehar.errors import EpisodeError
 from ehar.plugins.blame import blamed
 from ehar.sensors.sensor import Sensed, Sensor, SensorNoise
@@ -70,9 +70,12 @@ def _sensed(
     joints = (*leading, *positions.shape[-3:-1])
     for name, array, expected in zip(Sensed._fields, sensed, ((*joints, 2), joints), strict=True):
         if not isinstance(array, np.ndarray) or array.dtype.kind != "f":
-            got = f"an array of {array.dtype}" if isinstance(array, np.ndarray) else type(array).__name__
-            raise EpisodeError(f"{where}: {name}: expected an array of floats, got {got}")
+            raise EpisodeError(f"{where}: {name}: expected an array of floats, got {kind_of(array)}")
         if array.shape != expected or not np.isfinite(array).all():
             got = str(array.shape) if array.shape != expected else "NaN or infinity"
             raise EpisodeError(f"{where}: expected finite {name} of shape {expected}, got {got}")
+    confidence = sensed[1]
+    if confidence.size and not 0 <= confidence.min() <= confidence.max() <= 1:
+        got = f"{confidence.min():.4g} to {confidence.max():.4g}"
+        raise EpisodeError(f"{where}: expected confidence from 0 to 1, got {got}")
     return sensed if isinstance(sensed, Sensed) else Sensed(*sensed)

@@ -1,5 +1,6 @@
 """The command line, `ehar`: it finds the command that the words name, and runs it."""
 
+import errno
 import operator
 import os
 import select
@@ -60,6 +61,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if sys.stdout is None:  # it was closed, as by `>&-`
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")
     try:
         try:
             code = _run(arguments)
@@ -69,6 +72,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
             sys.exit(code)
     except BrokenPipeError:
         _end_unread()
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        print(f"ehar: error: standard output: cannot be written: {error.strerror}", file=sys.stderr)
+        _forget_output()
+        sys.exit(2)
     except EharError as error:
         print(f"ehar: error: {error}", file=sys.stderr)
         sys.exit(2)
@@ -93,8 +102,13 @@ def _end_unread() -> NoReturn:
     watched.register(sys.stdout.fileno(), 0)
     if not watched.poll(0):
         raise
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left is written there at exit
+    _forget_output()
     sys.exit(128 + signal.SIGPIPE)
+
+
+def _forget_output() -> None:
+    """Let what is left of standard output be written nowhere at exit, where it can't be written."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import numpy as np
 from ehar.arrays import FloatArray, IntArray
 from ehar.conditions import Conditions
 from ehar.plugins.blame import blamed
-from ehar.recogniser import Recogniser
+from ehar.recogniser import NORMALISED, Recogniser, total_probability
 from eval.conformance.checks import Conformance, ContractCheck, attempt
 from eval.conformance.streams import (
     TOLERANCE,
@@ -27,7 +27,6 @@ from eval.conformance.streams import (
 from eval.conformance.world import BATCH
 from recognition.setting import load_setting
 
-NORMALISED = 1e-3  # largest distance from 1 of the sum of the probabilities in a frame
 FORKS = 3
 ALL, OTHERS = np.arange(BATCH), np.arange(BATCH, 2 * BATCH)
 _PURE = "keep all memory in the state, none in `self`; return a new state, and leave the given one as it is"
@@ -142,7 +141,7 @@ def _checks(recogniser: Recogniser, frames: Sequence[GivenFrame]) -> list[Contra
 
 
 def _not_normalised(log_probs: FloatArray) -> str | None:
-    total = np.exp(np.logaddexp.reduce(log_probs, axis=-1))
+    total = total_probability(log_probs)
     worst = np.unravel_index(np.argmax(np.abs(total - 1)), total.shape)
     if abs(total[worst] - 1) <= NORMALISED:
         return None

@@ -32,6 +32,17 @@ def check_out(out: Path, config: Mapping[str, Any]) -> None:
         raise UsageError(f"{out}: expected a new folder, or this run's; it holds {found[0]} without {CONFIG}")
 
 
+def check_no_run(out: Path) -> None:
+    """Check that a folder can be written to, and that it holds no run, whose figures a study would write over.
+
+    Raises:
+        UsageError: the folder is not usable, or holds a run.
+    """
+    check_folder(out)
+    if (out / CONFIG).exists() or (out / UNFINISHED / CONFIG).exists():
+        raise UsageError(f"{out}: expected a folder without a run, this one holds the {CONFIG} of one")
+
+
 def _check_same(folder: Path, config: Mapping[str, Any], remedy: str) -> None:
     """Raise a UsageError if the config.json of a folder is not this configuration."""
     try:

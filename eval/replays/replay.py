@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
 
 TELLING = ("gain", "loss", "typical")  # the first three episodes of a report, in this order
 MOST_PLANNERS = 2
+SLOWEST = 1000.0  # a frame of a fast camera is seconds then
 SLOWER = 4.0  # times slower than life: a clip lasts a second or two, too short to look at everything
 MOST_FPS = {".mp4": 30.0, ".gif": 10.0}  # frames a second of a film; a GIF keeps every pixel that changes
 STRETCH = 30.0  # [s], of a stream that is filmed
@@ -85,8 +85,8 @@ def make_replay(
         check_film(out)
     if out is not None and not out.absolute().parent.is_dir():
         raise UsageError(f"{out}: expected a file in a folder that is there, {out.absolute().parent} is not")
-    if slower is not None and not (isfinite(slower) and slower > 0):
-        raise UsageError(f"--slower: expected a number above 0, got {slower:g}")
+    if slower is not None and not 0 < slower <= SLOWEST:
+        raise UsageError(f"--slower: expected a number above 0, and at most {SLOWEST:g}, got {slower:g}")
     if len(planners) > MOST_PLANNERS or len(set(planners)) < len(planners):
         raise UsageError(f"--planners: expected one or two different planners, got {', '.join(planners)}")
     reporter = reporter or ConsoleReporter()

@@ -8,7 +8,7 @@ from typing import Any
 from ehar.errors import DataError, UsageError
 from ehar.files import write_text
 from eval.records.config import CONFIG, PlannerConfig
-from eval.records.run_files import TABLE
+from eval.records.run_files import TABLE, check_no_run
 from eval.render.tables import markdown
 from eval.running.run import Run, read_run
 from eval.scores.differences import compare_pairs
@@ -36,9 +36,12 @@ def compare(
         out: folder for table.md.
 
     Raises:
-        UsageError: a folder holds no run, the runs have different episodes, or a planner did not run.
+        UsageError: a folder holds no run, the runs have different episodes, or a planner did not run; or `out` holds a
+            run.
         DataError: files cannot be read, or their episodes are not those of config.json.
     """
+    if out is not None:
+        check_no_run(Path(out))
     if len(planners) not in (0, 2):
         raise UsageError(f"planners: expected one of A and one of B, got {len(planners)}: {', '.join(planners)}")
     a, b = _read(run_a), _read(run_b)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from ehar.errors import DataError, UsageError
 from ehar.files import parse_json, read_json, write_text
-from eval.records.run_files import TABLE
+from eval.records.run_files import TABLE, check_no_run
 from eval.render.figures import clean, save_figure
 from eval.render.palette import BLUE, LIGHT, VERMILION
 from eval.render.tables import Table, html, interval_text, markdown, text
@@ -160,9 +160,11 @@ def learning(runs: Sequence[str | Path], *, planner: str = NBV, out: str | Path 
 
     Raises:
         UsageError: a folder holds no run, the runs have other episodes or conditions, a planner is missing, or a
-            recogniser's training went on from other weights.
+            recogniser's training went on from other weights; or `out` holds a run.
         DataError: files cannot be read, or a recogniser's file is not the one of the run.
     """
+    if out is not None:
+        check_no_run(Path(out))
     if len(runs) < 2:
         raise UsageError(f"learning: expected at least 2 folders of runs, got {len(runs)}")
     read = [read_run_of_clips(folder) for folder in runs]

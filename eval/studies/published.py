@@ -14,13 +14,14 @@ from ehar.data.copies import unseen_test
 from ehar.data.source import load_data
 from ehar.errors import UsageError
 from ehar.files import json_text, write_text
-from eval.records.run_files import TABLE
+from eval.records.run_files import TABLE, check_no_run
 from eval.render.tables import Table, html, markdown, text
 from planners.agents.config import check_seeds
 from recognition.devices import check_device
 from recognition.networks.sizes import Size
 from recognition.published.clips import STREAMS, Stream
 from recognition.published.training import RATIOS, PublishedRun, accuracies, train_published
+from recognition.torch_threads import use_threads
 from recognition.training.optimisers import PUBLISHED_EPOCHS
 
 FORMS: tuple[Form, ...] = ("ctrgcn", "causal")
@@ -162,12 +163,10 @@ def published(
 
     Raises:
         UsageError: the number of epochs is below 1, a seed is no seed, there is no form or stream, one that does not
-            exist or one twice, or `out` holds results of other data.
+            exist or one twice, or `out` holds results of other data, or a run.
         DataError: the data is malformed, or has no split.
         ModelError: a loss is not finite, or a checkpoint is damaged.
     """
-    import torch  # imported here: too slow for `ehar --help`
-
     check_seeds(seeds)
     for name, chosen, known in (("forms", forms, FORMS), ("streams", streams, STREAMS)):
         if not chosen or len(set(chosen)) < len(chosen) or not {*chosen} <= {*known}:
@@ -176,9 +175,9 @@ def published(
     if epochs < 1:
         raise UsageError(f"--epochs: got {epochs}, expected at least 1")
     check_device(device)
-    if threads:
-        torch.set_num_threads(threads)
+    use_threads(threads)
     motion, folder = load_data(data), Path(out)
+    check_no_run(folder)
     unseen = unseen_test(motion)
     runs = [PublishedRun(form, stream, size, seed, epochs) for form in forms for seed in seeds for stream in streams]
     results = train_published(runs, motion, folder, device=device, report=_epoch_done)

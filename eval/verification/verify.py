@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,12 @@ from ehar.errors import DataError, EharError, UsageError
 from eval.records.config import RunConfig, installed_versions, read_config
 from eval.records.episode_lines import read_episodes
 from eval.records.episodes import EpisodeRecords
-from eval.records.run_files import EPISODES, SUMMARY
+from eval.records.run_files import EPISODES, SUMMARY, TABLE
+from eval.render.tables import markdown
 from eval.running.accuracy_kept import read_ideal_run
 from eval.running.episodes import Episodes, cut_scenarios, random_starts
 from eval.running.progress import ConsoleReporter, Reporter
-from eval.running.run import why_incomplete
+from eval.running.run import Run, why_incomplete
 from eval.verification.checks import FAILED, OK, UNCHECKED, Check, Verification
 from eval.verification.figures import UNRECORDED, count_figures, mismatch, recompute
 from eval.verification.inputs import check_inputs
@@ -110,6 +112,8 @@ def verify(
                 seed=seed,
                 reporter=reporter,
             )
+    if all(check.result == OK for check in checks if check.name in ("records", "figures")):
+        checks.append(_check_table(directory, config, records))
     return Verification(tuple(checks), notes)
 
 
@@ -164,6 +168,25 @@ def _check_figures(
     if difference is not None:
         return Check("figures", FAILED, difference)
     return Check("figures", OK, f"{count_figures(held)} of {SUMMARY}; {', '.join(UNRECORDED)} are not in the records")
+
+
+def _check_table(directory: Path, config: RunConfig, records: Mapping[str, EpisodeRecords]) -> Check:
+    """Return the check of table.md against the table that summary.json and the records give."""
+    try:
+        held = (directory / TABLE).read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError:
+        return Check("table", UNCHECKED, f"{TABLE} is not there")
+    except (OSError, ValueError) as error:
+        return Check("table", FAILED, f"{TABLE}: expected text, got {error}")
+    expected = markdown(*Run(config, records, directory=directory).tables()).splitlines()
+    if held == expected:
+        return Check("table", OK, f"{TABLE} says what {SUMMARY} and the records say")
+    if config.versions.get("ehar") != installed_versions().get("ehar"):
+        return Check("table", UNCHECKED, f"another version of ehar wrote {TABLE}, and writes it otherwise")
+    line, (got, wanted) = next(
+        (number, pair) for number, pair in enumerate(zip_longest(held, expected), 1) if pair[0] != pair[1]
+    )
+    return Check("table", FAILED, f"{TABLE}: line {line}: got {got!r}, expected {wanted!r}")
 
 
 def _read_ideal(config: RunConfig, ideal: str | Path | None) -> Mapping[str, EpisodeRecords] | None:

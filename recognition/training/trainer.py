@@ -24,7 +24,7 @@ from recognition.devices import check_device
 from recognition.freed_memory import keep_freed_memory
 from recognition.networks.spec import Network, NetworkSpec
 from recognition.storage import load_weights, recogniser_path, save_recogniser
-from recognition.torch_threads import one_torch_thread
+from recognition.torch_threads import one_torch_thread, use_threads
 from recognition.training.arithmetic import arithmetic_on
 from recognition.training.batches import Batch, draw_batches
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
@@ -82,7 +82,7 @@ def train_recogniser(
             to be left out.
         ModelError: the loss is not finite, the checkpoint is damaged, or `init` does not fit.
     """
-    for field, least in (("clips", 1), ("batch", 1), ("interval", 1), ("folds", 0), ("threads", 0)):
+    for field, least in (("clips", 1), ("batch", 1), ("interval", 1), ("folds", 0)):
         if getattr(config, field) < least:
             raise UsageError(f"--{field}: got {getattr(config, field)}, expected at least {least}")
     if not 0 <= config.learning_rate < math.inf:
@@ -93,8 +93,7 @@ def train_recogniser(
         raise UsageError("--folds: expected no --init: its weights may have learned from who is to be left out")
     check_device(config.device)
     check_folder(config.out)
-    if config.threads:
-        torch.set_num_threads(config.threads)
+    use_threads(config.threads)
     keep_freed_memory()
     run = _Run(config, planned)
     _refuse_finished(run.path, run.identity)

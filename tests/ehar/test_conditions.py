@@ -43,6 +43,12 @@ def test_numbers_are_whole_and_not_too_small(field: str, least: int) -> None:
     assert getattr(Conditions(**{field: least}), field) == least
 
 
+@pytest.mark.parametrize(("field", "most"), [("starts", 10**6), ("length", 10**6), ("seed", 2**63 - 1)])
+def test_numbers_are_not_too_large_for_an_array(field: str, most: int) -> None:
+    assert refusal(**{field: most + 1}) == f"{field}: expected a whole number of at most {most}, got {most + 1}"
+    assert getattr(Conditions(**{field: most}), field) == most
+
+
 @pytest.mark.parametrize("own", ["mine.py:Mine", FakeRecogniser()])
 def test_a_recogniser_of_a_user_s_own_has_no_form(own: Any) -> None:
     assert Conditions(recogniser=own).form == "causal"

@@ -46,7 +46,7 @@ def test_a_vehicle_file_is_a_track_by_its_name(tmp_path: Path, kind: type) -> No
     assert track.vehicle is not None
     assert (track.vehicle.name, track.vehicle.speed) == ("slow", 2.0)
     path.write_text(json.dumps({**dict.fromkeys(FILE_KEYS, 2.0), "jerk": 0}))
-    with pytest.raises(UsageError, match=r"slow\.json: jerk: expected a number above 0, got 0"):
+    with pytest.raises(UsageError, match=r"slow\.json: jerk: expected at least 0.01, got 0"):
         load_track(kind(path))
 
 

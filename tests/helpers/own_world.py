@@ -68,6 +68,12 @@ class Whole(Blurred):
     def sense(self, positions, viewpoint, noise):
         return tuple(array.astype(int) for array in super().sense(positions, viewpoint, noise))
 
+class Sure(Blurred):
+    def sense(self, positions, viewpoint, noise):
+        exact = super().sense(positions, viewpoint, noise)
+        exact.confidence[0, 0, 0] = 0
+        return exact._replace(confidence=exact.confidence * 2)
+
 class Nothing(Blurred):
     def sense(self, positions, viewpoint, noise): return None
 

@@ -140,6 +140,9 @@ def test_who_needs_ours_is_refused(tmp_path: Path) -> None:
         ("Wide", "recogniser Wide, frame 0: expected finite log-probabilities of shape (20, 3), got (20, 5)"),
         ("Endless", "recogniser Endless, frame 0: expected finite log-probabilities of shape (20, 3), "
             "got NaN or infinity"),
+        ("Lists", "recogniser Lists, frame 0: log-probabilities: expected an array of floats, got list"),
+        ("Logits", "recogniser Logits, frame 0: expected log-probabilities, whose probabilities sum to 1 within 0.001, "
+            "got a sum of 3 in episode 0 of the batch"),
         ("Raising", "recogniser Raising, frame 0: RuntimeError: no weights ({own}, line 37)"),
     ],
 )  # fmt: skip

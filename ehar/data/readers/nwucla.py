@@ -96,7 +96,7 @@ def read_skeletons(file: Path) -> FloatArray:
         raise DataError(f"{file}: skeletons: missing, expected an object that holds them")
     try:
         joints = np.array(held, dtype=np.float64)
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, OverflowError) as error:
         raise DataError(
             f"{file}: skeletons: expected 20 joints of 3 numbers in every frame, got a ragged list"
         ) from error

@@ -11,7 +11,7 @@ from ehar.errors import DataError, UsageError
 from ehar.files import write_text
 from eval.records.config import LATER
 from eval.records.episodes import EpisodeRecords, join_records
-from eval.records.run_files import TABLE
+from eval.records.run_files import TABLE, check_no_run
 from eval.render.tables import markdown
 from eval.running.run import Run, read_run
 from eval.scores.deciding.curves import deciding_once, fit_across, fit_rules
@@ -51,9 +51,11 @@ def decide(
 
     Raises:
         UsageError: a folder holds no run, a planner did not run, or the runs are of the same part or of other
-            conditions.
+            conditions; or `out` holds a run.
         DataError: files cannot be read, or the data are not those of the run.
     """
+    if out is not None:
+        check_no_run(Path(out))
     scored = read_run(run)
     fitted = _fitted_on(scored, fitted_on)
     seconds = 1 / _frame_rate(scored, data)

@@ -17,14 +17,18 @@ def viewpoint_map(workspace: Workspace, distance: float, azimuths: int, polars: 
     """Return fixed viewpoints (polars, azimuths, 3) on the grid, from the least polar angle to the greatest.
 
     Raises:
-        UsageError: the distance is outside the workspace, or there are too few angles.
+        UsageError: the distance is outside the workspace, or there are too few angles, or more than the grid has.
     """
     if not workspace.distance_min <= distance <= workspace.distance_max:
         raise UsageError(
             f"distance: expected {workspace.distance_min:g} to {workspace.distance_max:g} m, got {distance:g}"
         )
-    if azimuths < 1 or polars < 2:
-        raise UsageError(f"expected a map of at least 1 azimuth and 2 polar angles, got {azimuths} and {polars}")
+    _, most_azimuths, most_polars = workspace.cells
+    if not (1 <= azimuths <= most_azimuths and 2 <= polars <= most_polars):
+        raise UsageError(
+            f"expected a map of 1 to {most_azimuths} azimuths and 2 to {most_polars} polar angles, as the world's grid "
+            f"has, got {azimuths} and {polars}"
+        )
     polar = np.linspace(workspace.polar_min, workspace.polar_max, polars)
     azimuth = 2 * np.pi * np.arange(azimuths) / azimuths
     wanted = np.stack(np.broadcast_arrays(distance, azimuth, polar[:, None]), axis=-1)

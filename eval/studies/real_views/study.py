@@ -10,7 +10,7 @@ from ehar.errors import UsageError
 from ehar.files import json_text, write_text
 from ehar.sensors.estimator import NOISE_FLOOR, OCCLUDED_NOISE, RELATIVE_NOISE
 from ehar.world import INDOOR
-from eval.records.run_files import TABLE
+from eval.records.run_files import TABLE, check_no_run
 from eval.render.tables import Table, html, markdown, text
 from eval.scores.metrics import ACC_AT
 from eval.studies.real_views.choice import Named, ViewChoice, predict_cameras
@@ -140,12 +140,13 @@ def real_views(
         threads: CPU threads of torch; with 0, torch decides.
 
     Raises:
-        UsageError: the length is below 1, or `out` holds recognisers of other data or another length.
+        UsageError: the length is below 1, or `out` holds recognisers of other data or another length, or a run.
         DataError: the data is malformed, or has no cameras, no split, or no execution that several cameras recorded.
     """
     if length < 1:
         raise UsageError(f"--length: got {length}, expected at least 1")
     world, folder = INDOOR, Path(out)
+    check_no_run(folder)
     conditions = Conditions(data=data, length=length, world=world.name)
     motion = load_motion_of(conditions)
     executions = find_executions(motion)

@@ -23,6 +23,7 @@ from eval.render.tables import Table, html, interval_text, markdown, text
 from eval.scores.summary_table import basis_lines
 from eval.studies.trials.scores import Answered, SetScores, score_set
 from recognition.devices import check_device
+from recognition.torch_threads import use_threads
 from recognition.trials.changes import CHANGES, LAST, ROWS, USUAL
 
 KEPT_ON = 3  # what helps on so many sets is kept ...
@@ -156,8 +157,6 @@ def trials(
         DataError: a set does not name its people, or has too few.
         ModelError: a loss is not finite.
     """
-    import torch  # imported here: too slow for `ehar --help`
-
     _check_clips(clips, len(data))
     outside = [number for number in only if not 0 <= number < folds]
     if outside:
@@ -166,8 +165,7 @@ def trials(
     if unknown:
         raise UsageError(f"--changes: got {unknown[0]!r}, expected names of: {', '.join(CHANGES)}")
     check_device(device)
-    if threads:
-        torch.set_num_threads(threads)
+    use_threads(threads)
     folder, sets = Path(out), [load_data(name) for name in data]
     repeated = {held.name for held in sets if sum(other.name == held.name for other in sets) > 1}
     if repeated or not sets:

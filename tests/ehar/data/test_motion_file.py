@@ -3,6 +3,7 @@
 import errno
 import os
 import re
+import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -211,6 +212,30 @@ def test_object_arrays_are_never_unpickled(tmp_path: Path, field: str) -> None:
     message = error_of(lambda: load_motion(path))
     assert message.startswith(f"{path}: {field}: ") and "object array" in message
     assert not trace.exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (b"no array at all", "expected an array as numpy saves it"),
+        (b"\x93NUMPY\x01\x00\x10\x00{'descr': '<i8',\n", "cannot be read"),  # its header ends too soon
+    ],
+)
+def test_a_member_that_is_no_array(tmp_path: Path, content: bytes, problem: str) -> None:
+    arrays = good_arrays()
+    del arrays["labels"]
+    path = write(tmp_path / "bad.npz", arrays)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("labels.npy", content)
+    message = error_of(lambda: load_motion(path))
+    assert message.startswith(f"{path}: labels: cannot be read: ") and problem in message
+
+
+def test_numbers_of_people_that_the_file_cannot_hold(tmp_path: Path) -> None:
+    data = tiny_data()
+    far = replace(data, subjects=data.subjects + 2**32 + 1)  # as int32 they would be other people
+    with pytest.raises(DataError, match=r"^subjects: got \d+, expected at most 2147483647$"):
+        save_motion(tmp_path / "far.npz", far)
 
 
 def test_a_damaged_directory_of_the_archive(tmp_path: Path) -> None:

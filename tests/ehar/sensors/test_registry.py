@@ -93,6 +93,7 @@ def test_what_is_no_sensor() -> None:
         ("Narrow", r"expected finite confidence of shape \(6, 1, 6\), got \(6, 1, 2\)$"),
         ("Endless", r"expected finite joints_2d of shape \(6, 1, 6, 2\), got NaN or infinity$"),
         ("Whole", r"joints_2d: expected an array of floats, got an array of int64$"),
+        ("Sure", r"expected confidence from 0 to 1, got 0 to 2$"),
         ("Nothing", r"expected Sensed\(joints_2d, confidence\), got NoneType$"),
     ],
 )

@@ -1,5 +1,6 @@
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -251,6 +252,22 @@ def test_a_reader_that_has_read_enough_ends_it_without_a_word() -> None:
         command = [sys.executable, "-m", "eval.cli.main", "train", "all", "--help"]
         ended = subprocess.run(command, stdout=nobody_reads, stderr=subprocess.PIPE, text=True, timeout=60)
     assert (ended.returncode, ended.stderr) == (128 + signal.SIGPIPE, "")
+
+
+HELP = [sys.executable, "-m", "eval.cli.main", "--help"]
+
+
+def test_an_output_that_was_closed_is_none() -> None:
+    ended = subprocess.run(["sh", "-c", f"{shlex.join(HELP)} >&-"], stderr=subprocess.PIPE, text=True, timeout=60)
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="/dev/full is absent here")
+def test_an_output_that_is_full_is_one_line() -> None:
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(HELP, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert ended.returncode == 2
+    assert ended.stderr == "ehar: error: standard output: cannot be written: No space left on device\n"
 
 
 def test_a_pipe_of_another_kind_that_breaks_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -110,7 +110,7 @@ def failed(found: Conformance) -> list[str]:
 def test_nothing_is_wrong(sensor: Any) -> None:
     found = checked(sensor)
     assert found.passed, str(found)
-    assert len(found.checks) == 11
+    assert len(found.checks) == 10
     assert all(check.passed for check in found.checks)
 
 
@@ -118,7 +118,6 @@ def test_nothing_is_wrong(sensor: Any) -> None:
     ("sensor", "names"),
     [
         (Squeezed(), ["senses a batch of 1", "rows alone, and in another order, are sensed the same"]),
-        (Sure(), ["confidence is from 0 to 1"]),
         (Locked(), ["can be sent to a worker process"]),
         (Scribbling(), ["leaves what it is shown as it is"]),
         (Forkless(), ["leading axes broadcast: 3 viewpoints of one frame"]),
@@ -126,6 +125,12 @@ def test_nothing_is_wrong(sensor: Any) -> None:
 )
 def test_one_thing_is_wrong(sensor: Sensor, names: list[str]) -> None:
     assert failed(checked(sensor)) == names
+
+
+def test_a_confidence_above_1_is_found() -> None:
+    found = checked(Sure())
+    assert failed(found) == [found.checks[0].name]
+    assert "expected confidence from 0 to 1, got" in found.checks[0].got
 
 
 def test_a_generator_of_its_own_is_found() -> None:

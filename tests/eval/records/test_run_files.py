@@ -6,8 +6,8 @@ import pytest
 
 from ehar.errors import UsageError
 from ehar.files import write_text
-from eval.records.config import CONFIG, PlannerConfig, planner_config
-from eval.records.run_files import check_out
+from eval.records.config import CONFIG, UNFINISHED, PlannerConfig, planner_config
+from eval.records.run_files import check_no_run, check_out
 from eval.running.run import write_records
 from planners.heuristic import NoAct
 from planners.oracle import Oracle
@@ -46,6 +46,18 @@ def test_a_folder_that_holds_another_run_is_refused(tmp_path: Path) -> None:
     (out / CONFIG).unlink()
     with pytest.raises(UsageError, match=r"without config\.json"):
         check_out(out, CONFIG_OF_RUN.to_json())
+
+
+def test_a_study_does_not_write_over_a_run(tmp_path: Path) -> None:
+    check_no_run(tmp_path / "new")
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "table.md").write_text("of another study")
+    check_no_run(tmp_path / "other")
+    for place in (tmp_path / "run", tmp_path / "begun" / UNFINISHED):
+        write_records(place, CONFIG_OF_RUN, three_planners(), None)
+    for name in ("run", "begun"):
+        with pytest.raises(UsageError, match=rf"{name}: expected a folder without a run, this one holds the config"):
+            check_no_run(tmp_path / name)
 
 
 def test_a_file_where_a_folder_is_expected_is_refused(tmp_path: Path) -> None:

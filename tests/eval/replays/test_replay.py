@@ -160,8 +160,9 @@ def test_an_own_recogniser_is_made_again(tmp_path: Path, monkeypatch: pytest.Mon
         (["0", "--out", "a.avi"], "a.avi: expected a film that ends in .mp4 or .gif"),
         (["0", "--out", "a.rrd"], "a.rrd: expected a film that ends in .mp4 or .gif"),
         (["0", "--out", "/absent/a.gif"], "/absent/a.gif: expected a file in a folder that is there, /absent is not"),
-        (["0", "--slower", "0"], "--slower: expected a number above 0, got 0"),
-        (["0", "--slower", "nan"], "--slower: expected a number above 0, got nan"),
+        (["0", "--slower", "0"], "--slower: expected a number above 0, and at most 1000, got 0"),
+        (["0", "--slower", "nan"], "--slower: expected a number above 0, and at most 1000, got nan"),
+        (["0", "--slower", "1e9"], "--slower: expected a number above 0, and at most 1000, got 1e+09"),
         (["0", "--since", "nan"], "--since, --until: expected two times from 0 to 0.4 s, got nan and 0.4"),
         (
             ["0", "--since", "0", "--until", "nan"],

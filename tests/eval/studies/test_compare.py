@@ -272,3 +272,9 @@ def test_the_command_prints_a_table_or_one_line(tmp_path: Path, capsys: pytest.C
     assert "expected a run of ehar benchmark" in fails_with(["compare", str(a), str(tmp_path / "absent")], capsys)
     other = str(written(tmp_path / "other", records(nbv=1.0), sensor="estimator"))
     assert "differ in sensor (perfect, estimator)" in fails_with(["compare", str(a), other], capsys)
+
+
+def test_it_writes_over_no_run(tmp_path: Path) -> None:
+    a, b = two_runs(tmp_path)
+    with pytest.raises(UsageError, match="expected a folder without a run"):
+        compare(a, b, out=b)

@@ -1,6 +1,7 @@
 """A run that is as it was written is verified; what was edited, cut off or moved away is named."""
 
 import json
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -14,11 +15,12 @@ from ehar.errors import EharError, UsageError
 from eval.cli.main import main
 from eval.records.config import CONFIG, read_config
 from eval.records.episode_lines import read_episodes
-from eval.records.run_files import EPISODES, SUMMARY
+from eval.records.run_files import EPISODES, SUMMARY, TABLE
 from eval.verification.checks import FAILED, OK, UNCHECKED, Verification
 from eval.verification.steps import check_steps
 from eval.verification.verify import other_versions, verify
 from tests.helpers.agents import save_untrained
+from tests.helpers.edited_runs import rewrite_figures
 from tests.helpers.fakes import tiny_data
 from tests.helpers.seeing import Seeing
 from tests.helpers.tiny_benchmarks import HashedRecogniser, Log, save_models
@@ -78,6 +80,7 @@ def test_a_run_is_verified_and_its_episodes_run_once_more(world: Path) -> None:
         ("seen again", OK),
         ("moves again", OK),
         ("moves again", UNCHECKED),
+        ("table", OK),
     ]
     what = {check.name: check.what for check in found.checks if check.result == OK}
     assert what["complete"] == "schema 2: 8 planners, 60 episodes of each"
@@ -86,7 +89,7 @@ def test_a_run_is_verified_and_its_episodes_run_once_more(world: Path) -> None:
     assert what["warnings"] == "no warnings, as the weights say"
     assert what["seen again"].startswith("480 episodes of 8 planners, 480 drawn")
     assert what["moves again"] == f"{7 * 60 * 9} of {7 * 60 * 9} frames of 7 planners"
-    assert found.checks[-1].what == "seeing: not replayable, as it cannot be made from its name"
+    assert found.checks[-2].what == "seeing: not replayable, as it cannot be made from its name"
     assert found.difference is None
     assert found.verdict == "verified, but for what was not checked: moves again"
     assert found.notes == ()
@@ -95,13 +98,13 @@ def test_a_run_is_verified_and_its_episodes_run_once_more(world: Path) -> None:
 def test_nothing_is_run_unless_asked_for(world: Path) -> None:
     log = Log()
     found = verify(world / "run", reporter=log)
-    assert found.verdict == "verified" and log.jobs == 0 and len(found.checks) == 12
+    assert found.verdict == "verified" and log.jobs == 0 and len(found.checks) == 13
 
 
 def test_a_flight_is_compared_with_the_ideal_track_and_flown_once_more(world: Path, tmp_path: Path) -> None:
     found = verify(world / "flight", rerun_episodes=3, reporter=Log())
     assert found.verdict == "verified"
-    assert found.checks[-1].what == f"{3 * 30 * 9} of {3 * 30 * 9} frames of 3 planners"
+    assert found.checks[-2].what == f"{3 * 30 * 9} of {3 * 30 * 9} frames of 3 planners"
     flight = Path(shutil.copytree(world / "flight", tmp_path / "flight"))
     edit_lines(flight, lambda rows: rows[-1].update(peak_speed=rows[-1]["peak_speed"] / 2))
     found = verify(flight, rerun_episodes=90, reporter=Log())
@@ -116,7 +119,7 @@ def test_how_far_a_flight_was_from_its_paths_is_checked(world: Path, tmp_path: P
     run_tiny(["nbv"], starts=1, out=flight, **options)
     assert verify(flight, rerun_episodes=1, reporter=Log()).verdict == "verified"
     edit_lines(flight, lambda rows: rows[3]["tracking_error"].__setitem__(5, rows[3]["tracking_error"][5] + 0.1))
-    rewrite_summary(flight)
+    rewrite_figures(flight)
     assert verify(flight, reporter=Log()).difference is None
     found = verify(flight, rerun_episodes=30, reporter=Log())
     assert found.difference is not None
@@ -172,6 +175,22 @@ def test_the_ideal_run_may_lie_elsewhere_but_is_needed(world: Path, tmp_path: Pa
     edit_json(flight / CONFIG, lambda held: held.pop("ideal"))
     with pytest.raises(UsageError, match="compares flights with a run on the ideal track; expected its folder as --id"):
         verify(flight, reporter=Log())
+
+
+def test_a_table_says_what_the_figures_say(world: Path, run: Path) -> None:
+    path = run / TABLE
+    lines = path.read_text().splitlines()
+    row = next(number for number, line in enumerate(lines) if line.startswith("| nbv |"))
+    better = re.sub(r"\| (\d+\.\d) \|", "| 99.9 |", lines[row], count=1)
+    path.write_text("\n".join([*lines[:row], better, *lines[row + 1 :]]) + "\n")
+    found = verify(run, reporter=Log())
+    assert found.difference == f"table.md: line {row + 1}: got {better!r}, expected {lines[row]!r}"
+    edit_json(run / CONFIG, lambda held: held["versions"].update(ehar="0.0.1"))
+    assert verify(run, reporter=Log()).verdict == "verified, but for what was not checked: table"
+    path.unlink()
+    assert verify(run, reporter=Log()).verdict == "verified, but for what was not checked: table"
+    path.write_bytes(b"\xff")
+    assert str(verify(run, reporter=Log()).difference).startswith("table.md: expected text, got 'utf-8' codec")
 
 
 EDITS: list[tuple[str, str, Callable[[Any], object], str]] = [
@@ -340,26 +359,17 @@ def test_what_only_a_replay_finds(
     run: Path, edit: Callable[[list[dict[str, Any]]], None], name: str, message: str
 ) -> None:
     edit_lines(run, edit)
-    rewrite_summary(run)
+    rewrite_figures(run)
     assert verify(run, reporter=Log()).difference is None
     found = verify(run, rerun_episodes=14, reporter=Log())
     assert [check.name for check in found.checks if check.result == FAILED] == [name]
     assert found.difference is not None and message in found.difference
 
 
-def rewrite_summary(run: Path) -> None:
-    """Make the figures those of the edited records, as who edits records might."""
-    from eval.running.run import read_run
-    from eval.verification.figures import recompute
-
-    read = read_run(run)
-    edit_json(run / SUMMARY, lambda held: held.update(recompute(read.config, read.records, held, None)))
-
-
 def test_who_is_told_the_truth_is_not_believed(run: Path) -> None:
     for path in (run / CONFIG, run / SUMMARY):
         edit_json(path, lambda held: held["planners"][-1].update(privileged=False))
-    rewrite_summary(run)
+    rewrite_figures(run)
     found = verify(run, reporter=Log())
     assert [check.name for check in found.checks if check.result == FAILED] == ["privileged"]
     assert found.difference == "config.json: oracle: privileged: got False, expected True"
@@ -378,7 +388,7 @@ def test_who_is_told_the_truth_is_not_believed(run: Path) -> None:
 )
 def test_what_readers_are_warned_of_is_not_believed(run: Path, said: dict[str, Any], message: str) -> None:
     edit_json(run / CONFIG, lambda held: held.update(said))
-    rewrite_summary(run)
+    rewrite_figures(run)
     found = verify(run, reporter=Log())
     assert [check.name for check in found.checks if check.result == FAILED] == ["warnings"]
     assert found.difference is not None and found.difference.startswith(f"config.json: {message}")
@@ -389,7 +399,7 @@ def test_a_warning_that_was_taken_out_is_found(run: Path, monkeypatch: pytest.Mo
     found = verify(run, reporter=Log())
     assert found.difference == "config.json: trained_elsewhere: got False, expected True"
     edit_json(run / CONFIG, lambda held: held.update(trained_elsewhere=True))
-    rewrite_summary(run)
+    rewrite_figures(run)
     with monkeypatch.context() as patch:
         patch.setattr(HashedRecogniser.spec, "length", 60)
         found = verify(run, reporter=Log())
@@ -409,7 +419,7 @@ def test_an_incomplete_run_is_called_so(run: Path, capsys: pytest.CaptureFixture
 def test_data_that_lie_elsewhere(run: Path, world: Path, tmp_path: Path) -> None:
     edit_json(run / CONFIG, lambda held: held.update(source=str(tmp_path / "gone.npz")))
     found = verify(run, reporter=Log())
-    assert results(found)[6:] == [("data", UNCHECKED), ("weights", UNCHECKED)]
+    assert results(found)[6:] == [("data", UNCHECKED), ("weights", UNCHECKED), ("table", OK)]
     assert found.verdict == "verified, but for what was not checked: data, weights"
     assert found.checks[6].what.endswith("; --data says where they lie now")
     assert "their data not at hand" in found.checks[1].what

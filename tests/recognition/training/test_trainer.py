@@ -366,7 +366,15 @@ def test_unknown_options(config: TrainingConfig) -> None:
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        *(("clips", 0), ("batch", 0), ("interval", 0), ("length", 0), ("threads", -1), ("folds", -1)),
+        *(
+            ("clips", 0),
+            ("batch", 0),
+            ("interval", 0),
+            ("length", 0),
+            ("threads", -1),
+            ("threads", 10**12),
+            ("folds", -1),
+        ),
         *(("learning_rate", value) for value in (-1.0, math.inf, math.nan)),
         *(("weight_decay", value) for value in (-1.0, math.inf, math.nan)),
     ],

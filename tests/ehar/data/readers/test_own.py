@@ -44,6 +44,19 @@ class Flat:
 
 class Empty:
     pass
+
+class Lists:
+    def read(self, source):
+        data = load_data("solo")
+        held = {name: getattr(data, name).tolist() for name in ("positions", "offsets", "labels", "subjects")}
+        return replace(data, **held, class_names=list(data.class_names))
+
+class Changes:
+    def __init__(self, field: str, value: str) -> None:
+        self.change = {field: eval(value)}
+
+    def read(self, source):
+        return replace(load_data("solo"), **self.change)
 """
 
 
@@ -87,7 +100,7 @@ def test_the_page_about_it_shows_a_reader_that_works(
         ("Breaks", r"read raised ZeroDivisionError: division by zero \(.*mine\.py, line 15\)"),
         ("Leaves", r"read raised SystemExit: 3 \(.*mine\.py, line \d+\)"),
         ("Lies", r"read returned str, expected an ehar\.MotionData"),
-        ("Flat", r"read returned positions \(\d+, 1, \d+, 2\), expected \(frames, persons, joints, 3\)"),
+        ("Flat", r"read returned: positions: got shape \(\d+, 1, \d+, 2\), expected \(frames, persons, joints, 3\)"),
         ("Empty", r"missing: read"),
         ("Nobody", "expected a class 'Nobody'"),
         ("Mine(scale='x')", "scale: expected float, got 'x'"),
@@ -97,6 +110,36 @@ def test_what_a_reader_does_wrong(name: str, problem: str, mine: Path) -> None:
     with pytest.raises(EharError, match=problem) as caught:
         prepare_own(f"{mine}:{name}", mine.with_name("which.txt"))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "problem"),
+    [
+        ("labels", "[0.5, 1.0]", "labels: got dtype float64, expected integers"),
+        ("labels", "['jump']", "labels: got dtype <U4, expected integers"),
+        ("labels", "[[0], [1, 2]]", "labels: expected an array: ValueError: "),
+        ("subjects", "None", "subjects: got dtype object, expected integers"),
+        ("subjects", "[0, 1]", r"subjects: got shape \(2,\), expected \(sequences, persons\)"),
+        ("is_test", "[0, 1]", "is_test: got dtype int64, expected a bool"),
+        ("views", "'front'", "views: got dtype <U5, expected integers"),
+        ("skeleton", "None", "skeleton: got None, expected a Skeleton"),
+        ("fps", "'30'", "fps: got '30', expected a number"),
+        ("name", "5", "name: got 5, expected text"),
+        ("class_names", "(1, 2)", r"class_names: got \(1, 2\), expected texts"),
+        ("notes", "'all'", "notes: got 'all', expected texts"),
+    ],
+)
+def test_a_field_of_another_type_is_named(field: str, value: str, problem: str, mine: Path) -> None:
+    with pytest.raises(EharError, match=rf"reader .*mine\.py:Changes.*: read returned: {problem}") as caught:
+        prepare_own(f"{mine}:Changes(field={field!r}, value={value!r})", mine.with_name("which.txt"))
+    assert "\n" not in str(caught.value)
+
+
+def test_lists_are_as_good_as_arrays(mine: Path) -> None:
+    held, expected = prepare_own(f"{mine}:Lists", mine.with_name("which.txt")), load_data("solo")
+    np.testing.assert_allclose(held.positions, expected.positions, rtol=1e-6)
+    np.testing.assert_array_equal(held.labels, expected.labels)
+    assert held.class_names == expected.class_names
 
 
 def test_joints_in_a_camera_s_axes_stay_in_them(tmp_path: Path, own_modules: None) -> None:

@@ -28,8 +28,13 @@ def test_the_map_lies_on_the_grid_from_the_top_to_the_horizon() -> None:
     np.testing.assert_allclose(np.degrees(viewpoints[0, :, AZIMUTH]), [0, 90, 180, 270])
 
 
-@pytest.mark.parametrize(("distance", "azimuths", "polars"), [(4.0, 4, 6), (16.0, 4, 6), (10.0, 0, 6), (10.0, 4, 1)])
-def test_a_map_outside_the_workspace_or_of_nothing_is_refused(distance: float, azimuths: int, polars: int) -> None:
+@pytest.mark.parametrize(
+    ("distance", "azimuths", "polars"),
+    [(4.0, 4, 6), (16.0, 4, 6), (10.0, 0, 6), (10.0, 4, 1), (10.0, 101, 6), (10.0, 4, 27)],
+)
+def test_a_map_outside_the_workspace_of_nothing_or_of_more_than_the_grid_is_refused(
+    distance: float, azimuths: int, polars: int
+) -> None:
     with pytest.raises(UsageError, match="expected"):
         viewpoint_map(PAPER.workspace, distance, azimuths, polars)
 
