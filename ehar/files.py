@@ -107,7 +107,7 @@ def read_json(
             field.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # some editors write a mark of the byte order
     except OSError as error:
         raise UsageError(f"{path}: expected {expected}, got: {error.strerror}") from error
     except ValueError as error:

@@ -43,17 +43,22 @@ class ModelPlace:
         data: data of the run.
         form: form of the recogniser; for your own, its title.
         recogniser_sha256: hash of the recogniser that they were trained for.
+        trained_elsewhere: whether the recogniser was trained on other data, of which readers are warned. What was
+            trained for it may be of other data too.
     """
 
     conditions: Conditions
     data: Recordings
     form: str
     recogniser_sha256: str
+    trained_elsewhere: bool = False
 
     @staticmethod
     def of(setting: Setting) -> "ModelPlace":
         """Return the place of the models for a setting."""
-        return ModelPlace(setting.conditions, setting.recordings, setting.form, setting.recogniser_sha256)
+        return ModelPlace(
+            setting.conditions, setting.recordings, setting.form, setting.recogniser_sha256, setting.trained_elsewhere
+        )
 
     @property
     def models(self) -> Path | None:
@@ -64,28 +69,34 @@ class ModelPlace:
         """Return the gain model.
 
         Raises:
-            ModelError: there is none, or it belongs to another recogniser.
+            ModelError: there is none, or it belongs to another recogniser or other data.
         """
-        from planners.value.model import load_gain_model  # brings torch
+        from planners.value.model import load_gain_model, used_gain_model  # brings torch
 
         if self.conditions.form != "causal":
             raise ModelError(f"{_CAUSAL_FIELDS}, and this is {self.form}")
         if self._untrained:
             raise ModelError(self._no_gain_field)
-        return load_gain_model(self.conditions, self.data, self.recogniser_sha256)
+        model = load_gain_model(self.conditions, self.data, self.recogniser_sha256)
+        self._check_data(
+            used_gain_model(self._folder, self.conditions), model.data_sha256, "train the gain field again"
+        )
+        return model
 
     def load_fixed_place(self) -> FixedPlace:
         """Return the place of `fixed-best`.
 
         Raises:
-            ModelError: there is none, or it belongs to another recogniser.
+            ModelError: there is none, or it belongs to another recogniser or other data.
         """
         if self.conditions.form != "causal":
             raise ModelError(f"{_CAUSAL_PLACES}, and this is {self.form}")
         if self._untrained:
             what = f"that of {self._training('fixed-best')}"
             raise ModelError(f"no fixed place was fitted for this recogniser: expected {what}")
-        return load_fixed_place(self.conditions, self.data, self.recogniser_sha256)
+        place = load_fixed_place(self.conditions, self.data, self.recogniser_sha256)
+        self._check_data(fixed_place_path(self._folder, self.conditions), place.data_sha256, "fit it again")
+        return place
 
     def load_agent(self, spec: str) -> "Agent":
         """Return one training of a learned planner, `il-ppo/0`; of `il-ppo` alone the first, by that name.
@@ -121,7 +132,7 @@ class ModelPlace:
 
         if self.conditions.form != "causal":
             return f"{_CAUSAL_FIELDS}, and this is {self.form}"
-        path = used_gain_model(weights_folder(self.conditions, self.data), self.conditions)
+        path = used_gain_model(self._folder, self.conditions)
         if self.conditions.recogniser is None and path.is_file():
             return None  # if it is another recogniser's, that is an error
         try:
@@ -132,7 +143,7 @@ class ModelPlace:
 
     def reason_for_no_fixed_place(self) -> str | None:
         """Return why there can be no place for `fixed-best` here, and what to do about it; None where there is one."""
-        path = fixed_place_path(weights_folder(self.conditions, self.data), self.conditions)
+        path = fixed_place_path(self._folder, self.conditions)
         if self.conditions.form == "causal" and self.conditions.recogniser is None and path.is_file():
             return None  # if it is another recogniser's, that is an error
         try:
@@ -152,6 +163,18 @@ class ModelPlace:
             except ModelError as error:
                 return str(error)
         return None
+
+    @property
+    def _folder(self) -> Path:
+        """The folder of weights; of those that ship, the one of the data."""
+        return weights_folder(self.conditions, self.data)
+
+    def _check_data(self, path: Path, trained: str | None, again: str) -> None:
+        """Raise a ModelError if weights were trained on other data, such as another fold, and nothing else says so."""
+        from recognition.weight_files import check_trained_for  # brings torch
+
+        if trained is not None and not self.trained_elsewhere:
+            check_trained_for(path, "data set, or fold of it", trained, self.data.sha256, again)
 
     @property
     def _untrained(self) -> bool:

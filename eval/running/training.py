@@ -12,10 +12,10 @@ from ehar.errors import ModelError
 from ehar.files import read_json, shortened
 from ehar.processes import cores
 from ehar.world import load_world
+from eval.running.choice import ModelPlace
 from eval.running.outlook import outlook
 from planners.agents.config import PAPER_FORM, AgentTrainingConfig
 from planners.place.config import FixedBestConfig
-from planners.place.storage import load_fixed_place
 from planners.value.config import GainTrainingConfig
 from recognition.setting import load_recordings_of, load_setting, with_length
 from recognition.training.config import PUBLISHED_BATCH, WINDOW, TrainingConfig
@@ -327,7 +327,7 @@ def has_fixed_best(config: TrainAllConfig) -> bool:
     """Return whether there is a place of fixed-best for the recogniser and localisation; any other is found anew."""
     setting = load_setting(config.with_models)
     try:
-        found = load_fixed_place(setting.conditions, setting.recordings, setting.recogniser_sha256)
+        found = ModelPlace.of(setting).load_fixed_place()
     except ModelError:
         return False
     return found.localisation in (None, setting.world.localisation)
@@ -335,11 +335,9 @@ def has_fixed_best(config: TrainAllConfig) -> bool:
 
 def has_gain_field(config: TrainAllConfig) -> bool:
     """Return whether there is a gain field for the recogniser and localisation; any other is trained anew."""
-    from planners.value.model import load_gain_model  # imported here: torch takes seconds
-
     setting = load_setting(config.with_models)
     try:
-        found = load_gain_model(setting.conditions, setting.recordings, setting.recogniser_sha256)
+        found = ModelPlace.of(setting).load_gain_model()
     except ModelError:
         return False
     return found.localisation in (None, setting.world.localisation)

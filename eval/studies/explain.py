@@ -98,6 +98,7 @@ def explain(
         span=value.span,
         frame_time=1 / data.fps,
         ahead=None if recorder.context.length is not None else frames_to_come(recorder.context) / data.fps,
+        expected=model.lookahead,
     )
     if out is not None:
         draw_explanation(explanation, Path(out))

@@ -262,7 +262,7 @@ def _draw_course(explanation: Explanation, place: Any) -> None:
         label="recogniser",
     )
     believed = 100 * explanation.of_true(explanation.believed)
-    label = "belief, of the coming 2 s" if stream else "belief"
+    label = f"belief, of the coming {explanation.expected:g} s" if stream else "belief"
     place.plot(frames[:-1], believed, color=_TRUE, linewidth=STRONG, label=label)
     for frame in explanation.moments:
         place.axvline(frames[frame], color=_OTHER, linewidth=THIN, linestyle="--", zorder=1)

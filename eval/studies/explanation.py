@@ -9,6 +9,7 @@ from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.viewpoint import Workspace, wrap_azimuth
 from eval.render.field_map import gain_over_directions
 from eval.render.tables import Table
+from planners.value.situation import STREAM_LOOKAHEAD
 from planners.value.view_basis import PAPER_RANGE, DistanceRange, field_value
 
 MAP_STEP = 2.0  # [deg] between neighbouring azimuths or polar angles of a map
@@ -36,7 +37,8 @@ class Explanation:
         viewpoints: (L, 3), viewpoints of the camera.
         recognised: (L, K), probabilities of the recogniser.
         targets: (L - 1, 3), targets of the planner; there is no plan after the last frame.
-        believed: (L - 1, K), probabilities of the belief; in a stream, the shares of classes in the coming 2 s.
+        believed: (L - 1, K), probabilities of the belief; in a stream, the shares of classes in the
+            time `expected`.
         weights: (L - 1, 21), weights of the gain field, see `view_basis.field_value`.
         facing: (L - 1, P) [rad], azimuths that people are believed to face.
         facing_std: (L - 1, P) [rad], standard deviations of these azimuths.
@@ -45,6 +47,7 @@ class Explanation:
         span: range of distances of the world.
         frame_time: duration of a frame [s].
         ahead: how far the planner looks ahead in a stream [s]; None in a clip, which it watches to its end.
+        expected: the time that belief and gain field expect in a stream [s]; longer for a field of flights.
     """
 
     title: str
@@ -64,6 +67,7 @@ class Explanation:
     span: DistanceRange = PAPER_RANGE
     frame_time: float = 0.04
     ahead: float | None = None
+    expected: float = STREAM_LOOKAHEAD
 
     @property
     def subject(self) -> str:
@@ -165,6 +169,6 @@ def explain_table(explanation: Explanation) -> Table:
             f"{true_class}Polar angle 0 is straight above, 90 level.",
             f"The field is the gained probability of the true class, {to_come}at the camera's distance; only its "
             "differences mean anything. It does not count that different views together tell more.",
-            *stream * ("What is believed is the share of each class in the coming 2 s.",),
+            *stream * (f"What is believed is the share of each class in the coming {explanation.expected:g} s.",),
         ),
     )

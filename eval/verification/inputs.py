@@ -94,7 +94,7 @@ def check_inputs(
     if checks[0].result == FAILED:
         return _unchecked(checks)
     here = replace(told, data=motion, fps=None, models=told.models if models is None else models)
-    place = ModelPlace(here, motion, config.form, config.recogniser_sha256)
+    place = ModelPlace(here, motion, config.form, config.recogniser_sha256, config.trained_elsewhere)
     own = None if told.recogniser is None else str(told.recogniser)
     brought = _own_sensor_and_motion(config, motion, run_own_code=run_own_code)
     reason = None if own is None else _why_not_loaded("recogniser", own, run_own_code=run_own_code)

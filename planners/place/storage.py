@@ -26,12 +26,14 @@ class FixedPlace:
         sha256: hash of the file, recorded beside results.
         length: number of frames of the episodes that it was chosen on; None in streams, or if it is not recorded.
         localisation: the localisation that it was chosen with; None in clips, which have none.
+        data_sha256: hash of the data that it was chosen on; None if that is not recorded.
     """
 
     place: Place
     sha256: str
     length: int | None = None
     localisation: Localisation | None = None
+    data_sha256: str | None = None
 
     @property
     def planner(self) -> GoToPlace:
@@ -52,7 +54,8 @@ class FixedPlaceDescription:
     Args:
         recogniser_sha256: hash of the recogniser whose accuracy decided.
         place: the best place.
-        training: how it was fitted, with the accuracy of each place; kept for people; only the length is read back.
+        training: how it was fitted, with the accuracy of each place; kept for people; only the length and the
+            hash of the data are read back.
         world: the world that it was fitted in.
     """
 
@@ -121,11 +124,12 @@ def open_fixed_place(path: Path, conditions: Conditions, recogniser_sha256: str)
     description = read_json(path, FixedPlaceDescription, what, optional=LATER, wrong=ModelError)
     check_world(path, description.world, conditions)
     check_trained_for(path, "recogniser", description.recogniser_sha256, recogniser_sha256, "fit it again")
-    length = description.training.get("length")
+    length, data_sha256 = (description.training.get(name) for name in ("length", "data_sha256"))
     known = isinstance(length, int) and not conditions.in_streams
     return FixedPlace(
         description.place,
         hashlib.sha256(path.read_bytes()).hexdigest(),
         length if known else None,
         description.world.localisation if conditions.in_streams else None,
+        data_sha256 if isinstance(data_sha256, str) else None,
     )

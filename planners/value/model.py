@@ -51,6 +51,7 @@ class GainModel:
         memory: time that a view counts for in a stream [s]; of no use in clips.
         lookahead: time over which the shares of activities are expected in a stream [s]; of no use in clips.
         localisation: the localisation that it was trained with; None in clips, which have none.
+        data_sha256: hash of the data that it was trained on; None if that is not recorded.
     """
 
     fields: dict[str, GainField]
@@ -61,6 +62,7 @@ class GainModel:
     memory: float = USUAL_MEMORY
     lookahead: float = STREAM_LOOKAHEAD
     localisation: Localisation | None = None
+    data_sha256: str | None = None
 
     __repr__ = in_brief
 
@@ -82,7 +84,7 @@ class GainDescription:
         fields: the fields by variant.
         trunk: pairs of [left, right], the joints of the trunk.
         belief: the parameters of the belief in clips; None in streams.
-        training: how they were trained; kept for people; only the length is read back.
+        training: how they were trained; kept for people; only the length and the hash of the data are read back.
         world: the world of the training.
         stream_belief: the parameters of the belief in streams; None in clips.
         memory: time that a view counts for in a stream [s].
@@ -106,6 +108,12 @@ class GainDescription:
         """The number of frames of the training's clips; None in streams, or if it is not recorded."""
         length = self.training.get("length")
         return length if isinstance(length, int) and self.stream_belief is None else None
+
+    @property
+    def data_sha256(self) -> str | None:
+        """The hash of the data of the training; None if it is not recorded."""
+        sha256 = self.training.get("data_sha256")
+        return sha256 if isinstance(sha256, str) else None
 
 
 def gain_model_path(directory: Path, conditions: Conditions) -> Path:
@@ -137,7 +145,7 @@ def save_gain_model(
         path: the safetensors file.
         model: the trained model.
         recogniser_sha256: hash of the recogniser whose outputs it was trained on.
-        history: how it was trained; kept for people; only the length is read back.
+        history: how it was trained; kept for people; only the length and the hash of the data are read back.
         world: the world that it was trained in.
         vehicle: the vehicle that flew; None on the grid.
     """
@@ -227,4 +235,5 @@ def open_gain_model(path: Path, conditions: Conditions, joint_count: int, recogn
         memory=description.memory,
         lookahead=description.lookahead,
         localisation=localisation,
+        data_sha256=description.data_sha256,
     )

@@ -155,6 +155,12 @@ def test_what_is_wrong_is_named_in_one_line(tmp_path: Path, content: Any, messag
     assert str(error.value) == f"{tmp_path / 'bicycle.json'}: {message}"
 
 
+def test_a_mark_of_the_byte_order_is_no_content(tmp_path: Path) -> None:
+    path = tmp_path / "wheel.json"
+    path.write_text('{"size": 2, "spokes": 12}', encoding="utf-8-sig")
+    assert read_json(path, Wheel, "a wheel") == Wheel(2.0, 12)
+
+
 def test_unknown_keys_and_defaults_are_taken_where_the_caller_says_so(tmp_path: Path) -> None:
     content = without("bell", "notes", "price") | {"wheels": [{"size": 28}], "colour": "red"}
     bicycle = read(tmp_path, content, unknown=True, defaults=True)

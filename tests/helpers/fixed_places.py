@@ -17,8 +17,8 @@ def fixed_place() -> FixedPlace:
     return FixedPlace(PLACE, "0123")
 
 
-def save_place(models: Path, *, recogniser_sha256: str = "fake", world: World = PAPER) -> Path:
+def save_place(models: Path, *, recogniser_sha256: str = "fake", world: World = PAPER, **history: str) -> Path:
     """Write the place to a models folder, and return the file."""
     path = fixed_place_path(models, Conditions())
-    save_fixed_place(path, PLACE, recogniser_sha256=recogniser_sha256, history={}, world=world)
+    save_fixed_place(path, PLACE, recogniser_sha256=recogniser_sha256, history=history, world=world)
     return path

@@ -24,16 +24,17 @@ DATA = tiny_data()
 
 
 def place_of(models: Path | None, **options: Any) -> ModelPlace:
-    own: dict[str, Any] = {name: options.pop(name) for name in ("form", "recogniser_sha256") if name in options}
+    told = ("form", "recogniser_sha256", "trained_elsewhere")
+    own: dict[str, Any] = {name: options.pop(name) for name in told if name in options}
     conditions = Conditions(
         data="tiny.npz", models=models, form="ctrgcn" if own.get("form") == "ctrgcn" else "causal", **options
     )
     return ModelPlace(conditions, DATA, **{"form": "causal", "recogniser_sha256": "fake", **own})
 
 
-def save_field(models: Path, *, recogniser: str = "fake") -> None:
-    path = gain_model_path(models, Conditions())
-    save_gain_model(path, model_of(peak_weights(np.array([8.0, 1.0, 1.0]))), recogniser_sha256=recogniser, history={})
+def save_field(models: Path, *, recogniser: str = "fake", **history: str) -> None:
+    path, model = gain_model_path(models, Conditions()), model_of(peak_weights(np.array([8.0, 1.0, 1.0])))
+    save_gain_model(path, model, recogniser_sha256=recogniser, history=history)
 
 
 def save_agents(models: Path, *names: str, form: Form = "causal") -> None:
@@ -135,6 +136,25 @@ def test_what_was_trained_for_another_recogniser_is_left_out_beside_your_own(tmp
     for planners in (["il"], ["nbv"], ["fixed-best"]):
         with pytest.raises(ModelError, match=r"(trained|fitted) for another recogniser"):
             chosen(planners, place)
+
+
+def test_what_was_trained_on_another_fold_is_refused_unless_readers_are_warned(tmp_path: Path) -> None:
+    other = "0" * 64
+    save_place(tmp_path, data_sha256=other)
+    with pytest.raises(
+        ModelError, match=r"fixed-best-perfect-moving\.json: trained for another data set, or fold of it"
+    ):
+        chosen(["no-act", "fixed-best"], place_of(tmp_path))
+    save_field(tmp_path, data_sha256=other)
+    with pytest.raises(ModelError, match=r"trained for another data set, or fold of it: .*train the gain field again"):
+        chosen(["no-act", "nbv"], place_of(tmp_path))
+    with pytest.raises(ModelError, match="trained for another data set, or fold of it"):
+        chosen(None, place_of(tmp_path))
+    warned = place_of(tmp_path, trained_elsewhere=True)
+    assert chosen(["fixed-best", "nbv"], warned)[0] == ["fixed-best", "nbv"]
+    save_place(tmp_path, data_sha256=DATA.sha256)
+    save_field(tmp_path, data_sha256=DATA.sha256)
+    assert chosen(["fixed-best", "nbv"], place_of(tmp_path))[0] == ["fixed-best", "nbv"]
 
 
 @pytest.mark.parametrize("planners", [None, ["fixed-best"]])

@@ -377,6 +377,8 @@ def test_an_episode_of_a_stream_is_explained_by_the_seconds_to_come(folder: Path
     assert [row[0] for row in table.rows] == [f"{frame / 10:.1f}" for frame in found.moments]
     assert "over the coming 2 s" in table.footnotes[1]
     assert "of the next 2 s" in (tmp_path / "a.svg").read_text()
+    of_flights = replace(found, ahead=4.0, expected=3.0).tables()[0].footnotes  # as a field of flights expects
+    assert "over the coming 4 s" in of_flights[1] and "the share of each class in the coming 3 s" in of_flights[2]
 
 
 def test_a_vehicle_that_watches_a_stream_follows_people_within_its_limits(folder: Path) -> None:
