@@ -16,14 +16,14 @@ from ehar.viewpoint import cartesian
 from ehar.world import CROWD, PAPER, ROOM, load_world
 from eval import benchmark, headroom, read_run, verify
 from eval.cli.main import main
-from eval.records.run_files import EPISODES, SUMMARY
+from eval.records.run_files import EPISODES
 from eval.running.run import Run
-from eval.verification.figures import recompute
 from planners.value.model import gain_model_path, load_gain_model, save_gain_model
 from recognition.environments import make_vector_env
 from recognition.networks.features import JOINT_CHANNELS
 from recognition.setting import load_setting
 from recognition.training.clips import ClipSource
+from tests.helpers.edited_runs import rewrite_figures
 from tests.helpers.gain_models import model_of, peak_weights
 from tests.helpers.random_networks import save_random_world
 from tests.helpers.settings import tiny_conditions
@@ -187,10 +187,9 @@ def test_no_column_of_too_near_is_taken_out(lab: Path, run: Run, tmp_path: Path)
 
 
 def write_edited(folder: Path, rows: list[dict[str, Any]]) -> None:
-    """Write episodes, and the summary that they give."""
+    """Write episodes, and the figures that they give."""
     (folder / EPISODES).write_text("".join(json.dumps(row) + "\n" for row in rows))
-    edited, held = read_run(folder), json.loads((folder / SUMMARY).read_text())
-    (folder / SUMMARY).write_text(json.dumps(recompute(edited.config, edited.records, held, None)))
+    rewrite_figures(folder)
 
 
 def test_passers_by_hide_people_and_are_the_same_for_all_planners(lab: Path) -> None:
