@@ -3,7 +3,7 @@
 import json
 import math
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 from torch.optim.swa_utils import update_bn
 
 from ehar.arrays import FloatArray, IntArray
@@ -30,6 +29,7 @@ from recognition.published.epochs import Draw, Epoch, draw_epoch
 from recognition.training.arithmetic import arithmetic_on, quick_products
 from recognition.training.averages import equal_average
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
+from recognition.training.late_frames import late_cross_entropy
 from recognition.training.optimisers import PUBLISHED_EPOCHS, PUBLISHED_MOMENTUM, PUBLISHED_RATE, PUBLISHED_WARM_UP
 from recognition.training.recorded_step import RecordedStep
 
@@ -38,8 +38,9 @@ DECAY = 1e-4  # of weights
 DROP = 50  # the epoch from which the rate is a tenth
 
 # Of results and checkpoints that can be used. 1 had training clips in which people leaned to the side, 2 means of
-# weights whose batch norms had the mean of the epochs' statistics.
-PROTOCOL = 3
+# weights whose batch norms had the mean of the epochs' statistics, 3 of the streaming form a loss in which all frames
+# counted alike.
+PROTOCOLS: Mapping[Form, int] = {"ctrgcn": 3, "causal": 4}
 RATIOS = tuple(range(10, 101, 10))  # observation ratios of the test [%]
 TEST_BATCH = 64
 STATISTICS = 64  # training batches from which the mean of the weights gets statistics of its own
@@ -122,7 +123,7 @@ def train_published(
     if data.is_test is None or data.is_test.all() or not data.is_test.any():
         raise DataError(f"{data.name}: expected training and test sequences, as `split` names them")
     keep_freed_memory()
-    done = {run: _read(_results(run, out), data) for run in runs if _results(run, out).is_file()}
+    done = {run: _read(run, out, data) for run in runs if _results(run, out).is_file()}
     left = [run for run in runs if run not in done]
     for together in [left] if device != "cpu" else [[run] for run in left]:
         trainings = [_Training(run, data, out / f"{run.name}.checkpoint", torch.device(device)) for run in together]
@@ -193,7 +194,7 @@ class _Training:
         self.optimiser = torch.optim.SGD(
             self.network.parameters(), lr=PUBLISHED_RATE, momentum=PUBLISHED_MOMENTUM, weight_decay=DECAY, nesterov=True
         )
-        self.identity = as_json({**asdict(run), "data_sha256": data.sha256, "protocol": PROTOCOL})
+        self.identity = as_json({**asdict(run), "data_sha256": data.sha256, "protocol": PROTOCOLS[run.form]})
         self.best, self.best_epoch = torch.empty(0), 0  # see `PublishedResult`
         self.mean = equal_average(self.network)
         self.recorded: RecordedStep | None = None  # on a GPU
@@ -265,7 +266,13 @@ class _Training:
         tests = self.test(self.network), self.test(mean)
         result = PublishedResult(*tests, self.best.numpy(), self.best_epoch, arithmetic_on(self.device))
         with replacing(path) as temporary, temporary.open("wb") as file:
-            np.savez(file, allow_pickle=False, **vars(result), data_sha256=self.data.sha256, protocol=PROTOCOL)
+            np.savez(
+                file,
+                allow_pickle=False,
+                **vars(result),
+                data_sha256=self.data.sha256,
+                protocol=PROTOCOLS[self.run.form],
+            )
         self.checkpoint.unlink(missing_ok=True)
         return result
 
@@ -290,11 +297,11 @@ class _Training:
         return published_clip(motion[:seen], self.run.stream, self.parents)
 
     def _step(self, clips: Tensor, labels: Tensor) -> Tensor:
-        """Make one step and return its loss: the mean over frames, if the form gives an answer at each."""
+        """Make one step and return its loss; where the form answers at each frame, later ones count more."""
         self.optimiser.zero_grad(set_to_none=True)
         with quick_products(self.device):
             logits = self._logits(clips, self.network).float()
-        loss = functional.cross_entropy(logits.flatten(0, 1), labels.repeat_interleave(logits.shape[1]))
+        loss = late_cross_entropy(logits.flatten(0, 1), labels[:, None].expand(-1, logits.shape[1]))
         loss.backward()  # type: ignore[no-untyped-call]
         self.optimiser.step()
         return loss.detach()
@@ -332,14 +339,15 @@ class _Training:
         self.epoch = epoch
 
 
-def _read(path: Path, data: MotionData) -> PublishedResult:
+def _read(run: PublishedRun, out: Path, data: MotionData) -> PublishedResult:
     """Read the result of a finished run."""
+    path = _results(run, out)
     with np.load(path, allow_pickle=False) as held:
         wrong = ""
         if str(held["data_sha256"]) != data.sha256:
             wrong = f"the result of other data than {data.name}"
-        elif "protocol" not in held or int(held["protocol"]) != PROTOCOL:
-            wrong = "the result of an older version of ehar, which turned clips or averaged weights otherwise"
+        elif "protocol" not in held or int(held["protocol"]) != PROTOCOLS[run.form]:
+            wrong = "the result of an older version of ehar, which turned clips, averaged or weighed frames otherwise"
         if wrong:
             raise UsageError(f"{path}: {wrong}: remove it, or choose another --out")
         return PublishedResult(

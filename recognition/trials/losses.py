@@ -4,10 +4,10 @@ from typing import Any
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.features import JOINT_CHANNELS
+from recognition.training.late_frames import late_cross_entropy
 from recognition.training.learner import Learner
 
 PLACE = 2  # the first features of a joint: where it is in the image, relative to the person [m]
@@ -51,15 +51,8 @@ class NextPoseLearner(Learner):
 
 
 class LateFramesLearner(Learner):
-    """Learns from each frame in proportion to the number of frames seen.
-
-    The first frames of a clip say little. Who has to name the class there all the same may learn people by heart.
-    """
+    """Learns from each frame in proportion to the number of frames seen."""
 
     def _cross_entropy(self, logits: Tensor, labels: Tensor) -> Tensor:
         """Return the weighted mean over frames, of logits (B * L, K) against labels (B, L)."""
-        seen = torch.arange(1, labels.shape[1] + 1, device=logits.device)
-        each = functional.cross_entropy(
-            logits, labels.flatten(), weight=self._weights, reduction="none", label_smoothing=self._smoothing
-        ).view(labels.shape)
-        return (each * seen).sum(dim=1).mean() / seen.sum()
+        return late_cross_entropy(logits, labels, weight=self._weights, smoothing=self._smoothing)

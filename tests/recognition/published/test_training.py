@@ -142,6 +142,22 @@ def test_a_prefix_tells_nothing_of_what_follows(tmp_path: Path) -> None:
     assert not np.array_equal(here.log_probs[:, 5:], there.log_probs[:, 5:])
 
 
+def test_late_frames_count_more_in_the_loss_of_the_streaming_form(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    logits = torch.from_numpy(np.random.default_rng(0).normal(size=(2, 4, 3))).requires_grad_()
+    labels = torch.tensor([0, 2])
+    each = -torch.log_softmax(logits.detach(), dim=-1)[torch.arange(2), :, labels].numpy()  # (2, 4)
+    for form, frames, expected in (
+        ("causal", 4, np.average(each, axis=1, weights=[1, 2, 3, 4]).mean()),
+        ("ctrgcn", 1, each[:, 0].mean()),
+    ):
+        run = PublishedRun(form, "joint", "small", epochs=1)  # type: ignore[arg-type]
+        learning = training._Training(run, data(), tmp_path / f"{form}.checkpoint", torch.device("cpu"))
+        monkeypatch.setattr(learning, "_logits", lambda *_, frames=frames: logits[:, :frames])
+        assert float(learning._step(torch.empty(0), labels)) == pytest.approx(expected)
+
+
 def test_refuses_other_data_and_data_without_a_split(tmp_path: Path) -> None:
     run = PublishedRun("causal", "joint", "small", epochs=1)
     with pytest.raises(DataError, match="expected training and test sequences"):
@@ -152,7 +168,7 @@ def test_refuses_other_data_and_data_without_a_split(tmp_path: Path) -> None:
     result = tmp_path / f"{run.name}.npz"
     with np.load(result) as held:
         np.savez(result, **{name: held[name] for name in held if name != "protocol"})
-    with pytest.raises(UsageError, match="the result of an older version of ehar, which turned clips or averaged"):
+    with pytest.raises(UsageError, match="the result of an older version of ehar, which turned clips, averaged"):
         train_published([run], data(), tmp_path)
     result.unlink()
     (tmp_path / f"{run.name}.checkpoint").write_text("damaged")
