@@ -29,7 +29,7 @@ from recognition.published.epochs import Draw, Epoch, draw_epoch
 from recognition.training.arithmetic import arithmetic_on, quick_products
 from recognition.training.averages import equal_average
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
-from recognition.training.late_frames import late_cross_entropy
+from recognition.training.frame_weights import late_cross_entropy
 from recognition.training.optimisers import PUBLISHED_EPOCHS, PUBLISHED_MOMENTUM, PUBLISHED_RATE, PUBLISHED_WARM_UP
 from recognition.training.recorded_step import RecordedStep
 

@@ -1,6 +1,9 @@
-"""Says how much frames count when a recogniser of streams learns: those without activity less than they are many."""
+"""How much frames count when a recogniser learns: those without activity less than they are many, late ones more."""
 
 import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
 
 from ehar.arrays import FloatArray, IntArray
 from ehar.data.streams.data import NO_ACTIVITY, StreamData
@@ -28,3 +31,23 @@ def frame_weights(data: StreamData, streams: IntArray) -> FloatArray | None:
     without = float((labels == NO_ACTIVITY).mean())
     most = NO_ACTIVITY_WEIGHT * (1 - without) / classes
     return None if without <= most else np.append(np.ones(classes), most / without)
+
+
+def late_cross_entropy(
+    logits: Tensor, labels: Tensor, *, weight: Tensor | None = None, smoothing: float = 0.0
+) -> Tensor:
+    """Return the mean over clips of the cross-entropy of their frames, each weighed by how many have been seen.
+
+    The first frames of a clip say little. Who has to name the class there all the same may learn clips by heart.
+
+    Args:
+        logits: (B * L, K), of L frames of each of B clips.
+        labels: (B, L), the class in each frame.
+        weight: (K,), what each class counts; None means the same for all.
+        smoothing: smoothing of labels.
+    """
+    seen = torch.arange(1, labels.shape[1] + 1, device=logits.device)
+    each = functional.cross_entropy(
+        logits, labels.flatten(), weight=weight, reduction="none", label_smoothing=smoothing
+    ).view(labels.shape)
+    return (each * seen).sum(dim=1).mean() / seen.sum()

@@ -7,7 +7,7 @@ from torch import Tensor, nn
 
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.features import JOINT_CHANNELS
-from recognition.training.late_frames import late_cross_entropy
+from recognition.training.frame_weights import late_cross_entropy
 from recognition.training.learner import Learner
 
 PLACE = 2  # the first features of a joint: where it is in the image, relative to the person [m]
