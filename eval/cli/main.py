@@ -75,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except OSError as error:
         if error.errno != errno.ENOSPC:
             raise
-        print(f"ehar: error: standard output: cannot be written: {error.strerror}", file=sys.stderr)
+        print(f"ehar: error: standard output, or a file: cannot be written: {error.strerror}", file=sys.stderr)
         _forget_output()
         sys.exit(2)
     except EharError as error:

@@ -267,7 +267,7 @@ def test_an_output_that_is_full_is_one_line() -> None:
     with open("/dev/full", "w") as full:
         ended = subprocess.run(HELP, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
     assert ended.returncode == 2
-    assert ended.stderr == "ehar: error: standard output: cannot be written: No space left on device\n"
+    assert ended.stderr == "ehar: error: standard output, or a file: cannot be written: No space left on device\n"
 
 
 def test_a_pipe_of_another_kind_that_breaks_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
