@@ -44,7 +44,7 @@ def late_cross_entropy(
         logits: (B * L, K), of L frames of each of B clips.
         labels: (B, L), the class in each frame.
         weight: (K,), what each class counts; None means the same for all.
-        smoothing: smoothing of labels.
+        smoothing: the share of a label that is spread over all classes.
     """
     seen = torch.arange(1, labels.shape[1] + 1, device=logits.device)
     each = functional.cross_entropy(

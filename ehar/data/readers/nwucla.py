@@ -98,7 +98,7 @@ def read_skeletons(file: Path) -> FloatArray:
         joints = np.array(held, dtype=np.float64)
     except (ValueError, TypeError, OverflowError) as error:
         raise DataError(
-            f"{file}: skeletons: expected 20 joints of 3 numbers in every frame, got a ragged list"
+            f"{file}: skeletons: expected 20 joints of 3 numbers in every frame, got a ragged list or no such number"
         ) from error
     if joints.ndim != 3 or joints.shape[1:] != (20, 3) or not len(joints):
         raise DataError(f"{file}: skeletons: got shape {joints.shape}, expected (frames, 20, 3)")

@@ -72,7 +72,7 @@ def prepare_own(reader: str, source: str | Path, *, unit: str = "m", up: Up = "z
 
 
 def _checked(data: MotionData, where: str) -> MotionData:
-    """Return the data with what a file holds: arrays of the right kinds, whatever holds numbers in the reader's.
+    """Return the data with arrays of the kinds that a file has, from whatever the reader put numbers in.
 
     Raises:
         DataError: a field holds something else; `where` begins the error.
@@ -80,12 +80,12 @@ def _checked(data: MotionData, where: str) -> MotionData:
     arrays = {}
     for name in _ARRAYS:
         value = getattr(data, name)
+        if value is None and name in _OPTIONAL:
+            continue
         try:
             arrays[name] = np.asarray(value)
         except (TypeError, ValueError, RuntimeError) as error:  # lists of unequal lengths, or a tensor with gradients
             raise DataError(f"{where}: {name}: expected an array: {failure(error, type(value))}") from error
-        if value is None and name in _OPTIONAL:
-            del arrays[name]
     fields = Fields(where, arrays)
     for name in arrays:
         kinds, shape = _ARRAYS[name]
