@@ -148,8 +148,9 @@ def replay_run(
         if name in planners and astray:
             notes.append(
                 f"What {name} wanted is not shown in {astray} of {len(indices)} episodes: asked once more, and with "
-                "other episodes beside them, it would not have gone where it went. Moves that are as good but for "
-                "rounding do that; `ehar verify --rerun-episodes` asks for whole batches, as the run did."
+                "other episodes beside them, it would not have gone where it went. Random draws, which are a batch's, "
+                "do that, and moves that are as good but for rounding; `ehar verify --rerun-episodes` asks for whole "
+                "batches, as the run did."
             )
         advance(name)
     passers = None if batch.surroundings is None else batch.surroundings.passers
