@@ -72,7 +72,7 @@ def analyse(
     reporter = reporter or ConsoleReporter()
     finished = read_run(run)
     if states is not None and finished.of_streams:
-        raise UsageError(f"{finished.directory}: expected no --states, as no learned planner watches streams")
+        raise UsageError(f"{finished.directory}: expected no --states, as states of streams are not mapped")
     chosen = choose(finished, planners)
     names = class_names(finished, reporter.note)
     folder = finished.folder / FOLDER if out is None else Path(out)
