@@ -71,6 +71,7 @@ class Setpoints:
         workspace: where the camera may be.
         frame_time: time from one setpoint to the next [s].
         localisation: how well it is told where people are; its delay is not used, and what is told counts as of now.
+        origin: where people are taken to be in the local frame until somebody says it [m].
     """
 
     def __init__(
@@ -80,6 +81,7 @@ class Setpoints:
         workspace: Workspace,
         frame_time: float,
         localisation: Localisation = USUAL_LOCALISATION,
+        origin: Vector = (0.0, 0.0, 0.0),
     ) -> None:
         """Create the setpoints; they begin where `begin` says."""
         import filterpy.kalman  # noqa: F401  # for `follow`: it takes long, and later somebody flies
@@ -92,6 +94,7 @@ class Setpoints:
         self._target: FloatArray | None = None
         self._path: FloatArray | None = None  # (1, F, 3, 3) after each of the next frames
         self._limits, self._localisation = centre_limits(vehicle), localisation
+        self._origin = np.array(origin, dtype=np.float64)
         self._centre: FollowedCentre | None = None
         self._braking = False
         self._frames = 0
@@ -141,11 +144,17 @@ class Setpoints:
             time: when that was, by the clock of all such times [s]; how long ago that is, is not made up for.
         """
         with self._lock:
-            if self._centre is None or self._target is None:  # nobody flies yet, so the frame is where people are
-                self._centre = FollowedCentre(np.array(place), time, self.frame_time, self._limits, self._localisation)
+            if self._target is None or (self._centre is None and not self._frames):
+                self._centre = self._centre_at(np.array(place), time)  # nobody flies yet: the frame is where people are
             else:
+                if self._centre is None:  # in flight the frame leaves where it was taken to be, and keeps the limits
+                    self._centre = self._centre_at(self._origin, -np.inf)
                 self._centre.tell(np.array(place), time)
             return _vector(self._centre.motion.position)
+
+    def _centre_at(self, place: FloatArray, time: float) -> FollowedCentre:
+        """Return a frame at rest at a place (3,)."""
+        return FollowedCentre(place, time, self.frame_time, self._limits, self._localisation)
 
     def brake(self) -> None:
         """Come to rest as soon as the limits allow, and hover there until there is a target."""

@@ -110,6 +110,7 @@ def live(
             belief=belief,
             sure=sure,
             world=world,
+            origin=origin,
         )
         if watcher.note is not None:
             _note(f"warning: {watcher.note}")

@@ -53,6 +53,7 @@ class Watcher:
         seed: seed of a planner that draws.
         world: name, file or object of a world with the localisation that is there; else as in the world of the
             weights, None takes that.
+        origin: where people are taken to be in the local frame until a frame says it: east, north, up [m].
 
     Raises:
         EharError: weights, vehicle, planner or belief are missing, malformed or do not fit.
@@ -70,6 +71,7 @@ class Watcher:
         sure: float = 0.9,
         seed: int = 0,
         world: str | Path | World | None = None,
+        origin: Vector = (0.0, 0.0, 0.0),
     ) -> None:
         """Load everything; the first frame begins."""
         if isinstance(models, StreamingRecogniser):
@@ -100,6 +102,7 @@ class Watcher:
             workspace=self._world.workspace,
             frame_time=1 / self.setpoint_rate,
             localisation=self._world.localisation,
+            origin=origin,
         )
         self.counts: Counter[str] = Counter()
         self._viewpoint: FloatArray | None = None

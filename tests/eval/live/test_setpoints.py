@@ -111,3 +111,19 @@ def test_what_hovers_flies_as_if_it_had_just_begun() -> None:
         assert old.next().position == new.next().position
     old.settle()  # in flight, it changes nothing
     assert old.next().position == new.next().position
+
+
+def test_an_origin_that_is_told_in_flight_moves_no_setpoint_at_once() -> None:
+    """The frame leaves where people were taken to be, and what is flown keeps the vehicle's limits."""
+    vehicle, assumed, told = VEHICLES["px4-auto"], np.array([1.0, 2.0, 0.0]), (10.0, 5.0, 0.0)
+    setpoints = Setpoints(vehicle=vehicle, workspace=Workspace(), frame_time=FRAME_TIME, origin=tuple(assumed))
+    setpoints.begin(Workspace().origin)
+    before = [np.array(setpoints.next().whole.position) + assumed for _ in range(50)]
+    after = []
+    for frame in range(400):
+        setpoints.follow(told, frame * FRAME_TIME)
+        after.append(setpoints.next())
+    places = np.array([*before, *(point.whole.position for point in after)])
+    assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() <= vehicle.speed * FRAME_TIME
+    assert after[-1].centre is not None
+    np.testing.assert_allclose(after[-1].centre.position, told, atol=0.05)
