@@ -157,7 +157,7 @@ def save_fold(data: "MotionData | StreamData", *, out: Path) -> None:
     else:
         save_motion(_npz(out), data)
     test = split_parts(data).test
-    people = sorted({tuple(performers) for performers in data.subjects[test].tolist()})
+    people = sorted({tuple(sorted(performers)) for performers in data.subjects[test].tolist()})
     named = ", ".join("-".join(map(str, performers)) for performers in people)
     output_console().print(f"{out}: {len(test)} of {len(data.lengths)} sequences for the test, by {named}")
 

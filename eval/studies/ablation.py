@@ -109,6 +109,7 @@ def ablation(
         [planner_config(planner) for planner in (*together, *flying)],
         gain_model_sha256=model.sha256,
         lengths={"gain field": model.length},
+        localisations={"gain field": model.localisation},
     )
     for warning in config.warnings:
         reporter.note(f"warning: {warning}")

@@ -149,7 +149,7 @@ def _footnotes(data: MotionData | StreamData, needed: Needed) -> list[str]:
 
 def _stream_notes(data: StreamData, needed: Needed) -> list[str]:
     parts = {part: part_of(data, part) for part in PARTS}
-    people = {part: {tuple(row) for row in data.subjects[streams].tolist()} for part, streams in parts.items()}
+    people = {part: {tuple(sorted(row)) for row in data.subjects[streams].tolist()} for part, streams in parts.items()}
     named = bool((data.subjects != UNKNOWN_SUBJECT).all())
     who = "people" if data.persons == 1 else "groups of people"
 
