@@ -14,7 +14,7 @@ from eval.scores.metrics import ACC_AT
 from eval.scores.planner_metrics import METRICS
 from eval.scores.planner_summary import NO_ACT, ORACLE, known_costs
 from eval.scores.predictability import LEVELS
-from eval.scores.summary_table import CONTACTS, CONTACTS_NOTE, basis_lines
+from eval.scores.summary_table import CONTACTS, CONTACTS_NOTE, basis_lines, of_ideal_oracle
 
 LOWER_IS_BETTER = ("delay", "false alarms")  # how columns of streams begin, of which less is better
 _NONE = "\N{EN DASH}"
@@ -159,10 +159,11 @@ def _table_notes(data: ReportData) -> Iterable[str]:
         yield f"No intervals can be had: {data.summary.no_intervals}."
     elif not data.summary.basis.few:
         yield data.summary.basis.sentence
-    if not {NO_ACT, ORACLE} <= names:
-        yield f"Gap closed needs both {NO_ACT} and {ORACLE} among the planners."
-    elif any(planner.gap_closed is None for planner in planners):
-        yield "No gap to close: the oracle is no better than no-act here."
+    if any(planner.gap_closed is None for planner in planners):
+        if {NO_ACT, ORACLE} <= names:
+            yield "No gap to close: the oracle is no better than no-act here."
+        else:
+            yield f"Gap closed needs both {NO_ACT} and {ORACLE} among the planners."
     if any(planner.contacts is not None for planner in planners):
         yield CONTACTS_NOTE
     if any(len(planner.training_seeds) > 1 for planner in planners):
@@ -171,9 +172,10 @@ def _table_notes(data: ReportData) -> Iterable[str]:
             "their intervals draw seeds too."
         )
     frames = "frames of each activity, each activity alike" if data.of_streams else "frames"
+    whose = "the oracle on the ideal track" if of_ideal_oracle(planners) else "the oracle"
     yield (
         f"Mean acc: accuracy over all {frames}. IQM: its interquartile mean "
-        "over sequences. Gap closed: 0 is no-act, 100 the oracle. NLL and ECE: how much probabilities can be trusted; "
+        f"over sequences. Gap closed: 0 is no-act, 100 {whose}. NLL and ECE: how much probabilities can be trusted; "
         "late: from half of an activity on. ms/step: planning time of one frame."
     )
 

@@ -48,7 +48,10 @@ def _found(summary: Summary) -> str:
     others = len([one for one in summary.planners if not one.privileged]) - 1
     if len(rivals) < others and summary.no_intervals is None and not any(rival.clear for rival in rivals):
         # A leader that is level with a planner which was compared with everybody: that planner's standing says more.
-        compared = [one for one in planners.values() if len(_rivals(summary, one.name)) == others]
+        # Not that of a camera that stays: it is compared with everybody where nobody else is, and has found nothing.
+        compared = [
+            one for one in planners.values() if one.name != NO_ACT and len(_rivals(summary, one.name)) == others
+        ]
         lead = max(compared, key=lambda one: one.acc_mean, default=lead)
         rivals = _rivals(summary, lead.name)
     standing = _standing(lead.name, rivals, others, summary)

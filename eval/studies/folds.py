@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from ehar.data.recordings import SYNTHETIC
 from ehar.data.scenario import TEST
 from ehar.errors import UsageError
@@ -195,11 +197,16 @@ def _summary(
 
 def fold_table(folds: Folds) -> Table:
     """Return the mean accuracy [%]: a row for each planner, a column for each fold. The best without truth is bold."""
-    of_fold = [{planner.name: planner for planner in run.summary.planners} for run in folds.each]
+    # Of the trainings that all folds have: a fold's own summary counts its others too.
+    groups = group_planners(folds.run.records)
+    of_fold = [
+        {group.name: np.mean([100 * run.scored[name].correct.mean() for name in group.records]) for group in groups}
+        for run in folds.each
+    ]
     planners = folds.run.summary.planners
     bold = set()
     for column, held in enumerate(of_fold, 1):
-        free = {row: held[planner.name].acc_mean for row, planner in enumerate(planners) if not planner.privileged}
+        free = {row: held[planner.name] for row, planner in enumerate(planners) if not planner.privileged}
         if free:
             bold.add((max(free, key=lambda row: free[row]), column))
     return Table(
@@ -209,7 +216,7 @@ def fold_table(folds: Folds) -> Table:
             *(
                 (
                     planner.name + PRIVILEGED * planner.privileged,
-                    *(f"{held[planner.name].acc_mean:.1f}" for held in of_fold),
+                    *(f"{held[planner.name]:.1f}" for held in of_fold),
                 )
                 for planner in planners
             ),

@@ -23,14 +23,21 @@ from eval.records.episodes import EpisodeRecords
 from eval.records.one_by_one import OneByOne
 from eval.records.run_files import SUMMARY
 from eval.reports.page import for_script
-from eval.running.run import read_run
+from eval.running.run import read_run, write_records
 from eval.scores.summary_table import CONTACTS_NOTE
 from planners.heuristic import HRotate
 from planners.value.model import gain_model_path, save_gain_model
 from tests.helpers.commands import fails_with
 from tests.helpers.fakes import tiny_data
 from tests.helpers.gain_models import model_of, peak_weights
-from tests.helpers.made_records import flown, make_records, make_stream_records, three_planners
+from tests.helpers.made_records import (
+    config_of_run,
+    flown,
+    make_records,
+    make_stream_records,
+    summary_of,
+    three_planners,
+)
 from tests.helpers.own_recogniser import OWN as RECOGNISER
 from tests.helpers.reports import embedded, report_of, tiny_run, written_run
 from tests.helpers.tiny_benchmarks import HashedRecogniser, Log
@@ -257,6 +264,15 @@ def test_runs_of_every_kind_have_a_report(tmp_path: Path, records: dict[str, Epi
     assert ("energy" in embedded(page, "report")["figures"]) == ('data-figure="energy"' in page) == flew
     for _, figure in figures_of(embedded(page, "report")):
         plotly.graph_objects.Figure(coloured(figure))
+
+
+def test_the_gap_of_a_flight_without_an_oracle_is_that_of_the_ideal_track(tmp_path: Path) -> None:
+    on_ideal = {"no-act": make_records(1), "oracle": make_records(2, skill=3.0)}
+    records = {"no-act": flown(make_records(1)), "mine": flown(make_records(3, skill=1.0))}
+    config = config_of_run(track="px4-auto")
+    write_records(tmp_path / "run", config, records, summary_of(records, config, on_ideal=on_ideal))
+    page = report_of(tmp_path / "run")
+    assert "Gap closed needs" not in page and "100 the oracle on the ideal track." in page
 
 
 def test_a_camera_that_hit_something_is_told_of(tmp_path: Path) -> None:

@@ -157,6 +157,15 @@ def test_who_is_compared_with_a_camera_that_stays() -> None:
     assert " and is clearly above every other planner without the truth. " in said
 
 
+def test_a_camera_that_stays_is_never_who_closes_the_gap() -> None:
+    # Neither nbv nor an agent ran, so only no-act is compared with everybody; nobody is clearly above it.
+    level = right(0.5, 0.75, 0.5, 0.75)
+    summary = of(no_act=level, spiral=right(0.75, 0.5, 0.75, 0.75, 0.5, 0.5, 0.75), front=LOW, oracle=HIGH)
+    said = closing_sentences(summary)
+    assert summary.lead == "spiral"
+    assert said.startswith("spiral closes ") and ", but is not clearly above no-act. " in said
+
+
 def test_planners_that_are_compared_in_no_pair() -> None:
     said = closing_sentences(of(front=LOW, spiral=MIDDLE, oracle=HIGH))
     assert ", more than any other planner without the truth, but no pair was tested. " in said

@@ -153,6 +153,15 @@ def test_the_gap_of_a_flight_reaches_up_to_the_oracle_of_the_ideal_track() -> No
     assert alone != pytest.approx(closed)
 
 
+def test_the_table_says_whose_gap_it_is_if_no_oracle_flew() -> None:
+    on_ideal = {"no-act": make_records(1), "oracle": make_records(2, skill=3.0)}
+    records = {"no-act": flown(make_records(1)), "mine": flown(make_records(3, skill=1.0))}
+    note = "Gap closed reaches up to the oracle of the run on the ideal track."
+    assert note in summary_of(records, on_ideal=on_ideal).tables()[0].footnotes
+    assert note not in summary_of(records).tables()[0].footnotes
+    assert note not in summary_of(three_planners()).tables()[0].footnotes
+
+
 def test_accuracy_kept_is_the_gain_in_flight_over_that_on_the_ideal_track() -> None:
     on_ideal = {"no-act": make_records(1), "mine": make_records(2, skill=2.0)}
     records = {"no-act": on_ideal["no-act"], "mine": make_records(2, skill=1.0), "other": make_records(3)}

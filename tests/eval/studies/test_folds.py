@@ -81,6 +81,21 @@ def test_the_table_has_the_accuracy_of_each_fold(tmp_path: Path) -> None:
     assert "Folds(" in repr(found) and "fold by fold" in str(found)
 
 
+def test_the_table_counts_only_trainings_that_all_folds_have(tmp_path: Path) -> None:
+    other = {"il-ppo/0": 1.0, "il-ppo/1": 3.0}
+    found = take_together(
+        [
+            run(tmp_path, 0, skills={"no-act": 0.0, **other}),
+            run(tmp_path, 1, skills=dict.fromkeys(("no-act", "il-ppo/0"), 1.0)),
+        ]
+    )
+    assert isinstance(found, Folds) and list(found.run.records) == ["no-act", "il-ppo/0"]
+    row = found.tables()[-1].rows[1]
+    expected = [f"{100 * each.records['il-ppo/0'].correct.mean():.1f}" for each in found.each]
+    assert row == ("il-ppo", *expected)
+    assert found.each[0].summary.planner("il-ppo").acc_mean != pytest.approx(float(expected[0]), abs=0.1)
+
+
 def test_flights_are_compared_with_the_same_folds_on_the_ideal_track(tmp_path: Path) -> None:
     flights = [run(tmp_path, fold, ideal=False, track="px4-auto") for fold in range(2)]
     on_ideal = take_together([run(tmp_path, fold) for fold in range(2)], out=tmp_path / "ideal")
