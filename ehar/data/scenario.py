@@ -165,8 +165,8 @@ def split_parts(data: MotionData | StreamData) -> Parts:
     sequence are always in the same part. Validation holds out people, if the rest names at least `LEAST_PEOPLE` of
     them; a recogniser is right far more often on people that it knows. So the policy part holds out people as well, if
     the recogniser part keeps at least `LEAST_KNOWN`: planners learn what is left to win on people whom the recogniser
-    does not know. Every class with at least two sequences of other people than validation's has one in the recogniser
-    part and one in the policy part.
+    does not know. Where partners change, one of two people may be known all the same. Every class with at least two
+    sequences of other people than validation's has one in the recogniser part and one in the policy part.
     """
     if isinstance(data, StreamData):
         return stream_parts(data)

@@ -23,6 +23,7 @@ LIMBS = 0.1  # a bone is up to this share longer or shorter
 TURN = np.radians(15)  # people are turned at the waist by up to this angle
 DRIFT = 0.05  # a moment comes earlier or later by up to this share of the whole
 _SIDES = re.compile(r"left|right|clockwise", re.IGNORECASE)
+_WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 
 
 def with_variations(
@@ -32,7 +33,7 @@ def with_variations(
 
     The first, third, ... variation is mirrored: x changes its sign, left and right joints swap, and a class with "left"
     in its name becomes the one with "right". A class with a side in its name but no counterpart is not mirrored, nor is
-    one that goes clockwise.
+    one that goes clockwise, one of the "other" hand, or the class of the same name without that word.
 
     Args:
         data: all sequences.
@@ -112,7 +113,7 @@ def _beside(
 def with_stream_variations(data: StreamData, streams: IntArray, each: int, *, seed: int = 0) -> StreamData:
     """Return some streams, each followed by variations of it, as `with_variations` does it.
 
-    A stream shows many classes. So none is mirrored if there is a class with a side in its name but no counterpart.
+    A stream shows many classes. So none is mirrored if one of them cannot be mirrored.
 
     Args:
         data: all streams.
@@ -174,7 +175,16 @@ def _in_a_mirror(class_names: tuple[str, ...]) -> tuple[IntArray, BoolArray]:
     """Return the class that each becomes in a mirror, and whether it can be mirrored, both (K,)."""
     class_of_mirrored = counterparts(class_names, joints=False)
     one_sided = np.array([_SIDES.search(name) is not None for name in class_names])
-    return class_of_mirrored, ~one_sided | (class_of_mirrored != np.arange(len(one_sided)))
+    can_mirror = ~one_sided | (class_of_mirrored != np.arange(len(one_sided)))
+    return class_of_mirrored, can_mirror & ~_of_one_or_the_other(class_names)
+
+
+def _of_one_or_the_other(class_names: tuple[str, ...]) -> BoolArray:
+    """Return which classes are told apart by the word "other", (K,): which side is meant they do not say."""
+    words = [tuple(word.lower() for word in _WORDS.findall(name)) for name in class_names]
+    without = [tuple(word for word in name if word != "other") for name in words]
+    pairs = {short for name, short in zip(words, without, strict=True) if short != name}
+    return np.array([short in pairs for short in without])
 
 
 def _numbered(name: str, number: int) -> str:

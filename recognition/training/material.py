@@ -1,5 +1,6 @@
 """What a training learns from, and what it is asked about: clips of the people of each part, all or of a fold."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from recognition.training.frame_weights import frame_weights
 from recognition.training.in_the_way import check_room
 from recognition.training.planned_views import PlannedViews
 
+KNOWN, STRANGERS = "other sequences of people it knows", "people it does not know"
 VALIDATION_CLIPS = 768
 VALIDATION_SEED = 1_000_003  # draws the same clips for every run on the same data
 
@@ -91,9 +93,11 @@ def gather(config: TrainingConfig, planned: PlannedViews | None = None, fold: in
     # If no sequence of the validation part is long enough, we validate on the recogniser's own part.
     has_own = bool((data.lengths[parts.validation] >= conditions.frames).any())
     learned, asked = parts.recogniser, parts.validation if has_own else parts.recogniser
+    who = _who(data.subjects[parts.recogniser], data.subjects[parts.validation] if has_own else None)
     if fold is not None:
         left = leave_performers_out(data, learned, config.folds)[fold]
         learned, asked = left.learned, of_known_classes(data, left)
+        who = _who(data.subjects[learned], data.subjects[asked])
         planned = None if planned is None else planned.of(learned)
         if planned is not None and not len(planned.sequence):
             raise UsageError(
@@ -108,9 +112,17 @@ def gather(config: TrainingConfig, planned: PlannedViews | None = None, fold: in
         source=source(learned, augment=True, planned=planned),
         planned=planned,
         validation=source(asked, augment=False).draw(np.random.default_rng(VALIDATION_SEED), VALIDATION_CLIPS),
-        validated_on=_who(data.subjects[parts.recogniser], data.subjects[parts.validation] if has_own else None),
+        validated_on=who,
         weights=frame_weights(data, learned) if isinstance(data, StreamData) else None,
     )
+
+
+def who_is_left_out(folds: Sequence[Material]) -> str:
+    """Say who is left out in some folds: a couple is, of whom each may be known with other partners."""
+    asked = {fold.validated_on for fold in folds}
+    if asked == {STRANGERS}:
+        return "people"
+    return "people and couples" if asked - {KNOWN} else "couples"
 
 
 def _who(learned: IntArray, asked: IntArray | None) -> str:
@@ -125,5 +137,6 @@ def _who(learned: IntArray, asked: IntArray | None) -> str:
     if (asked == UNKNOWN_SUBJECT).any():
         return "other sequences, of people whom the data do not name"
     known = np.isin(asked, learned)
-    who = "people it knows" if known.all() else "people it knows and people it does not"
-    return f"other sequences of {who}" if known.any() else "people it does not know"
+    if known.all():
+        return KNOWN
+    return f"{KNOWN} and people it does not" if known.any() else STRANGERS

@@ -30,7 +30,7 @@ from recognition.training.batches import Batch, draw_batches
 from recognition.training.checkpoints import Checkpoint, load_checkpoint, save_checkpoint
 from recognition.training.config import TrainingConfig
 from recognition.training.learner import Learner
-from recognition.training.material import Material, gather
+from recognition.training.material import Material, gather, who_is_left_out
 from recognition.training.planned_views import PlannedViews
 from recognition.training.recorded_step import FIRST_STEPS
 from recognition.training.stopping import (
@@ -82,7 +82,8 @@ def train_recogniser(
             to be left out.
         ModelError: the loss is not finite, the checkpoint is damaged, or `init` does not fit.
     """
-    for field, least in (("clips", 1), ("batch", 1), ("interval", 1), ("folds", 0)):
+    # A batch norm of the published form cannot learn from one clip of one frame.
+    for field, least in (("clips", 1), ("batch", 2), ("interval", 1), ("folds", 0)):
         if getattr(config, field) < least:
             raise UsageError(f"--{field}: got {getattr(config, field)}, expected at least {least}")
     if not 0 <= config.learning_rate < math.inf:
@@ -181,7 +182,6 @@ class _Run:
 
     def answer_after(self, steps: int, report: Report) -> FloatArray:
         """Train for so many steps, and return the logits of the clips of those who were left out."""
-        self.steps = steps
         self._resume()
         with closing(self.batches(steps)) as batches:
             while self.step < steps:
@@ -252,11 +252,12 @@ class _Run:
         said += [fold.answer_after(outcome.best.step, report) for fold in self.folds]
         labels = [run.material.validation.labels.numpy() for run in (self, *self.folds)]
         temperature = fit_temperature(np.concatenate(said), np.concatenate(labels), self.material.weights)
+        left_out = who_is_left_out([fold.material for fold in self.folds])
         history = {
             "data": self.material.data.title,
             "run": self.identity,
             "validated_on": self.material.validated_on,
-            **({"calibrated_on": f"these, and people left out in {len(self.folds)} folds"} if self.folds else {}),
+            **({"calibrated_on": f"these, and {left_out} left out in {len(self.folds)} folds"} if self.folds else {}),
             "stopped": outcome.reason,
             "cut_short": outcome.cut_short,
             "arithmetic": arithmetic_on(self.device),

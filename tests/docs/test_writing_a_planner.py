@@ -17,7 +17,7 @@ from ehar.motion import GridMotion
 from ehar.planner import Context
 from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
-from eval import benchmark, check_planner, check_recogniser
+from eval import benchmark, check_motion, check_planner, check_recogniser
 from eval.cli.commands.benchmark import BENCHMARK
 from eval.cli.main import parse
 from eval.cli.own_flags import fold_flags
@@ -137,6 +137,21 @@ def test_the_recogniser_of_the_page_conforms(tmp_path: Path) -> None:
     for persons in (1, 2):
         found = check_recogniser(f"{path}:Mine(strength=0.2)", Conditions(data=tiny_data(persons=persons)))
         assert found.passed, str(found)
+
+
+def test_the_motion_of_the_page_conforms_and_counts_the_frames_of_the_world(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(next(block for block in python_blocks(PAGE) if "class Slow" in block))
+    assert check_motion(f"{path}:Slow").passed
+    slow = runpy.run_path(str(path))["Slow"]()
+    grid, target = GridMotion(), np.array([[9.0, 1.0, 1.0]])
+    grid.reset(np.array([[6.0, 0.0, 1.0]]), 0.04)
+    begin = grid.advance(np.array([[6.0, 0.0, 1.0]]))  # a place of the grid
+    slow.reset(begin, 0.04)
+    reached = [slow.advance(target) for _ in range(4)]
+    assert [np.array_equal(here, begin) for here in reached] == [True, False, False, False]
+    np.testing.assert_array_equal(reached[1], reached[2])
+    assert slow._frame == 4
 
 
 def test_flags_after_a_class_of_the_page_become_its_arguments() -> None:

@@ -151,10 +151,10 @@ def _npy(file: Path) -> np.ndarray:
 
 
 def _rows(file: Path) -> np.ndarray:
-    """Return the numbers of a .csv, (T, N); a first line of words is a header, and an empty cell is NaN."""
+    """Return the numbers of a .csv, (T, N), where an empty cell is NaN, without its header."""
     lines = file.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     cells = [[cell.strip() for cell in line.split(",")] for line in lines if line.strip()]
-    first = 1 if cells and not any(_number(cell) is not None for cell in cells[0]) else 0
+    first = 1 if cells and _is_header(cells[0]) else 0
     rows: list[list[float]] = []
     for number, row in enumerate(cells[first:], start=first + 1):
         values = [_number(cell) for cell in row]
@@ -164,6 +164,12 @@ def _rows(file: Path) -> np.ndarray:
             raise DataError(f"{file}: line {number}: got {len(row)} numbers, expected {len(rows[0])} as in the first")
         rows.append([value for value in values if value is not None])
     return np.array(rows) if rows else np.empty((0, 0))
+
+
+def _is_header(row: list[str]) -> bool:
+    """Return whether a first line names columns: by words, or by numbers from 0 on, as pandas writes them."""
+    words = all(_number(cell) is None for cell in row)
+    return words or (len(row) > 1 and row == [str(number) for number in range(len(row))])
 
 
 def _number(cell: str) -> float | None:

@@ -96,6 +96,8 @@ def assemble(
     ):
         if out:
             told.append(f"{len(out)} of {total} sequences {why} and are left out: {out[0].name}...")
+    if persons > 1 and any(clip.subject != UNKNOWN_SUBJECT for clip in kept):
+        told.append(f"who performs is left out: one number cannot name {persons} people")
     names = {clip.label for clip in kept}
     class_names = [label for label in class_order if label in names] + sorted(names - set(class_order))
     labels = np.array([class_names.index(clip.label) for clip in kept])

@@ -64,6 +64,22 @@ def test_a_class_of_one_side_without_its_counterpart_is_not_mirrored(label: int)
     assert highest == [label] * 3
 
 
+@pytest.mark.parametrize(
+    "names", [("nod", "raise_your_hand", "raise_your_other_hand"), ("Mother", "Raise", "RaiseOther")]
+)
+def test_one_hand_and_the_other_are_not_mirrored(names: tuple[str, ...]) -> None:
+    data = replace(tiny_data(sequences=6), class_names=names)
+    varied = with_variations(data, np.array([1, 2]), 1)
+    highest = [varied.sequence(i)[..., 2].mean(axis=(0, 1))[:3].argmax() for i in range(4)]
+    assert highest == [1, 1, 2, 2] == varied.labels.tolist()
+    left, right = SKELETON.joint_names.index("left_foot"), SKELETON.joint_names.index("right_foot")
+    nods = with_variations(data, np.array([0]), 1)
+    before, after = nods.sequence(0)[0, 0], nods.sequence(1)[0, 0]
+    assert (after[left] - after[right])[1] * (before[left] - before[right])[
+        1
+    ] < 0  # what is not one of them is mirrored
+
+
 def test_paces_and_sizes_are_those_that_people_have() -> None:
     data = tiny_data(sequences=3, frames=400)
     varied = with_variations(data, np.arange(3), 20, seed=3)

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -93,6 +94,33 @@ def test_folds_learn_for_as_long_as_the_weights_that_are_kept_had(
     monkeypatch.setattr(run, "answer_after", answer_after)
     trained(config, tmp_path / "out", 2)
     assert lengths == [2, 2]  # of 6 steps; the first evaluation, after 16 clips, was the best
+
+
+def test_folds_follow_the_schedule_of_the_weights_that_are_kept(
+    config: TrainingConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    learn, answer, planned = training.Learner.learn, training._Run.answer_after, []
+
+    def of_steps(self: Any, *clips: Any, step: int, steps: int) -> float:
+        planned.append(steps)
+        return learn(self, *clips, step=step, steps=steps)
+
+    def answer_earlier(self: Any, steps: int, report: Any) -> FloatArray:
+        return answer(self, 2, report)  # as if the second of 6 steps had been the best
+
+    monkeypatch.setattr(training.Learner, "learn", of_steps)
+    monkeypatch.setattr(training._Run, "answer_after", answer_earlier)
+    trained(replace(config, optimiser="published"), tmp_path / "out", 2)
+    assert planned == [6] * (6 + 2 * 2)
+
+
+def test_couples_whose_partners_change_are_not_called_people(tmp_path: Path) -> None:
+    couples = np.array(list(combinations(range(5), 2)) * 24)
+    save_motion(tmp_path / "mixed.npz", replace(tiny_data(sequences=240, persons=2), subjects=couples))
+    told = Conditions(data=str(tmp_path / "mixed.npz"), length=8)
+    config = TrainingConfig(conditions=told, out=tmp_path, clips=16, batch=8, interval=8, threads=1)
+    _, told_by = trained(config, tmp_path / "out", 2)
+    assert told_by["training"]["calibrated_on"] == "these, and couples left out in 2 folds"  # type: ignore[index]
 
 
 @pytest.mark.parametrize("clips", [16, 32])

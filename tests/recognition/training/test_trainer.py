@@ -369,6 +369,7 @@ def test_unknown_options(config: TrainingConfig) -> None:
         *(
             ("clips", 0),
             ("batch", 0),
+            ("batch", 1),
             ("interval", 0),
             ("length", 0),
             ("threads", -1),

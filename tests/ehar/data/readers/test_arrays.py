@@ -108,6 +108,24 @@ def test_a_header_and_empty_cells(tmp_path: Path) -> None:
     np.testing.assert_allclose(walk[2, 0, 1], (JOINTS[1, 1] + JOINTS[3, 1]) / 2, atol=1e-6)  # the whole joint is lost
 
 
+def test_a_header_of_numbers_is_no_frame(tmp_path: Path) -> None:
+    """Pandas numbers columns that have no names; no frame looks so."""
+    rows = [",".join(map(str, range(36))), *(",".join(map(str, row)) for row in JOINTS.reshape(5, -1))]
+    source = folder(tmp_path, arrays={"wave_s1_train_1.npy": JOINTS})
+    (source / "walk_s1_train_2.csv").write_text("\n".join(rows))
+    data = prepare_arrays(source)
+    walk = data.sequence(data.sequence_names.index("walk_s1_train_2"))
+    np.testing.assert_allclose(walk[:, 0], JOINTS, atol=1e-6)
+
+
+def test_who_performs_together_is_told_as_left_out(tmp_path: Path) -> None:
+    pair = np.random.default_rng(1).normal(size=(4, 2, 12, 3))
+    data = prepare_arrays(folder(tmp_path, arrays={"hug_s1_train_1.npy": pair}, persons=2))
+    assert (data.subjects == -1).all() and "who performs is left out: one number cannot name 2 people" in data.notes
+    alone = prepare_arrays(folder(tmp_path, arrays={"hug_s1_train_1.npy": pair[:, 0]}))
+    assert (alone.subjects == 1).all() and not any("who performs" in note for note in alone.notes)
+
+
 def test_a_class_may_have_several_words(tmp_path: Path) -> None:
     arrays = {"pick_up_01.npy": JOINTS, "pick_down_01.npy": JOINTS}
     data = prepare_arrays(folder(tmp_path, arrays=arrays, pattern="{label}_{number}.npy"))
