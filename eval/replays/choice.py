@@ -9,6 +9,7 @@ from ehar.arrays import BoolArray, FloatArray, IntArray
 from eval.records.episodes import EpisodeRecords
 from eval.scores.metrics import mean_acc
 from eval.scores.planner_summary import NO_ACT
+from eval.scores.streams.activities import activities, activity_frames
 
 MOST = 8  # episodes
 MOST_STREAMS = 4  # episodes of streams, each of which lasts as long as many clips
@@ -45,7 +46,8 @@ def choose_episodes(
     """Return the most telling episodes, none twice.
 
     The best, worst and typical one are chosen among all episodes. Then come those in which planners differ most, each
-    of a class with the fewest so far. A stream shows many classes, so those of streams are not told apart by them.
+    of a class with the fewest so far. A stream shows many classes, so those of streams are not told apart by them; its
+    accuracy is that of its activities, as in the tables, and one that shows no whole activity is left out.
 
     Args:
         records: records on the same episodes, by record name.
@@ -53,10 +55,10 @@ def choose_episodes(
         other: planner to compare with; None leaves these episodes out.
         most: largest number of episodes.
     """
-    accuracy = np.stack([mean_acc(episodes.correct) for episodes in records.values()])
+    accuracy = np.stack([_accuracy(episodes) for episodes in records.values()])
     label = next(iter(records.values())).label
     label = label if label.ndim == 1 else np.zeros(len(label), dtype=np.int64)
-    left = np.ones(len(label), dtype=bool)
+    left = ~np.isnan(accuracy[0])
     chosen: list[ChosenEpisode] = []
 
     def take(among: BoolArray, preference: FloatArray, why: str, numbers: FloatArray) -> None:
@@ -71,7 +73,7 @@ def choose_episodes(
         gain = 100 * (accuracy[names.index(planner)] - accuracy[names.index(other)])
         against = f"against {other}".replace("{", "{{").replace("}", "}}")
         who = planner.replace("{", "{{").replace("}", "}}")
-        away = np.abs(gain - np.median(gain))
+        away = np.abs(gain - np.nanmedian(gain))
         take(left, gain, f"{who} gains most {against}: {{:+.0f}} points", gain)
         take(left, -gain, f"{who} loses most {against}: {{:+.0f}} points", gain)
         take(left, -away, f"typical: {who} is nearest to its median {against}, {{:+.0f}} points", gain)
@@ -80,6 +82,17 @@ def choose_episodes(
         among = _of_rarest(label, left)
         take(among, spread, "planners differ: a standard deviation of {:.0f} points between them", spread)
     return tuple(chosen)
+
+
+def _accuracy(records: EpisodeRecords) -> FloatArray:
+    """Return the mean accuracy of each episode, (N,); NaN for a stream that shows no whole activity."""
+    if not records.of_streams:
+        return mean_acc(records.correct)
+    episode, _, _ = activity_frames(records.label)
+    count = np.bincount(episode, minlength=len(records))
+    right = np.bincount(episode, mean_acc(activities(records).correct), minlength=len(records))
+    of_each: FloatArray = np.divide(right, count, out=np.full(len(records), np.nan), where=count > 0)
+    return of_each
 
 
 def _of_rarest(label: IntArray, left: BoolArray) -> BoolArray:

@@ -23,8 +23,8 @@ from planners.value.view_basis import DistanceRange
 
 MOST_BYTES = 6_000_000  # of all replays together; episodes beyond are left out
 A_SECOND = 10  # frames of a stream that are kept; of long streams fewer
-MILLI = 1000  # joints and distances are in whole millimetres
-CENTI = 100  # angles in hundredths of a degree, the centre of streams in centimetres
+MILLI = 1000  # joints are in whole millimetres
+CENTI = 100  # angles in hundredths of a degree, distances and the centre of streams in centimetres: up to 655 and 327 m
 BASIS_POINTS = 10_000  # probabilities in hundredths of a percent
 MAP_STEP = 10.0  # [deg], from one azimuth or polar angle of a field map to the next
 
@@ -149,9 +149,9 @@ def _field(weights: FloatArray, path: FloatArray, workspace: Workspace) -> dict[
 
 
 def viewpoints(path: FloatArray) -> str:
-    """Return viewpoints (T, 3) as whole millimetres and hundredths of a degree."""
+    """Return viewpoints (T, 3) as whole centimetres and hundredths of a degree."""
     degrees = np.degrees(np.stack([wrap_azimuth(path[:, 1]), path[:, 2]], axis=1))
-    return integers(np.column_stack([path[:, 0] * MILLI, degrees * CENTI]), np.uint16)
+    return integers(np.column_stack([path[:, 0], degrees]) * CENTI, np.uint16)
 
 
 def integers(values: FloatArray, kind: type[np.integer[Any]]) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ehar.conditions import Conditions
+from ehar.data.motion_data import MotionData
 from ehar.data.recordings import Recordings
 from ehar.errors import UsageError
 from ehar.track import IDEAL
@@ -26,8 +27,8 @@ def planned_views(runs: Sequence[Path], data: Recordings, told: Conditions) -> P
         told: the conditions of its training, with its length.
 
     Raises:
-        UsageError: a run is of other data, of another part, world, track or frame rate, of shorter episodes, of another
-            length than the others, or with a planner that sees the truth.
+        UsageError: a run is of other data, of another part, world, track or frame rate, of shorter episodes or in clips
+            of longer ones, of another length than the others, or with a planner that sees the truth.
         DataError: a run's files cannot be read.
     """
     numbers = {name: index for index, name in enumerate(data.sequence_names)}
@@ -53,13 +54,16 @@ def _check(folder: Path, run: Run, data: Recordings, told: Conditions) -> None:
     conditions, config = run.conditions, run.config
     privileged = [planner.name for planner in config.planners if planner.privileged]
     world, frames = load_world(told.world), conditions.frames
+    # Viewpoints are about people's centre, which in clips is that of an episode's first frame.
+    clips = isinstance(data, MotionData)
+    fits = frames == told.frames if clips else frames >= told.frames
     refused = (
         (config.data_sha256 != data.sha256, f"of {data.title}", f"one of {config.data}, or of another version of it"),
         (conditions.part != PART, f"of --part {PART}", f"one of the {conditions.part} part"),
         (not config.world.agrees_with(world), f"in the world {world.name}", f"one in {config.world.name}"),
         (conditions.track != IDEAL, f"on the {IDEAL} track", f"one on {conditions.track}"),
         (conditions.fps != told.fps, f"at {told.fps} frames/s", f"one at {conditions.fps}"),
-        (frames < told.frames, f"of at least {told.frames} frames an episode", f"one of {frames}"),
+        (not fits, f"of {'' if clips else 'at least '}{told.frames} frames an episode", f"one of {frames}"),
         (bool(privileged), "of planners without the truth", f"one of {', '.join(privileged)}"),
     )
     for wrong, expected, got in refused:

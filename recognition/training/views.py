@@ -42,8 +42,9 @@ def training_viewpoints(regime: str, world: World, rng: np.random.Generator, cli
     """Draw the cameras of training clips that are simulated.
 
     Args:
-        regime: "paper" takes each clip from one of the 32 viewpoints; "moving" takes half of the clips from a random
-            start viewpoint, and half from a camera that makes random grid moves, drawn anew every 10 frames on average.
+        regime: "paper" takes each clip from one of the 32 viewpoints, of those that are free; "moving" takes half of
+            the clips from a random start viewpoint, and half from a camera that makes random grid moves, drawn anew
+            every 10 frames on average.
         world: the world that cameras are in.
         rng: the generator.
         clips: number B of clips.
@@ -53,10 +54,15 @@ def training_viewpoints(regime: str, world: World, rng: np.random.Generator, cli
         viewpoints (B, L, 3).
 
     Raises:
-        UsageError: the regime is unknown.
+        UsageError: the regime is unknown, or none of the 32 viewpoints is free.
     """
     if regime == "paper":
-        grid = paper_viewpoints(world.workspace)
+        grid, space = paper_viewpoints(world.workspace), world.free_space
+        grid = grid if space is None else grid[space.is_free(grid)]
+        if not len(grid):
+            raise UsageError(
+                f"--views paper: expected one of its 32 viewpoints clear of obstacles in {world.name}, got none"
+            )
         chosen = grid[rng.integers(len(grid), size=clips)]
         return np.repeat(chosen[:, None], length, axis=1)
     if regime != "moving":

@@ -11,7 +11,7 @@ function decoded(text, kind) {
 // Viewpoints: distance [m], azimuth and polar angle [rad], one after another.
 function viewpointsOf(text) {
   const whole = decoded(text, "uint16");
-  const scale = [1 / 1000, Math.PI / 18000, Math.PI / 18000];
+  const scale = [1 / 100, Math.PI / 18000, Math.PI / 18000];
   return Float64Array.from(whole, (value, at) => value * scale[at % 3]);
 }
 

@@ -6,7 +6,7 @@ import pytest
 from eval.records.episodes import EpisodeRecords
 from eval.replays.choice import choose_episodes, choose_planners
 from eval.scores.metrics import mean_acc
-from tests.helpers.made_records import make_records
+from tests.helpers.made_records import make_records, make_stream_records
 
 
 def planners(episodes: int = 30) -> dict[str, EpisodeRecords]:
@@ -70,3 +70,16 @@ def test_names_with_braces_are_names() -> None:
 )
 def test_the_lead_is_shown_first_beside_no_act(names: list[str], lead: str | None, shown: tuple[str, ...]) -> None:
     assert choose_planners(names, lead) == shown
+
+
+def test_streams_are_chosen_by_their_activities_and_not_by_frames_that_show_none() -> None:
+    label = np.full((3, 20), -1)
+    label[:2, 12:16] = 0  # the third shows no activity
+    shown = label == 0
+    stays = np.where(shown, [[1], [0], [0]], -1)  # wrong on the first activity, right in all else
+    moves = np.where(shown, [[0], [1], [0]], [[1], [-1], [1]])  # the other way round, and wrong where nothing is shown
+    records = {"no-act": make_stream_records(label, stays), "a": make_stream_records(label, moves)}
+    assert [(one.episode, one.why) for one in choose_episodes(records, "a", "no-act")] == [
+        (0, "a gains most against no-act: +100 points"),
+        (1, "a loses most against no-act: -100 points"),
+    ]

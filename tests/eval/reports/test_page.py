@@ -122,7 +122,7 @@ def test_what_is_replayed_is_what_happened(tiny: tuple[Path, str]) -> None:
         index = episode["episode"]
         assert titles[index] == episode["title"] and f"{episode['title']} (episode {index})</option>" in page
         for name, planner in episode["planners"].items():
-            path = values(planner["path"], np.uint16).reshape(-1, 3) / [1000, 100, 100]
+            path = values(planner["path"], np.uint16).reshape(-1, 3) / 100
             recorded = records[name].viewpoint[index]
             expected = np.column_stack([recorded[:, 0], np.degrees(recorded[:, 1]) % 360, np.degrees(recorded[:, 2])])
             np.testing.assert_allclose(path, expected, atol=6e-3)

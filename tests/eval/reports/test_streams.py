@@ -79,7 +79,7 @@ def test_timelines_are_those_of_the_records(watched: tuple[Run, str]) -> None:
             assert each_frame(drawn["believed"]) == named(held.predicted[index])
             np.testing.assert_allclose(values(drawn["sure"], "u1"), 100 * held.true_probability[index], atol=0.51)
             path = values(drawn["path"], "u2").reshape(-1, 3)
-            np.testing.assert_allclose(path[:, 0] / 1000, held.viewpoint[index, :, 0], atol=1e-3)
+            np.testing.assert_allclose(path[:, 0] / 100, held.viewpoint[index, :, 0], atol=6e-3)
         # They are told by the data: the people of this set stand and look along x.
         facing = values(line["facing"], "u2").astype(int)
         assert UNKNOWN not in facing

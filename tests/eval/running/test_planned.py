@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ehar.conditions import Conditions
+from ehar.data.any_source import load_recordings
 from ehar.data.scenario import split_parts
 from ehar.errors import UsageError
 from eval.running.planned import planned_views
@@ -18,10 +19,11 @@ from recognition.training import material
 from recognition.training.config import TrainingConfig
 from recognition.weight_files import recorded_run
 from tests.helpers.fakes import tiny_data
+from tests.helpers.stream_runs import forgetful, stream_run
 from tests.helpers.tiny_benchmarks import run
 
 DATA = tiny_data(sequences=40)
-TOLD = Conditions(data=DATA, length=8)
+TOLD = Conditions(data=DATA, length=10)
 pytestmark = pytest.mark.usefixtures("fake_weights")
 
 
@@ -49,7 +51,8 @@ def test_all_planners_of_all_runs_are_taken(tmp_path: Path) -> None:
         ({"planners": ("no-act", "oracle")}, "expected a run of planners without the truth, got one of oracle"),
         ({"world": "room"}, "expected a run in the world paper, got one in room"),
         ({"track": "tracking-drone"}, "expected a run on the ideal track, got one on tracking-drone"),
-        ({"length": 6}, "expected a run of at least 8 frames an episode, got one of 6"),
+        ({"length": 6}, "expected a run of 10 frames an episode, got one of 6"),
+        ({"length": 12}, "expected a run of 10 frames an episode, got one of 12"),
         ({"data": tiny_data(sequences=41)}, "expected a run of tiny (synthetic), got one of tiny (synthetic), or of"),
     ],
 )
@@ -58,9 +61,17 @@ def test_other_runs_are_refused(changes: dict[str, Any], expected: str, tmp_path
         planned_views([looked(tmp_path / "run", **changes)], DATA, TOLD)
 
 
-def test_runs_of_two_lengths_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="expected episodes of one length, got 10, 12 frames"):
-        planned_views([looked(tmp_path / "a"), looked(tmp_path / "b", length=12)], DATA, TOLD)
+def test_streams_are_taken_of_one_length_that_windows_fit_into(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    forgetful(monkeypatch)
+    for frames in (50, 60):
+        stream_run(tmp_path, ("no-act",), part="recogniser", length=frames, out=tmp_path / str(frames))
+    data = load_recordings(tmp_path / "raising.npz")
+    told = Conditions(data=tmp_path / "raising.npz", length=40, fps=data.fps)
+    assert planned_views([tmp_path / "60"], data, told).viewpoints.shape[1] == 60
+    with pytest.raises(UsageError, match="expected a run of at least 55 frames an episode, got one of 50"):
+        planned_views([tmp_path / "50"], data, replace(told, length=55))
+    with pytest.raises(UsageError, match="expected episodes of one length, got 50, 60 frames"):
+        planned_views([tmp_path / "50", tmp_path / "60"], data, told)
 
 
 def test_a_training_says_what_it_saw(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,12 +1,15 @@
 """Where training cameras stand and how they move."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from ehar.camera import Camera, project
 from ehar.errors import UsageError
+from ehar.obstacles.shapes import Cylinder, Obstacles
 from ehar.viewpoint import AZIMUTH, MOVES, cartesian
-from ehar.world import PAPER
+from ehar.world import PAPER, ROOM
 from recognition.training.views import STATIC_SHARE, paper_viewpoints, recorded_viewpoints, training_viewpoints
 
 
@@ -31,6 +34,24 @@ def test_paper_clips_stand_still_on_all_of_the_grid() -> None:
     np.testing.assert_array_equal(
         np.unique(viewpoints[:, 0], axis=0), np.unique(paper_viewpoints(PAPER.workspace), axis=0)
     )
+
+
+def test_paper_clips_are_seen_from_where_nothing_stands() -> None:
+    space, everywhere = ROOM.free_space, paper_viewpoints(ROOM.workspace)
+    assert space is not None
+    free = everywhere[space.is_free(everywhere)]
+    assert 0 < len(free) < len(everywhere)
+    drawn = training_viewpoints("paper", ROOM, np.random.default_rng(0), 500, 2)
+    np.testing.assert_array_equal(np.unique(drawn[:, 0], axis=0), np.unique(free, axis=0))
+
+
+def test_a_world_that_leaves_none_of_the_papers_viewpoints_free() -> None:
+    pillars = tuple(
+        Cylinder(centre=tuple(place), radius=0.5, height=0.5) for place in cartesian(paper_viewpoints(PAPER.workspace))
+    )
+    full = replace(PAPER, name="full", obstacles=Obstacles(cylinders=pillars))
+    with pytest.raises(UsageError, match="expected one of its 32 viewpoints clear of obstacles in full, got none"):
+        training_viewpoints("paper", full, np.random.default_rng(0), 1, 2)
 
 
 def test_moving_clips_make_grid_moves_inside_the_workspace() -> None:
