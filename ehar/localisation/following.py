@@ -81,8 +81,10 @@ class Localisation:
         """All numbers."""
         return (self.noise, self.delay, self.agility)
 
-    def followed(self, middles: FloatArray, fps: float, stream: int, missing: BoolArray | None = None) -> FloatArray:
-        """Return where people are thought to be in each frame, (T, 3) [m].
+    def estimated(
+        self, middles: FloatArray, fps: float, stream: int, missing: BoolArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return where people are thought to be in each frame [m], and the filter's velocities [m/s], (T, 3) each.
 
         A Kalman filter of constant velocity takes the positions that arrive, and predicts over their delay. What it
         says at frame t rests on frames up to t minus the delay. From a frame that is missing no position arrives, so
@@ -97,22 +99,6 @@ class Localisation:
             stream: number of the stream, which decides the error.
             missing: (T,) frames in which nobody knows where people are; None means there are none.
         """
-        return self.estimated(middles, fps, stream, missing)[0]
-
-    def followed_smoothly(
-        self, middles: FloatArray, fps: float, stream: int, limits: CentreLimits, missing: BoolArray | None = None
-    ) -> CentreMotion:
-        """Return a centre that goes after where people are thought to be, and keeps limits, each (T, 3).
-
-        What the filter says jumps with every position that arrives, and no vehicle can do that. The jerk that leads on
-        from frame t rests on what `followed` and the filter's velocity say at frame t. See `followed` for the rest.
-        """
-        return smoothed(*self.estimated(middles, fps, stream, missing), 1 / fps, limits)
-
-    def estimated(
-        self, middles: FloatArray, fps: float, stream: int, missing: BoolArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return what `followed` returns, and the filter's velocities [m/s], (T, 3) each."""
         rng = np.random.default_rng((_SEED, stream))
         measured = middles + self.noise * rng.standard_normal(middles.shape)
         late = round(self.delay * fps)
@@ -140,7 +126,11 @@ USUAL_LOCALISATION = Localisation()
 
 
 def smoothed(wanted: FloatArray, velocity: FloatArray, frame_time: float, limits: CentreLimits) -> CentreMotion:
-    """Return the motion of a centre that goes after positions [m] and velocities [m/s], (T, 3) each."""
+    """Return the motion of a centre that goes after positions [m] and velocities [m/s], (T, 3) each, and keeps limits.
+
+    What a filter says jumps with every position that arrives, and no vehicle can do that. The jerk that leads on from
+    frame t rests on what is said up to frame t.
+    """
     centre = SmoothCentre(wanted[0], frame_time, limits)
     return CentreMotion(*np.stack([centre.lead_on(*after) for after in zip(wanted, velocity, strict=True)], axis=1))
 
@@ -197,7 +187,7 @@ class SmoothCentre:
 
 
 class FollowedCentre:
-    """A centre that goes after people whose place is told now and then, at any times; as `followed_smoothly`.
+    """A centre that goes after people whose place is told now and then, at any times; as `smoothed`.
 
     A Kalman filter of constant velocity takes the places, and predicts on from when it was told the last one, for
     `HELD` seconds. Then nobody knows where people are, and the centre comes to rest. The age of a place is not made up

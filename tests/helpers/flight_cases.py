@@ -11,7 +11,7 @@ from ehar.flight.centre import centre_limits
 from ehar.flight.limits import limit_shares
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import Vehicle
-from ehar.localisation import CentreMotion, Localisation
+from ehar.localisation import CentreMotion, Localisation, smoothed
 from ehar.obstacles import Obstacles, Surroundings
 from ehar.viewpoint import AZIMUTH, Workspace, cartesian
 
@@ -97,7 +97,7 @@ def worst_stream_excess(
         vehicle, fps = random_vehicle(rng), float(rng.choice([25, 30]))
         walks = np.cumsum(rng.normal(0, rng.uniform(0.005, 0.1), (flights, frames, 3)), axis=1)
         walks[rng.random(flights) < 0.2, frames // 2 :, 0] += 3.0  # a tracker that leaps
-        centres = [Localisation().followed_smoothly(walk, fps, 0, centre_limits(vehicle)) for walk in walks]
+        centres = [smoothed(*Localisation().estimated(walk, fps, 0), 1 / fps, centre_limits(vehicle)) for walk in walks]
         motion = FlightMotion(vehicle=vehicle, workspace=workspace, moving_centre=True)
         motion.centre = CentreMotion(*(np.stack(parts) for parts in zip(*centres, strict=True)))
         motion.keep_clear(None if obstacles is None else Surroundings(obstacles, motion.centre.position))

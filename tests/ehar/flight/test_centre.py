@@ -13,7 +13,7 @@ from ehar.flight.kinematics import CartesianMotion, SphericalState
 from ehar.flight.limits import limit_shares
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
-from ehar.localisation import CentreLimits, CentreMotion, Localisation
+from ehar.localisation import CentreLimits, CentreMotion, Localisation, smoothed
 from ehar.world import ROOM
 from tests.helpers.examples import share_of_examples
 from tests.helpers.flight_cases import worst_stream_excess
@@ -33,7 +33,9 @@ def test_the_centre_keeps_its_limits_and_its_jerk_leads_on(seed: int, pace: floa
     rng = np.random.default_rng(seed)
     speed, vertical, acceleration_limit, jerk_limit = np.exp(rng.uniform(-2, 2, 4)).tolist()
     limits = CentreLimits(speed=speed, vertical_speed=vertical, acceleration=acceleration_limit, jerk=jerk_limit)
-    position, velocity, acceleration, jerk = Localisation().followed_smoothly(walk(rng, 60, pace), FPS, seed, limits)
+    position, velocity, acceleration, jerk = smoothed(
+        *Localisation().estimated(walk(rng, 60, pace), FPS, seed), 1 / FPS, limits
+    )
     for vectors, most in ((velocity, limits.speed), (acceleration, limits.acceleration), (jerk, limits.jerk)):
         assert np.linalg.norm(vectors, axis=1).max() <= most * (1 + 1e-9)
     assert np.abs(velocity[:, 2]).max() <= limits.vertical_speed * (1 + 1e-9)
@@ -48,7 +50,7 @@ def test_the_centre_keeps_its_limits_and_its_jerk_leads_on(seed: int, pace: floa
 
 def test_the_centre_goes_after_people_who_walk_on() -> None:
     walking = np.stack([1.2 / FPS * np.arange(500), np.zeros(500), np.zeros(500)], axis=1)
-    centre = Localisation(noise=0.0).followed_smoothly(walking, FPS, 0, centre_limits(PX4)).position
+    centre = smoothed(*Localisation(noise=0.0).estimated(walking, FPS, 0), 1 / FPS, centre_limits(PX4)).position
     assert np.linalg.norm(centre - walking, axis=1).max() < 2.5
     assert np.linalg.norm(centre - walking, axis=1)[-1] < 0.1
 
@@ -58,7 +60,9 @@ def test_what_people_do_later_changes_nothing_before() -> None:
     one = walk(rng, 80, 1.0)
     other = one.copy()
     other[50:] += 5.0
-    before, after = (Localisation().followed_smoothly(way, FPS, 3, centre_limits(PX4)) for way in (one, other))
+    before, after = (
+        smoothed(*Localisation().estimated(way, FPS, 3), 1 / FPS, centre_limits(PX4)) for way in (one, other)
+    )
     late = 2  # frames of 0.1 s at 25 to a second, rounded
     for part, changed in zip(before, after, strict=True):
         np.testing.assert_array_equal(part[: 50 + late], changed[: 50 + late])

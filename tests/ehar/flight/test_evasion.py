@@ -12,7 +12,7 @@ from ehar.flight.profile import JerkProfile
 from ehar.flight.proposals import PROPOSALS, braking_way, limits_to_target
 from ehar.flight.time_optimal import TimeOptimal
 from ehar.flight.vehicle import VEHICLES
-from ehar.localisation import CentreMotion, Localisation
+from ehar.localisation import CentreMotion, Localisation, smoothed
 from ehar.obstacles import Surroundings
 from ehar.obstacles.shapes import MARGIN
 from ehar.world import ROOM
@@ -61,7 +61,7 @@ def test_who_begins_to_walk_is_evaded_in_time() -> None:
     azimuth = 2 * np.pi * (1 / 24 + np.arange(count) / count)
     way = 1.4 * np.clip(np.arange(frames) / fps - 1, 0, 1.6)  # [m], after a second
     ways = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(count)], axis=-1)[:, None] * way[:, None]
-    centres = [Localisation().followed_smoothly(each, fps, 0, centre_limits(drone)) for each in ways]
+    centres = [smoothed(*Localisation().estimated(each, fps, 0), 1 / fps, centre_limits(drone)) for each in ways]
     motion = FlightMotion(vehicle=drone, workspace=ROOM.workspace, moving_centre=True)
     motion.centre = CentreMotion(*(np.stack(parts) for parts in zip(*centres, strict=True)))
     surroundings = Surroundings(ROOM.obstacles, motion.centre.position)

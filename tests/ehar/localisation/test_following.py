@@ -42,14 +42,14 @@ def test_without_delay_it_is_filterpy_s_filter_of_constant_velocity(axis: int, g
         kalman.predict()
         kalman.update(None if gone else position)
         expected.append(float(kalman.x[0, 0]))
-    np.testing.assert_allclose(told.followed(way, FPS, 3, missing)[:, axis], expected, atol=1e-9)
+    np.testing.assert_allclose(told.estimated(way, FPS, 3, missing)[0][:, axis], expected, atol=1e-9)
 
 
 def test_in_a_long_gap_people_are_thought_to_stay() -> None:
     way = np.stack([np.arange(480) / FPS, np.zeros(480), np.ones(480)], axis=1)  # at 1 m/s
     way[90:] = way[90]  # then they stand, while nobody sees them for 10 s
     missing = within(((90, 390),), 480)
-    centres = Localisation(noise=0.0).followed(way, FPS, 0, missing)
+    centres = Localisation(noise=0.0).estimated(way, FPS, 0, missing)[0]
     arrived = round(0.1 * FPS)
     np.testing.assert_array_equal(centres[122 + arrived : 390 + arrived], np.tile(centres[122 + arrived], (268, 1)))
     assert 0.8 < np.linalg.norm(centres - way, axis=1).max() < 1.3  # 1 s at 1 m/s, not 10
@@ -59,8 +59,8 @@ def test_in_a_long_gap_people_are_thought_to_stay() -> None:
 def test_a_gap_says_nothing_and_a_stream_may_begin_with_one() -> None:
     way, missing = walk(), within(((0, 5), (100, 130)))
     other = np.where(missing[:, None], 7.0, way)
-    centres = Localisation().followed(way, FPS, 0, missing)
-    np.testing.assert_array_equal(centres, Localisation().followed(other, FPS, 0, missing))
+    centres = Localisation().estimated(way, FPS, 0, missing)[0]
+    np.testing.assert_array_equal(centres, Localisation().estimated(other, FPS, 0, missing)[0])
     np.testing.assert_array_equal(centres[:6], np.tile(way[5], (6, 1)))
     assert np.linalg.norm(centres - way, axis=1)[135:].max() < 0.5  # it finds people again
 
@@ -71,7 +71,7 @@ def test_what_it_says_rests_on_what_has_arrived(delay: float) -> None:
     late = round(delay * FPS)
     changed = way.copy()
     changed[120:] += 5.0
-    before, after = told.followed(way, FPS, 0), told.followed(changed, FPS, 0)
+    before, after = told.estimated(way, FPS, 0)[0], told.estimated(changed, FPS, 0)[0]
     np.testing.assert_array_equal(before[: 120 + late], after[: 120 + late])
     assert np.abs(before[120 + late] - after[120 + late]).max() > 0.1
 
@@ -79,7 +79,7 @@ def test_what_it_says_rests_on_what_has_arrived(delay: float) -> None:
 def test_it_stays_near_a_person_who_walks_and_a_worse_localisation_is_farther_off() -> None:
     way = walk(900)
     off = [
-        np.linalg.norm(Localisation(noise=noise, delay=delay).followed(way, FPS, 0) - way, axis=1)[60:].mean()
+        np.linalg.norm(Localisation(noise=noise, delay=delay).estimated(way, FPS, 0)[0] - way, axis=1)[60:].mean()
         for noise, delay in ((0.0, 0.0), (0.05, 0.1), (0.2, 0.5))
     ]
     assert off[0] < 0.01 < off[1] < 0.15 < off[2] < 0.6
@@ -87,7 +87,7 @@ def test_it_stays_near_a_person_who_walks_and_a_worse_localisation_is_farther_of
 
 def test_streams_have_errors_of_their_own() -> None:
     way = walk()
-    one, again, other = (Localisation().followed(way, FPS, stream) for stream in (0, 0, 1))
+    one, again, other = (Localisation().estimated(way, FPS, stream)[0] for stream in (0, 0, 1))
     np.testing.assert_array_equal(one, again)
     assert np.abs(one - other).max() > 0.01
 

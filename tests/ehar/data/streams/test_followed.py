@@ -6,7 +6,7 @@ import pytest
 from ehar.data.streams.followed import following_centre, thought_to_be
 from ehar.flight.centre import centre_limits
 from ehar.flight.vehicle import VEHICLES
-from ehar.localisation import Localisation
+from ehar.localisation import Localisation, smoothed
 from tests.helpers.streams import raising_streams
 
 TOLD, LIMITS = Localisation(noise=0.1), centre_limits(VEHICLES["px4-auto"])
@@ -31,8 +31,8 @@ def test_a_stream_is_followed_as_its_localisation_says() -> None:
     data = raising_streams(people=2)
     for stream, (begin, end) in enumerate(zip(data.offsets[:-1], data.offsets[1:], strict=True)):
         middles = data.positions[begin:end].mean(axis=(1, 2), dtype=np.float64)
-        expected = TOLD.followed(middles, data.fps, stream)
+        expected = TOLD.estimated(middles, data.fps, stream)[0]
         np.testing.assert_array_equal(thought_to_be(data, TOLD)[begin:end], expected)
-        smooth = TOLD.followed_smoothly(middles, data.fps, stream, LIMITS)
+        smooth = smoothed(*TOLD.estimated(middles, data.fps, stream), 1 / data.fps, LIMITS)
         for part, one in zip(following_centre(data, TOLD, LIMITS), smooth, strict=True):
             np.testing.assert_array_equal(part[begin:end], one)
