@@ -73,10 +73,10 @@ def _task(setting: Setting, scenarios: Scenarios | StreamScenarios) -> EpisodeTa
             "own is not known"
         )
     vehicle, world = setting.runner.track.vehicle, setting.runner.world
-    space, streams = world.workspace, isinstance(scenarios, StreamScenarios)
-    controls: Controls = GridControls(workspace=space, obstacles=None if streams else world.obstacles)
+    streams = isinstance(scenarios, StreamScenarios)
+    controls: Controls = GridControls(world=world, moving_centre=streams)
     if vehicle is not None:
-        controls = FlightControls(vehicle=vehicle, workspace=space, moving_centre=streams)
+        controls = FlightControls(vehicle=vehicle, workspace=world.workspace, moving_centre=streams)
     return EpisodeTask(
         scenarios=setting.runner.followed_everywhere(scenarios),
         recogniser=setting.runner.recogniser,

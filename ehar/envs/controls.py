@@ -12,9 +12,8 @@ from ehar.errors import EpisodeError
 from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import Vehicle
 from ehar.motion import GridMotion, Motion
-from ehar.obstacles.free_space import FreeSpace
-from ehar.obstacles.shapes import Obstacles
 from ehar.viewpoint import AZIMUTH, DISTANCE, MOVES, POLAR, Workspace, apply_moves
+from ehar.world import PAPER, World
 
 
 class Controls(Protocol):
@@ -52,24 +51,24 @@ class GridControls:
     """The paper's 7 moves, numbered as in `ehar.viewpoint.MOVES`; a move to where no camera may be has no effect.
 
     Args:
-        workspace: where the camera may be; the paper's by default.
-        obstacles: what stands in the way of all episodes. In streams it moves past, and the motion keeps clear of it.
+        world: where the camera may be, and what stands in its way.
+        moving_centre: whether people walk about, as in streams. Obstacles move past then, so that no cell is free of
+            them for good, and it is for the motion to keep clear.
     """
 
-    def __init__(self, *, workspace: Workspace | None = None, obstacles: Obstacles | None = None) -> None:
+    def __init__(self, *, world: World = PAPER, moving_centre: bool = False) -> None:
         """Create the controls."""
-        self._obstacles = obstacles
-        self.motion = GridMotion(workspace=workspace)
+        self._space = None if moving_centre else world.free_space
+        self.motion = GridMotion(workspace=world.workspace)
         self.action_space = spaces.Discrete(len(MOVES))
         self.observation_spaces: dict[str, spaces.Space[Any]] = {}
 
     def targets(self, actions: npt.NDArray[Any], viewpoint: FloatArray, where: str) -> FloatArray:
         """Return the neighbouring cells (B, 3) that moves (B,) lead to."""
         check_moves(actions, len(viewpoint), where)
-        space = self.motion.workspace
-        if self._obstacles:
-            return FreeSpace.of(space, self._obstacles).after(viewpoint, actions)
-        return apply_moves(viewpoint, actions, space)
+        if self._space is not None:
+            return self._space.after(viewpoint, actions)
+        return apply_moves(viewpoint, actions, self.motion.workspace)
 
     def observations(self) -> dict[str, FloatArray]:
         """Return nothing: the viewpoint says everything about a camera on the grid."""

@@ -88,9 +88,7 @@ class TrainingWorld:
         """Return a natively batched environment, on the grid or in flight."""
         runner = self.setting.runner
         streams = isinstance(self.scenarios, StreamScenarios)
-        controls: Controls = GridControls(
-            workspace=runner.world.workspace, obstacles=None if streams else runner.world.obstacles
-        )
+        controls: Controls = GridControls(world=runner.world, moving_centre=streams)
         if self.flown is not None:
             controls = HeadingControls(runner)
         task = EpisodeTask(

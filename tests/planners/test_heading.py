@@ -43,7 +43,7 @@ def test_on_the_grid_a_move_is_a_cell() -> None:
 def test_in_a_room_a_move_leads_an_environment_where_it_leads_a_planner(streams: bool) -> None:
     # In a stream what stands in the way moves with every frame, so both ask for the next cell.
     room = load_world("room")
-    controls = GridControls(workspace=room.workspace, obstacles=None if streams else room.obstacles)
+    controls = GridControls(world=room, moving_centre=streams)
     context = replace(tiny_context(length=None if streams else 60), workspace=room.workspace, world=room)
     viewpoints = room.sample_starts(np.random.default_rng(0), 200)
     for move in range(len(MOVES)):

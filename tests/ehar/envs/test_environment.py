@@ -1,6 +1,7 @@
 """The Gymnasium environments: checkers, the reward by hand, determinism, and the batch against the loop."""
 
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -240,7 +241,9 @@ def test_a_small_workspace_bounds_starts_and_moves() -> None:
     workspace = Workspace(
         distance_max=7.0, polar_min=14 * PAPER.workspace.angle_step, polar_max=14 * PAPER.workspace.angle_step
     )
-    env = EpisodeEnv(EpisodeTask(**parts(), controls=GridControls(workspace=workspace)))
+    env = EpisodeEnv(
+        EpisodeTask(**parts(), controls=GridControls(world=replace(PAPER, workspace=workspace, start_cells=None)))
+    )
     for seed in range(5):
         env.reset(seed=seed)
         for _ in range(LENGTH - 1):

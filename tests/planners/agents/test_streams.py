@@ -227,7 +227,7 @@ def test_an_agent_of_flights_sees_its_velocity_as_the_environment_shows_it() -> 
 @pytest.mark.parametrize("track", ["ideal", "px4-auto"])
 def test_an_agent_of_a_room_sees_how_far_it_may_go_as_the_environment_shows_it(track: str) -> None:
     runner = Runner(STREAMS, StreamRecogniser(), PerfectSensor(), track=load_track(track), world=ROOM)
-    controls = HeadingControls(runner) if track != "ideal" else GridControls(workspace=ROOM.workspace)
+    controls = HeadingControls(runner) if track != "ideal" else GridControls(world=ROOM, moving_centre=True)
     task = EpisodeTask(
         scenarios=runner.followed_everywhere(windows(STREAMS, np.arange(len(STREAMS.lengths)), 40, 1)),
         recogniser=runner.recogniser,
