@@ -9,6 +9,7 @@ import pytest
 from ehar.data.any_source import load_recordings
 from ehar.data.folds import fold
 from ehar.data.motion_data import MotionData
+from ehar.data.motion_file import save_motion
 from ehar.data.scenario import split_parts
 from ehar.errors import DataError
 from eval.cli.main import main
@@ -74,6 +75,19 @@ def test_the_motion_stays_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture
     np.testing.assert_array_equal(split_parts(written).test, split_parts(fold(streams, number=1)).test)
     main(["data", "fold", "duo", "--folds", "2", "--number", "1", "--out", str(tmp_path / "duo-1.npz")])
     assert isinstance(load_recordings(tmp_path / "duo-1.npz"), MotionData)
+
+
+def test_a_couple_is_named_once_whoever_comes_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    duo = load_recordings("duo")
+    assert isinstance(duo, MotionData)
+    other = duo.labels[:, None] % 2 == 1
+    turned = replace(duo, subjects=np.where(other, duo.subjects[:, ::-1], duo.subjects))
+    save_motion(tmp_path / "turned.npz", turned)
+    flags = ["--folds", "2", "--number", "0", "--out", str(tmp_path / "0.npz")]
+    main(["data", "fold", str(tmp_path / "turned.npz"), *flags])
+    told = capsys.readouterr().out.replace("\n", " ").partition("for the test, by ")[2].split(", ")
+    couples = [frozenset(couple.strip().split("-")) for couple in told]
+    assert len(couples) == len(set(couples)) > 1
 
 
 @pytest.mark.parametrize(

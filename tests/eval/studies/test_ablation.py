@@ -10,6 +10,7 @@ from ehar.conditions import Conditions
 from ehar.data.motion_file import save_motion
 from ehar.data.streams.file import save_streams
 from ehar.errors import DataError, UsageError
+from ehar.localisation import Localisation
 from eval.cli.main import main
 from eval.records.episode_lines import read_episodes
 from eval.running.run import read_run
@@ -96,7 +97,8 @@ def test_flights_are_compared_with_nbv_on_the_ideal_track() -> None:
 
 def test_streams_are_watched_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     forgetful(monkeypatch)
-    in_streams = replace(model(), belief=StreamBeliefModel.believing((0.25,) * 4))
+    exact = Localisation(noise=0.0, delay=0.0)
+    in_streams = replace(model(), belief=StreamBeliefModel.believing((0.25,) * 4), localisation=exact)
     monkeypatch.setattr("eval.running.choice.ModelPlace.load_gain_model", lambda _: in_streams)
     path = tmp_path / "raising.npz"
     save_streams(path, raising_streams())
@@ -111,6 +113,8 @@ def test_streams_are_watched_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         "oracle*",
     ]
     assert "activities in 4 episodes" in table.title
+    # The field was made where people are localised without an error, and is used where they are not.
+    assert read_run(tmp_path / "out").config.trained_localisations == {"gain field": exact}
     assert set(read_run(tmp_path / "out").records) == {row[0].rstrip("*") for row in table.rows}
     with pytest.raises(DataError, match="expected an activity that begins and ends within an episode of 2 frames"):
         ablation(replace(conditions, length=2), reporter=Log())

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from ehar.arrays import IntArray
+from ehar.data.any_source import load_recordings
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import PARTS, Parts, split_parts
 from ehar.data.skeleton import Skeleton
+from ehar.data.streams.data import StreamData
 from ehar.errors import DataError, UsageError
 from eval.running.episodes import cut_scenarios
 from eval.studies.describe import describe
@@ -115,6 +117,17 @@ def test_built_in_streams_are_described() -> None:
     table = describe("duo-stream", fps=10)
     assert "duo (synthetic): 2 persons" in table.title.replace("duo-stream", "duo")
     assert any("groups of people" in note for note in table.footnotes)
+
+
+def test_a_couple_counts_once_whoever_comes_first() -> None:
+    streams = load_recordings("duo-stream", fps=10)
+    assert isinstance(streams, StreamData)
+    subjects, test = streams.subjects.copy(), split_parts(streams).test
+    subjects[test] = subjects[test[0]]
+    subjects[test[::2]] = subjects[test[0], ::-1]
+    assert "; test 20 streams of 1 group of people" in "\n".join(
+        describe(replace(streams, subjects=subjects)).footnotes
+    )
 
 
 def test_a_real_recording_is_described() -> None:
