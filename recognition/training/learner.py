@@ -15,6 +15,7 @@ from recognition.training.arithmetic import quick_products
 from recognition.training.averages import late_average
 from recognition.training.clips import Clips
 from recognition.training.config import Optimiser
+from recognition.training.frame_weights import late_cross_entropy
 from recognition.training.optimisers import make_optimiser, published_rate
 from recognition.training.recorded_step import RecordedStep
 
@@ -39,6 +40,8 @@ class Learner:
         batch: clips that are evaluated at once.
         class_weights: (K,) how much a frame of each class counts; None means all alike.
         smoothing: share of the probability that the loss spreads over all classes (Szegedy et al., CVPR 2016, Sec. 7).
+        late: whether frames count in the loss by how many have been seen, see `late_cross_entropy`; of no meaning to
+            the published form.
     """
 
     def __init__(
@@ -51,6 +54,7 @@ class Learner:
         batch: int,
         class_weights: FloatArray | None = None,
         smoothing: float = 0.0,
+        late: bool = False,
     ) -> None:
         """Begin at the weights that the network has."""
         self.network = network
@@ -62,6 +66,7 @@ class Learner:
         if class_weights is not None:
             self._weights = torch.from_numpy(class_weights.astype(np.float32)).to(self.device)
         self._smoothing = smoothing
+        self._late = late and isinstance(network, CausalCTRGCN)
         self._recorded: RecordedStep | None = None  # on a GPU
 
     def learn(self, clips: Clips, rng: np.random.Generator, *, step: int, steps: int) -> float:
@@ -120,6 +125,8 @@ class Learner:
 
     def _cross_entropy(self, logits: Tensor, labels: Tensor) -> Tensor:
         """Return the mean cross-entropy of logits (B * L, K) against labels (B, L); for the published form (B,)."""
+        if self._late:
+            return late_cross_entropy(logits, labels, weight=self._weights, smoothing=self._smoothing)
         return functional.cross_entropy(logits, labels.flatten(), weight=self._weights, label_smoothing=self._smoothing)
 
     @property

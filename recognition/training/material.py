@@ -53,6 +53,11 @@ class Material:
     validated_on: str
     weights: FloatArray | None
 
+    @property
+    def late(self) -> bool:
+        """Whether frames count in the loss by how many have been seen: so in clips, whose first frames say little."""
+        return isinstance(self.data, MotionData) and self.config.conditions.form == "causal"
+
 
 def gather(config: TrainingConfig, planned: PlannedViews | None = None, fold: int | None = None) -> Material:
     """Gather the clips of a training.

@@ -152,6 +152,7 @@ class _Run:
             weight_decay=config.weight_decay,
             batch=config.batch,
             class_weights=material.weights,
+            late=material.late,
         )
         self.identity = _identify(material, fold)
         self.steps = max(1, config.clips // config.batch)
@@ -327,6 +328,8 @@ def _identify(material: Material, fold: int | None) -> dict[str, Any]:
         identity["without"] = fold
     if weights is not None:
         identity["no_activity_weight"] = float(weights[-1])
+    if material.late:
+        identity["late_frames"] = True
     if not material.world.agrees_with(PAPER):
         identity["world"] = as_json(material.world.to_json())
     return identity

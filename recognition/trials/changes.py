@@ -19,7 +19,7 @@ class Change:
         varied: whether it learns from variations of the motion too.
         trunks: whether it learns from people who are turned at the waist too.
         smoothing: share of the probability that the loss spreads over all classes.
-        late: whether frames count in the loss by how many have been seen.
+        late: whether frames count in the loss by how many have been seen, or all alike.
         next_pose: weight of a second loss: how far off the next frame's joints are foretold [1 / m^2].
         stream: the part of joints and bones that is left, beside view and partners; None leaves all. "motion" is their
             way from frame to frame.
@@ -33,7 +33,7 @@ class Change:
     varied: bool = False
     trunks: bool = False
     smoothing: float = 0.0
-    late: bool = False
+    late: bool = True
     next_pose: float = 0.0
     stream: Stream | None = None
     pretrained: bool = False
@@ -54,7 +54,7 @@ CHANGES: dict[str, Change] = {
     "varied motion": Change(varied=True),
     "turned trunks": Change(trunks=True),
     "smoothed labels": Change(smoothing=SMOOTHING),
-    "late frames": Change(late=True),
+    "loss alike": Change(late=False),
     "next pose": Change(next_pose=NEXT_POSE),
     "joint": Change(stream="joint"),
     "bone": Change(stream="bone"),
@@ -79,8 +79,12 @@ class Row:
 
 
 ROWS: tuple[Row, ...] = (
-    Row(USUAL, (USUAL,), "frames weighed, the view told, weights averaged over steps, joints and bones together"),
-    Row("frames alike", ("frames alike",), "all frames count as much"),
+    Row(
+        USUAL,
+        (USUAL,),
+        "frames weighed, the view told, late frames ahead in the loss, weights averaged, joints and bones together",
+    ),
+    Row("frames alike", ("frames alike",), "all frames count as much as evidence"),
     Row("view unknown", ("view unknown",), "polar angle and distance are not told"),
     Row("turning told", ("turning told",), "how the camera turns around people is told too"),
     Row("last weights", (LAST,), "no average over steps"),
@@ -91,7 +95,7 @@ ROWS: tuple[Row, ...] = (
     ),
     Row("turned trunks", ("turned trunks",), "most clips of people who are turned at the waist by up to 15 degrees"),
     Row("smoothed labels", ("smoothed labels",), f"{SMOOTHING:g} of the label is spread over all classes"),
-    Row("late frames", ("late frames",), "a frame counts in the loss by the number of frames seen"),
+    Row("loss alike", ("loss alike",), "all frames count as much in the loss"),
     Row("next pose", ("next pose",), "a second head foretells the next frame's joints"),
     Row("pre-trained", ("pre-trained",), "begins with what the other sets taught"),
     Row("motion beside", (USUAL, "motion"), "a second network sees motion alone; probabilities are averaged"),

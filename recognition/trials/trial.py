@@ -22,7 +22,7 @@ from recognition.training.config import TrainingConfig
 from recognition.training.learner import Learner
 from recognition.trials.changes import Change
 from recognition.trials.inputs import changed_input, channels_of
-from recognition.trials.losses import LateFramesLearner, NextPoseLearner
+from recognition.trials.next_pose import NextPoseLearner
 
 VARIATIONS = 8  # of each sequence, where motion is varied
 HELD_CLIPS = 1024  # of the people who were left out
@@ -126,7 +126,7 @@ def fits(own: dict[str, Tensor], name: str, kept: Tensor) -> bool:
 
 def make_learner(network: CausalCTRGCN, change: Change) -> Learner:
     """Return the learner of a trial."""
-    kind: Callable[..., Learner] = LateFramesLearner if change.late else Learner
+    kind: Callable[..., Learner] = Learner
     if change.next_pose:
         kind = partial(NextPoseLearner, weight=change.next_pose)
     return kind(
@@ -136,6 +136,7 @@ def make_learner(network: CausalCTRGCN, change: Change) -> Learner:
         weight_decay=TrainingConfig.weight_decay,
         batch=TrainingConfig.batch,
         smoothing=change.smoothing,
+        late=change.late,
     )
 
 

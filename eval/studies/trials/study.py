@@ -177,6 +177,7 @@ def trials(
         "sensor": sensor,
         "folds": folds,
         "clips": per_set,
+        "usual": ROWS[0].told,  # so that trials of another usual training are not beside these
     }
     runs = [
         _SetTrials(held, sets, folder, sensor=sensor, folds=folds, clips=per_set[held.name], device=device)

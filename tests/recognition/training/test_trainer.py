@@ -21,6 +21,7 @@ from ehar.conditions import Conditions, Form
 from ehar.data.motion_data import MotionData
 from ehar.data.motion_file import load_motion, save_motion
 from ehar.data.scenario import split_parts
+from ehar.data.streams.file import save_streams
 from ehar.errors import DataError, EharError, ModelError, UsageError
 from recognition.storage import load_recogniser, recogniser_path
 from recognition.training import material, stopping
@@ -31,6 +32,7 @@ from recognition.training.stopping import Evaluation
 from recognition.training.trainer import train_recogniser
 from tests.helpers.fakes import tiny_data
 from tests.helpers.settings import changed
+from tests.helpers.streams import raising_streams
 
 LENGTH = 8
 
@@ -348,6 +350,20 @@ def test_the_published_form_is_validated_on_what_it_has_seen_and_no_more(config:
     assert seen.shape == (3, length)
     assert (seen <= now).all() and (seen > now - 1 - length / 9).all()
     assert (seen[:, 0] == 1).all() and (seen[:, -1] == length).all()
+
+
+def test_late_frames_count_more_in_clips_and_where_the_form_streams(config: TrainingConfig, tmp_path: Path) -> None:
+    save_streams(tmp_path / "raising.npz", raising_streams())
+    streams = Conditions(data=tmp_path / "raising.npz", length=LENGTH)
+    for number, (conditions, late) in enumerate(
+        (
+            (config.conditions, True),
+            (replace(config.conditions, form="ctrgcn"), False),
+            (streams, False),
+        )
+    ):
+        run = training._Run(replace(config, conditions=conditions, out=tmp_path / str(number)))
+        assert (run.learner._late, run.identity.get("late_frames", False)) == (late, late)
 
 
 def test_only_the_recogniser_s_own_part_is_learnt_from(config: TrainingConfig, data_path: Path) -> None:

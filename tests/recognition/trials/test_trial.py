@@ -12,7 +12,7 @@ from recognition.torch_threads import one_torch_thread
 from recognition.trials import trial as trials
 from recognition.trials.changes import CHANGES, LAST, ROWS, Change
 from recognition.trials.folds import people_folds
-from recognition.trials.losses import LateFramesLearner, NextPoseLearner
+from recognition.trials.next_pose import NextPoseLearner
 from recognition.trials.pretraining import pretrain
 from recognition.trials.trial import Lesson, fits, held_clips, make_learner, run_trial
 from tests.recognition.trials.test_folds import of_people
@@ -87,21 +87,19 @@ def test_a_missing_joint_is_not_foretold() -> None:
     assert losses[1] < 100  # a squared error of 1e12 would show
 
 
-def test_late_frames_count_by_how_many_have_been_seen() -> None:
-    learner = make_learner(network(), Change(late=True))
-    assert isinstance(learner, LateFramesLearner)
+def test_late_frames_count_by_how_many_have_been_seen_unless_they_are_alike() -> None:
     rng = np.random.default_rng(0)
     logits = torch.from_numpy(rng.normal(size=(2, 4, 3)))
     labels = torch.from_numpy(rng.integers(3, size=(2, 4)))
     each = -torch.log_softmax(logits, dim=-1).gather(2, labels[..., None])[..., 0].numpy()  # (2, 4)
-    loss = float(learner._cross_entropy(logits.flatten(0, 1), labels))
-    assert loss == pytest.approx(np.average(each, axis=1, weights=[1, 2, 3, 4]).mean())
-    usual = make_learner(network(), Change())
-    assert float(usual._cross_entropy(logits.flatten(0, 1), labels)) == pytest.approx(each.mean())
-    smoothed = make_learner(network(), Change(late=True, smoothing=0.3))
     spread = 0.7 * each - 0.3 * torch.log_softmax(logits, dim=-1).mean(dim=-1).numpy()
-    loss = float(smoothed._cross_entropy(logits.flatten(0, 1), labels))
-    assert loss == pytest.approx(np.average(spread, axis=1, weights=[1, 2, 3, 4]).mean())
+    for change, expected in (
+        (Change(), np.average(each, axis=1, weights=[1, 2, 3, 4]).mean()),
+        (Change(late=False), each.mean()),
+        (Change(smoothing=0.3), np.average(spread, axis=1, weights=[1, 2, 3, 4]).mean()),
+    ):
+        learner = make_learner(network(), change)
+        assert float(learner._cross_entropy(logits.flatten(0, 1), labels)) == pytest.approx(expected)
 
 
 def test_frames_alike_have_one_weight_before_and_after_learning() -> None:

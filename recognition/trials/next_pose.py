@@ -1,4 +1,4 @@
-"""Learners with another loss than the usual one: a second task, or frames that count by how much has been seen."""
+"""A learner with a second task: where joints are in the next frame."""
 
 from typing import Any
 
@@ -7,7 +7,6 @@ from torch import Tensor, nn
 
 from recognition.networks.causal import CausalCTRGCN
 from recognition.networks.features import JOINT_CHANNELS
-from recognition.training.frame_weights import late_cross_entropy
 from recognition.training.learner import Learner
 
 PLACE = 2  # the first features of a joint: where it is in the image, relative to the person [m]
@@ -48,11 +47,3 @@ class NextPoseLearner(Learner):
         squared: Tensor = (foretold[..., :-1] - true[..., 1:]).square() * shown
         error = squared.sum() / shown.expand_as(squared).sum().clamp(min=1)
         return loss + self._weight * error
-
-
-class LateFramesLearner(Learner):
-    """Learns from each frame in proportion to the number of frames seen."""
-
-    def _cross_entropy(self, logits: Tensor, labels: Tensor) -> Tensor:
-        """Return the weighted mean over frames, of logits (B * L, K) against labels (B, L)."""
-        return late_cross_entropy(logits, labels, weight=self._weights, smoothing=self._smoothing)
