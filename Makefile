@@ -93,12 +93,6 @@ $(TRAININGS:%=models/%/causal-estimator-moving.safetensors): models/%/causal-est
 $(TRAININGS:%=models/%/causal-perfect-moving.safetensors): models/%/causal-perfect-moving.safetensors: models/%/causal-estimator-moving.safetensors
 	$(EHAR) train recogniser $(call train_options,$*) --init $< --out $(@D)
 
-$(TRAININGS:%=models/%/causal-perfect-paper.safetensors): models/%/causal-perfect-paper.safetensors: models/%/causal-perfect-moving.safetensors
-	$(EHAR) train recogniser $(call train_options,$*) --views paper --init $< --out $(@D)
-
-$(SETS:%=models/%/ctrgcn-perfect-moving.safetensors): models/%/ctrgcn-perfect-moving.safetensors: | setup
-	$(EHAR) train recogniser $(call train_options,$*) --form ctrgcn --out $(@D)
-
 # Gain fields, the places of fixed-best, and agents, each for its recogniser: perfect-moving, estimator-moving, ...
 define planner_weights
 $$(TRAININGS:%=models/%/gain-field-$(1)-$(2).safetensors): models/%/gain-field-$(1)-$(2).safetensors: models/%/causal-$(1)-$(2).safetensors
@@ -119,7 +113,6 @@ $$(TRAININGS:%=models/%/all-$(1)-$(2)): models/%/all-$(1)-$(2): models/%/planner
 endef
 $(eval $(call planner_weights,estimator,moving))
 $(eval $(call planner_weights,perfect,moving))
-$(eval $(call planner_weights,perfect,paper))
 
 # The weights that ship in recognition/weights and planners/weights, trained anew into models.
 weights: $(foreach set,duo solo,$(foreach seen,estimator-moving perfect-moving,models/$(set)/planners-$(seen))) \
@@ -155,24 +148,9 @@ $(SETS:%=runs/agents-%-estimator/table.md): runs/agents-%-estimator/table.md: mo
 	$(BENCHMARK) $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* \
 	  --starts $(STARTS) --out $(@D)
 
-$(SETS:%=runs/agents-%-perfect/table.md): runs/agents-%-perfect/table.md: models/%/all-perfect-moving
-	$(BENCHMARK) $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor perfect --models models/$* \
-	  --starts $(STARTS) --out $(@D)
-
-$(SETS:%=runs/agents-%-paper/table.md): runs/agents-%-paper/table.md: models/%/all-perfect-paper
-	$(BENCHMARK) $(RULES) $(AGENTS) $(ORACLES) $(call data_of,$*) --sensor perfect --views paper --models models/$* \
-	  --starts $(STARTS) --out $(@D)
-
 $(SETS:%=runs/rules-%-drone/table.md): runs/rules-%-drone/table.md: runs/rules-%-estimator/table.md
 	$(BENCHMARK) $(RULES) $(ORACLES) $(call data_of,$*) --sensor estimator --models models/$* --starts $(STARTS) \
 	  --track tracking-drone --ideal $(<D) --out $(@D)
-
-LONG := --data solo --models models/solo --sensor estimator --length 150 --starts 2
-runs/flight-solo-ideal/table.md: models/solo/planners-estimator-moving
-	$(BENCHMARK) $(RULES) oracle $(LONG) --out $(@D)
-
-$(VEHICLES:%=runs/flight-solo-%/table.md): runs/flight-solo-%/table.md: runs/flight-solo-ideal/table.md
-	$(BENCHMARK) $(RULES) oracle $(LONG) --track $* --ideal $(<D) --out $(@D)
 
 runs/trainings-duo/table.md runs/trainings-solo/table.md: runs/trainings-%/table.md: \
   runs/rules-%-estimator/table.md runs/rules-%-1-estimator/table.md \
@@ -483,12 +461,6 @@ $(SETS:%=runs/ablation-%/table.md): runs/ablation-%/table.md: models/%/planners-
 	$(EHAR) study ablation $(call data_of,$*) --sensor estimator --models models/$* --starts $(STARTS) \
 	  --tracks $(VEHICLES) --out $(@D)
 
-$(SETS:%=runs/form-%-causal/table.md): runs/form-%-causal/table.md: models/%/causal-perfect-moving.safetensors
-	$(BENCHMARK) no-act $(call data_of,$*) --models models/$* --starts 2 --no-report --out $(@D)
-
-$(SETS:%=runs/form-%-ctrgcn/table.md): runs/form-%-ctrgcn/table.md: models/%/ctrgcn-perfect-moving.safetensors
-	$(BENCHMARK) no-act $(call data_of,$*) --models models/$* --form ctrgcn --starts 2 --no-report --out $(@D)
-
 # The paper's setting: the published network at PAPER_SIZE, its optimiser, and agents as the paper trains them. Where no
 # GPU is at hand, PAPER_SIZE=half and PAPER_AGENTS="--episodes 1500 --frames 500000 --seeds 0" take hours, not days.
 PAPER_SIZE ?= published
@@ -528,16 +500,6 @@ TRIAL_SETS := $(DATA)/sbu.npz $(DATA)/nwucla.npz $(DATA)/hdm05.npz solo duo
 TRIAL_CLIPS ?= 30400 30400 115776 60000 60000
 runs/trials/table.md: | setup
 	$(EHAR) study trials $(TRIAL_SETS) --clips $(TRIAL_CLIPS) --out $(@D)
-
-# Imitation on solo with one option of its own, as il in models/solo-NAME.
-soft := --labels soft
-lookahead := --teacher oracle-lookahead
-rounds := --rounds 2
-OPTIONS := soft lookahead rounds
-$(OPTIONS:%=runs/imitation-solo-%/table.md): runs/imitation-solo-%/table.md: models/solo/causal-perfect-paper.safetensors
-	mkdir -p models/solo-$* && cp models/solo/causal-perfect-paper.* models/solo-$*
-	$(EHAR) train agent $(solo) --views paper --models models/solo-$* --seeds $(SEEDS) --stages il $($*)
-	$(BENCHMARK) no-act il oracle $(solo) --views paper --models models/solo-$* --starts $(STARTS) --no-report --out $(@D)
 
 # Write the page $(1) with the title $(2): the command $(3), when it ran, and the tables $(4).
 page = { printf '%s\n' '\# $(2)' '' '```' '$(3)' '```' '' \
@@ -623,9 +585,6 @@ docs/results/learning.md: $(CURVES:%=runs/curve-%/table.md) runs/rules-duo-estim
 	$(call page,$@,What is left to win the longer the recogniser learned,ehar study learning runs/curve-duo-*/ \
 	  runs/rules-duo-estimator,$(foreach set,duo hdm05,runs/learning-$(set)/table.md))
 
-docs/results/flight-solo.md: $(foreach track,ideal $(VEHICLES),runs/flight-solo-$(track)/table.md)
-	$(call page,$@,Flight over 2.5 seconds of solo,ehar benchmark $(RULES) oracle $(LONG) --track px4-auto,$^)
-
 docs/results/ablation-sbu.md: runs/ablation-sbu/table.md
 	$(call page,$@,What each part and setting of nbv is worth on sbu,ehar study ablation $(sbu) --sensor estimator,$^)
 
@@ -648,12 +607,6 @@ docs/results/deciding-streams.md: $(DECIDED:%=runs/decided-%/table.md)
 docs/results/headroom.md: $(SETS:%=runs/headroom-%/table.md)
 	$(call page,$@,What there is to win,ehar study headroom $(sbu) --sensor estimator --models models/sbu,$^)
 
-docs/results/forms.md: $(foreach set,duo hdm05,$(foreach form,causal ctrgcn,runs/form-$(set)-$(form)/table.md))
-	$(call page,$@,The streaming form against the published one,ehar benchmark no-act --data duo --form ctrgcn --starts 2,$^)
-
-docs/results/conditions.md: $(foreach set,duo solo,$(foreach kind,paper perfect estimator,runs/agents-$(set)-$(kind)/table.md))
-	$(call side_by_side,il-ppo,Two synthetic sets under three conditions)
-
 docs/results/paper.md: $(PAPER_SETS:%=runs/paper-%/table.md) | $(PAPER_SETS:%=runs/paper-%/analysis/analysis.md)
 	$(RUN)ehar study paper $(^:/table.md=) --out runs/$(@F)
 	$(call page,$@,The setting and the tables of the paper,ehar study paper $(^:/table.md=),runs/$(@F))
@@ -668,22 +621,11 @@ docs/results/real-views.md: runs/real-views/table.md
 docs/results/trials.md: runs/trials/table.md
 	$(call page,$@,What each part of a training is worth,ehar study trials $(TRIAL_SETS) --clips $(TRIAL_CLIPS) --out runs/trials,$(<D)/table.md)
 
-docs/results/agents.md: runs/agents-solo-paper/table.md $(OPTIONS:%=runs/imitation-solo-%/table.md)
-	$(call page,$@,What options of imitation are worth,ehar benchmark no-act il oracle,$^)
-
-docs/results/behaviour.md: runs/agents-hdm05-estimator/table.md
-	$(RUN)ehar study analyse $(<D) --planners il-ppo nbv
-	cp $(<D)/analysis/*.png docs/results
-	$(call page,$@,Where the agent goes,ehar study analyse $(<D) --planners il-ppo nbv,$(<D)/analysis/analysis.md)
-
-docs/results/benchmarks.md: $(foreach set,$(SETS),runs/agents-$(set)-estimator/table.md runs/rules-$(set)-perfect/table.md)
-	$(call page,$@,Every planner on every set with all columns,ehar benchmark --data duo --sensor estimator,$^)
-
-# Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), kindergator in clips, and what stood
-# before (mended).
-PAGES := planners nbv indoor obstacles exact-joints conditions flown trainings learning flight-solo ablation-sbu belief deciding deciding-streams \
-  glance streams couple-streams obstacle-streams obstacle-flights recorded-streams recorded-flights stream-trainings knowledge stream-belief onsets \
-  utkinect headroom class-maps forms published real-views trials paper agents behaviour benchmarks
+# Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), how streams are stitched (stream-sets),
+# kindergator in clips, and what stood before (mended).
+PAGES := planners nbv indoor obstacles exact-joints flown trainings learning ablation-sbu belief deciding deciding-streams glance streams \
+  couple-streams obstacle-streams obstacle-flights recorded-streams recorded-flights stream-trainings knowledge stream-belief onsets utkinect \
+  headroom class-maps published real-views trials paper
 results: left
 	@$(MAKE) --no-print-directory pages
 
