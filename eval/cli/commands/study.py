@@ -29,7 +29,9 @@ STUDY = CommandGroup(
             """,
             conditions=SEEN,
             flags={
-                **SENSED,
+                "data": Flag("duo, solo, or a prepared .npz of clips."),
+                "world": Flag("paper, indoor, or a world file (.json) with nothing in the way."),
+                "sensor": Flag("perfect, estimator or file.py:Class.", hint="perfect"),
                 "seed": Flag("seed of start viewpoints and noise."),
                 "distance": Flag("distance of the fixed cameras [m].", hint="the middle of the world's"),
             },
