@@ -86,7 +86,7 @@ def make_own_planner(spec: ClassSpec, load_model: "Callable[[], GainModel] | Non
                 raise UsageError(f"{what}: expected a gain model for its argument {argument!r}, got none")
             handed[argument] = load_model()
     planner, given = construct(cls, spec, what, handed)
-    name: Any = getattr(planner, "name", None) if spec.place else spec.name
+    name: Any = _part(planner, "name", what) if spec.place else spec.name
     if given and "name" not in given:
         name = f"{name}({arguments_text(given)})"
     check_planner_contract(planner, what, name=name)
@@ -110,12 +110,24 @@ def check_planner_contract(planner: Any, what: str, *, name: Any = None) -> None
         raise UsageError(
             f"{what}: expected a planner, got the class {planner.__name__}; make one: {planner.__name__}()"
         )
-    missing = [part for part in ("name", "privileged", "reset", "act") if not hasattr(planner, part)]
+    missing = [part for part in ("name", "privileged", "reset", "act") if _part(planner, part, what) is None]
     if missing:
         raise UsageError(_no_planner(what, missing))
     name = planner.name if name is None else name
     if not isinstance(name, str) or not name.strip() or not name.isprintable():
         raise UsageError(f"{what}: name: expected a line of text, got {name!r}")
+
+
+def _part(planner: Any, part: str, what: str) -> Any:
+    """Return a part of a planner, which a property may compute; None if it has no such part.
+
+    Raises:
+        UsageError: the property raised an error; it is named with its file and line.
+    """
+    try:
+        return getattr(planner, part, None)
+    except Exception as error:
+        raise UsageError(f"{what}: {part}: {failure(error, type(planner))}") from error
 
 
 def origin_of(planner: Planner) -> Origin | None:

@@ -30,8 +30,7 @@ class Slow(GridMotion):
 
     def advance(self, target):
         self.frame += 1
-        if self.frame % self.every == 0:
-            self.here = super().advance(target)
+        self.here = super().advance(target if self.frame % self.every == 0 else self.here)
         return self.here
 
 class Drone(FlightMotion):

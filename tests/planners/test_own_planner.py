@@ -75,6 +75,11 @@ class Raising(Mine):
 class Odd(Mine):
     def __init__(self, size: Missing = 1): pass
 
+class Loud(Planner):
+    @property
+    def name(self): raise RuntimeError("no\\nname")
+    def act(self, observation): return observation.viewpoint
+
 NUMBER = 3
 """
 FIELD = """
@@ -179,6 +184,7 @@ def test_two_settings_of_one_class_have_two_names(own: Path) -> None:
         ("Spiral(radius=-1)", "its constructor raised ValueError: radius -1.0 is negative ({own}, line 22)"),
         ("Frozen(radius=4)", "expected a name that can be set to 'plain(radius=4)': "
             "FrozenInstanceError: cannot assign to field 'name'"),
+        ("Loud", "name: RuntimeError: no name ({own}, line 59)"),
         ("Odd(size=3)", "its constructor's annotations cannot be read: NameError: name 'Missing' is not defined"),
     ],
 )  # fmt: skip
@@ -188,7 +194,7 @@ def test_what_is_wrong_is_said_in_one_line(own: Path, text: str, message: str) -
 
 @pytest.mark.parametrize("name", ["Missing", "NUMBER"])
 def test_a_file_without_the_class_says_what_it_defines(own: Path, name: str) -> None:
-    defined = "Mine, Spiral, Data, Plain, Frozen, Incomplete, Nameless, Still, Raising, Odd"
+    defined = "Mine, Spiral, Data, Plain, Frozen, Incomplete, Nameless, Still, Raising, Odd, Loud"
     assert refused(f"{own}:{name}") == f"planner file {own}: expected a class {name!r}, it defines: {defined}"
 
 
