@@ -21,6 +21,7 @@ MAP_STEP = 5.0  # [deg], from one azimuth or polar angle of a field map to the n
 MAP_AZIMUTHS = np.arange(0.0, 360.0 + MAP_STEP, MAP_STEP)  # [deg]
 LEVEL = 90.0  # [deg], the polar angle that is level with the people
 MOST_CLASSES = 6  # the classes that a replay has room for
+TRAIL = 5.0  # [s], of a camera's way that is shown in a stream
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from ehar.viewpoint import DISTANCE, cartesian
 from eval.render.field_map import COLOUR_MAP
 from eval.render.outlines import outlines
 from eval.render.palette import EDGE, PAIR, PEOPLE, bone_colours
-from eval.replays.episode import MAP_AZIMUTHS, CameraReplay, EpisodeReplay, map_polars
+from eval.replays.episode import MAP_AZIMUTHS, TRAIL, CameraReplay, EpisodeReplay, map_polars
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -26,7 +26,6 @@ FORMAT = ".rrd"
 SECONDS, FRAME = "seconds", "frame"  # the timelines; frames are counted from 1, as in a film
 JOINT, BONE, PATH, TARGET, CELL = 0.04, 0.02, 0.04, 0.2, 0.12  # [m], radii
 IMAGE_DISTANCE = 1.5  # [m], of the image from its camera
-TRAIL = 5.0  # [s], of a camera's way in a stream
 EVERY = 2  # step between the directions of the field map that are logged
 
 

@@ -14,7 +14,7 @@ from ehar.viewpoint import DISTANCE, cartesian
 from eval.render.figures import outlined, shortened
 from eval.render.outlines import outlines
 from eval.render.palette import EDGE, FAINT, LINE, PAIR, STRONG, THIN, Look, bone_colours
-from eval.replays.episode import CameraReplay, EpisodeReplay
+from eval.replays.episode import TRAIL, CameraReplay, EpisodeReplay
 
 TILT = np.radians(28)  # of the view, above the horizontal
 SIDES = np.radians(np.arange(0.0, 360.0, 15.0))  # azimuths from which it may be seen
@@ -23,7 +23,6 @@ PEOPLE_REACH = 0.3  # share of the farthest camera's distance: people are enlarg
 CAMERA_SIZE = 0.075  # share of that distance
 LONGEST_NAME = 16  # letters of a planner's name
 GROUND, GROUND_STEP = 2.0, 0.5  # [m], radius and step of the lines below the people of a stream
-TRAIL = 5.0  # [s], of a camera's way in a stream
 WIRE_POLARS = np.radians([30.0, 60.0, 90.0])
 WIRE_AZIMUTHS = np.radians(np.arange(0.0, 180.0, 45.0))
 

@@ -9,9 +9,8 @@ from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.data.streams.data import NO_ACTIVITY
 from ehar.errors import DataError
 from eval.records.episodes import EpisodeRecords
+from eval.scores.metrics import PROBABILITY_FLOOR
 from eval.scores.streams.activities import activity_frames
-
-LEAST_PROBABILITY = 1e-6  # the resolution of records; a smaller probability counts as this
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +54,7 @@ class Words:
     @property
     def odds(self) -> FloatArray:
         """The log-odds of the answer against all other classes together, (B, T)."""
-        top = np.clip(self.top, LEAST_PROBABILITY, 1 - LEAST_PROBABILITY)
+        top = np.clip(self.top, PROBABILITY_FLOOR, 1 - PROBABILITY_FLOOR)
         odds: FloatArray = np.log(top) - np.log1p(-top)
         return odds
 
@@ -68,7 +67,7 @@ class Words:
         """
         if self.second is None:
             raise DataError("deciding: expected the second most probable class's probability, got none")
-        lead: FloatArray = np.log(np.maximum(self.top, LEAST_PROBABILITY) / np.maximum(self.second, LEAST_PROBABILITY))
+        lead: FloatArray = np.log(np.maximum(self.top, PROBABILITY_FLOOR) / np.maximum(self.second, PROBABILITY_FLOOR))
         return lead
 
 
