@@ -18,6 +18,7 @@ SILENCE = 1.0  # [s] without a new frame after which the vehicle brakes to hover
 BACKLOG = 64  # frames that may wait to be watched; older ones are dropped
 DIGITS = 6  # of numbers in lines
 UNREADABLE, DROPPED, SILENT = "unreadable", "dropped, as watching takes too long", "nothing heard for a second"
+ENDED = "the frames ended"  # nothing is wrong, so it is not counted
 COMING_TO_REST = 20.0  # [s] at most, at the end
 
 
@@ -219,15 +220,16 @@ class Loop:
                 if self._stopped:
                     return
                 decided, self._decided = self._decided, False
-                silent = time.monotonic() - self._heard > SILENCE or (self._ended and not self._inbox)
+                over = self._ended and not self._inbox
+                silent = time.monotonic() - self._heard > SILENCE
             if not self._watcher.setpoints.begun:
                 self._send(None)
                 continue
-            if silent and not self._watcher.setpoints.braking:
+            if (over or silent) and not self._watcher.setpoints.braking:
                 self._watcher.setpoints.brake()
                 with self._changed:
-                    self._counts[SILENT] += 1
-                    self._notes.append(SILENT)
+                    self._counts[SILENT] += not over
+                    self._notes.append(ENDED if over else SILENT)
             if pacer.due(time.monotonic(), decided=decided):
                 self._send(self._watcher.setpoint())
                 now = time.monotonic()

@@ -120,12 +120,13 @@ def test_a_drone_flies_with_people_who_walk_and_stops_when_nobody_says_where_the
 
 def test_silence_makes_it_brake_and_frames_make_it_fly_again(folder: Path) -> None:
     log = Log()
-    Loop(watcher_of(folder), [log.take]).run(paced(*people(8), 1.3, *people(8, 10.0)))
+    figures = Loop(watcher_of(folder), [log.take]).run(paced(*people(8), 1.3, *people(8, 10.0)))
     braking = [bool(said.setpoint and said.setpoint.braking) for said in log.said]
     assert np.diff(log.times).max() < LONGEST
     changes = [now for before, now in pairwise(braking) if now != before]
     assert changes == [True, False, True], "silence, frames again, the end"
-    assert log.notes.count("nothing heard for a second") == 2
+    assert log.notes.count("nothing heard for a second") == figures.counts["nothing heard for a second"] == 1
+    assert log.notes[-1] == "the frames ended", "which is no silence"
     assert "began anew" in log.notes
 
 
@@ -273,5 +274,6 @@ def test_the_command_reads_a_file_and_writes_lines(
     figures = live(models=folder / "models", sensor="perfect", planner="no-act", source=str(file))
     lines = [json.loads(line) for line in written.getvalue().splitlines()]
     assert len(lines) >= 10 and lines[-1]["counts"]["frames"] == 10
-    assert any("nothing heard for a second" in line["notes"] for line in lines), "it says so before it ends"
+    assert any("the frames ended" in line["notes"] for line in lines), "it says so before it ends"
+    assert "nothing heard for a second" not in lines[-1]["counts"]
     assert "10 lines in" in str(figures) and "ms in the median" in str(figures)
