@@ -147,7 +147,7 @@ def _choose(run: Run, episode: int | str, records: Sequence[str]) -> ChosenEpiso
         chosen = choose_episodes({name: run.records[name] for name in records}, *records, most=len(TELLING))
         rank = TELLING.index(episode)
         if rank >= len(chosen):
-            raise UsageError(f"episode: {episode} needs {rank + 1} episodes, the run has {count}")
+            raise UsageError(f"episode: {episode} needs {rank + 1} episodes to choose from, the run has {len(chosen)}")
         return chosen[rank]
     try:
         index = int(episode)

@@ -1,6 +1,7 @@
 import importlib.util
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from eval.cli.main import main
 from eval.records.run_files import SUMMARY
 from eval.replays.choice import choose_episodes
 from eval.replays.episode import MAP_AZIMUTHS, map_polars, replay_episode
-from eval.replays.replay import TELLING, make_replay
+from eval.replays.replay import TELLING, _choose, make_replay
 from eval.running.run import read_run
 from eval.verification.inputs import check_inputs
 from planners.heuristic import HRotate
@@ -188,3 +189,10 @@ def test_without_rerun_it_says_so_before_any_work(
     line = fails_with(["replay", str(tmp_path / "absent"), "0", "--rerun"], capsys)
     told = "--rerun: expected rerun-sdk to be installed, it is not: pip install -e '.[rerun]' adds it"
     assert line == f"ehar: error: {told}\n"
+
+
+def test_the_typical_episode_is_one_of_three() -> None:
+    few: Any = SimpleNamespace(records={name: make_records(seed, episodes=2) for seed, name in enumerate(("a", "b"))})
+    assert _choose(few, "loss", ("a", "b")).why.startswith("a loses most against b")
+    with pytest.raises(UsageError, match="episode: typical needs 3 episodes to choose from, the run has 2"):
+        _choose(few, "typical", ("a", "b"))
