@@ -24,6 +24,7 @@ from tests.helpers.agents import save_untrained
 from tests.helpers.fakes import CLASS_NAMES, tiny_data
 from tests.helpers.made_records import CONFIG_OF_RUN, flown, make_records, write_finished
 from tests.helpers.seeing import Seeing
+from tests.helpers.stream_runs import forgetful, stream_run
 from tests.helpers.tiny_benchmarks import Log
 from tests.helpers.tiny_benchmarks import run as run_tiny
 
@@ -165,6 +166,14 @@ def test_planners_that_did_not_run_are_refused(tmp_path: Path, planners: list[st
     directory = written(tmp_path / "run", {"no-act": planner(0), "il": planner(1)})
     with pytest.raises(UsageError, match=expected):
         analyse(directory, planners=planners, reporter=Log())
+
+
+def test_streams_are_analysed_but_for_states_of_agents(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    forgetful(monkeypatch)
+    run = stream_run(tmp_path, ("no-act", "h-rotate"))
+    with pytest.raises(UsageError, match="expected no --states, as states of streams are not mapped"):
+        analyse(run, states="h-rotate", reporter=Log())
+    assert list(analyse(run, planners=["h-rotate"], reporter=Log()).predictable) == ["no-act", "h-rotate"]
 
 
 def test_what_is_no_finished_run_is_refused(tmp_path: Path) -> None:
