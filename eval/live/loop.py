@@ -228,8 +228,9 @@ class Loop:
             if (over or silent) and not self._watcher.setpoints.braking:
                 self._watcher.setpoints.brake()
                 with self._changed:
-                    self._counts[SILENT] += not over
                     self._notes.append(ENDED if over else SILENT)
+                    if not over:
+                        self._counts[SILENT] += 1
             if pacer.due(time.monotonic(), decided=decided):
                 self._send(self._watcher.setpoint())
                 now = time.monotonic()
