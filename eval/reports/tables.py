@@ -154,7 +154,7 @@ def _table_notes(data: ReportData) -> Iterable[str]:
     if data.lead is not None:
         yield f"{data.lead} leads those that move. It was picked after the fact, so its figures flatter it a little."
     if any(planner.privileged for planner in planners):
-        yield "* and slanted: privileged, is handed the label and the future. A bound, not a rival."
+        yield "* and slanted: privileged, is handed the label and the future. No rival; another may end above it."
     if data.summary.no_intervals:
         yield f"No intervals can be had: {data.summary.no_intervals}."
     elif not data.summary.basis.few:
