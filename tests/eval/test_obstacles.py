@@ -11,18 +11,22 @@ import numpy as np
 import pytest
 
 from ehar import Conditions, EharError
+from ehar.data.scenario import part_of
+from ehar.data.streams.scenario import StreamScenarios
 from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import cartesian
 from ehar.world import CROWD, PAPER, ROOM, load_world
 from eval import benchmark, headroom, read_run, verify
-from eval.cli.main import main
+from eval.records.contacts import contacts_of
 from eval.records.run_files import EPISODES
+from eval.running.choice import ModelPlace, choose_planners
 from eval.running.run import Run
 from planners.value.model import gain_model_path, load_gain_model, save_gain_model
 from recognition.environments import make_vector_env
 from recognition.networks.features import JOINT_CHANNELS
 from recognition.setting import load_setting
 from recognition.training.clips import ClipSource
+from tests.helpers.commands import fails_with
 from tests.helpers.edited_runs import rewrite_figures
 from tests.helpers.gain_models import model_of, peak_weights
 from tests.helpers.random_networks import save_random_world
@@ -218,6 +222,31 @@ def test_a_vehicle_keeps_clear(lab: Path) -> None:
         assert planner.flight is not None
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["no-act", "nbv"])
+def test_in_a_room_a_vehicle_that_follows_people_hits_nothing(name: str) -> None:
+    """Each couple walks 3 m another way, and would carry some cameras into walls or pillars."""
+    setting = load_setting(Conditions(data="duo-stream", sensor="estimator", world="room", track="px4-auto"))
+    data, frames = setting.recordings, 250
+    streams = part_of(data, "test")[:6]
+    angle = np.repeat(np.arange(len(data.offsets) - 1), np.diff(data.offsets)) * (np.pi / 3)
+    walked = np.clip(np.arange(len(angle)) - np.repeat(data.offsets[:-1], np.diff(data.offsets)) - frames, 0, frames)
+    way = 3.0 / frames * walked[:, None] * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    walking = replace(data, positions=data.positions + way[:, None, None].astype(np.float32))
+    watched = StreamScenarios(walking, frames, streams, np.full(len(streams), frames))
+    starts = ROOM.sample_starts(np.random.default_rng(1), len(streams))
+    batch = setting.runner.batch(watched, np.arange(len(streams)), starts, np.random.default_rng(2))
+    chosen = choose_planners([name], ModelPlace.of(setting), readout="recogniser", note=lambda _: None)
+    viewpoints = setting.runner.roll(chosen.planners[0], batch, np.random.default_rng(3)).viewpoints
+    assert batch.surroundings is not None
+    carried, flown = (
+        contacts_of(batch.surroundings, each)
+        for each in (np.repeat(starts[:, None], viewpoints.shape[1], axis=1), viewpoints)
+    )
+    assert carried is not None and (carried.hit_frames > 0).sum() > 1
+    assert flown is not None and not flown.hit_frames.any()
+
+
 def test_environments_follow_the_world(lab: Path) -> None:
     world = load_world(lab / "lab.json")
     env = make_vector_env(4, conditions=told(lab, part="policy", sensor="perfect"))
@@ -270,10 +299,7 @@ def test_what_cannot_be_ends_in_one_line_and_exit_code_2(
 ) -> None:
     (tmp_path / "bad.json").write_text(json.dumps(FILE | change), encoding="utf-8")
     options = ["--data", str(lab / "tiny.npz"), "--models", str(lab / "models"), "--world", str(tmp_path / "bad.json")]
-    with pytest.raises(SystemExit) as ended:
-        main(["benchmark", "no-act", *options, "--length", str(LENGTH)])
-    error = capsys.readouterr().err.strip()
-    assert ended.value.code == 2 and complaint in error and len(error.splitlines()) == 1
+    assert complaint in fails_with(["benchmark", "no-act", *options, "--length", str(LENGTH)], capsys)
 
 
 def test_a_sensor_that_cannot_be_told_what_is_hidden_is_refused(lab: Path) -> None:

@@ -1,6 +1,6 @@
 """Following people in flight: limits in the world's frame, nothing from the future, and what is left for flights.
 
-All 1,000 streams: `pytest -m slow tests/ehar/flight/test_centre.py`.
+The long ones: `pytest -m slow tests/ehar/flight/test_centre.py`.
 """
 
 import numpy as np
@@ -98,9 +98,11 @@ def test_limits_hold_in_the_world_in_whole_streams(seed: int, paths: bool) -> No
 
 
 @pytest.mark.slow
-def test_limits_hold_in_the_world_in_1000_whole_streams() -> None:
-    excess = worst_stream_excess(np.random.default_rng(1), 1_000, 100)
-    assert excess.cases >= 1_000 * 100
+@pytest.mark.parametrize(("streams", "frames"), [(950, 80), (50, 750)])
+def test_limits_hold_in_the_world_in_1000_streams(streams: int, frames: int) -> None:
+    """Most are short, as starts are hardest; the others last 30 s, as those of the benchmark do."""
+    excess = worst_stream_excess(np.random.default_rng(1), streams, frames)
+    assert excess.cases >= streams * frames
     assert excess.limits < 1e-6
     assert excess.workspace == 0
 
@@ -113,9 +115,10 @@ def test_limits_hold_in_the_world_along_paths() -> None:
 
 
 @pytest.mark.slow
-def test_limits_hold_in_the_world_among_obstacles() -> None:
-    """Whoever evades what people carry it towards keeps its limits too."""
-    excess = worst_stream_excess(np.random.default_rng(2), 12, 20, ROOM.obstacles, flights=4)
+@pytest.mark.parametrize("paths", [False, True])
+def test_limits_hold_in_the_world_among_obstacles(paths: bool) -> None:
+    """Whoever evades what people carry it towards keeps its limits too, off a path as well."""
+    excess = worst_stream_excess(np.random.default_rng(2), 8, 20, ROOM.obstacles, flights=4, paths=paths)
     assert excess.limits < 1e-6
     assert excess.workspace == 0
 

@@ -15,6 +15,7 @@ from ehar.conditions import Conditions
 from ehar.data.any_source import load_recordings
 from ehar.data.source import load_data
 from ehar.data.streams.data import NO_ACTIVITY
+from ehar.data.streams.file import save_streams
 from ehar.errors import DataError, EharError, UsageError
 from ehar.flight.centre import around_centre, centre_limits
 from ehar.flight.vehicle import VEHICLES
@@ -381,7 +382,9 @@ def test_an_episode_of_a_stream_is_explained_by_the_seconds_to_come(folder: Path
     assert "over the coming 4 s" in of_flights[1] and "the share of each class in the coming 3 s" in of_flights[2]
 
 
-def test_a_vehicle_that_watches_a_stream_follows_people_within_its_limits(folder: Path) -> None:
+def test_a_vehicle_that_watches_a_stream_follows_people_within_its_limits(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     setting = load_setting(
         Conditions(data=str(folder / "raising.npz"), models=folder / "models", length=LENGTH, track="px4-auto")
     )
@@ -399,3 +402,7 @@ def test_a_vehicle_that_watches_a_stream_follows_people_within_its_limits(folder
         benchmark("no-act", told, reporter=Log())
     with pytest.raises(UsageError, match="track ground-robot: too slow for the people of 'stream-"):
         gym.make("ehar/Stream-v0", conditions=told)
+    save_streams(tmp_path / "fast.npz", fast)
+    options = ["--data", str(tmp_path / "fast.npz"), "--models", str(folder / "models"), "--length", str(LENGTH)]
+    error = fails_with(["benchmark", "no-act", *options, "--track", "ground-robot"], capsys)
+    assert "track ground-robot: too slow for the people of 'stream-" in error
