@@ -65,8 +65,9 @@ solo := --data solo
 hdm05 := --data $(DATA)/hdm05.npz
 bandai2 := --data $(DATA)/bandai2.npz
 sbu := --data $(DATA)/sbu.npz --fps 30 --length 30
+kindergator := --data $(DATA)/kindergator.npz --fps 10 --length 50
 SETS := duo solo hdm05 bandai2 sbu
-TRAININGS := duo duo-1 duo-2 solo solo-1 solo-2 hdm05 bandai2 sbu hdm05-indoor sbu-indoor
+TRAININGS := duo duo-1 duo-2 solo solo-1 solo-2 hdm05 bandai2 sbu hdm05-indoor sbu-indoor kindergator
 
 # The rules name every file (static patterns): make would pass over files that only patterns name.
 # Of a model set $(1): its data, and the seed of its trainings.
@@ -207,8 +208,8 @@ runs/trainings-$(1)/table.md: $$(OF_SOLO:%=runs/$(1)-%/table.md)
 endef
 $(foreach world,$(IN_THE_WAY),$(eval $(call in_the_way,$(world))))
 
-# Streams among them, with nbv's nearest rivals: on the grid, and flown.
-AMONG := no-act h-rotate front fixed-best nbv-search nbv
+# Streams among them: on the grid, and flown. The greedy oracle thinks of one frame, and a wall is wider than that.
+AMONG := $(filter-out oracle,$(WATCHING))
 define among
 $$(SYNTHETIC:%=runs/$(1)-%/table.md): runs/$(1)-%/table.md: models/%/planners
 	$$(BENCHMARK) $$(AMONG) --data $$* --sensor estimator --world $(1) --models models/$$* --starts 3 --out $$(@D)
@@ -295,8 +296,9 @@ $(foreach world,$(WORLDS),$(eval $(call two_folds,$(world))))
 # they have a folder of their own.
 COMMA := ,
 TAUGHT_ALOFT := sbu-stream utkinect
-ALOFT := solo-stream $(foreach set,$(TAUGHT_ALOFT),$(NUMBERS:%=$(set)-%))
-aloft = $(if $(filter $(1),$(FOLDS)),--data streams/$(1).npz,--data $(1)) --sensor estimator --track px4-auto --models models/$(1)-flown
+ALOFT := $(SYNTHETIC) $(foreach set,$(TAUGHT_ALOFT),$(NUMBERS:%=$(set)-%))
+of_stream = --data $(if $(filter $(1),$(FOLDS)),streams/$(1).npz,$(1)) --sensor estimator
+aloft = $(call of_stream,$(1)) --track px4-auto --models models/$(1)-flown
 $(ALOFT:%=models/%-flown/planners): models/%-flown/planners: models/%/planners
 	mkdir -p $(@D) && cp models/$*/causal-* models/$*/fixed-best-* $(@D)
 	$(EHAR) train gain-field $(call aloft,$*)
@@ -304,8 +306,8 @@ $(ALOFT:%=models/%-flown/planners): models/%-flown/planners: models/%/planners
 	touch $@
 
 # Agents that learned in the room, beside the grid's field.
-TAUGHT_THERE := $(NUMBERS:%=sbu-stream-%)
-there = --data streams/$(1).npz --sensor estimator --track px4-auto --world room --models models/$(1)-there
+TAUGHT_THERE := $(SYNTHETIC) $(NUMBERS:%=sbu-stream-%)
+there = $(call of_stream,$(1)) --track px4-auto --world room --models models/$(1)-there
 $(TAUGHT_THERE:%=models/%-there/planners): models/%-there/planners: models/%/planners
 	mkdir -p $(@D) && cp models/$*/causal-* models/$*/gain-field-*.* models/$*/fixed-best-* $(@D)
 	$(EHAR) train agent $(call there,$*) --stages il --seeds 0 1 2
@@ -324,7 +326,7 @@ $(foreach world,paper room,$(eval $(call learned_aloft,$(world))))
 $(TAUGHT_THERE:%=runs/there-%/table.md): runs/there-%/table.md: models/%-there/planners
 	$(BENCHMARK) $(ALOFT_PLANNERS) $(call there,$*) $(call lasting,$*) --starts 3 --out $(@D)
 
-runs/there-sbu-stream/table.md: $(TAUGHT_THERE:%=runs/there-%/table.md)
+runs/there-sbu-stream/table.md: $(NUMBERS:%=runs/there-sbu-stream-%/table.md)
 	$(EHAR) study folds $(^:/table.md=) --out $(@D)
 
 # Flights that pay for energy, for noise near people, and for their length.
@@ -530,18 +532,31 @@ docs/results/streams.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watc
   runs/aloft-solo-stream-paper/table.md runs/priced-solo-stream/table.md runs/localised/table.md
 	$(call page,$@,Streams of one person,ehar benchmark $(WATCHING) --data solo-stream --sensor estimator --models models/solo-stream,$^)
 
-docs/results/couple-streams.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-duo-stream$(track:.=)/table.md)
+docs/results/couple-streams.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-duo-stream$(track:.=)/table.md) \
+  runs/aloft-duo-stream-paper/table.md
 	$(call page,$@,Streams of couples,ehar benchmark $(WATCHING) --data duo-stream --sensor estimator --models models/duo-stream,$^)
 
 tracks_among = $(foreach world,$(IN_THE_WAY),$(foreach track,. $(FLYING:%=-%.),runs/$(world)-$(1)$(track:.=)/table.md))
 docs/results/obstacle-streams.md: $(call tracks_among,duo-stream)
 	$(call page,$@,Things in the way in streams,ehar benchmark $(AMONG) --data duo-stream --sensor estimator --world room --starts 3,$^)
 
-docs/results/obstacle-flights.md: $(call tracks_among,solo-stream)
+docs/results/obstacle-flights.md: $(call tracks_among,solo-stream) $(SYNTHETIC:%=runs/there-%/table.md)
 	$(call page,$@,Flying among things in the way,ehar benchmark $(AMONG) --data solo-stream --sensor estimator --world crowd --starts 3,$^)
 
 docs/results/utkinect.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-utkinect$(track:.=)/table.md)
 	$(call page,$@,Streams of a real Kinect,ehar benchmark $(WATCHING) --data utkinect.npz --sensor estimator,$^)
+
+# Adults and children: in clips by both forms of the recogniser, and in streams.
+PUBLISHED_FORM := $(kindergator) --sensor estimator --form ctrgcn
+models/kindergator/ctrgcn-estimator-moving.safetensors: | setup
+	$(EHAR) train recogniser $(PUBLISHED_FORM) --out $(@D)
+
+runs/kindergator-ctrgcn/table.md: models/kindergator/ctrgcn-estimator-moving.safetensors
+	$(BENCHMARK) no-act $(PUBLISHED_FORM) --models $(<D) --starts $(STARTS) --out $(@D)
+
+docs/results/kindergator.md: runs/rules-kindergator-estimator/table.md runs/kindergator-ctrgcn/table.md \
+  $(WORLDS:%=runs/looked-kindergator-stream-%/table.md) runs/looked-kindergator-stream-room-tracking-drone/table.md
+	$(call side_by_side,nbv,Adults and children)
 
 docs/results/recorded-streams.md: $(foreach world,$(WORLDS),$(RECORDED:%=runs/looked-%-$(world)/table.md))
 	$(call side_by_side,nbv,Looking at recorded people)
@@ -622,10 +637,10 @@ docs/results/trials.md: runs/trials/table.md
 	$(call page,$@,What each part of a training is worth,ehar study trials $(TRIAL_SETS) --clips $(TRIAL_CLIPS) --out runs/trials,$(<D)/table.md)
 
 # Without a target: cost (ehar bench), live (ehar live), scaling (ehar study scaling), how streams are stitched (stream-sets),
-# kindergator in clips, and what stood before (mended).
+# and what stood before (mended).
 PAGES := planners nbv indoor obstacles exact-joints flown trainings learning ablation-sbu belief deciding deciding-streams glance streams \
   couple-streams obstacle-streams obstacle-flights recorded-streams recorded-flights stream-trainings knowledge stream-belief onsets utkinect \
-  headroom class-maps published real-views trials paper
+  headroom class-maps kindergator published real-views trials paper
 results: left
 	@$(MAKE) --no-print-directory pages
 
