@@ -18,7 +18,7 @@ from ehar.runner import Runner
 from ehar.sensors.registry import make_sensor
 from ehar.sensors.sensing import sense
 from ehar.sensors.sensor import Sensed
-from ehar.world import CROWD, PAPER, ROOM
+from ehar.world import CROWD, PAPER, ROOM, World
 from eval.scores.streams.alarms import delays
 from eval.speed.effort import WORKERS, Effort
 from eval.speed.planning import VEHICLE
@@ -56,8 +56,8 @@ def time_streams(data: StreamData, effort: Effort) -> float:
     return count * frames / data.fps / seconds
 
 
-def time_flown_streams(effort: Effort) -> float:
-    """Return as `time_streams` does, with nbv flown by `VEHICLE`, and the weights that ship.
+def time_flown_streams(effort: Effort, world: World) -> float:
+    """Return as `time_streams` does, with nbv flown by `VEHICLE` in a world of ehar, and the weights that ship.
 
     Following people is not in it: that is done once for all planners of a process.
 
@@ -65,7 +65,7 @@ def time_flown_streams(effort: Effort) -> float:
         ModelError: no weights ship.
     """
     count = max(1, effort.streams // WORKERS)
-    setting = load_setting(Conditions(data=STREAMS, sensor=SENSOR, track=VEHICLE.name))
+    setting = load_setting(Conditions(data=STREAMS, sensor=SENSOR, track=VEHICLE.name, world=world.name))
     told = setting.recordings
     assert isinstance(told, StreamData)
     planner = NextBestView(model=load_gain_model(setting.conditions, told, setting.recogniser_sha256))
