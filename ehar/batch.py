@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief, read_only
+from ehar.arrays import FloatArray, IntArray, in_brief, read_only
 from ehar.data.scenario import Scenarios
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.window import Windows
@@ -144,32 +144,20 @@ class Batch:
         joints, noise = self.positions[:, frame], self.noise.frame(frame)
         if viewpoint.ndim == 3:
             joints, noise = joints[:, None], noise.forked()
-        if self.gaze is not None:
+        gaze = None if self.gaze is None else self._gaze(frame, viewpoint)
+        hidden = None
+        if self.surroundings is not None:
+            joints, hidden = self.surroundings.show(viewpoint, joints, frame, gaze)
+        if gaze is not None:
             place = cartesian(viewpoint)
-            joints = turned(joints, place - self._gaze(frame, viewpoint), place).astype(np.float32)
-        return sense(sensor, joints, self.seen_from(frame, viewpoint), noise, where, self.hidden(frame, viewpoint))
+            joints = turned(joints, place - gaze, place).astype(np.float32)
+        return sense(sensor, joints, self.seen_from(frame, viewpoint), noise, where, hidden)
 
     def _gaze(self, frame: int, viewpoint: FloatArray) -> FloatArray:
         """Return where cameras look in a frame, (B, 3), or (B, 1, 3) for viewpoints of forks (B, F, 3) [m]."""
         assert self.gaze is not None
         gaze = self.gaze[:, frame]
         return gaze if viewpoint.ndim == 2 else gaze[:, None]
-
-    def hidden(self, frame: int, viewpoint: FloatArray) -> BoolArray | None:
-        """Return which joints are hidden from cameras in a frame, (B, P, J) or (B, F, P, J); None in an open world.
-
-        Args:
-            frame: the frame.
-            viewpoint: (B, 3), or of forks (B, F, 3).
-        """
-        if self.surroundings is None:
-            return None
-        joints = self.positions[:, frame]
-        if self.gaze is not None:
-            joints = joints + self.gaze[:, frame, None, None]
-        if viewpoint.ndim == 3:
-            joints = joints[:, None]
-        return self.surroundings.hide(viewpoint, joints, frame)
 
     def first_change(self, before: "Batch") -> str | None:
         """Return the name of the first part that is not what it was; None if there is none."""

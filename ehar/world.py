@@ -3,7 +3,7 @@
 import math
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
@@ -22,7 +22,7 @@ SAME = 1e-9  # share of a number by which two worlds may differ and be the same:
 PASSER_RADIUS = 0.25  # [m]
 PASSER_ROOM = PASSER_RADIUS + MARGIN  # [m], between the ways of passers-by and the nearest cameras
 LEAST_REACH = 2.0  # [m]; with less room passers-by would walk through people
-LATER = ("obstacles", "passers_by", "localisation")  # what older files do not have
+LATER = ("obstacles", "passers_by", "localisation", "identity")  # what older files do not have
 OPTIONAL = (  # keys of files that have a usual value
     *(*LATER, "walls", "boxes", "cylinders", "yaw_deg"),
     *("noise", "delay", "agility"),
@@ -33,6 +33,7 @@ MOST_PASSERS = 100  # more people would hide everything, all the time
 Metres = Annotated[float, Gt(0), Le(MOST_DISTANCE)]
 Pixels = Annotated[int, Ge(1), Le(MOST_PIXELS)]
 Count = Annotated[int, Ge(1)]
+Identity = Literal["known", "tracked"]
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,8 @@ class World:
         obstacles: what stands there. It hides people, and cameras keep clear of it.
         passers_by: number of people who walk past those that are watched, and hide them.
         localisation: how well, and how soon, it is known where people are in streams; of no meaning in clips.
+        identity: whether it is known whose joints are whose. "tracked": a track of those that are watched takes a
+            passer-by for somebody whom they hide, see `Passers.taken_for`; of no meaning where nobody walks past.
 
     Raises:
         UsageError: there are no such start cells, or passers-by are too many, or have no room between people and
@@ -61,6 +64,7 @@ class World:
     obstacles: Obstacles = field(default_factory=Obstacles)
     passers_by: int = 0
     localisation: Localisation = USUAL_LOCALISATION
+    identity: Identity = "known"
 
     def __post_init__(self) -> None:
         """Check that the start cells are cells, and that there is room for passers-by."""
@@ -98,7 +102,7 @@ class World:
     @property
     def opened(self) -> "World":
         """The same world with nothing but people in it."""
-        return replace(self, obstacles=Obstacles(), passers_by=0)
+        return replace(self, obstacles=Obstacles(), passers_by=0, identity="known")
 
     @property
     def free_space(self) -> FreeSpace | None:
@@ -142,6 +146,8 @@ class World:
         held = {name: value for name, value in asdict(self).items() if name not in left}
         if self.localisation == USUAL_LOCALISATION:
             del held["localisation"]
+        if self.identity == "known":
+            del held["identity"]
         return held
 
     def __str__(self) -> str:
@@ -149,6 +155,7 @@ class World:
         starts = " x ".join(map(str, self.start_cells or self.workspace.cells))
         inside = f", {self.obstacles}" if self.obstacles else ""
         inside += f", {self.passers_by} passers-by" if self.passers_by else ""
+        inside += ", some taken for those that are watched" if self.identity == "tracked" else ""
         inside += "" if self.localisation == USUAL_LOCALISATION else f", people localised with {self.localisation}"
         return f"{self.name} ({self.workspace}, {starts} starts, {self.camera}{inside})"
 
@@ -157,7 +164,13 @@ def _numbers(world: World) -> list[float]:
     """Return all numbers of a world."""
     parts = [getattr(part, field.name) for part in (world.workspace, world.camera) for field in fields(part)]
     starts = world.start_cells or world.workspace.cells
-    parts += [*starts, world.passers_by, *world.localisation.numbers, *world.obstacles.numbers]
+    parts += [
+        *starts,
+        world.passers_by,
+        world.identity == "tracked",
+        *world.localisation.numbers,
+        *world.obstacles.numbers,
+    ]
     return [float(value) for value in parts]
 
 
@@ -229,6 +242,7 @@ class WorldFile:
     obstacles: Obstacles = field(default_factory=Obstacles)
     passers_by: Annotated[int, Ge(0), Le(MOST_PASSERS)] = 0
     localisation: Localisation = USUAL_LOCALISATION
+    identity: Identity = "known"
 
     def world(self, name: str) -> World:
         """Return the world under a name."""
@@ -241,14 +255,15 @@ class WorldFile:
             angle_step=math.radians(self.angle_step_deg),
         )
         camera = Camera(**vars(self.camera))
-        return World(name, workspace, camera, self.start_cells, self.obstacles, self.passers_by, self.localisation)
+        around = self.obstacles, self.passers_by, self.localisation, self.identity
+        return World(name, workspace, camera, self.start_cells, *around)
 
 
 def load_world(world: str | Path | World) -> World:
     """Return the world that a name or an object means, or read a world file.
 
-    A world file is a JSON object, whose keys are the fields of `WorldFile`; `start_cells`, `obstacles`, `passers_by`
-    and `localisation` may be left out. The name of the file, without `.json`, is the name of the world.
+    A world file is a JSON object, whose keys are the fields of `WorldFile`; `start_cells`, `obstacles`, `passers_by`,
+    `localisation` and `identity` may be left out. The name of the file, without `.json`, is the name of the world.
 
     Raises:
         UsageError: there is no such world or file; or a key is missing or unknown, or a value is impossible.

@@ -79,7 +79,7 @@ def _passers(
     facing = skeleton.heading(bodies.joints[posture[:, 0]])
     turn = np.arctan2(velocity[..., 1], velocity[..., 0]) - facing[:, None]
     lift = (_floor(scenarios, chosen, risen)[:, None] - lowest)[:, None] - risen[..., None]
-    return Passers(place, posture, turn, lift, tracked, bodies)
+    return Passers(place, posture, turn, lift, tracked, bodies, mistakable=world.identity == "tracked")
 
 
 def _others(

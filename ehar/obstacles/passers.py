@@ -1,7 +1,7 @@
 """People who walk past those that are watched: recorded bodies that are carried along straight ways."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,8 @@ from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief, read_only
 from ehar.obstacles.shapes import passes_by, passes_through
 
 THICKEST = 0.15  # [m], more than the radius of any bone
+LOST = 0.5  # share of a person's joints; who has more hidden by one passer-by is not detected beside them
+ALIKE = 1.5  # a track takes nobody who appears more than so many times as large as whom it has watched
 
 Frames = int | slice  # one frame, of arrays (B, ...); or several, of arrays (B, T, ...)
 
@@ -44,6 +46,7 @@ class Passers:
         tracked: (B, L, W, 4) what planners are told in each frame: where they are thought to be [m] and how fast they
             walk [m/s], each along x and y.
         bodies: the postures.
+        mistakable: whether a track may take them for those that are watched.
     """
 
     place: FloatArray
@@ -52,6 +55,7 @@ class Passers:
     lift: FloatArray
     tracked: FloatArray
     bodies: Bodies
+    mistakable: bool = False
 
     __repr__ = in_brief
 
@@ -75,7 +79,8 @@ class Passers:
 
     def _with(self, changed: Callable[[str], npt.NDArray[Any]]) -> "Passers":
         """Return a copy in which each array, by its name, is another."""
-        return Passers(**{name: changed(name) for name in self.arrays}, bodies=self.bodies)
+        arrays: dict[str, Any] = {name: changed(name) for name in self.arrays}
+        return replace(self, **arrays)
 
     def joints(self, frames: Frames) -> FloatArray:
         """Return their joints in a frame, (B, W, J, 3), or in frames, (B, T, W, J, 3): float32 [m]."""
@@ -88,8 +93,35 @@ class Passers:
         placed[..., 2] = posture[..., 2] + self.lift[:, frames, :, None]
         return placed
 
-    def hide(self, cameras: FloatArray, joints: FloatArray, frames: Frames) -> BoolArray:
-        """Return which joints are hidden from cameras, (..., P, J): a bone's capsule is in the way.
+    def taken_for(self, cameras: FloatArray, joints: FloatArray, hiding: BoolArray, frame: int) -> IntArray:
+        """Return which passer-by a track takes each person for, (..., P); -1 where it takes nobody else.
+
+        A track goes on with the body that it finds where it expects one. It takes the passer-by who hides most of a
+        person, if these are more than `LOST` of the joints, and the passer-by, who is nearer, appears at most `ALIKE`
+        times as large. When the person is seen again, the track has them again.
+
+        Args:
+            cameras: (B, ..., 3) [m].
+            joints: (B, ..., P, J, 3) [m].
+            hiding: what `hiding` says of them.
+            frame: the frame.
+        """
+        bodies = self.joints(frame).mean(axis=-2)  # (B, W, 3)
+        bodies = bodies.reshape(len(bodies), *[1] * (cameras.ndim - 2), *bodies.shape[1:])
+        far = np.linalg.norm(joints.mean(axis=-2) - cameras[..., None, :], axis=-1)
+        near = np.linalg.norm(bodies - cameras[..., None, :], axis=-1)
+        share = hiding.mean(axis=-2) * (far[..., None] <= ALIKE * near[..., None, :])
+        return np.where(share.max(axis=-1) > LOST, share.argmax(axis=-1), -1)
+
+    def joints_of(self, taken: IntArray, frame: int) -> FloatArray:
+        """Return the joints (..., P, J, 3) of the passers-by that people are taken for, as `taken_for` says."""
+        bodies = self.joints(frame)
+        bodies = bodies.reshape(len(bodies), *[1] * (taken.ndim - 2), *bodies.shape[1:])
+        bodies = np.broadcast_to(bodies, (*taken.shape[:-1], *bodies.shape[-3:]))
+        return np.take_along_axis(bodies, np.maximum(taken, 0)[..., None, None], axis=-3)
+
+    def hiding(self, cameras: FloatArray, joints: FloatArray, frames: Frames) -> BoolArray:
+        """Return who hides which joints from cameras, (..., P, J, W): a bone's capsule is in the way.
 
         Args:
             cameras: (B, ..., 3) of one frame, or (B, T, 3) of several [m].
@@ -108,5 +140,4 @@ class Passers:
         begin, end = (np.broadcast_to(ends, (*near.shape, 3))[near][:, None] for ends in (begin, end))
         first, last = np.moveaxis(bodies.reshape(-1, *bodies.shape[-2:])[body][:, self.bodies.bones], 2, 0)
         near[near] = passes_through(begin, end, first, last, self.bodies.radii).any(axis=1)
-        hidden: BoolArray = np.asarray(near.any(axis=-1))
-        return hidden
+        return near

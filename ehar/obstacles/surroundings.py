@@ -44,8 +44,37 @@ class Surroundings:
         moved = self._moved(frames, cameras)
         hidden = self.obstacles.hide(cameras + moved, joints + moved[..., None, None, :])
         if self.passers is not None:
-            hidden |= self.passers.hide(cameras, joints, frames)
+            hidden |= self.passers.hiding(cameras, joints, frames).any(axis=-1)
         return hidden
+
+    def show(
+        self, viewpoint: FloatArray, joints: FloatArray, frame: int, gaze: FloatArray | None = None
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return the joints that people are taken to have in a frame, and which of them are hidden.
+
+        They are their own, but where a track takes a passer-by for somebody.
+
+        Args:
+            viewpoint: (B, ..., 3).
+            joints: (B, ..., P, J, 3) [m], relative to what cameras look at.
+            frame: the frame.
+            gaze: (B, ..., 3), what they look at, from the centre [m]; None where it is the centre.
+        """
+        beside = None if gaze is None else gaze[..., None, None, :]
+        around = joints if beside is None else joints + beside
+        passers = self.passers
+        if passers is None or not passers.mistakable:
+            return joints, self.hide(viewpoint, around, frame)
+        cameras = cartesian(viewpoint)
+        hiding = passers.hiding(cameras, around, frame)
+        taken = passers.taken_for(cameras, around, hiding, frame)
+        theirs = passers.joints_of(taken, frame)
+        is_taken = (taken >= 0)[..., None]
+        moved = self._moved(frame, cameras)
+        around = np.where(is_taken[..., None], theirs, around)
+        hidden = self.obstacles.hide(cameras + moved, around + moved[..., None, None, :])
+        joints = np.where(is_taken[..., None], theirs if beside is None else theirs - beside, joints)
+        return joints.astype(np.float32), hidden | (hiding.any(axis=-1) & ~is_taken)
 
     def clearance(self, viewpoint: FloatArray, frames: Frames) -> FloatArray:
         """Return how far cameras are from the nearest obstacle [m], in the shape of the viewpoints; see `hide`."""

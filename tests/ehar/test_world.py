@@ -13,10 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ehar import Camera, EharError, GridMotion, Localisation, Workspace, World
+from ehar.data.scenario import windows
+from ehar.data.surroundings import surroundings_of
 from ehar.motion import move_towards
 from ehar.obstacles import MARGIN, Box, Cylinder, Obstacles
 from ehar.viewpoint import AZIMUTH, HOVER, MOVES, apply_moves, cartesian, wrap_difference
 from ehar.world import INDOOR, PAPER, ROOM, WORLDS, by_name, load_world
+from tests.helpers.fakes import tiny_data
 
 CONTENT = {
     "distance_min": 2,
@@ -220,6 +223,21 @@ def test_obstacles_that_cannot_be_are_refused_in_one_line(
     with pytest.raises(EharError, match=complaint) as error:
         load_world(written(tmp_path, CONTENT | changes))
     assert str(tmp_path / "lab.json") in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_world_file_in_which_people_are_tracked(tmp_path: Path) -> None:
+    content = CONTENT | {"distance_min": 2.6, "start_cells": [4, 50, 3], "passers_by": 2}
+    tracked, known = (load_world(written(tmp_path, content | {"identity": one})) for one in ("tracked", "known"))
+    assert "identity" not in known.to_json() and known.to_json() | {"identity": "tracked"} == tracked.to_json()
+    assert not tracked.agrees_with(known) and tracked.opened.agrees_with(known.opened)
+    assert "2 passers-by, some taken for those that are watched" in str(tracked)
+    with pytest.raises(EharError, match="identity: expected "):
+        load_world(written(tmp_path, content | {"identity": "guessed"}))
+    scenarios, one = windows(tiny_data(), np.arange(2), 8, 1), np.arange(2)
+    for world in (tracked, known):
+        around = surroundings_of(scenarios, one, world, np.random.default_rng(0))
+        assert around is not None and around.passers is not None
+        assert around.passers.mistakable == (world is tracked)
 
 
 def test_a_world_file_with_a_localisation(tmp_path: Path) -> None:

@@ -207,6 +207,20 @@ def test_passers_by_hide_people_and_are_the_same_for_all_planners(lab: Path) -> 
     assert crowded.records["no-act"].contacts is None  # nothing stands there that a camera could hit
 
 
+def test_a_run_in_which_passers_by_are_taken_for_people_is_verified(lab: Path, tmp_path: Path) -> None:
+    """The same people pass, and hide the same; now some are looked at in place of those that are watched."""
+    held = FILE | {"passers_by": 9}
+    answers = []
+    for identity in ("known", "tracked"):
+        (tmp_path / f"{identity}.json").write_text(json.dumps(held | {"identity": identity}), encoding="utf-8")
+        conditions = told(lab, world=str(tmp_path / f"{identity}.json"))
+        run = benchmark(["no-act", "oracle"], conditions, out=tmp_path / identity, reporter=Log())
+        assert verify(tmp_path / identity, rerun_episodes=4, reporter=Log()).difference is None
+        answers.append(run.records["no-act"].true_probability)
+    changed = (answers[0] != answers[1]).any(axis=1)
+    assert 0 < changed.sum() < len(changed)
+
+
 def test_an_own_motion_that_does_not_know_of_obstacles_is_counted(lab: Path) -> None:
     reckless = f"{lab / 'own_lab.py'}:Reckless"
     circles = f"{lab / 'own_lab.py'}:Circles"

@@ -10,8 +10,8 @@ from ehar.data.surroundings import surroundings_of
 from ehar.flight.centre import centre_limits
 from ehar.flight.vehicle import VEHICLES
 from ehar.obstacles import Obstacles, Surroundings
-from ehar.obstacles.passers import Passers
-from ehar.obstacles.shapes import passes_by, passes_through
+from ehar.obstacles.passers import LOST, Passers
+from ehar.obstacles.shapes import Cylinder, passes_by, passes_through
 from ehar.world import CROWD, PASSER_RADIUS
 from tests.helpers.fakes import POSE, SKELETON, tiny_data
 from tests.helpers.passers import standing
@@ -134,6 +134,44 @@ def test_a_body_hides_what_is_behind_its_limbs_and_nothing_beside() -> None:
     nearer = np.array([[[[3.0, 0, 0.5], [2.5, 0, 0.5]]]])
     assert not around.hide(BEHIND[None], nearer, 0).any()
     assert np.isinf(around.clearance(BEHIND[None], 0)).all()
+
+
+def test_a_track_takes_who_hides_somebody_for_them() -> None:
+    """From 6 m: a passer-by 1.5 m before a person appears 1.33 times as large, 2.5 m before them 1.71 times."""
+    person, viewpoint = POSE[None, None].astype(np.float32), BEHIND[None]
+    pillar = Obstacles(cylinders=(Cylinder(centre=(2.0, 0.0, -1.0), radius=0.05, height=9.0),))
+    for before, is_taken in ((1.5, True), (2.5, False)):
+        walker = replace(standing(np.array([[0.0, -3.0], [before, 0.0]]), turn=0.3), mistakable=True)
+        around = Surroundings(Obstacles(), None, walker)
+        true = around.hide(viewpoint, person, 0)
+        assert true.mean() > LOST
+        joints, hidden = around.show(viewpoint, person, 0)
+        np.testing.assert_allclose(joints, walker.joints(0)[:, 1:] if is_taken else person)
+        np.testing.assert_array_equal(hidden, true & (not is_taken))
+        behind = replace(around, obstacles=pillar).show(viewpoint, person, 0)[1]
+        assert behind.any() and (hidden | behind == behind).all()  # a pillar hides whoever is taken for the person
+        for other in (replace(walker, mistakable=False), None):
+            joints, hidden = Surroundings(Obstacles(), None, other).show(viewpoint, person, 0)
+            assert joints is person and (hidden == (true & (other is not None))).all()
+        joints, hidden = around.show(ASIDE[None], person, 0)  # from there one is beside the other
+        assert not hidden.any() and (joints == person).all()
+        gaze = np.array([[0.3, 0.0, 0.0]])  # what cameras look at is beside the centre, and joints relative to it
+        shifted, _ = around.show(viewpoint, person - gaze[:, None, None].astype(np.float32), 0, gaze)
+        np.testing.assert_allclose(shifted + gaze[:, None, None], around.show(viewpoint, person, 0)[0], atol=1e-6)
+
+
+def test_of_two_people_one_may_be_taken_for_a_passer_by_and_forks_see_alike() -> None:
+    walker = replace(standing(np.array([[1.5, 0.0]])), mistakable=True)
+    around, couple = Surroundings(Obstacles(), None, walker), POSE + np.array([[[0, 0, 0]], [[0, 2, 0]]])[None]
+    joints, hidden = around.show(BEHIND[None], couple, 0)
+    np.testing.assert_allclose(joints[:, 0], walker.joints(0)[:, 0])
+    np.testing.assert_allclose(joints[:, 1], couple[:, 1])
+    assert not hidden.any()
+    forks = np.stack([BEHIND, ASIDE])[None]
+    forked = around.show(forks, couple[:, None], 0)
+    for fork in range(2):
+        for part, alone in zip(forked, around.show(forks[:, fork], couple, 0), strict=True):
+            np.testing.assert_allclose(part[:, fork], alone)
 
 
 def test_frames_forks_parts_and_joined_batches_hide_alike() -> None:
