@@ -60,7 +60,7 @@ def compare(
         episodes=a.summary.episodes,
         activities=a.summary.activities,
         sequences=a.summary.sequences,
-        differing=dict(_differing(a.config.to_json(), b.config.to_json())) | _localisations(a, b),
+        differing=dict(_differing(a.config.to_json(), b.config.to_json())) | _known_of_people(a, b),
         planners=tuple(
             ComparedPlanners(
                 difference=difference,
@@ -108,10 +108,13 @@ def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str
             yield label(name).replace("_", " "), (shown(name, a), shown(name, b))
 
 
-def _localisations(a: Run, b: Run) -> dict[str, tuple[str, str]]:
-    """Return how well it was known where people are, if that differs; it has no meaning in clips."""
-    of_a, of_b = (run.config.world.localisation for run in (a, b))
-    return {"localisation": (f"({of_a})", f"({of_b})")} if a.of_streams and of_a != of_b else {}
+def _known_of_people(a: Run, b: Run) -> dict[str, tuple[str, str]]:
+    """Return what was known of where and who people are, if that differs; in clips it is known where they are."""
+    one, other = (run.config.world for run in (a, b))
+    known = {"identity": (one.identity, other.identity)}
+    if a.of_streams:
+        known["localisation"] = (f"({one.localisation})", f"({other.localisation})")
+    return {name: values for name, values in known.items() if values[0] != values[1]}
 
 
 def _choose(a: Run, b: Run, planners: Sequence[str]) -> list[tuple[PlannerGroup, PlannerGroup]]:

@@ -20,11 +20,11 @@ SAME_EPISODES = (
     "sensor",
     "sensor_sha256",
     "world",
-)  # they decide the episodes; of the world all but its name and its localisation
-LOCALISATION = "localisation"  # of the world
+)  # they decide the episodes; of the world all but its name and what is known of people
+LOCALISATION, IDENTITY = "localisation", "identity"  # of the world: where people are, and whose joints are whose
 VEHICLE = "vehicle"  # of one name, with other limits
 # For studies of runs that differ in their weights alone.
-SAME_CONDITIONS = ("views", "form", "readout", "track", "track_sha256", VEHICLE, LOCALISATION)
+SAME_CONDITIONS = ("views", "form", "readout", "track", "track_sha256", VEHICLE, LOCALISATION, IDENTITY)
 
 
 def check_same_episodes(a: Run, b: Run, *, also: Sequence[str] = ()) -> None:
@@ -33,7 +33,7 @@ def check_same_episodes(a: Run, b: Run, *, also: Sequence[str] = ()) -> None:
     Args:
         a: a run.
         b: another run.
-        also: further keys of config.json whose values have to be the same, or `LOCALISATION`.
+        also: further keys of config.json whose values have to be the same, or `LOCALISATION` and `IDENTITY`.
 
     Raises:
         UsageError: their configurations differ; the message names what differs, with both values.
@@ -50,7 +50,7 @@ def check_same_episodes(a: Run, b: Run, *, also: Sequence[str] = ()) -> None:
 
 
 def check_same_config(a: Run, b: Run, keys: Sequence[str], *, expected: str = "runs of the same episodes") -> None:
-    """Check that two runs have the same values of some keys of config.json, or the same `LOCALISATION`.
+    """Check that two runs have the same values of some keys of config.json, or the same `LOCALISATION` and `IDENTITY`.
 
     Args:
         a: a run.
@@ -97,15 +97,15 @@ def versions_note(runs: Sequence[Run]) -> str | None:
 def _decisive(name: str, config: Mapping[str, Any]) -> Any:
     """Return what of a key of config.json decides the episodes.
 
-    However well it is known where people are, they are the same people, seen from the same starts.
+    However well it is known where and who people are, they are the same people, seen from the same starts.
     """
-    if name == LOCALISATION:
+    if name in (LOCALISATION, IDENTITY):
         return config["world"].get(name)
     if name == VEHICLE:
         return _limits(config)
     if name != "world":
         return config[name]
-    return {key: value for key, value in config["world"].items() if key not in ("name", LOCALISATION)}
+    return {key: value for key, value in config["world"].items() if key not in ("name", LOCALISATION, IDENTITY)}
 
 
 def _limits(config: Mapping[str, Any]) -> dict[str, float] | None:
@@ -126,6 +126,8 @@ def shown(name: str, config: Mapping[str, Any]) -> str:
     if name == LOCALISATION:
         held = config["world"].get(name)
         return "usual" if held is None else ", ".join(f"{key} {value:g}" for key, value in held.items())
+    if name == IDENTITY:
+        return str(config["world"].get(name, "known"))
     if name == VEHICLE:
         held = _limits(config)
         return "none" if held is None else ", ".join(f"{key} {value:g}" for key, value in held.items())

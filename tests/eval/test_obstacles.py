@@ -16,7 +16,7 @@ from ehar.data.streams.scenario import StreamScenarios
 from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import cartesian
 from ehar.world import CROWD, PAPER, ROOM, load_world
-from eval import benchmark, headroom, read_run, verify
+from eval import benchmark, compare, headroom, read_run, verify
 from eval.records.contacts import contacts_of
 from eval.records.run_files import EPISODES
 from eval.running.choice import ModelPlace, choose_planners
@@ -217,6 +217,8 @@ def test_a_run_in_which_passers_by_are_taken_for_people_is_verified(lab: Path, t
         run = benchmark(["no-act", "oracle"], conditions, out=tmp_path / identity, reporter=Log())
         assert verify(tmp_path / identity, rerun_episodes=4, reporter=Log()).difference is None
         answers.append(run.records["no-act"].true_probability)
+    found = compare(tmp_path / "known", tmp_path / "tracked")
+    assert found.differing == {"identity": ("known", "tracked")}
     changed = (answers[0] != answers[1]).any(axis=1)
     assert 0 < changed.sum() < len(changed)
 
