@@ -329,6 +329,16 @@ $(TAUGHT_THERE:%=runs/there-%/table.md): runs/there-%/table.md: models/%-there/p
 runs/there-sbu-stream/table.md: $(NUMBERS:%=runs/there-sbu-stream-%/table.md)
 	$(EHAR) study folds $(^:/table.md=) --out $(@D)
 
+# What it costs if passers-by are taken for those that are watched: the world is the example of the docs.
+runs/mistaken.json: docs/worlds.md
+	mkdir -p $(@D) && sed -n '/^## Whose joints are whose/,/^## How/p' $< | sed -n '/^{/,/^}/p' > $@
+
+$(SYNTHETIC:%=runs/mistaken-%/table.md): runs/mistaken-%/table.md: runs/mistaken.json models/%/planners
+	$(BENCHMARK) $(AMONG) --data $* --sensor estimator --world $< --models models/$* --starts 3 --out $(@D)
+
+$(SYNTHETIC:%=runs/compared-%/table.md): runs/compared-%/table.md: runs/crowd-%/table.md runs/mistaken-%/table.md
+	$(EHAR) compare $(^:/table.md=) --out $(@D)
+
 # Flights that pay for energy, for noise near people, and for their length.
 PRICED := $(foreach price,energy_weight-0.1 energy_weight-1 noise_weight-0.1 distance_weight-0.001 distance_weight-0.01, \
   planners.search.next_best_view:NextBestView --$(subst -, ,$(price)) --name nbv-$(price))
@@ -537,7 +547,7 @@ docs/results/couple-streams.md: $(foreach track,. -px4-auto. -tracking-drone.,ru
 	$(call page,$@,Streams of couples,ehar benchmark $(WATCHING) --data duo-stream --sensor estimator --models models/duo-stream,$^)
 
 tracks_among = $(foreach world,$(IN_THE_WAY),$(foreach track,. $(FLYING:%=-%.),runs/$(world)-$(1)$(track:.=)/table.md))
-docs/results/obstacle-streams.md: $(call tracks_among,duo-stream)
+docs/results/obstacle-streams.md: $(call tracks_among,duo-stream) $(SYNTHETIC:%=runs/compared-%/table.md)
 	$(call page,$@,Things in the way in streams,ehar benchmark $(AMONG) --data duo-stream --sensor estimator --world room --starts 3,$^)
 
 docs/results/obstacle-flights.md: $(call tracks_among,solo-stream) $(SYNTHETIC:%=runs/there-%/table.md)

@@ -62,10 +62,11 @@ def check_world(path: Path, trained: World, conditions: Conditions) -> None:
     """Raise a ModelError that names both worlds, unless weights were trained in the world that conditions ask for.
 
     Weights of the open world will do where there are obstacles or passers-by: bounds, moves and images are the same.
-    So will weights that were trained with another localisation, or nobody could ask what a worse one costs.
+    So will weights that were trained with another localisation, or where it was known otherwise whose joints are whose,
+    or nobody could ask what a worse one costs.
     """
-    asked = load_world(conditions.world)
-    trained = replace(trained, localisation=asked.localisation)
+    asked = replace(load_world(conditions.world), identity="known")
+    trained = replace(trained, localisation=asked.localisation, identity="known")
     if not (trained.agrees_with(asked) or trained.agrees_with(asked.opened)):
         raise ModelError(
             f"{path}: trained in the world {trained}, asked for {asked}; "

@@ -111,7 +111,7 @@ def _differing(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str
 def _known_of_people(a: Run, b: Run) -> dict[str, tuple[str, str]]:
     """Return what was known of where and who people are, if that differs; in clips it is known where they are."""
     one, other = (run.config.world for run in (a, b))
-    known = {"identity": (one.identity, other.identity)}
+    known: dict[str, tuple[str, str]] = {"identity": (one.identity, other.identity)}
     if a.of_streams:
         known["localisation"] = (f"({one.localisation})", f"({other.localisation})")
     return {name: values for name, values in known.items() if values[0] != values[1]}

@@ -137,6 +137,9 @@ def test_weights_that_met_things_in_the_way_need_no_warning(lab: Path, tmp_path:
 def test_weights_of_a_world_with_obstacles_are_not_those_of_the_open_one(lab: Path, tmp_path: Path) -> None:
     save_random_world(tmp_path, LENGTH, load_world(lab / "lab.json"))
     load_setting(told(lab, models=str(tmp_path / "models")))
+    load_setting(
+        told(lab, models=str(tmp_path / "models"), world=replace(load_world(lab / "lab.json"), identity="tracked"))
+    )
     with pytest.raises(EharError, match=r"trained in the world lab .* 3 cylinders, 2 passers-by\), asked for open"):
         load_setting(told(lab, models=str(tmp_path / "models"), world=str(lab / "open.json")))
     setting = load_setting(told(lab))
