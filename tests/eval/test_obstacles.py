@@ -246,7 +246,7 @@ def test_a_vehicle_keeps_clear(lab: Path) -> None:
 def test_in_a_room_a_vehicle_that_follows_people_hits_nothing(name: str) -> None:
     """Each couple walks 3 m another way, and would carry some cameras into walls or pillars."""
     setting = load_setting(Conditions(data="duo-stream", sensor="estimator", world="room", track="px4-auto"))
-    data, frames = setting.recordings, 250
+    data, frames = setting.recordings, 150
     streams = part_of(data, "test")[:6]
     angle = np.repeat(np.arange(len(data.offsets) - 1), np.diff(data.offsets)) * (np.pi / 3)
     walked = np.clip(np.arange(len(angle)) - np.repeat(data.offsets[:-1], np.diff(data.offsets)) - frames, 0, frames)
