@@ -11,7 +11,7 @@ from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief, read_only
 from ehar.obstacles.shapes import passes_by, passes_through
 
 THICKEST = 0.15  # [m], more than the radius of any bone
-LOST = 0.5  # share of a person's joints; who has more hidden by one passer-by is not detected beside them
+UNDETECTED = 0.5  # share of a person's joints; who has more hidden by one passer-by is not detected beside them
 ALIKE = 1.5  # a track takes nobody who appears more than so many times as large as whom it has watched
 
 Frames = int | slice  # one frame, of arrays (B, ...); or several, of arrays (B, T, ...)
@@ -93,32 +93,30 @@ class Passers:
         placed[..., 2] = posture[..., 2] + self.lift[:, frames, :, None]
         return placed
 
-    def taken_for(self, cameras: FloatArray, joints: FloatArray, hiding: BoolArray, frame: int) -> IntArray:
-        """Return which passer-by a track takes each person for, (..., P); -1 where it takes nobody else.
+    def taken_for(
+        self, cameras: FloatArray, joints: FloatArray, hiding: BoolArray, frame: int
+    ) -> tuple[BoolArray, FloatArray]:
+        """Return which people a track takes a passer-by for, (..., P), and that one's joints, (..., P, J, 3) [m].
 
         A track goes on with the body that it finds where it expects one. It takes the passer-by who hides most of a
-        person, if these are more than `LOST` of the joints, and the passer-by, who is nearer, appears at most `ALIKE`
-        times as large. When the person is seen again, the track has them again.
+        person, if these are more than `UNDETECTED` of the joints, and the passer-by, who is nearer, appears at most
+        `ALIKE` times as large. When the person is seen again, the track has them again. Joints of people whom it takes
+        nobody for have no meaning.
 
         Args:
             cameras: (B, ..., 3) [m].
             joints: (B, ..., P, J, 3) [m].
-            hiding: what `hiding` says of them.
+            hiding: (..., P, J, W), a result of `hiding`.
             frame: the frame.
         """
-        bodies = self.joints(frame).mean(axis=-2)  # (B, W, 3)
-        bodies = bodies.reshape(len(bodies), *[1] * (cameras.ndim - 2), *bodies.shape[1:])
-        far = np.linalg.norm(joints.mean(axis=-2) - cameras[..., None, :], axis=-1)
-        near = np.linalg.norm(bodies - cameras[..., None, :], axis=-1)
-        share = hiding.mean(axis=-2) * (far[..., None] <= ALIKE * near[..., None, :])
-        return np.where(share.max(axis=-1) > LOST, share.argmax(axis=-1), -1)
-
-    def joints_of(self, taken: IntArray, frame: int) -> FloatArray:
-        """Return the joints (..., P, J, 3) of the passers-by that people are taken for, as `taken_for` says."""
         bodies = self.joints(frame)
-        bodies = bodies.reshape(len(bodies), *[1] * (taken.ndim - 2), *bodies.shape[1:])
-        bodies = np.broadcast_to(bodies, (*taken.shape[:-1], *bodies.shape[-3:]))
-        return np.take_along_axis(bodies, np.maximum(taken, 0)[..., None, None], axis=-3)
+        bodies = bodies.reshape(len(bodies), *[1] * (cameras.ndim - 2), *bodies.shape[1:])  # (B, ..., W, J, 3)
+        far = np.linalg.norm(joints.mean(axis=-2) - cameras[..., None, :], axis=-1)
+        near = np.linalg.norm(bodies.mean(axis=-2) - cameras[..., None, :], axis=-1)
+        share = hiding.mean(axis=-2) * (far[..., None] <= ALIKE * near[..., None, :])
+        who = share.argmax(axis=-1)[..., None, None]
+        bodies = np.broadcast_to(bodies, (*who.shape[:-3], *bodies.shape[-3:]))
+        return share.max(axis=-1) > UNDETECTED, np.take_along_axis(bodies, who, axis=-3)
 
     def hiding(self, cameras: FloatArray, joints: FloatArray, frames: Frames) -> BoolArray:
         """Return who hides which joints from cameras, (..., P, J, W): a bone's capsule is in the way.

@@ -67,14 +67,12 @@ class Surroundings:
             return joints, self.hide(viewpoint, around, frame)
         cameras = cartesian(viewpoint)
         hiding = passers.hiding(cameras, around, frame)
-        taken = passers.taken_for(cameras, around, hiding, frame)
-        theirs = passers.joints_of(taken, frame)
-        is_taken = (taken >= 0)[..., None]
-        moved = self._moved(frame, cameras)
-        around = np.where(is_taken[..., None], theirs, around)
+        taken, theirs = passers.taken_for(cameras, around, hiding, frame)
+        moved, taken = self._moved(frame, cameras), taken[..., None]
+        around = np.where(taken[..., None], theirs, around)
         hidden = self.obstacles.hide(cameras + moved, around + moved[..., None, None, :])
-        joints = np.where(is_taken[..., None], theirs if beside is None else theirs - beside, joints)
-        return joints.astype(np.float32), hidden | (hiding.any(axis=-1) & ~is_taken)
+        joints = np.where(taken[..., None], theirs if beside is None else theirs - beside, joints)
+        return joints.astype(np.float32), hidden | (hiding.any(axis=-1) & ~taken)
 
     def clearance(self, viewpoint: FloatArray, frames: Frames) -> FloatArray:
         """Return how far cameras are from the nearest obstacle [m], in the shape of the viewpoints; see `hide`."""

@@ -233,9 +233,9 @@ def test_a_world_file_in_which_people_are_tracked(tmp_path: Path) -> None:
     assert "2 passers-by, some taken for those that are watched" in str(tracked)
     with pytest.raises(EharError, match="identity: expected "):
         load_world(written(tmp_path, content | {"identity": "guessed"}))
-    scenarios, one = windows(tiny_data(), np.arange(2), 8, 1), np.arange(2)
+    scenarios = windows(tiny_data(), np.arange(2), 8, 1)
     for world in (tracked, known):
-        around = surroundings_of(scenarios, one, world, np.random.default_rng(0))
+        around = surroundings_of(scenarios, np.arange(2), world, np.random.default_rng(0))
         assert around is not None and around.passers is not None
         assert around.passers.mistakable == (world is tracked)
 

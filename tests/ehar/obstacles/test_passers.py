@@ -10,7 +10,7 @@ from ehar.data.surroundings import surroundings_of
 from ehar.flight.centre import centre_limits
 from ehar.flight.vehicle import VEHICLES
 from ehar.obstacles import Obstacles, Surroundings
-from ehar.obstacles.passers import LOST, Passers
+from ehar.obstacles.passers import UNDETECTED, Passers
 from ehar.obstacles.shapes import Cylinder, passes_by, passes_through
 from ehar.world import CROWD, PASSER_RADIUS
 from tests.helpers.fakes import POSE, SKELETON, tiny_data
@@ -144,7 +144,7 @@ def test_a_track_takes_who_hides_somebody_for_them() -> None:
         walker = replace(standing(np.array([[0.0, -3.0], [before, 0.0]]), turn=0.3), mistakable=True)
         around = Surroundings(Obstacles(), None, walker)
         true = around.hide(viewpoint, person, 0)
-        assert true.mean() > LOST
+        assert true.mean() > UNDETECTED
         joints, hidden = around.show(viewpoint, person, 0)
         np.testing.assert_allclose(joints, walker.joints(0)[:, 1:] if is_taken else person)
         np.testing.assert_array_equal(hidden, true & (not is_taken))
