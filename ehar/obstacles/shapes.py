@@ -17,6 +17,7 @@ NO_WAY = 1e-9  # [m]; takes the place of a way of no length along an axis, becau
 
 Positive = Annotated[float, Gt(0)]
 Place = tuple[float, float, float]
+Coordinates = tuple[FloatArray, FloatArray, FloatArray]  # x, y and z [m], which broadcast
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,22 +48,23 @@ class Box:
 
     def clearance(self, points: FloatArray) -> FloatArray:
         """Return how far points (..., 3) are from the box [m], (...,); inside it is negative: the way out."""
-        beyond = np.stack([np.abs(axis) - size / 2 for axis, size in zip(self._own(points), self.size, strict=True)])
+        own = self._own(coordinates(points))
+        beyond = np.stack([np.abs(axis) - size / 2 for axis, size in zip(own, self.size, strict=True)])
         outside = np.sqrt((np.maximum(beyond, 0) ** 2).sum(axis=0))
         distance: FloatArray = outside + np.minimum(beyond.max(axis=0), 0)
         return distance
 
-    def cuts(self, begin: FloatArray, end: FloatArray) -> BoolArray:
-        """Return which straight ways, (..., 3) to (..., 3), leave the box before they end, (...,): the slab test."""
+    def cuts(self, begin: Coordinates, end: Coordinates) -> BoolArray:
+        """Return which straight ways from `begin` to `end` leave the box before they end, (...,): the slab test."""
         entered: FloatArray | float = -np.inf
         left: FloatArray | float = np.inf
         for first, last, size in zip(self._own(begin), self._own(end), self.size, strict=True):
             entered, left = _between(first, last, -size / 2, size / 2, entered, left)
         return _is_cut(entered, left)
 
-    def _own(self, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the coordinates of points (..., 3) along the axes of the box, from its middle."""
-        x, y, z = (points[..., axis] - self.centre[axis] for axis in range(3))
+    def _own(self, points: Coordinates) -> Coordinates:
+        """Return the coordinates of points along the axes of the box, from its middle."""
+        x, y, z = (axis - middle for axis, middle in zip(points, self.centre, strict=True))
         if not self.yaw_deg:
             return x, y, z
         cos, sin = np.cos(np.radians(self.yaw_deg)), np.sin(np.radians(self.yaw_deg))
@@ -103,12 +105,12 @@ class Cylinder:
         distance: FloatArray = outside + np.minimum(beyond.max(axis=0), 0)
         return distance
 
-    def cuts(self, begin: FloatArray, end: FloatArray) -> BoolArray:
-        """Return which straight ways, (..., 3) to (..., 3), leave the cylinder before they end, (...,)."""
+    def cuts(self, begin: Coordinates, end: Coordinates) -> BoolArray:
+        """Return which straight ways from `begin` to `end` leave the cylinder before they end, (...,)."""
         x, y, z = self.centre
-        return cylinder_cuts(
-            begin - (x, y, 0.0), end - (x, y, 0.0), z - self.height / 2, z + self.height / 2, self.radius
-        )
+        to_axis = np.array([-x, -y, 0.0])  # of 64 bits, and so is what follows: a root of a small difference needs them
+        low, high = z - self.height / 2, z + self.height / 2
+        return cylinder_cuts(moved(begin, to_axis), moved(end, to_axis), low, high, self.radius)
 
 
 Shape = TypeVar("Shape", Box, Cylinder)
@@ -160,7 +162,7 @@ class Obstacles:
         begin, end = cameras[..., None, None, :].astype(np.float32), joints.astype(np.float32, copy=False)
         hidden = np.zeros(np.broadcast_shapes(begin.shape, end.shape)[:-1], dtype=bool)
         for shape in self.shapes:
-            hidden |= shape.cuts(begin, end)
+            hidden |= shape.cuts(coordinates(begin), coordinates(end))
         return hidden
 
     @property
@@ -186,14 +188,24 @@ class Obstacles:
         return ", ".join(parts)
 
 
+def coordinates(points: FloatArray) -> Coordinates:
+    """Return the coordinates of points (..., 3), each (...,)."""
+    return points[..., 0], points[..., 1], points[..., 2]
+
+
+def moved(points: Coordinates, by: FloatArray) -> Coordinates:
+    """Return the coordinates of points that are moved by (3, ...) [m]."""
+    return points[0] + by[0], points[1] + by[1], points[2] + by[2]
+
+
 def cylinder_cuts(
-    begin: FloatArray,
-    end: FloatArray,
+    begin: Coordinates,
+    end: Coordinates,
     low: FloatArray | float,
     high: FloatArray | float,
     radius: float,
 ) -> BoolArray:
-    """Return which straight ways, (..., 3) to (..., 3), leave an upright cylinder about the z axis before they end.
+    """Return which straight ways leave an upright cylinder about the z axis before they end, (...,).
 
     A way is inside the circle between the roots of a quadratic, and between bottom and top as in the slab test.
 
@@ -204,15 +216,15 @@ def cylinder_cuts(
         high: height of the top [m].
         radius: of the cylinder [m].
     """
-    x, y = begin[..., 0], begin[..., 1]
-    way_x, way_y = end[..., 0] - x, end[..., 1] - y
+    x, y, _ = begin
+    way_x, way_y = end[0] - x, end[1] - y
     square = np.maximum(way_x**2 + way_y**2, NO_WAY**2)
     nearest = -(x * way_x + y * way_y) / square  # the share of the way that comes nearest to the axis
     half = nearest**2 - (x**2 + y**2 - radius**2) / square
     root = np.sqrt(np.maximum(half, 0))
     never = half <= 0
     entered, left = np.where(never, np.inf, nearest - root), np.where(never, -np.inf, nearest + root)
-    return _is_cut(*_between(begin[..., 2], end[..., 2], low, high, entered, left))
+    return _is_cut(*_between(begin[2], end[2], low, high, entered, left))
 
 
 def passes_by(begin: FloatArray, end: FloatArray, place: FloatArray, reach: FloatArray | float) -> BoolArray:

@@ -5,15 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
-from ehar.obstacles.shapes import Obstacles, cylinder_cuts, passes_by
+from ehar.obstacles.shapes import Coordinates, Obstacles, coordinates, cylinder_cuts, moved, passes_by
 from ehar.viewpoint import AZIMUTH, cartesian
 from ehar.world import FLOOR, PASSER_RADIUS
 
 # A person as seen from the side: an upright strip, three points high and three across.
-HEIGHTS = np.array([-0.7, 0.0, 0.6])  # [m], from the mean of the joints
+HEIGHTS = np.array([[-0.7], [0.0], [0.6]])  # [m], from the mean of the joints
 ACROSS = np.array([-0.25, 0.0, 0.25])  # [m]
 ASIDE = 0.26  # [m], farther from the middle than any of these, rounding included
-UP = np.array([0.0, 0.0, 1.0])
 PASSER_TOP = FLOOR + 1.7  # [m], of the head of a passer-by, whose height nobody tells
 
 
@@ -44,23 +43,29 @@ def seen_share(
     cameras = np.broadcast_to(cartesian(viewpoint)[..., None, :], (*viewpoint.shape[:-1], *position.shape[1:]))
     lines = _Lines(cameras, np.broadcast_to(person, cameras.shape), viewpoint[..., AZIMUTH])
     shift = np.zeros((len(position), 3)) if centre is None else centre
-    hidden = np.zeros((*cameras.shape[:-1], len(HEIGHTS) * len(ACROSS)), dtype=bool)
+    hidden = np.zeros((*cameras.shape[:-1], len(HEIGHTS), len(ACROSS)), dtype=bool)
     for shape in obstacles.shapes:
         near, begin, end = lines.near(shape.centre[:2] - shift[:, :2], shape.reach)
-        moved = shift[np.nonzero(near)[0], None]
-        hidden[near] |= shape.cuts((begin + moved).astype(np.float32), (end + moved).astype(np.float32))
+        by = shift[np.nonzero(near)[0]].T[..., None, None]
+        hidden[near] |= shape.cuts(_single(moved(begin, by)), _single(moved(end, by)))
     times = np.asarray(ahead)
     walkers = np.empty((len(position), 0, 4)) if passers is None else passers
     for walker in np.moveaxis(walkers, 1, 0):
         begun, pace = walker[:, :2], walker[:, 2:]
         place = begun + times * pace if times.ndim == 0 else begun[:, None] + times[:, None] * pace[:, None]
         near, begin, end = lines.near(place, PASSER_RADIUS)
-        at = np.zeros((len(begin), 1, 3), dtype=np.float32)
-        at[:, 0, :2] = place[np.nonzero(near)[: place.ndim - 1]]
-        from_there = (begin.astype(np.float32) - at, end.astype(np.float32) - at)
-        hidden[near] |= cylinder_cuts(*from_there, FLOOR, PASSER_TOP, PASSER_RADIUS)
-    seen: FloatArray = 1 - hidden.mean(axis=(-2, -1))
+        to_axis = np.zeros((3, len(begin[0]), 1, 1), dtype=np.float32)
+        to_axis[:2, :, 0, 0] = -place[np.nonzero(near)[: place.ndim - 1]].T
+        from_there, to_there = moved(_single(begin), to_axis), moved(_single(end), to_axis)
+        hidden[near] |= cylinder_cuts(from_there, to_there, FLOOR, PASSER_TOP, PASSER_RADIUS)
+    seen: FloatArray = 1 - hidden.mean(axis=(-3, -2, -1))
     return seen
+
+
+def _single(points: Coordinates) -> Coordinates:
+    """Return coordinates of 32 bits, which are enough for lines of sight."""
+    x, y, z = (part.astype(np.float32) for part in points)
+    return x, y, z
 
 
 class _Lines(NamedTuple):
@@ -76,7 +81,7 @@ class _Lines(NamedTuple):
     people: FloatArray
     azimuth: FloatArray
 
-    def near(self, place: FloatArray, reach: float) -> tuple[BoolArray, FloatArray, FloatArray]:
+    def near(self, place: FloatArray, reach: float) -> tuple[BoolArray, Coordinates, Coordinates]:
         """Return the lines that something may be in the way of; few come near a thing.
 
         Args:
@@ -84,15 +89,12 @@ class _Lines(NamedTuple):
             reach: its radius [m].
 
         Returns:
-            of which people it may hide a part, (B, ..., P), and the ends of these n lines, (n, 1, 3) and (n, 9, 3) [m].
+            of which people it may hide a part, (B, ..., P), and the ends of these n lines: the cameras, (n, 1, 1), and
+            the points on people, (n, 1, 3) across and (n, 3, 1) up [m].
         """
         there = place.reshape(*place.shape[:-1], *[1] * (self.cameras.ndim - place.ndim), 2)
         near = passes_by(self.cameras, self.people, there, reach + ASIDE)
-        azimuth = np.broadcast_to(self.azimuth[..., None], near.shape)[near]
-        aside = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros_like(azimuth)], axis=-1)
-        strip = HEIGHTS[:, None, None] * UP + ACROSS[:, None] * aside[:, None, None]  # (n, 3, 3, 3)
-        return (
-            near,
-            self.cameras[near][:, None],
-            self.people[near][:, None] + strip.reshape(len(strip), strip.shape[1] * strip.shape[2], 3),
-        )
+        azimuth = np.broadcast_to(self.azimuth[..., None], near.shape)[near][:, None, None]
+        begin, middle = (coordinates(ends[near][:, None, None]) for ends in (self.cameras, self.people))
+        x, y, z = middle
+        return near, begin, (x - ACROSS * np.sin(azimuth), y + ACROSS * np.cos(azimuth), z + HEIGHTS)

@@ -8,6 +8,7 @@ import pytest
 from ehar import GridMotion, Workspace
 from ehar.motion import move_towards
 from ehar.obstacles import MARGIN, Box, Cylinder, FreeSpace, Obstacles, Surroundings
+from ehar.obstacles.shapes import coordinates
 from ehar.viewpoint import AZIMUTH, HOVER, apply_moves, cartesian, neighbours
 from ehar.world import ROOM
 
@@ -168,7 +169,7 @@ def test_a_thin_pillar_is_not_jumped_over_by_long_steps(size: float) -> None:
     free = FreeSpace.of(space, pillar)
     here = space.from_cells(np.argwhere(free.free))
     there = neighbours(here, space)
-    crossed = pillar.cylinders[0].cuts(cartesian(here)[:, None], cartesian(there))
+    crossed = pillar.cylinders[0].cuts(coordinates(cartesian(here)[:, None]), coordinates(cartesian(there)))
     assert not (crossed & free.is_free(there)).any()
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ehar import EharError
-from ehar.obstacles.shapes import Box, Cylinder, Obstacles
+from ehar.obstacles.shapes import Box, Cylinder, Obstacles, coordinates
 
 TURNED = Box(centre=(1.0, -0.5, 0.2), size=(2.0, 0.6, 1.0), yaw_deg=30)
 PILLAR = Cylinder(centre=(-1.0, 0.4, 0.0), radius=0.5, height=2.0)
@@ -28,7 +28,7 @@ def test_a_way_is_cut_where_one_of_its_points_is_inside(shape: Box | Cylinder, s
     axis = rng.integers(3, size=60)
     along[np.arange(60), axis] = begin[np.arange(60), axis]  # ways without any length along an axis
     for last in (end, along):
-        cut, expected = shape.cuts(begin, last), tried(shape, begin, last)
+        cut, expected = shape.cuts(coordinates(begin), coordinates(last)), tried(shape, begin, last)
         assert (cut | ~expected).all()  # a way may graze a shape between two points that are tried
         assert (cut != expected).sum() <= 3
 
