@@ -138,8 +138,12 @@ class RunConfig:
 
     @property
     def in_world(self) -> str:
-        """The world in titles, with a comma before it; nothing for the paper's."""
-        return "" if self.world == PAPER else f", world {self.world.name}"
+        """The world in titles, with a comma before it, and whose joints are whose if that is not known.
+
+        Nothing for the paper's.
+        """
+        tracked = "" if self.world.identity == "known" else f", identity {self.world.identity}"
+        return "" if self.world == PAPER else f", world {self.world.name}{tracked}"
 
     @property
     def told_onset(self) -> str:

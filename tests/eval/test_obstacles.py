@@ -219,6 +219,8 @@ def test_a_run_in_which_passers_by_are_taken_for_people_is_verified(lab: Path, t
         conditions = told(lab, world=str(tmp_path / f"{identity}.json"))
         run = benchmark(["no-act", "oracle"], conditions, out=tmp_path / identity, reporter=Log())
         assert verify(tmp_path / identity, rerun_episodes=4, reporter=Log()).difference is None
+        title = (tmp_path / identity / "table.md").read_text(encoding="utf-8").splitlines()[0]
+        assert ("identity tracked" in title) == (identity == "tracked")
         answers.append(run.records["no-act"].true_probability)
     found = compare(tmp_path / "known", tmp_path / "tracked")
     assert found.differing == {"identity": ("known", "tracked")}
