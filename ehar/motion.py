@@ -118,8 +118,8 @@ class GridMotion:
 
     Among obstacles it takes the shortest free way: `move_towards` as long as that leads to the target, or else a
     shortest way through free cells. A target in no free cell stands for the nearest free one. Where the centre moves,
-    as it does in streams, the free cells change in every frame; then it makes the free move that gets nearest to the
-    target, and without any the one that keeps clearest.
+    as it does in streams, or passers-by come near, the free cells change in every frame; then it makes the free move
+    that gets nearest to the target, and without any the one that keeps clearest.
     """
 
     def __init__(self, *, workspace: Workspace | None = None) -> None:
@@ -157,10 +157,10 @@ class GridMotion:
         """Make a move towards targets and return the viewpoints reached, (B, 3)."""
         self._frame += 1
         around = self._surroundings
-        if around is None or not around.obstacles:
+        if around is None or not around.can_be_hit:
             moves = move_towards(self._viewpoint, target, self.workspace)
             self._viewpoint = apply_moves(self._viewpoint, moves, self.workspace)
-        elif around.moved is None:
+        elif around.moved is None and not (around.passers is not None and around.passers.met):
             self._viewpoint = self._by_free_cells(target, FreeSpace.of(self.workspace, around.obstacles))
         else:
             self._viewpoint = self._by_clearance(target, around)

@@ -14,15 +14,15 @@ from ehar.errors import UsageError
 from ehar.files import read_json
 from ehar.localisation import USUAL_LOCALISATION, Localisation
 from ehar.obstacles.free_space import FreeSpace
+from ehar.obstacles.passers import FLOOR, PASSER_RADIUS
 from ehar.obstacles.shapes import MARGIN, Box, Cylinder, Obstacles
 from ehar.viewpoint import MOST_DISTANCE, Workspace
 
 SAME = 1e-9  # share of a number by which two worlds may differ and be the same: degrees become radians
 
-PASSER_RADIUS = 0.25  # [m]
 PASSER_ROOM = PASSER_RADIUS + MARGIN  # [m], between the ways of passers-by and the nearest cameras
 LEAST_REACH = 2.0  # [m]; with less room passers-by would walk through people
-LATER = ("obstacles", "passers_by", "localisation", "identity")  # what older files do not have
+LATER = ("obstacles", "passers_by", "passers_reach", "localisation", "identity")  # what older files do not have
 OPTIONAL = (  # keys of files that have a usual value
     *(*LATER, "walls", "boxes", "cylinders", "yaw_deg"),
     *("noise", "delay", "agility"),
@@ -48,6 +48,8 @@ class World:
             first; None takes all cells of the workspace.
         obstacles: what stands there. It hides people, and cameras keep clear of it.
         passers_by: number of people who walk past those that are watched, and hide them.
+        passers_reach: how far from those that are watched they walk [m]; None is never to where cameras may be.
+            Cameras keep clear of those whom they may meet.
         localisation: how well, and how soon, it is known where people are in streams; of no meaning in clips.
         identity: whether it is known whose joints are whose. "tracked": a track of those that are watched takes a
             passer-by for somebody whom they hide, see `Passers.taken_for`; of no meaning where nobody walks past.
@@ -63,6 +65,7 @@ class World:
     start_cells: tuple[int, int, int] | None = None
     obstacles: Obstacles = field(default_factory=Obstacles)
     passers_by: int = 0
+    passers_reach: float | None = None
     localisation: Localisation = USUAL_LOCALISATION
     identity: Identity = "known"
 
@@ -74,6 +77,11 @@ class World:
             raise UsageError(
                 f"world {self.name}: start_cells: expected 3 numbers from 1 to {', '.join(map(str, cells))}, "
                 f"the cells along distance, azimuth and polar angle, got {list(starts)}"
+            )
+        if self.passers_reach is not None and not LEAST_REACH <= self.passers_reach <= MOST_DISTANCE:
+            raise UsageError(
+                f"world {self.name}: passers_reach: expected {LEAST_REACH:g} to {MOST_DISTANCE:g} m, "
+                f"got {self.passers_reach:g}"
             )
         if self.passers_by > MOST_PASSERS:
             raise UsageError(f"world {self.name}: passers_by: expected at most {MOST_PASSERS}, got more")
@@ -91,8 +99,19 @@ class World:
 
     @property
     def passing_reach(self) -> float:
-        """How far passers-by get from people [m]: never to where cameras may be."""
-        return self.workspace.distance_min - PASSER_ROOM
+        """How far passers-by get from people [m]."""
+        usual = self.workspace.distance_min - PASSER_ROOM  # never to where cameras may be
+        return usual if self.passers_reach is None else self.passers_reach
+
+    @property
+    def meets_passers(self) -> bool:
+        """Whether passers-by walk to where cameras may be."""
+        return self.passers_by > 0 and self.passing_reach > self.workspace.distance_min - PASSER_ROOM
+
+    @property
+    def can_be_hit(self) -> bool:
+        """Whether there is anything that a camera can come too near to."""
+        return bool(self.obstacles) or self.meets_passers
 
     @property
     def is_open(self) -> bool:
@@ -102,7 +121,7 @@ class World:
     @property
     def opened(self) -> "World":
         """The same world with nothing but people in it."""
-        return replace(self, obstacles=Obstacles(), passers_by=0, identity="known")
+        return replace(self, obstacles=Obstacles(), passers_by=0, passers_reach=None, identity="known")
 
     @property
     def free_space(self) -> FreeSpace | None:
@@ -146,6 +165,8 @@ class World:
         held = {name: value for name, value in asdict(self).items() if name not in left}
         if self.localisation == USUAL_LOCALISATION:
             del held["localisation"]
+        if self.passers_reach is None:
+            del held["passers_reach"]
         if self.identity == "known":
             del held["identity"]
         return held
@@ -155,6 +176,7 @@ class World:
         starts = " x ".join(map(str, self.start_cells or self.workspace.cells))
         inside = f", {self.obstacles}" if self.obstacles else ""
         inside += f", {self.passers_by} passers-by" if self.passers_by else ""
+        inside += f" up to {self.passing_reach:g} m away" if self.meets_passers else ""
         inside += ", some taken for those that are watched" if self.identity == "tracked" else ""
         inside += "" if self.localisation == USUAL_LOCALISATION else f", people localised with {self.localisation}"
         return f"{self.name} ({self.workspace}, {starts} starts, {self.camera}{inside})"
@@ -167,6 +189,7 @@ def _numbers(world: World) -> list[float]:
     parts += [
         *starts,
         world.passers_by,
+        world.passing_reach if world.passers_by else 0,
         world.identity == "tracked",
         *world.localisation.numbers,
         *world.obstacles.numbers,
@@ -192,8 +215,6 @@ INDOOR = World(
     ),
     Camera(width=640, height=480, focal_length=525.0),
 )
-
-FLOOR = -0.95  # [m], below the middle of people who stand
 
 # A gym around the paper's people: a wall 9 m away on two sides and 7 m on the others, two pillars, and a table.
 ROOM = replace(
@@ -241,6 +262,7 @@ class WorldFile:
     start_cells: tuple[Count, Count, Count] | None = None
     obstacles: Obstacles = field(default_factory=Obstacles)
     passers_by: Annotated[int, Ge(0), Le(MOST_PASSERS)] = 0
+    passers_reach: Annotated[float, Ge(LEAST_REACH), Le(MOST_DISTANCE)] | None = None
     localisation: Localisation = USUAL_LOCALISATION
     identity: Identity = "known"
 
@@ -255,7 +277,7 @@ class WorldFile:
             angle_step=math.radians(self.angle_step_deg),
         )
         camera = Camera(**vars(self.camera))
-        around = self.obstacles, self.passers_by, self.localisation, self.identity
+        around = self.obstacles, self.passers_by, self.passers_reach, self.localisation, self.identity
         return World(name, workspace, camera, self.start_cells, *around)
 
 
@@ -263,7 +285,8 @@ def load_world(world: str | Path | World) -> World:
     """Return the world that a name or an object means, or read a world file.
 
     A world file is a JSON object, whose keys are the fields of `WorldFile`; `start_cells`, `obstacles`, `passers_by`,
-    `localisation` and `identity` may be left out. The name of the file, without `.json`, is the name of the world.
+    `passers_reach`, `localisation` and `identity` may be left out. The name of the file, without `.json`, is the name
+    of the world.
 
     Raises:
         UsageError: there is no such world or file; or a key is missing or unknown, or a value is impossible.

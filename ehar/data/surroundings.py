@@ -7,9 +7,10 @@ from ehar.data.scenario import Scenarios
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.obstacles.passers import Bodies, Passers
 from ehar.obstacles.surroundings import Surroundings
-from ehar.world import World
+from ehar.world import PASSER_ROOM, World
 
 WALKING = (1.0, 1.6)  # [m/s], from the slowest to the fastest passer-by
+BERTH = 2.5  # [m], between cameras and passers-by whom they may meet, in the first frame
 NEAREST = (0.7, 2.0)  # [m], between the people's centre and the nearest point of a passer-by's way
 TRACKED = (0.05, 0.1)  # [m], [m/s], standard deviation of what planners are told on each axis, in each frame anew
 
@@ -44,8 +45,9 @@ def _passers(
     """Draw the passers-by of B scenarios: people of other sequences of the same part, and straight ways past people.
 
     A way is a chord of the circle within which they walk. It is walked at one speed, from one end to the other and
-    back. Where it begins is drawn, so at any time a passer-by is as likely here as there. They stay on the floor on
-    which people stand in the first frame, though the centre, which places are relative to, follows people up and down.
+    back. Where it begins is drawn, so at any time a passer-by is as likely here as there. Those whom cameras may meet
+    begin near people, so that no camera begins in their way. They stay on the floor on which people stand in the first
+    frame, though the centre, which places are relative to, follows people up and down.
 
     Args:
         scenarios: the scenarios.
@@ -60,6 +62,8 @@ def _passers(
     half = np.sqrt(reach**2 - aside**2)
     direction = rng.uniform(0, 2 * np.pi, shape)
     gone = rng.uniform(0, 1, shape) * 4 * half
+    if world.meets_passers:
+        gone = _from_near(gone, half, aside, world)
     pace = rng.uniform(*WALKING, shape)[:, None]
     gone, half = gone[:, None] + pace * time[:, None], half[:, None]  # (B, L, W), (B, 1, W)
     turned = gone % (4 * half) - 2 * half
@@ -79,7 +83,24 @@ def _passers(
     facing = skeleton.heading(bodies.joints[posture[:, 0]])
     turn = np.arctan2(velocity[..., 1], velocity[..., 0]) - facing[:, None]
     lift = (_floor(scenarios, chosen, risen)[:, None] - lowest)[:, None] - risen[..., None]
-    return Passers(place, posture, turn, lift, tracked, bodies, mistakable=world.identity == "tracked")
+    told = {"mistakable": world.identity == "tracked", "met": world.meets_passers}
+    return Passers(place, posture, turn, lift, tracked, bodies, **told)
+
+
+def _from_near(gone: FloatArray, half: FloatArray, aside: FloatArray, world: World) -> FloatArray:
+    """Return how far passers-by have gone who begin farther than `BERTH` from where cameras may be, if they can.
+
+    Args:
+        gone: (B, W) how far they would have gone of their way and back [m].
+        half: (B, W) half of each way's length [m].
+        aside: (B, W) how far people's centre is from each way [m].
+        world: the world.
+    """
+    near = np.sqrt(np.maximum((world.workspace.distance_min - PASSER_ROOM - BERTH) ** 2 - aside**2, 0))
+    back = gone >= 2 * half
+    along = ((gone % (2 * half)) / half - 1) * near
+    nearer: FloatArray = np.where(back, 3 * half + along, half - along)
+    return nearer
 
 
 def _others(

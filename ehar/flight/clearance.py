@@ -9,6 +9,7 @@ from ehar.arrays import BoolArray, FloatArray, IntArray
 from ehar.flight.centre import SPEED_UP, ways_ahead
 from ehar.flight.profile import JerkProfile
 from ehar.obstacles.free_space import FreeSpace
+from ehar.obstacles.passers import passing_clearance
 from ehar.obstacles.shapes import MARGIN, Obstacles
 from ehar.viewpoint import AZIMUTH, DISTANCE, Workspace, cartesian, wrap_difference
 
@@ -19,6 +20,8 @@ COARSEST = 8  # samples of a flight in the first pass
 CORNERS = 24  # places, spread over a way around obstacles, that may be flown to first
 NEXT = 4  # and the first places of the way, where no other is in sight
 LONGEST = 400  # cells of such a way
+FORESEEN = 3.0  # [s] for which passers-by are thought to walk straight on; after it they may be anywhere
+UP = np.array([0.0, 0.0, 1.0])
 
 
 class Around(NamedTuple):
@@ -29,16 +32,20 @@ class Around(NamedTuple):
         moved: (B, 3) how far people's centre, around which cameras fly, is from the obstacles' origin [m].
         walking: (B, 3) the velocity of that centre [m/s]; people may walk on for a while.
         speeding_up: (B, 3) its acceleration [m/s^2]; they may go on with that too, for less long.
+        passers: (B, W, 4) place [m] and velocity [m/s] of passers-by, as tracked, relative to the centre; None if
+            cameras meet none.
     """
 
     obstacles: Obstacles
     moved: FloatArray
     walking: FloatArray
     speeding_up: FloatArray
+    passers: FloatArray | None = None
 
     def select(self, rows: IntArray) -> "Around":
         """Return that of some of the cameras."""
-        return Around(self.obstacles, self.moved[rows], self.walking[rows], self.speeding_up[rows])
+        passers = None if self.passers is None else self.passers[rows]
+        return Around(self.obstacles, self.moved[rows], self.walking[rows], self.speeding_up[rows], passers)
 
     def clearance(self, cameras: FloatArray, times: FloatArray) -> FloatArray:
         """Return how clear cameras are on each of people's `ways_ahead`, (W, B, S) [m]; W is 1 if nobody moves.
@@ -47,10 +54,35 @@ class Around(NamedTuple):
             cameras: (B, S, 3) relative to people's centre [m].
             times: (B, S) when they are there, from now on [s].
         """
-        places = cameras + self.moved[:, None]
-        if not (self.walking.any() or self.speeding_up.any()):
-            return self.obstacles.clearance(places[None])
-        return self.obstacles.clearance(places + ways_ahead(times, self.walking, self.speeding_up))
+        places = (cameras + self.moved[:, None])[None]
+        if self.walking.any() or self.speeding_up.any():
+            places = places + ways_ahead(times, self.walking, self.speeding_up)
+        standing = self.obstacles.clearance(places)
+        return standing if self.passers is None else np.minimum(standing, self._passing(cameras, times))
+
+    def to_begin_with(self, cameras: FloatArray) -> FloatArray:
+        """Return how clear cameras (B, S, 3) are if they stay, (W, B, S) [m].
+
+        It is how clear they end up of what stands there, and how clear they now are of passers-by.
+        """
+        ever, now = (np.full((1, 1), time) for time in (np.inf, 0.0))
+        standing = self._replace(passers=None).clearance(cameras, ever)
+        return standing if self.passers is None else np.minimum(standing, self._passing(cameras, now))
+
+    @property
+    def fastest(self) -> FloatArray:
+        """The speed of the fastest passer-by, (B,) [m/s]; 0 if there is none."""
+        if self.passers is None:
+            return np.zeros(len(self.moved))
+        return np.asarray(np.linalg.norm(self.passers[..., 2:], axis=-1).max(axis=-1, initial=0))
+
+    def _passing(self, cameras: FloatArray, times: FloatArray) -> FloatArray:
+        """Return how clear cameras (B, S, 3) are of passers-by who walk straight on, at times (B, S), (B, S) [m]."""
+        assert self.passers is not None
+        ways = np.moveaxis(self.passers[:, None], 2, 0)  # (W, B, 1, 4)
+        places = (way[..., :2] + times[..., None] * way[..., 2:] for way in ways)
+        clearance = passing_clearance(cameras + self.moved[:, None] * UP, places)
+        return np.where(times > FORESEEN, np.inf, clearance)
 
 
 def keeps_clear(profile: JerkProfile, around: Around, speed: float) -> BoolArray:
@@ -59,7 +91,7 @@ def keeps_clear(profile: JerkProfile, around: Around, speed: float) -> BoolArray
     A camera gets no farther between two samples than its speed allows. So a flight with large clearance needs few
     samples, and only those that come near are sampled more finely. A flight that begins nearer to an obstacle than
     plans keep may not get nearer. That is so if people stay. If they walk on, or speed up, it may not get nearer than
-    plans keep either, or than that brings a camera that stays.
+    plans keep either, or than that brings a camera that stays. Passers-by walk straight on for `FORESEEN`.
 
     Args:
         profile: B flights.
@@ -71,10 +103,10 @@ def keeps_clear(profile: JerkProfile, around: Around, speed: float) -> BoolArray
         part, here = profile.select(rows), around.select(rows)
         times = part.duration[:, None] * shares
         cameras = cartesian(part.at(times).viewpoint)
-        begun = here.clearance(cameras[:, :1], np.full((1, 1), np.inf))
+        begun = here.to_begin_with(cameras[:, :1])
         return np.asarray((here.clearance(cameras, times) - np.minimum(PLANNED, begun - 1e-6)).min(axis=(0, 2)))
 
-    highest = speed + SPEED_UP * np.linalg.norm(around.speeding_up, axis=1)
+    highest = speed + SPEED_UP * np.linalg.norm(around.speeding_up, axis=1) + around.fastest
     return _keep_throughout(spare, highest * profile.duration)
 
 

@@ -86,9 +86,9 @@ class FlightMotion:
         Raises:
             UsageError: no flight is possible among them, or no camera sees anybody.
         """
-        around = surroundings if surroundings is not None and surroundings.obstacles else None
+        around = surroundings if surroundings is not None and surroundings.can_be_hit else None
         self._surroundings, self._free_space = around, None
-        if around is not None and around.moved is None:
+        if around is not None and around.obstacles and around.moved is None:
             self._free_space = free_space_of_flights(self.workspace, around.obstacles)
 
     def reset(self, viewpoint: FloatArray, frame_time: float) -> None:
@@ -252,9 +252,9 @@ class FlightMotion:
         return target if space is None else first_towards(self.workspace.clip(self._state.viewpoint), target, space)
 
     @property
-    def _people_move(self) -> bool:
-        """Whether people carry the cameras along among obstacles."""
-        return self._surroundings is not None and self._surroundings.moved is not None
+    def _meets_passers(self) -> bool:
+        around = self._surroundings
+        return around is not None and around.passers is not None and around.passers.met
 
     def _around(self, rows: IntArray) -> Around | None:
         """Return what stands around the cameras of rows (n,) in this frame; None in an open world."""
@@ -262,11 +262,13 @@ class FlightMotion:
         if around is None:
             return None
         rest = np.zeros((len(rows), 3))
+        met = around.passers if self._meets_passers else None
         return Around(
             around.obstacles,
             rest if around.moved is None else around.moved[rows, self._frames],
             rest if self.centre is None else self.centre.velocity[rows, self._frames],
             rest if self.centre is None else self.centre.acceleration[rows, self._frames],
+            None if met is None else met.tracked[rows, self._frames],
         )
 
     def _clear(self, rows: IntArray, plan: JerkProfile) -> BoolArray:
@@ -281,9 +283,9 @@ class FlightMotion:
         return clear
 
     def _evade(self) -> None:
-        """Leave plans that people's walk makes come too near to something, for the clearest valid flight nearby."""
-        around = self._around(np.arange(len(self._flown)))
-        if around is None or not self._people_move:
+        """Leave plans that come too near to something as people walk, for the clearest valid flight nearby."""
+        around, surroundings = self._around(np.arange(len(self._flown))), self._surroundings
+        if around is None or surroundings is None or (surroundings.moved is None and not self._meets_passers):
             return
         planned = clearance_ahead(self._plan, self._flown, around)
         rows = np.flatnonzero(too_near(planned))

@@ -1,6 +1,6 @@
 """People who walk past those that are watched: recorded bodies that are carried along straight ways."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -8,7 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ehar.arrays import BoolArray, FloatArray, IntArray, in_brief, read_only
-from ehar.obstacles.shapes import passes_by, passes_through
+from ehar.obstacles.shapes import cylinder_clearance, passes_by, passes_through
+
+# The upright cylinder that stands for a passer-by, as nobody tells how they hold their limbs.
+FLOOR = -0.95  # [m], below the middle of people who stand
+PASSER_TOP = FLOOR + 1.7  # [m], of the head
+PASSER_RADIUS = 0.25  # [m]
 
 THICKEST = 0.15  # [m], more than the radius of any bone
 UNDETECTED = 0.5  # share of a person's joints; who has more hidden by one passer-by is not detected beside them
@@ -47,6 +52,7 @@ class Passers:
             walk [m/s], each along x and y.
         bodies: the postures.
         mistakable: whether a track may take them for those that are watched.
+        met: whether they walk to where cameras may be.
     """
 
     place: FloatArray
@@ -56,6 +62,7 @@ class Passers:
     tracked: FloatArray
     bodies: Bodies
     mistakable: bool = False
+    met: bool = False
 
     __repr__ = in_brief
 
@@ -92,6 +99,17 @@ class Passers:
         placed[..., 1] = np.sin(turn) * x + np.cos(turn) * y + self.place[:, frames, :, None, 1]
         placed[..., 2] = posture[..., 2] + self.lift[:, frames, :, None]
         return placed
+
+    def clearance(self, cameras: FloatArray, frames: Frames) -> FloatArray:
+        """Return how far cameras are from the nearest passer-by [m], (B, ...); see `passing_clearance`.
+
+        Args:
+            cameras: (B, ..., 3) of one frame, or (B, T, 3) of several.
+            frames: the frame, or the frames.
+        """
+        places = np.moveaxis(self.place[:, frames], -2, 0)
+        wide = *places.shape[:-1], *[1] * (cameras.ndim - places.ndim + 1), places.shape[-1]
+        return passing_clearance(cameras, places.reshape(wide))
 
     def taken_for(
         self, cameras: FloatArray, joints: FloatArray, hiding: BoolArray, frame: int
@@ -139,3 +157,20 @@ class Passers:
         first, last = np.moveaxis(bodies.reshape(-1, *bodies.shape[-2:])[body][:, self.bodies.bones], 2, 0)
         near[near] = passes_through(begin, end, first, last, self.bodies.radii).any(axis=1)
         return near
+
+
+def passing_clearance(cameras: FloatArray, places: Iterable[FloatArray]) -> FloatArray:
+    """Return how far cameras are from the nearest passer-by [m], (...,), who is taken for an upright cylinder.
+
+    All are as tall, so the nearest is who is nearest as seen from above.
+
+    Args:
+        cameras: (..., 3), relative to people's centre, but their height is relative to that of the first frame [m].
+        places: where each passer-by is, (..., 2) [m].
+    """
+    x, y, z = (cameras[..., axis] for axis in range(3))
+    nearest = np.full(cameras.shape[:-1], np.inf)
+    for place in places:
+        nearest = np.minimum(nearest, (x - place[..., 0]) ** 2 + (y - place[..., 1]) ** 2)
+    middle, half = (PASSER_TOP + FLOOR) / 2, (PASSER_TOP - FLOOR) / 2
+    return cylinder_clearance(np.sqrt(nearest), z - middle, half, PASSER_RADIUS)

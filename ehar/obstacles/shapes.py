@@ -100,10 +100,7 @@ class Cylinder:
     def clearance(self, points: FloatArray) -> FloatArray:
         """Return how far points (..., 3) are from the cylinder [m], (...,); inside it is negative: the way out."""
         x, y, z = (points[..., axis] - self.centre[axis] for axis in range(3))
-        beyond = np.stack([np.hypot(x, y) - self.radius, np.abs(z) - self.height / 2])
-        outside = np.sqrt((np.maximum(beyond, 0) ** 2).sum(axis=0))
-        distance: FloatArray = outside + np.minimum(beyond.max(axis=0), 0)
-        return distance
+        return cylinder_clearance(np.hypot(x, y), z, self.height / 2, self.radius)
 
     def cuts(self, begin: Coordinates, end: Coordinates) -> BoolArray:
         """Return which straight ways from `begin` to `end` leave the cylinder before they end, (...,)."""
@@ -196,6 +193,21 @@ def coordinates(points: FloatArray) -> Coordinates:
 def moved(points: Coordinates, by: FloatArray) -> Coordinates:
     """Return the coordinates of points that are moved by (3, ...) [m]."""
     return points[0] + by[0], points[1] + by[1], points[2] + by[2]
+
+
+def cylinder_clearance(aside: FloatArray, above: FloatArray, half: float, radius: float) -> FloatArray:
+    """Return how far points are from an upright cylinder [m], (...,); inside it is negative.
+
+    Args:
+        aside: (...,) how far they are from its axis [m].
+        above: (...,) how far they are above its middle [m].
+        half: half of its height [m].
+        radius: its radius [m].
+    """
+    beyond = np.stack([aside - radius, np.abs(above) - half])
+    outside = np.sqrt((np.maximum(beyond, 0) ** 2).sum(axis=0))
+    distance: FloatArray = outside + np.minimum(beyond.max(axis=0), 0)
+    return distance
 
 
 def cylinder_cuts(

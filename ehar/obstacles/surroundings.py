@@ -12,6 +12,8 @@ from ehar.obstacles.passers import Frames, Passers
 from ehar.obstacles.shapes import MARGIN, Obstacles
 from ehar.viewpoint import cartesian
 
+UP = np.array([0.0, 0.0, 1.0])
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Surroundings:
@@ -74,10 +76,22 @@ class Surroundings:
         joints = np.where(taken[..., None], theirs if beside is None else theirs - beside, joints)
         return joints.astype(np.float32), hidden | (hiding.any(axis=-1) & ~taken)
 
+    @property
+    def can_be_hit(self) -> bool:
+        """Whether there is anything that a camera can come too near to."""
+        return bool(self.obstacles) or (self.passers is not None and self.passers.met)
+
     def clearance(self, viewpoint: FloatArray, frames: Frames) -> FloatArray:
-        """Return how far cameras are from the nearest obstacle [m], in the shape of the viewpoints; see `hide`."""
+        """Return how far cameras are from the nearest thing that they can hit [m], in the shape of the viewpoints.
+
+        See `hide`.
+        """
         cameras = cartesian(viewpoint)
-        return self.obstacles.clearance(cameras + self._moved(frames, cameras))
+        moved = self._moved(frames, cameras)
+        clearance = self.obstacles.clearance(cameras + moved)
+        if self.passers is None or not self.passers.met:
+            return clearance
+        return np.minimum(clearance, self.passers.clearance(cameras + moved * UP, frames))
 
     def select(self, rows: IntArray | slice, frames: int | None = None) -> "Surroundings":
         """Return those of some of the episodes, cut to their first frames; None keeps all frames."""

@@ -43,7 +43,7 @@ def contacts_of(
         viewpoints: where they are.
         farther: how much farther from obstacles they are taken to be [m].
     """
-    if surroundings is None or not surroundings.obstacles:
+    if surroundings is None or not surroundings.can_be_hit:
         return None
     clearance = surroundings.clearance(viewpoints, slice(None)) + farther
     return ContactRecords(too_near(clearance).sum(axis=1), (clearance < 0).sum(axis=1))

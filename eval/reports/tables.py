@@ -166,6 +166,7 @@ def _table_notes(data: ReportData) -> Iterable[str]:
             yield f"Gap closed needs both {NO_ACT} and {ORACLE} among the planners."
     if any(planner.contacts is not None for planner in planners):
         yield CONTACTS_NOTE
+    yield from data.summary.passing_notes
     if any(len(planner.training_seeds) > 1 for planner in planners):
         yield (
             "Figures of planners with several training seeds are means over them, ± the standard deviation over seeds; "

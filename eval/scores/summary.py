@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from eval.render.tables import Table
 
 
+MET = "Passers-by walk to where cameras may be, and count as obstacles."
+
+
 @dataclass(frozen=True, repr=False)
 class Summary:
     """The results of each planner on the same episodes. It prints as a table, in a notebook as HTML.
@@ -67,6 +70,11 @@ class Summary:
         return f"{scored}{self.episodes} episodes of {self.length} frames from {self.sequences} sequences"
 
     @property
+    def passing_notes(self) -> tuple[str, ...]:
+        """What tables say of passers-by whom cameras may meet."""
+        return (MET,) if self.config.world.meets_passers else ()
+
+    @property
     def lead(self) -> str | None:
         """The most accurate planner without the truth, except no-act; None if there is none."""
         rivals = [planner for planner in self.planners if not planner.privileged and planner.name != NO_ACT]
@@ -91,7 +99,7 @@ class Summary:
             self.title, self.config.data, self.planners, self.differences, basis_lines(self.basis, self.no_intervals)
         )
         warnings = (f"Warning: {line}." for line in self.config.warnings)
-        tables[0] = tables[0]._replace(footnotes=(*warnings, *tables[0].footnotes))
+        tables[0] = tables[0]._replace(footnotes=(*warnings, *tables[0].footnotes, *self.passing_notes))
         return tables
 
     def __repr__(self) -> str:

@@ -89,8 +89,8 @@ def contradiction(config: RunConfig, records: Mapping[str, EpisodeRecords], epis
 def _contacts(name: str, held: EpisodeRecords, config: RunConfig) -> str | None:
     """Return the first impossible number of frames too near to obstacles; None if there is none."""
     near = held.contacts
-    if near is None or not config.world.obstacles:
-        got, expected = ("none" if near is None else "some"), ("some" if config.world.obstacles else "none")
+    if near is None or not config.world.can_be_hit:
+        got, expected = ("none" if near is None else "some"), ("some" if config.world.can_be_hit else "none")
         where = f"{EPISODES}: {name}: {', '.join(CONTACTS)}"
         return None if got == expected else f"{where}: got {got}, expected {expected} in the world {config.world.name}"
     length = np.full(len(held), held.predicted.shape[1])

@@ -276,7 +276,8 @@ def scenes_of(value: ViewValue, observation: Observation, walking: FloatArray) -
     if observation.centre is not None:
         around = [value.obstacles.relative_to(centre) for centre in observation.centre]
     strangers = [None] * episodes if passers is None else passers
-    return [Scene.of(*each) for each in zip(value.situation.position, around, strangers, walking, strict=True)]
+    met = value.meets_passers
+    return [Scene.of(*each, met=met) for each in zip(value.situation.position, around, strangers, walking, strict=True)]
 
 
 def _starts(previous: Solution | None, elapsed: float, task: TrajectoryTask) -> Iterator[TrajectoryTask]:

@@ -9,9 +9,9 @@ import numpy as np
 from ehar.arrays import FloatArray
 from ehar.flight.centre import walked
 from ehar.flight.clearance import PLANNED
+from ehar.obstacles.passers import FLOOR, PASSER_RADIUS, PASSER_TOP
 from ehar.obstacles.shapes import MARGIN, Box, Obstacles
-from ehar.world import FLOOR, PASSER_RADIUS
-from planners.value.line_of_sight import ACROSS, HEIGHTS, PASSER_TOP
+from planners.value.line_of_sight import ACROSS, HEIGHTS
 
 WALKING = 3  # numbers of how fast the centre walks
 BOX = 8  # numbers of a box: its middle, half of its size, the cosine and the sine of its turn
@@ -33,6 +33,7 @@ class SceneSize(NamedTuple):
     boxes: int
     cylinders: int
     passers: int
+    met: bool = False  # whether cameras may meet passers-by, and keep clear of them
 
     @property
     def numbers(self) -> int:
@@ -54,7 +55,12 @@ class Scene:
 
     @staticmethod
     def of(
-        people: FloatArray, obstacles: Obstacles, passers: FloatArray | None, walking: FloatArray | None = None
+        people: FloatArray,
+        obstacles: Obstacles,
+        passers: FloatArray | None,
+        walking: FloatArray | None = None,
+        *,
+        met: bool = False,
     ) -> "Scene":
         """Return a scene.
 
@@ -63,6 +69,7 @@ class Scene:
             obstacles: what stands there, relative to the present centre.
             passers: (W, 4) place [m] and velocity [m/s] of passers-by; None if there are none.
             walking: (3,) the velocity of the centre [m/s]; None if it stays.
+            met: whether cameras may meet passers-by.
         """
         walls = () if obstacles.walls is None else (obstacles.walls,)
         strangers = np.empty((0, 4)) if passers is None else passers
@@ -74,7 +81,7 @@ class Scene:
             numbers += [x, y, cylinder.radius, z - half, z + half, 0.0, 0.0]
         for x, y, east, north in strangers:
             numbers += [x, y, PASSER_RADIUS, FLOOR, PASSER_TOP, east, north]
-        size = SceneSize(len(people), len(walls), len(obstacles.boxes), len(obstacles.cylinders), len(strangers))
+        size = SceneSize(len(people), len(walls), len(obstacles.boxes), len(obstacles.cylinders), len(strangers), met)
         return Scene(size, np.array(numbers))
 
 
@@ -96,6 +103,7 @@ class SceneSymbols:
         self._people, self._walls = parts[: size.people], parts[size.people : boxes]
         self._boxes = parts[boxes:rounds]
         self._standing, self._passing = parts[rounds : rounds + size.cylinders], parts[rounds + size.cylinders :]
+        self._met = self._passing if size.met else []
 
     def seen(self, camera: Any, ahead: Any) -> Any:
         """Return about the share of people that is seen, 0 to 1: `planners.value.line_of_sight.seen_share`, smoothed.
@@ -120,12 +128,9 @@ class SceneSymbols:
         return total / len(self._people)
 
     def intrusion(self, camera: Any, keep: float, ahead: Any) -> Any:
-        """Return the sum of squares of how far a camera (3,) is within `keep` [m] of what stands there; see `seen`.
-
-        Passers-by never walk where cameras may be.
-        """
+        """Return the sum of squares of how far a camera (3,) is within `keep` [m] of what it can hit; see `seen`."""
         total: Any = 0
-        camera = camera + self._way_on(ahead)
+        beside, camera = camera, camera + self._way_on(ahead)  # ways of passers-by are as seen from the centre
         for walls in self._walls:
             for axis, half in zip(_own(camera, walls), ca.vertsplit(walls[3:6]), strict=True):
                 total += _above_0(_length(axis) - half + keep) ** 2
@@ -134,9 +139,9 @@ class SceneSymbols:
             for box in self._boxes
         ]
         for cylinder in self._standing:
-            x, y, radius, low, high, _, _ = ca.vertsplit(cylinder)
-            upwards = _length(camera[2] - (low + high) / 2) - (high - low) / 2
-            shapes.append([_length(camera[0] - x, camera[1] - y) - radius, upwards])
+            shapes.append(_off_cylinder(camera, cylinder, 0))
+        for passer in self._met:
+            shapes.append(_off_cylinder(beside, passer, ahead))
         for first, *others in shapes:
             distance = first
             for other in others:
@@ -152,6 +157,13 @@ class SceneSymbols:
 def kept_clear(*, flown: bool) -> float:
     """Return the distance [m] that plans keep from obstacles: on the grid, motions find the free cells themselves."""
     return PLANNED if flown else MARGIN
+
+
+def _off_cylinder(camera: Any, cylinder: Any, ahead: Any) -> list[Any]:
+    """Return how far a camera is from the side of an upright cylinder that moves, and from its ends [m]."""
+    x, y, radius, low, high, east, north = ca.vertsplit(cylinder)
+    upwards = _length(camera[2] - (low + high) / 2) - (high - low) / 2
+    return [_length(camera[0] - x - ahead * east, camera[1] - y - ahead * north) - radius, upwards]
 
 
 def _hidden_by_cylinder(camera: Any, person: Any, way: tuple[Any, Any, Any], cylinder: Any, ahead: Any) -> Any:

@@ -5,15 +5,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ehar.arrays import BoolArray, FloatArray
+from ehar.obstacles.passers import FLOOR, PASSER_RADIUS, PASSER_TOP
 from ehar.obstacles.shapes import Coordinates, Obstacles, coordinates, cylinder_cuts, moved, passes_by
 from ehar.viewpoint import AZIMUTH, cartesian
-from ehar.world import FLOOR, PASSER_RADIUS
 
 # A person as seen from the side: an upright strip, three points high and three across.
 HEIGHTS = np.array([[-0.7], [0.0], [0.6]])  # [m], from the mean of the joints
 ACROSS = np.array([-0.25, 0.0, 0.25])  # [m]
 ASIDE = 0.26  # [m], farther from the middle than any of these, rounding included
-PASSER_TOP = FLOOR + 1.7  # [m], of the head of a passer-by, whose height nobody tells
 
 
 def seen_share(

@@ -36,6 +36,7 @@ class ViewValue:
         field: the gain field.
         span: the range of distances of the world, after a reset.
         obstacles: those whose place is known, after an update; relative to where the centre was in the first frame.
+        meets_passers: whether cameras may meet passers-by, after a reset.
 
     Raises:
         UsageError: the model has no such field.
@@ -52,6 +53,7 @@ class ViewValue:
     def reset(self, context: Context) -> None:
         """Forget everything."""
         self.span = DistanceRange.of(context.world.workspace)
+        self.meets_passers = context.world.meets_passers
         self._tracker.reset(context)
         self._everywhere = basis_at(coarse_grid(context.workspace), self.span)
 

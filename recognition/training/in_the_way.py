@@ -9,8 +9,9 @@ from ehar.data.scenario import Scenarios
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.data.surroundings import surroundings_of
 from ehar.errors import UsageError
+from ehar.obstacles.passers import FLOOR
 from ehar.obstacles.shapes import MARGIN, Box, Cylinder, Obstacles
-from ehar.world import FLOOR, LEAST_REACH, PASSER_ROOM, World
+from ehar.world import LEAST_REACH, PASSER_ROOM, World
 
 SHARE = 0.5  # of the clips; the others show that nothing is hidden in the open
 TOGETHER = 8  # clips that see the same things, from places of their own

@@ -240,6 +240,29 @@ def test_a_world_file_in_which_people_are_tracked(tmp_path: Path) -> None:
         assert around.passers.mistakable == (world is tracked)
 
 
+def test_a_world_file_in_which_cameras_may_meet_passers_by(tmp_path: Path) -> None:
+    content = CONTENT | {"distance_min": 2.6, "start_cells": [4, 50, 3], "passers_by": 2}
+    usual, near, far = (load_world(written(tmp_path, content | more)) for more in ({}, reach(2.0), reach(7.5)))
+    assert [world.meets_passers for world in (usual, near, far)] == [False, False, True]
+    assert [world.can_be_hit for world in (usual, near, far, ROOM)] == [False, False, True, True]
+    assert [world.passing_reach for world in (usual, near, far)] == pytest.approx([2.05, 2.0, 7.5])
+    assert "passers_reach" not in usual.to_json() and far.to_json()["passers_reach"] == 7.5
+    assert load_world(written(tmp_path, content | reach(7.5))).agrees_with(far)
+    assert not far.agrees_with(usual) and far.opened.agrees_with(usual.opened)
+    assert not replace(far, passers_by=0).meets_passers
+    assert "2 passers-by up to 7.5 m away" in str(far)
+    for wrong in (1.9, -3, "far"):
+        with pytest.raises(EharError, match="passers_reach: expected "):
+            load_world(written(tmp_path, content | reach(wrong)))
+    with pytest.raises(EharError, match=r"passers_reach: expected 2 to [0-9,]+ m, got 1"):
+        replace(usual, passers_reach=1.0)
+
+
+def reach(metres: Any) -> dict[str, Any]:
+    """Return what a world file says of how far passers-by walk."""
+    return {"passers_reach": metres}
+
+
 def test_a_world_file_with_a_localisation(tmp_path: Path) -> None:
     world = load_world(written(tmp_path, CONTENT | {"localisation": {"noise": 0.2, "delay": 1}}))
     assert world.localisation == Localisation(noise=0.2, delay=1.0, agility=2.0)

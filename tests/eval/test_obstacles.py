@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from ehar import Conditions, EharError
+from ehar.data.motion_file import save_motion
 from ehar.data.scenario import part_of
 from ehar.data.streams.scenario import StreamScenarios
 from ehar.sensors.perfect import PerfectSensor
@@ -28,6 +29,7 @@ from recognition.setting import load_setting
 from recognition.training.clips import ClipSource
 from tests.helpers.commands import fails_with
 from tests.helpers.edited_runs import rewrite_figures
+from tests.helpers.fakes import tiny_data
 from tests.helpers.gain_models import model_of, peak_weights
 from tests.helpers.random_networks import save_random_world
 from tests.helpers.settings import tiny_conditions
@@ -226,6 +228,25 @@ def test_a_run_in_which_passers_by_are_taken_for_people_is_verified(lab: Path, t
     assert found.differing == {"identity": ("known", "tracked")}
     changed = (answers[0] != answers[1]).any(axis=1)
     assert 0 < changed.sum() < len(changed)
+
+
+def test_passers_by_whom_cameras_meet_are_kept_clear_of_and_counted(lab: Path, tmp_path: Path) -> None:
+    """Cameras are in the way of 40 people; a motion that does not know of them is counted as well."""
+    held = FILE | {"passers_by": 40, "passers_reach": 9}
+    (tmp_path / "street.json").write_text(json.dumps(held), encoding="utf-8")
+    save_motion(tmp_path / "tiny.npz", tiny_data(sequences=6, frames=100))
+    reckless = f"{lab / 'own_lab.py'}:Reckless"
+    found = {}
+    for track in ("ideal", "tracking-drone", reckless):
+        street, motions = (str(tmp_path / name) for name in ("street.json", "tiny.npz"))
+        conditions = told(lab, world=street, data=motions, track=track, length=100, starts=2)
+        run = benchmark(["no-act"], conditions, out=tmp_path / track[-8:], reporter=Log())
+        assert verify(tmp_path / track[-8:], rerun_episodes=4, reporter=Log()).difference is None
+        assert "Passers-by walk to where cameras may be" in (tmp_path / track[-8:] / "table.md").read_text("utf-8")
+        contacts = run.summary.planner("no-act").contacts
+        assert contacts is not None
+        found[track] = contacts.near_frames
+    assert found[reckless] > 0 and found["tracking-drone"] == 0 and found["ideal"] == 0
 
 
 def test_an_own_motion_that_does_not_know_of_obstacles_is_counted(lab: Path) -> None:

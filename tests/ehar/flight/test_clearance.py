@@ -5,7 +5,9 @@ import pytest
 
 from ehar.errors import UsageError
 from ehar.flight.clearance import (
+    FORESEEN,
     PLANNED,
+    UP,
     Around,
     first_towards,
     free_space_of_flights,
@@ -89,6 +91,33 @@ def test_people_are_expected_to_walk_on_for_a_while() -> None:
     towards[2] = 0
     walking = 0.5 * towards / np.linalg.norm(towards) * np.array([[0], [1], [-1]])
     assert keeps_clear(profile, Around(PILLARS, rest, walking, rest), 5.0).tolist() == [True, False, True]
+
+
+def test_passers_by_are_expected_to_walk_straight_on_for_a_while() -> None:
+    """A flight along 2.1 m of a circle: who comes across its first quarter when the camera is there is in its way."""
+    start, way = np.repeat([[7.0, 0.0, np.pi / 2]], 5, axis=0), np.array([0.0, 0.3, 0.0])
+    rest = np.zeros((5, 3))
+    limits = AxisLimits(*(np.full((5, 3), value) for value in (0.05, 5.0, 50.0)))
+    state = SphericalState(start, rest, rest, rest)
+    profile = JerkProfile.from_phases(state, TimeOptimal().to_target(state, start + way, limits)[0])
+    duration = float(profile.duration[0])
+    assert duration > FORESEEN + 3
+    quarter, end = cartesian(start[0] + way / 4)[:2], cartesian(start[0] + way)[:2]
+    outwards = quarter / np.linalg.norm(quarter)
+    pace = 1.5 * outwards
+    passers = np.stack(
+        [
+            np.concatenate([quarter - duration / 4 * pace, pace]),  # is there when the camera is
+            np.concatenate([quarter - 4 * outwards - duration / 4 * pace, pace]),  # comes too late
+            np.concatenate([end - duration * pace, pace]),  # is there when the camera is, but may be elsewhere by then
+            np.concatenate([start[0, 0] * np.array([1, 0]) + [0, -0.5], 0 * pace]),  # stands where it begins
+            np.concatenate([start[0, 0] * np.array([1, 0]) + [0.3, 0.5], 0 * pace]),  # stands beside its way
+        ]
+    )[:, None]
+    around = Around(Obstacles(), rest, rest, rest, passers)
+    assert keeps_clear(profile, around, 5.0).tolist() == [False, True, True, True, False]
+    above = around._replace(moved=rest + UP * 2)  # people, and the cameras around them, are 2 m higher than at first
+    assert keeps_clear(profile, above, 5.0).all()
 
 
 def test_where_people_take_a_camera_into_a_pillar_it_may_leave_and_not_go_through_another() -> None:

@@ -1,6 +1,7 @@
 """Evading what people walk towards: the clearest of all valid flights is flown, and soon enough."""
 
 import numpy as np
+import pytest
 
 from ehar.flight.centre import centre_limits
 from ehar.flight.clearance import Around
@@ -13,9 +14,11 @@ from ehar.flight.proposals import PROPOSALS, braking_way, limits_to_target
 from ehar.flight.time_optimal import TimeOptimal
 from ehar.flight.vehicle import VEHICLES
 from ehar.localisation import CentreMotion, Localisation, smoothed
-from ehar.obstacles import Surroundings
+from ehar.obstacles import Obstacles, Surroundings
 from ehar.obstacles.shapes import MARGIN
-from ehar.world import ROOM
+from ehar.viewpoint import cartesian
+from ehar.world import PAPER, ROOM
+from tests.helpers.passers import walking
 
 PX4 = VEHICLES["px4-auto"]
 
@@ -72,3 +75,26 @@ def test_who_begins_to_walk_is_evaded_in_time() -> None:
     target = np.stack([np.full(count, 9.0), azimuth, np.full(count, 1.3)], axis=1)
     flown = [surroundings.clearance(motion.advance(target), frame) for frame in range(1, frames)]
     assert np.min(flown) > MARGIN - 1e-9
+
+
+@pytest.mark.parametrize("name", ["px4-auto", "tracking-drone"])
+@pytest.mark.parametrize("flies", [False, True])
+def test_passers_by_who_come_near_are_evaded(name: str, flies: bool) -> None:
+    """They walk towards cameras that stay or fly across, from people or from behind; they are told as in worlds."""
+    rng, count, frames, fps = np.random.default_rng(4), 12, 160, 15
+    azimuth = 2 * np.pi * np.arange(count) / count
+    start = np.stack([np.full(count, 6.0), azimuth, np.full(count, np.pi / 2)], axis=1)
+    there = cartesian(start)[:, None, :2]
+    outwards = there / np.linalg.norm(there, axis=-1, keepdims=True) * rng.choice([-1, 1], (count, 1, 1))
+    velocity = rng.uniform(1.0, 1.6, (count, 1, 1)) * outwards
+    noise = rng.normal(size=(count, frames, 1, 4)) * np.repeat([0.05, 0.1], 2)
+    passers = walking(there - 3.0 * velocity, velocity, frames, fps, noise)
+    around = Surroundings(Obstacles(), None, passers)
+    target = start + np.array([0.0, 0.5, 0.0]) * flies
+    motion = FlightMotion(vehicle=VEHICLES[name], workspace=PAPER.workspace)
+    motion.keep_clear(around)
+    motion.reset(start, 1 / fps)
+    reached = [motion.advance(target) for _ in range(1, frames)]
+    clearance = [around.clearance(viewpoint, frame) for frame, viewpoint in enumerate(reached, 1)]
+    assert np.min(clearance) > MARGIN - 1e-6
+    np.testing.assert_allclose(reached[-1], target, atol=1e-3)  # and when they are gone it goes on

@@ -10,9 +10,9 @@ from ehar.data.surroundings import surroundings_of
 from ehar.flight.centre import centre_limits
 from ehar.flight.vehicle import VEHICLES
 from ehar.obstacles import Obstacles, Surroundings
-from ehar.obstacles.passers import UNDETECTED, Passers
+from ehar.obstacles.passers import PASSER_RADIUS, UNDETECTED, Passers
 from ehar.obstacles.shapes import Cylinder, passes_by, passes_through
-from ehar.world import CROWD, PASSER_RADIUS
+from ehar.world import CROWD
 from tests.helpers.fakes import POSE, SKELETON, tiny_data
 from tests.helpers.passers import standing
 from tests.helpers.streams import raising_streams
@@ -54,6 +54,21 @@ def test_they_walk_straight_past_people_and_never_where_cameras_are() -> None:
     for name, array in passers().arrays.items():
         np.testing.assert_array_equal(array, walked.arrays[name])
         assert not np.array_equal(passers(1).arrays[name], array)
+
+
+def test_those_whom_cameras_may_meet_begin_away_from_them_and_walk_farther() -> None:
+    world = replace(CROWD, passers_reach=9.0, passers_by=20)
+    around = surroundings_of(scenarios(), np.arange(EPISODES), world, np.random.default_rng(0))
+    assert around is not None and around.passers is not None and around.passers.met and around.can_be_hit
+    walked = around.passers.place
+    away = np.linalg.norm(walked, axis=-1)
+    assert away[:, 0].max() < CROWD.passing_reach - 2.4
+    assert away.max() <= 9 + 1e-9 and (away[:, -1] > CROWD.workspace.distance_min).mean() > 0.3
+    steps = np.diff(walked, axis=1) * 25
+    assert np.linalg.norm(steps, axis=-1).max() < 1.61
+    assert np.abs(around.passers.tracked[:, 1:, :, 2:] - steps).mean() < 0.1
+    outwards = (walked[:, 0] * steps[:, 0]).sum(axis=-1) > 0
+    assert 0.3 < outwards.mean() < 0.7
 
 
 def test_they_are_people_of_other_sequences_as_they_were_recorded() -> None:

@@ -16,6 +16,7 @@ from ehar.viewpoint import cartesian
 from ehar.world import CROWD, PAPER, ROOM
 from planners.heuristic import HRotate, NoAct
 from tests.helpers.fakes import SKELETON, FakeRecogniser, tiny_batch, tiny_context, tiny_data, tiny_scenarios
+from tests.helpers.passers import walking
 
 PILLAR = Obstacles(cylinders=(Cylinder(centre=(2.5, 0.0, 0.0), radius=0.6, height=6.0),))
 BEHIND, ASIDE = np.array([6.0, 0.0, np.pi / 2]), np.array([6.0, np.pi / 2, np.pi / 2])
@@ -92,6 +93,26 @@ def test_in_a_stream_obstacles_stay_where_they_are() -> None:
     assert around.clearance(BEHIND[None], 1)[0] == pytest.approx(3.0 + 3.5 - 0.6)
     part = around.select(np.array([0, 0]), 2)
     assert part.moved is not None and part.moved.shape == (2, 2, 3)
+
+
+def test_passers_by_whom_cameras_may_meet_are_as_near_as_a_cylinder() -> None:
+    """One walks 1 m a second along x; people, and the camera with them, rise 3 m between the two frames."""
+    passers = walking(np.array([[[5.0, 0.0], [-9.0, 0.0]]]), np.array([[[1.0, 0.0], [0.0, 0.0]]]), 2, 2.0)
+    level, above = np.array([[7.0, 0.0, np.pi / 2]]), np.array([[5.0, 0.0, 0.0]])
+    moved = np.array([[[0.0, 0.0, 0.0], [4.0, 0.0, 3.0]]])
+    around = Surroundings(Obstacles(), None, passers)
+    assert around.clearance(level, 0) == pytest.approx(7 - 5 - 0.25)
+    assert around.clearance(level, 1) == pytest.approx(7 - 5.5 - 0.25)
+    assert around.clearance(above, 0) == pytest.approx(np.hypot(4.75, 5 - 0.75))
+    risen = Surroundings(Obstacles(), moved, passers)
+    assert risen.clearance(level, 0) == pytest.approx(7 - 5 - 0.25)
+    assert risen.clearance(level, 1) == pytest.approx(np.hypot(7 - 5.5 - 0.25, 3 - 0.75))
+    both = np.repeat(level[:, None], 2, axis=1)
+    np.testing.assert_allclose(risen.clearance(both, slice(None))[0], [risen.clearance(level, at)[0] for at in (0, 1)])
+    seven = np.repeat(level[:, None], 7, axis=1)
+    np.testing.assert_allclose(risen.clearance(seven, 1)[0], np.full(7, risen.clearance(level, 1)[0]))
+    inside = Surroundings(PILLAR, None, passers).clearance(np.array([[5.1, 0.0, np.pi / 2]]), 0)
+    assert inside == pytest.approx(-0.15)
 
 
 def test_the_centre_of_a_stream_moves_as_people_do() -> None:

@@ -12,6 +12,7 @@ from ehar.flight.motion import FlightMotion
 from ehar.flight.vehicle import VEHICLES
 from ehar.motion import GridMotion, Motion
 from ehar.obstacles import Box, Cylinder, Obstacles, Surroundings
+from ehar.obstacles.passers import passing_clearance
 from ehar.rollout import rollout
 from ehar.sensors.perfect import PerfectSensor
 from ehar.viewpoint import cartesian, wrap_difference
@@ -93,6 +94,20 @@ def test_people_who_walk_leave_what_stands_behind(ahead: float) -> None:
 def test_passers_by_walk_where_no_camera_is_and_are_not_kept_clear_of() -> None:
     cameras = cartesian(PAPER.sample_starts(np.random.default_rng(0), 100))
     assert not at_cameras(Scene.of(PEOPLE, Obstacles(), WALKING), cameras)[1].any()
+
+
+@pytest.mark.parametrize("ahead", [0.0, 1.5])
+def test_those_whom_cameras_may_meet_are_kept_clear_of_where_they_will_be(ahead: float) -> None:
+    rng = np.random.default_rng(0)
+    cameras = rng.uniform([-9, -9, -1], [9, 9, 2], (20_000, 3))
+    going = np.array([0.9, -0.4, 0.1])  # people's way is not theirs: they are seen from the centre
+    scene = Scene.of(PEOPLE, Obstacles(), WALKING, going, met=True)
+    clearance = passing_clearance(cameras, WALKING[:, :2] + ahead * WALKING[:, 2:])
+    _, intrusion = at_cameras(scene, cameras, ahead)
+    near = clearance < KEEP - 0.02
+    assert 50 < near.sum() < 19_900
+    assert (intrusion[near] >= (KEEP - np.maximum(clearance[near], -1)) ** 2).all()
+    assert intrusion[clearance > KEEP + 0.5].max() < 1e-3
 
 
 def test_a_plan_collects_the_field_as_far_as_it_sees_people() -> None:
