@@ -134,8 +134,12 @@ class GridMotion:
 
     def reset(self, viewpoint: FloatArray, frame_time: float) -> None:
         """Begin at viewpoints (B, 3); the frame time does not matter to the grid."""
-        self._viewpoint = np.array(viewpoint)
         self._frame = 0
+        self.put(viewpoint)
+
+    def put(self, viewpoint: FloatArray) -> None:
+        """Put the cameras at viewpoints (B, 3) in the present frame."""
+        self._viewpoint = np.array(viewpoint)
         self._direct: BoolArray = np.zeros(len(viewpoint), dtype=bool)  # which moves to the targets of before were free
         self._target = np.full(self._viewpoint.shape, np.nan)
         none: FloatArray = np.empty((0, 3))

@@ -21,7 +21,6 @@ CORNERS = 24  # places, spread over a way around obstacles, that may be flown to
 NEXT = 4  # and the first places of the way, where no other is in sight
 LONGEST = 400  # cells of such a way
 FORESEEN = 3.0  # [s] for which passers-by are thought to walk straight on; after it they may be anywhere
-UP = np.array([0.0, 0.0, 1.0])
 
 
 class Around(NamedTuple):
@@ -81,7 +80,7 @@ class Around(NamedTuple):
         assert self.passers is not None
         ways = np.moveaxis(self.passers[:, None], 2, 0)  # (W, B, 1, 4)
         places = (way[..., :2] + times[..., None] * way[..., 2:] for way in ways)
-        clearance = passing_clearance(cameras + self.moved[:, None] * UP, places)
+        clearance = passing_clearance(cameras, places, self.moved[:, None, 2])
         return np.where(times > FORESEEN, np.inf, clearance)
 
 

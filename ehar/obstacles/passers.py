@@ -100,16 +100,17 @@ class Passers:
         placed[..., 2] = posture[..., 2] + self.lift[:, frames, :, None]
         return placed
 
-    def clearance(self, cameras: FloatArray, frames: Frames) -> FloatArray:
+    def clearance(self, cameras: FloatArray, frames: Frames, risen: FloatArray | float = 0.0) -> FloatArray:
         """Return how far cameras are from the nearest passer-by [m], (B, ...); see `passing_clearance`.
 
         Args:
             cameras: (B, ..., 3) of one frame, or (B, T, 3) of several.
             frames: the frame, or the frames.
+            risen: (B, ...) how far the centre has risen by then [m].
         """
         places = np.moveaxis(self.place[:, frames], -2, 0)
         wide = *places.shape[:-1], *[1] * (cameras.ndim - places.ndim + 1), places.shape[-1]
-        return passing_clearance(cameras, places.reshape(wide))
+        return passing_clearance(cameras, places.reshape(wide), risen)
 
     def taken_for(
         self, cameras: FloatArray, joints: FloatArray, hiding: BoolArray, frame: int
@@ -159,18 +160,19 @@ class Passers:
         return near
 
 
-def passing_clearance(cameras: FloatArray, places: Iterable[FloatArray]) -> FloatArray:
+def passing_clearance(cameras: FloatArray, places: Iterable[FloatArray], risen: FloatArray | float = 0.0) -> FloatArray:
     """Return how far cameras are from the nearest passer-by [m], (...,), who is taken for an upright cylinder.
 
     All are as tall, so the nearest is who is nearest as seen from above.
 
     Args:
-        cameras: (..., 3), relative to people's centre, but their height is relative to that of the first frame [m].
-        places: where each passer-by is, (..., 2) [m].
+        cameras: (..., 3), relative to people's centre [m].
+        places: where each passer-by is, (..., 2), relative to it [m].
+        risen: (...,) how far the centre has risen since the first frame: passers-by stay on the floor [m].
     """
     x, y, z = (cameras[..., axis] for axis in range(3))
     nearest = np.full(cameras.shape[:-1], np.inf)
     for place in places:
         nearest = np.minimum(nearest, (x - place[..., 0]) ** 2 + (y - place[..., 1]) ** 2)
     middle, half = (PASSER_TOP + FLOOR) / 2, (PASSER_TOP - FLOOR) / 2
-    return cylinder_clearance(np.sqrt(nearest), z - middle, half, PASSER_RADIUS)
+    return cylinder_clearance(np.sqrt(nearest), z + risen - middle, half, PASSER_RADIUS)

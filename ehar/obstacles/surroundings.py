@@ -12,8 +12,6 @@ from ehar.obstacles.passers import Frames, Passers
 from ehar.obstacles.shapes import MARGIN, Obstacles
 from ehar.viewpoint import cartesian
 
-UP = np.array([0.0, 0.0, 1.0])
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Surroundings:
@@ -91,7 +89,7 @@ class Surroundings:
         clearance = self.obstacles.clearance(cameras + moved)
         if self.passers is None or not self.passers.met:
             return clearance
-        return np.minimum(clearance, self.passers.clearance(cameras + moved * UP, frames))
+        return np.minimum(clearance, self.passers.clearance(cameras, frames, moved[..., 2]))
 
     def select(self, rows: IntArray | slice, frames: int | None = None) -> "Surroundings":
         """Return those of some of the episodes, cut to their first frames; None keeps all frames."""

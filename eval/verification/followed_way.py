@@ -31,7 +31,6 @@ class FollowedWay:
         self._way = way
         self._nudges = nudges
         self._frame = 0
-        self._frame_time = 0.0
         if isinstance(motion, FollowingMotion):
             self.follow = self.advance
 
@@ -51,7 +50,6 @@ class FollowedWay:
 
     def reset(self, viewpoint: FloatArray, frame_time: float) -> None:
         """Begin at viewpoints (B, 3)."""
-        self._frame_time = frame_time
         with blamed(self._motion, f"motion {type(self._motion).__name__}, reset"):
             self._motion.reset(viewpoint, frame_time)
 
@@ -74,7 +72,7 @@ class FollowedWay:
         told = (farthest > 10**-DIGITS) | nudge.any(axis=1, keepdims=True)
         viewpoint: FloatArray = np.where(told, recorded + nudge, reached)
         if type(self._motion) is GridMotion:
-            self._motion.reset(viewpoint, self._frame_time)
+            self._motion.put(viewpoint)
         return viewpoint
 
     @property

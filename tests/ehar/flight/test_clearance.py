@@ -7,7 +7,6 @@ from ehar.errors import UsageError
 from ehar.flight.clearance import (
     FORESEEN,
     PLANNED,
-    UP,
     Around,
     first_towards,
     free_space_of_flights,
@@ -116,7 +115,9 @@ def test_passers_by_are_expected_to_walk_straight_on_for_a_while() -> None:
     )[:, None]
     around = Around(Obstacles(), rest, rest, rest, passers)
     assert keeps_clear(profile, around, 5.0).tolist() == [False, True, True, True, False]
-    above = around._replace(moved=rest + UP * 2)  # people, and the cameras around them, are 2 m higher than at first
+    above = around._replace(
+        moved=rest + np.array([0.0, 0.0, 2.0])
+    )  # people, and the cameras around them, are 2 m higher than at first
     assert keeps_clear(profile, above, 5.0).all()
 
 
