@@ -339,6 +339,18 @@ $(SYNTHETIC:%=runs/mistaken-%/table.md): runs/mistaken-%/table.md: runs/mistaken
 $(SYNTHETIC:%=runs/compared-%/table.md): runs/compared-%/table.md: runs/crowd-%/table.md runs/mistaken-%/table.md
 	$(EHAR) compare $(^:/table.md=) --out $(@D)
 
+# Passers-by whom cameras meet: the world is the example of the docs.
+runs/street.json: docs/worlds.md
+	mkdir -p $(@D) && sed -n '/^## Passers-by whom/,/^## Whose/p' $< | sed -n '/^{/,/^}/p' > $@
+
+MEETING := no-act near-level front fixed-best nbv-search nbv --data solo-stream --sensor estimator --world runs/street.json \
+  --models models/solo-stream --starts 1
+runs/street/table.md: runs/street.json models/solo-stream/planners
+	$(BENCHMARK) $(MEETING) --out $(@D)
+
+$(FLYING:%=runs/street-%/table.md): runs/street-%/table.md: runs/street/table.md
+	$(BENCHMARK) $(MEETING) --track $* --ideal $(<D) --out $(@D)
+
 # Flights that pay for energy, for noise near people, and for their length.
 PRICED := $(foreach price,energy_weight-0.1 energy_weight-1 noise_weight-0.1 distance_weight-0.001 distance_weight-0.01, \
   planners.search.next_best_view:NextBestView --$(subst -, ,$(price)) --name nbv-$(price))
@@ -550,7 +562,8 @@ tracks_among = $(foreach world,$(IN_THE_WAY),$(foreach track,. $(FLYING:%=-%.),r
 docs/results/obstacle-streams.md: $(call tracks_among,duo-stream) $(SYNTHETIC:%=runs/compared-%/table.md)
 	$(call page,$@,Things in the way in streams,ehar benchmark $(AMONG) --data duo-stream --sensor estimator --world room --starts 3,$^)
 
-docs/results/obstacle-flights.md: $(call tracks_among,solo-stream) $(SYNTHETIC:%=runs/there-%/table.md)
+docs/results/obstacle-flights.md: $(call tracks_among,solo-stream) $(SYNTHETIC:%=runs/there-%/table.md) \
+  runs/street/table.md $(FLYING:%=runs/street-%/table.md)
 	$(call page,$@,Flying among things in the way,ehar benchmark $(AMONG) --data solo-stream --sensor estimator --world crowd --starts 3,$^)
 
 docs/results/utkinect.md: $(foreach track,. -px4-auto. -tracking-drone.,runs/watched-utkinect$(track:.=)/table.md)
