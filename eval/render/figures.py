@@ -88,7 +88,7 @@ def save_figure(figure: Figure, stem: Path) -> None:
     engine = figure.get_layout_engine()
     assert engine is not None
     engine.execute(figure)
-    figure.set_layout_engine("none")
+    figure.set_layout_engine(None)  # "none" would leave one that does nothing, and that each draws twice for, too
     metadata = {".png": {"Software": None}, ".svg": {"Date": None, "Creator": None}}
     with matplotlib.rc_context({"svg.hashsalt": "ehar", "svg.fonttype": "none"}):
         for suffix, entries in metadata.items():
