@@ -69,7 +69,7 @@ def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a copy of the project to which all four were added."""
     root = tmp_path_factory.mktemp("project")
     for package in PACKAGES:
-        ignored = shutil.ignore_patterns("__pycache__", "weights")
+        ignored = shutil.ignore_patterns("*.pyc.*", "weights")  # compiled files go along, but none half written
         shutil.copytree(ROOT / package, root / package, ignore=ignored)
         if (ROOT / package / "weights").is_dir():
             (root / package / "weights").symlink_to(ROOT / package / "weights")
@@ -101,7 +101,7 @@ def test_a_reader_is_a_command(copied: Path) -> None:
 
 def test_a_metric_a_sensor_and_a_figure_are_in_a_run(copied: Path) -> None:
     (copied / "mine.py").write_text(OWN)
-    told = ("--data", "duo", "--length", "8", "--workers", "1", "--sensor", "rounded")
+    told = ("--data", "duo", "--length", "8", "--part", "validation", "--workers", "1", "--sensor", "rounded")
     printed = ehar(copied, "benchmark", "no-act", "towards", *told, "--recogniser", "mine.py:Mine", "--out", "run")
     assert "sensor rounded" in printed
     assert " settled " in printed

@@ -29,7 +29,7 @@ def test_the_planner_has_ten_lines_at_most() -> None:
 def test_the_planner_runs_in_the_benchmark(tmp_path: Path) -> None:
     source = tmp_path / "spiral.py"
     source.write_text(python_blocks(README)[0])
-    summary = benchmark([f"{source}:Spiral", "no-act"], Conditions(data="duo")).summary
+    summary = benchmark([f"{source}:Spiral", "no-act"], Conditions(data="duo", part="validation")).summary
     spiral = summary.planner("spiral")
     assert not spiral.privileged
     assert spiral.metrics["path_length_m"] > summary.planner("no-act").metrics["path_length_m"] == 0

@@ -38,7 +38,7 @@ class TinyTraining(AgentTrainingConfig):
     def imitation(self, stage: Stage) -> ImitationSetting:
         """Few demonstrations and steps."""
         if stage == "dagger":
-            return replace(DAGGER, episodes=96, epochs=2, batch=32)
+            return replace(DAGGER, episodes=self.episodes or 96, epochs=2, batch=32)
         named = {"teacher": self.teacher, "labels": self.labels, "rounds": self.rounds}
         per_seed = self.setting == "paper"
         return replace(IMITATION, episodes=self.episodes or IMITATION.episodes, per_seed=per_seed, **named)

@@ -28,6 +28,7 @@ from tests.helpers.commands import fails_with
 from tests.helpers.fakes import FakeRecogniser, tiny_data
 from tests.helpers.own_recogniser import OWN as RECOGNISER
 from tests.helpers.own_world import OWN
+from tests.helpers.small_trainings import small_trainings
 from tests.helpers.tiny_benchmarks import Log, names
 
 pytestmark = pytest.mark.usefixtures("own_modules")
@@ -153,9 +154,10 @@ def test_gain_field_and_agents_are_trained_for_an_own_recogniser(lab: Path) -> N
     assert log.notes[-1] == (
         f"left out: {LEARNED}: no agent was trained for this recogniser: expected those of {missing}"
     )
-    train_gain_field(GainTrainingConfig(conditions=conditions, batches=2, workers=1))
-    train_fixed_best(FixedBestConfig(conditions=conditions, workers=1))
-    train_agents(TinyTraining(conditions=conditions, stages="il,ppo", episodes=64, variations=0, workers=1))
+    with small_trainings():
+        train_gain_field(GainTrainingConfig(conditions=conditions, batches=2, workers=1))
+        train_fixed_best(FixedBestConfig(conditions=conditions, workers=1))
+        train_agents(TinyTraining(conditions=conditions, stages="il,ppo", episodes=8, variations=0, workers=1))
     log = Log()
     run = benchmark(None, conditions, reporter=log)
     ran = {name.partition("/")[0] for name in names(run.summary)}
