@@ -230,7 +230,7 @@ def test_a_field_of_streams_is_not_for_clips(folder: Path) -> None:
 
 
 def test_a_field_that_is_learned_in_flight_expects_as_far_as_its_paths_go(folder: Path, tmp_path: Path) -> None:
-    told = Conditions(data=str(folder / "raising.npz"), models=folder / "models", track="px4-auto", length=80)
+    told = Conditions(data=str(folder / "raising.npz"), models=folder / "models", track="px4-auto", length=40)
     with small_trainings():
         train_gain_field(
             GainTrainingConfig(conditions=told, out=tmp_path, batches=1, workers=1), searching, lambda *_: None
