@@ -56,7 +56,8 @@ def learned(folder: Path, data: MotionData | StreamData) -> dict[str, Any]:
         train_recogniser(TrainingConfig(conditions=told, out=models, clips=320, batch=16, interval=160, threads=1))
         train_gain_field(GainTrainingConfig(conditions=told, batches=1, workers=1), searching, silent)
         fit_fixed_best(FixedBestConfig(conditions=told, workers=1), silent)
-        train_agents(TinyTraining(conditions=told, episodes=8, workers=1, stages="il,il-ppo"), silent, silent)
+        agents = TinyTraining(conditions=told, episodes=8, frames=112, workers=1, stages="il,il-ppo")  # 2 rollouts
+        train_agents(agents, silent, silent)
     found: dict[str, Any] = {}
     for file in sorted(models.iterdir()):
         if file.suffix == ".safetensors":

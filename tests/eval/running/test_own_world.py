@@ -22,6 +22,7 @@ from planners.value.body_filter import trunk_pairs
 from planners.value.collection import CollectionTask, run_batches
 from planners.value.config import GainTrainingConfig
 from recognition.setting import load_setting
+from recognition.training import material
 from recognition.training.config import TrainingConfig
 from tests.helpers.agent_trainings import TinyTraining
 from tests.helpers.commands import fails_with
@@ -127,7 +128,8 @@ def test_what_cannot_be_sent_to_a_worker_is_said(lab: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_recogniser_is_trained_to_see_through_an_own_sensor(lab: Path) -> None:
+def test_a_recogniser_is_trained_to_see_through_an_own_sensor(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(material, "VALIDATION_CLIPS", 24)
     conditions = told(sensor="world.py:Blurred(pixels=8)", recogniser=None)
     config = TrainingConfig(conditions=conditions, out=Path("models"), clips=64)
     (path,) = train_recogniser(config).paths

@@ -10,13 +10,15 @@ from ehar.data.motion_file import save_motion
 from ehar.errors import DataError, UsageError
 from eval.cli.main import main
 from eval.studies.real_views.study import real_views
+from recognition.training import material
 from tests.helpers.fakes import tiny_data
 from tests.helpers.recordings import recorded_solo
 
 
 def test_the_command_prints_three_tables_and_trains_only_once(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(material, "VALIDATION_CLIPS", 24)
     save_motion(tmp_path / "recorded.npz", recorded_solo())
     words = [str(tmp_path / "recorded.npz"), "--out", str(tmp_path / "out"), "--clips", "32", "--threads", "1"]
     main(["study", "real-views", *words, "--length", "10"])
