@@ -102,9 +102,9 @@ def test_the_seed_decides_the_order_unless_it_is_known() -> None:
     assert stitch(data, seed=1).sha256 == stitch(data, seed=1).sha256 != stitch(data, seed=2).sha256
     known = replace(data, recorded_ms=np.arange(len(data.lengths))[::-1].copy())
     assert stitch(known, seed=1).sha256 == stitch(known, seed=2).sha256
-    shown = np.array(pieces(known, stitch(known, seconds=1000)))
-    stream = stitch(known, seconds=1000).stream_of
-    assert (np.diff(shown)[np.diff(stream) == 0] < 0).all()
+    streams = stitch(known, seconds=1000)
+    shown = np.array(pieces(known, streams))
+    assert (np.diff(shown)[np.diff(streams.stream_of) == 0] < 0).all()
 
 
 def test_the_next_activity_begins_where_and_as_turned_as_the_one_before_ended() -> None:

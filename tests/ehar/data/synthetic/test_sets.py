@@ -4,6 +4,7 @@ import pytest
 from ehar.camera import Camera, project
 from ehar.data.motion_data import MotionData
 from ehar.data.scenario import split_parts, windows
+from ehar.data.source import load_data
 from ehar.data.synthetic import duo_activities, sets, solo_activities
 from ehar.data.synthetic.body import CHANNELS, JOINT_NAMES, SKELETON, Body, mirrored, pose, to_channels
 from ehar.data.synthetic.figure import lift, pulse
@@ -21,7 +22,7 @@ FRONT, SIDE, ABOVE = (8.0, 0.0, np.pi / 2), (8.0, np.pi / 2, np.pi / 2), (8.0, 0
 
 @pytest.fixture(scope="module", params=sorted(SETS))
 def data(request: pytest.FixtureRequest) -> MotionData:
-    return SETS[request.param]()
+    return load_data(request.param)  # made once for all tests
 
 
 def still(**channels: float) -> np.ndarray:
@@ -140,7 +141,7 @@ def test_every_class_is_trained_and_tested_on_different_actors(data: MotionData)
 
 
 def test_more_casts_would_change_none_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    few = solo()
+    few = load_data("solo")
     monkeypatch.setattr(sets, "TEST_CASTS", sets.TEST_CASTS + 2)
     many = solo()
     names = {name: index for index, name in enumerate(many.sequence_names)}
@@ -171,9 +172,8 @@ def test_is_long_enough_for_short_and_long_episodes(data: MotionData) -> None:
 
 @pytest.mark.parametrize("name", sorted(SETS))
 def test_seed_decides_every_byte(name: str) -> None:
-    make = SETS[name]
-    assert make(seed=3).sha256 == make(seed=3).sha256
-    assert make(seed=3).sha256 != make(seed=4).sha256
+    one, again, other = (SETS[name](seed=seed).sha256 for seed in (3, 3, 4))
+    assert one == again != other
 
 
 def test_feet_are_on_the_floor_and_heads_are_up(data: MotionData) -> None:
