@@ -8,8 +8,10 @@ import signal
 import sys
 import time
 from collections.abc import Mapping
+from functools import cache
 from itertools import count
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import SimpleNamespace
 from typing import Any
 
@@ -82,12 +84,23 @@ def draw(
     write_text(stem.with_suffix(".svg"), [f"{title}: {name} {curve.tolist()}\n" for name, curve in curves.items()])
 
 
+@cache
+def whole_run() -> dict[str, bytes]:
+    """Return the files of a run that was never stopped. Times are those of `same_times`, so each would be the same."""
+    with TemporaryDirectory() as folder:
+        out = Path(folder) / "never-stopped"
+        run(PLANNERS, out=out)
+        return bytes_of(out)
+
+
 @pytest.fixture
 def never_stopped(tmp_path: Path) -> dict[str, bytes]:
-    """Return the files of a run that was never stopped."""
-    run(PLANNERS, out=tmp_path / "never-stopped")
-    found = bytes_of(tmp_path / "never-stopped")
+    """Return the files of a run that was never stopped, which are in a folder of the test too."""
+    found = whole_run()
     assert list(found) == ["accuracy.svg", CONFIG, EPISODES, JOB_TIMES, SUMMARY, "table.md"]
+    (tmp_path / "never-stopped").mkdir()
+    for name, content in found.items():
+        (tmp_path / "never-stopped" / name).write_bytes(content)
     return found
 
 
