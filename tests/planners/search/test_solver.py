@@ -312,9 +312,9 @@ def test_a_task_of_another_horizon_is_refused() -> None:
         solver_of(FLIGHT).solve_best(random_task(np.random.default_rng(0), horizon=3), np.array([[10.0, 0, 1]]))
 
 
-@pytest.mark.parametrize(
-    ("solver", "limits", "expected"), [(solver_of(FLIGHT), GRID, "a vehicle"), (solver_of(GRID), FLIGHT, "the grid")]
-)
-def test_a_task_of_another_track_is_refused(solver: TrajectorySolver, limits: TrajectoryLimits, expected: str) -> None:
+@pytest.mark.parametrize(("made_for", "limits", "expected"), [(FLIGHT, GRID, "a vehicle"), (GRID, FLIGHT, "the grid")])
+def test_a_task_of_another_track_is_refused(
+    made_for: TrajectoryLimits, limits: TrajectoryLimits, expected: str
+) -> None:
     with pytest.raises(UsageError, match=f"expected limits of {expected}"):
-        solver.solve_best(random_task(np.random.default_rng(0), limits=limits), np.array([[10.0, 0, 1]]))
+        solver_of(made_for).solve_best(random_task(np.random.default_rng(0), limits=limits), np.array([[10.0, 0, 1]]))
