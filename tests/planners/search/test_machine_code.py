@@ -16,6 +16,7 @@ from tests.helpers.trajectory_tasks import FLIGHT, random_task
 
 FAILS = 'rm -f "$0.c"; false'  # a compilation
 NODES, NODE_TIME = 6, 0.2
+FEW = 3  # nodes, where all that matters is whether there is machine code: half as much to compile
 needs_compiler = pytest.mark.skipif(not has_compiler(), reason="there is no C compiler, `cc`")
 
 
@@ -26,12 +27,12 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "ehar"
 
 
-def plans(planning: TrajectorySolver, count: int = 4) -> list[Solution]:
+def plans(planning: TrajectorySolver, count: int = 4, nodes: int = FEW) -> list[Solution]:
     """Return plans in flight, each from where the one before leads, and judged by all functions."""
     rng = np.random.default_rng(0)
     found: list[Solution] = []
     for _ in range(count):
-        task = random_task(rng, horizon=NODES, limits=FLIGHT, node_time=NODE_TIME)
+        task = random_task(rng, horizon=nodes, limits=FLIGHT, node_time=NODE_TIME)
         found.append(planning.solve_best(task, PAPER.sample_starts(rng, 8), found[-1] if found else None, NODE_TIME))
     return found
 
@@ -47,15 +48,15 @@ def assert_same(some: list[Solution], others: list[Solution]) -> None:
 def test_plans_are_the_same_bit_by_bit() -> None:
     interpreted, compiled = TrajectorySolver(horizon=NODES, flown=True), TrajectorySolver(horizon=NODES, flown=True)
     assert compiled.compile()
-    assert_same(plans(compiled), plans(interpreted))
+    assert_same(plans(compiled, nodes=NODES), plans(interpreted, nodes=NODES))
 
 
 @needs_compiler
 def test_a_problem_is_compiled_once_and_its_code_is_kept(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert TrajectorySolver(horizon=NODES, flown=True).compile()
+    assert TrajectorySolver(horizon=FEW, flown=True).compile()
     monkeypatch.setattr(machine_code, "COMPILE", FAILS)
-    assert TrajectorySolver(horizon=NODES, flown=True).compile()
-    assert not TrajectorySolver(horizon=NODES, flown=True, scene=SceneSize(1, 0, 0, 1, 0)).compile()  # another problem
+    assert TrajectorySolver(horizon=FEW, flown=True).compile()
+    assert not TrajectorySolver(horizon=FEW, flown=True, scene=SceneSize(1, 0, 0, 1, 0)).compile()  # another problem
     assert len(list(cache.glob("*.so"))) == 1
     assert not list(cache.glob("*.c"))
 
@@ -71,12 +72,12 @@ def test_who_plans_often_gets_machine_code_while_planning_goes_on(cache: Path, m
 
     monkeypatch.setattr(machine_code.subprocess, "Popen", popen)
     monkeypatch.setattr(solver, "PATIENCE", 3)
-    planning = TrajectorySolver(horizon=NODES, flown=True)
+    planning = TrajectorySolver(horizon=FEW, flown=True)
     first = plans(planning, 2)
     assert not started
     plans(planning, 1)
     assert len(started) == 1
-    others = TrajectorySolver(horizon=NODES, flown=True)
+    others = TrajectorySolver(horizon=FEW, flown=True)
     plans(others, 4)
     assert len(started) == 1  # as the first one's has not ended, or has made it
     started[0].wait()
@@ -87,7 +88,7 @@ def test_who_plans_often_gets_machine_code_while_planning_goes_on(cache: Path, m
 
 def test_without_a_compiler_plans_are_interpreted(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine_code, "COMPILER", "no-such-compiler")
-    planning = TrajectorySolver(horizon=NODES, flown=True)
+    planning = TrajectorySolver(horizon=FEW, flown=True)
     assert not planning.compile()
     assert not any(plan.held for plan in plans(planning))
     assert not cache.exists()
@@ -101,12 +102,12 @@ def test_what_goes_wrong_costs_time_alone(fault: str, cache: Path, monkeypatch: 
     elif fault == "no cache":
         cache.write_text("not a folder")
     else:
-        assert TrajectorySolver(horizon=NODES, flown=True).compile()
+        assert TrajectorySolver(horizon=FEW, flown=True).compile()
         monkeypatch.setattr(machine_code, "COMPILE", FAILS)
         for library in cache.glob("*.so"):
             library.unlink()  # written anew, as the old one is in use
             library.write_bytes(b"damaged")
-    planning = TrajectorySolver(horizon=NODES, flown=True)
+    planning = TrajectorySolver(horizon=FEW, flown=True)
     assert not planning.compile()
     assert not any(plan.held for plan in plans(planning))
 
@@ -115,12 +116,12 @@ def test_what_goes_wrong_costs_time_alone(fault: str, cache: Path, monkeypatch: 
 def test_code_in_a_folder_that_others_may_write_into_is_not_run(cache: Path) -> None:
     cache.mkdir()
     cache.chmod(0o777)
-    assert not TrajectorySolver(horizon=NODES, flown=True).compile()
+    assert not TrajectorySolver(horizon=FEW, flown=True).compile()
     assert not list(cache.iterdir())
     cache.chmod(0o700)
-    assert TrajectorySolver(horizon=NODES, flown=True).compile()
+    assert TrajectorySolver(horizon=FEW, flown=True).compile()
     cache.chmod(0o770)
-    assert not TrajectorySolver(horizon=NODES, flown=True).compile()
+    assert not TrajectorySolver(horizon=FEW, flown=True).compile()
 
 
 @needs_compiler
@@ -140,7 +141,7 @@ def test_code_that_nobody_has_used_for_long_is_removed(cache: Path) -> None:
 
 
 def test_an_ipopt_of_its_own_is_not_compiled() -> None:
-    assert not TrajectorySolver(horizon=NODES, flown=True, solver="ipopt").compile()
+    assert not TrajectorySolver(horizon=FEW, flown=True, solver="ipopt").compile()
 
 
 @needs_compiler
