@@ -100,3 +100,13 @@ def test_one_push_by_hand() -> None:
     middle = flight.at(np.array([[2.0]]))
     assert middle.velocity[0, 0] == pytest.approx(1)
     assert middle.viewpoint[0, 0] == pytest.approx(1)
+
+
+def test_flights_of_many_phases_are_found_in_each_of_them() -> None:
+    """More than a byte counts."""
+    rest, phases = np.zeros((1, 3)), 300
+    flight = JerkProfile.from_phases(
+        SphericalState(rest, rest, rest, rest), Phases(np.ones((1, phases, 3)), np.arange(phases)[None, :, None] + rest)
+    )
+    jerk = flight.at(np.arange(phases)[None] + 0.5).jerk
+    np.testing.assert_array_equal(jerk[0], np.arange(phases)[:, None] + np.zeros(3))
