@@ -20,6 +20,7 @@ COARSEST = 8  # samples of a flight in the first pass
 CORNERS = 24  # places, spread over a way around obstacles, that may be flown to first
 NEXT = 4  # and the first places of the way, where no other is in sight
 LONGEST = 400  # cells of such a way
+ASTRAY = 0.15  # [m], three standard deviations of the error with which passers-by are tracked
 FORESEEN = 3.0  # [s] for which passers-by are thought to walk straight on; after it they may be anywhere
 
 
@@ -76,12 +77,15 @@ class Around(NamedTuple):
         return np.asarray(np.linalg.norm(self.passers[..., 2:], axis=-1).max(axis=-1, initial=0))
 
     def _passing(self, cameras: FloatArray, times: FloatArray) -> FloatArray:
-        """Return how clear cameras (B, S, 3) are of passers-by who walk straight on, at times (B, S), (B, S) [m]."""
+        """Return how clear cameras (B, S, 3) are of passers-by who walk straight on, at times (B, S), (B, S) [m].
+
+        They may be `ASTRAY` nearer than they are thought to be.
+        """
         assert self.passers is not None
         ways = np.moveaxis(self.passers[:, None], 2, 0)  # (W, B, 1, 4)
         places = (way[..., :2] + times[..., None] * way[..., 2:] for way in ways)
         clearance = passing_clearance(cameras, places, self.moved[:, None, 2])
-        return np.where(times > FORESEEN, np.inf, clearance)
+        return np.where(times > FORESEEN, np.inf, clearance - ASTRAY)
 
 
 def keeps_clear(profile: JerkProfile, around: Around, speed: float) -> BoolArray:
