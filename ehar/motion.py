@@ -164,7 +164,7 @@ class GridMotion:
         if around is None or not around.can_be_hit:
             moves = move_towards(self._viewpoint, target, self.workspace)
             self._viewpoint = apply_moves(self._viewpoint, moves, self.workspace)
-        elif around.moved is None and not (around.passers is not None and around.passers.met):
+        elif around.moved is None and not around.meets_passers:
             self._viewpoint = self._by_free_cells(target, FreeSpace.of(self.workspace, around.obstacles))
         else:
             self._viewpoint = self._by_clearance(target, around)

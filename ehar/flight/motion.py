@@ -251,18 +251,13 @@ class FlightMotion:
         space = self._free_space
         return target if space is None else first_towards(self.workspace.clip(self._state.viewpoint), target, space)
 
-    @property
-    def _meets_passers(self) -> bool:
-        around = self._surroundings
-        return around is not None and around.passers is not None and around.passers.met
-
     def _around(self, rows: IntArray) -> Around | None:
         """Return what stands around the cameras of rows (n,) in this frame; None in an open world."""
         around = self._surroundings
         if around is None:
             return None
         rest = np.zeros((len(rows), 3))
-        met = around.passers if self._meets_passers else None
+        met = around.passers if around.meets_passers else None
         return Around(
             around.obstacles,
             rest if around.moved is None else around.moved[rows, self._frames],
@@ -285,7 +280,7 @@ class FlightMotion:
     def _evade(self) -> None:
         """Leave plans that come too near to something as people walk, for the clearest valid flight nearby."""
         around, surroundings = self._around(np.arange(len(self._flown))), self._surroundings
-        if around is None or surroundings is None or (surroundings.moved is None and not self._meets_passers):
+        if around is None or surroundings is None or (surroundings.moved is None and not surroundings.meets_passers):
             return
         planned = clearance_ahead(self._plan, self._flown, around)
         rows = np.flatnonzero(too_near(planned))

@@ -75,9 +75,14 @@ class Surroundings:
         return joints.astype(np.float32), hidden | (hiding.any(axis=-1) & ~taken)
 
     @property
+    def meets_passers(self) -> bool:
+        """Whether passers-by walk to where cameras may be."""
+        return self.passers is not None and self.passers.met
+
+    @property
     def can_be_hit(self) -> bool:
         """Whether there is anything that a camera can come too near to."""
-        return bool(self.obstacles) or (self.passers is not None and self.passers.met)
+        return bool(self.obstacles) or self.meets_passers
 
     def clearance(self, viewpoint: FloatArray, frames: Frames) -> FloatArray:
         """Return how far cameras are from the nearest thing that they can hit [m], in the shape of the viewpoints.

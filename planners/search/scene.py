@@ -8,7 +8,7 @@ import numpy as np
 
 from ehar.arrays import FloatArray
 from ehar.flight.centre import walked
-from ehar.flight.clearance import PLANNED
+from ehar.flight.clearance import ASTRAY, PLANNED
 from ehar.obstacles.passers import FLOOR, PASSER_RADIUS, PASSER_TOP
 from ehar.obstacles.shapes import MARGIN, Box, Obstacles
 from planners.value.line_of_sight import ACROSS, HEIGHTS
@@ -141,7 +141,7 @@ class SceneSymbols:
         for cylinder in self._standing:
             shapes.append(_off_cylinder(camera, cylinder, 0))
         for passer in self._met:
-            shapes.append(_off_cylinder(beside, passer, ahead))
+            shapes.append([off - ASTRAY for off in _off_cylinder(beside, passer, ahead)])
         for first, *others in shapes:
             distance = first
             for other in others:
