@@ -55,8 +55,8 @@ class World:
             passer-by for somebody whom they hide, see `Passers.taken_for`; of no meaning where nobody walks past.
 
     Raises:
-        UsageError: there are no such start cells, or passers-by are too many, or have no room between people and
-            cameras.
+        UsageError: there are no such start cells, or passers-by are too many, have no room between people and
+            cameras, or walk less than 2 m or more than 10 km away.
     """
 
     name: str

@@ -105,7 +105,7 @@ class Cylinder:
     def cuts(self, begin: Coordinates, end: Coordinates) -> BoolArray:
         """Return which straight ways from `begin` to `end` leave the cylinder before they end, (...,)."""
         x, y, z = self.centre
-        to_axis = np.array([-x, -y, 0.0])  # of 64 bits, and so is what follows: a root of a small difference needs them
+        to_axis = np.array([-x, -y, 0.0])  # 64 bits: a root of a small difference needs them
         low, high = z - self.height / 2, z + self.height / 2
         return cylinder_cuts(moved(begin, to_axis), moved(end, to_axis), low, high, self.radius)
 

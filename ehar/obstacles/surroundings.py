@@ -92,7 +92,7 @@ class Surroundings:
         cameras = cartesian(viewpoint)
         moved = self._moved(frames, cameras)
         clearance = self.obstacles.clearance(cameras + moved)
-        if self.passers is None or not self.passers.met:
+        if self.passers is None or not self.meets_passers:
             return clearance
         return np.minimum(clearance, self.passers.clearance(cameras, frames, moved[..., 2]))
 

@@ -1,4 +1,7 @@
-"""How often a camera was too near to obstacles, episode by episode; only records of worlds with obstacles have it."""
+"""How often a camera was too near to something, by episode; only records of worlds in which it can hit things have it.
+
+These are obstacles, and passers-by who walk to where cameras may be.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
@@ -14,7 +17,7 @@ class ContactRecords:
     """The frames of N episodes in which a camera was too near.
 
     Args:
-        near_frames: (N,) frames in which the camera was within the margin of an obstacle, or in it.
+        near_frames: (N,) frames in which the camera was within the margin of something, or in it.
         hit_frames: (N,) frames in which it was in it.
     """
 
@@ -36,12 +39,12 @@ CONTACTS = tuple(field.name for field in fields(ContactRecords))  # of a line of
 def contacts_of(
     surroundings: Surroundings | None, viewpoints: FloatArray, *, farther: float = 0.0
 ) -> ContactRecords | None:
-    """Return the contacts of cameras at viewpoints (N, L, 3); None in a world without obstacles.
+    """Return the contacts of cameras at viewpoints (N, L, 3); None in a world in which nothing can be hit.
 
     Args:
         surroundings: what stands around them.
         viewpoints: where they are.
-        farther: how much farther from obstacles they are taken to be [m].
+        farther: how much farther from things they are taken to be [m].
     """
     if surroundings is None or not surroundings.can_be_hit:
         return None
@@ -60,5 +63,5 @@ def summarise_contacts(contacts: ContactRecords) -> ContactSummary:
 
 
 def contact_numbers(contacts: ContactSummary | None) -> Mapping[str, int]:
-    """Return the numbers in summary.json; in a world without obstacles there are none."""
+    """Return the numbers in summary.json; in a world in which nothing can be hit there are none."""
     return {} if contacts is None else asdict(contacts)

@@ -18,7 +18,6 @@ from eval.scores.resampling.training_seeds import group_planners
 if TYPE_CHECKING:
     from eval.render.tables import Table
 
-
 MET = "Passers-by walk to where cameras may be, and count as obstacles."
 
 
